@@ -1,5 +1,5 @@
-//! Designs the sections of a filter specification: band-pass and notches in zeros, poles and gain,
-//! then quantised sections.
+//! Designs the filter cascade of a specification: first the zeros, poles and gains of band-pass and
+//! notches, then second-order sections with quantised coefficients.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -8,32 +8,33 @@ use num_complex::Complex64;
 
 use crate::error::FilterError;
 
-/// Specification of the filters at one sampling rate.
+/// Specification of the filters (notches and band-pass) at one sampling rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterSpec {
     /// Sampling rate of the input, Hz.
     pub rate_hz: f64,
-    /// Mains frequency in Hz, removed by a notch.
+    /// Frequency of the mains, which a notch removes, Hz.
     pub mains_hz: f64,
-    /// Quality factor of every notch: its frequency divided by its -3 dB width. Harmonics have the
-    /// same factor: if the mains frequency deviates, its k-th harmonic deviates k times as far.
+    /// Quality factor of every notch: its frequency divided by its -3 dB width. It is the same at
+    /// harmonics, because a deviation of the mains moves the k-th harmonic k times as far.
     pub notch_q: f64,
-    /// Number of notches at harmonics: at 2, 3, .. times the mains frequency.
+    /// Number of notches at harmonics of the mains frequency: 1 for 2 x, 2 for 2 x and 3 x, ..
     pub harmonics: u32,
     /// Lower and upper -3 dB edge of the band-pass, Hz.
     pub band_hz: [f64; 2],
-    /// Order of the band-pass per edge; the band-pass has as many sections.
+    /// Order of the band-pass at each of its two edges; the band-pass has as many sections.
     pub order: usize,
 }
 
-/// Highest order per edge; at higher orders, poles are too close together for quantised sections.
+/// Highest order of the band-pass per edge. Beyond it, poles are too close together to be
+/// quantised.
 pub(crate) const MAX_ORDER: usize = 8;
 
 /// Designs the cascade of a specification: notches, high-pass sections (low Q first), one band-pass
 /// section if the order is odd, low-pass sections (low Q first), each with gain 1 in its pass band.
 ///
-/// This order keeps the signal large and the rounding noise small at every node. scipy's order,
-/// whose first section has the whole gain of 0.0024, doubles the noise.
+/// This sequence of sections keeps the signal large and the rounding noise small at every node.
+/// scipy's sequence, whose first section has the whole gain of 0.0024, doubles the noise.
 ///
 /// # Errors
 /// If a frequency is not below half of the sampling rate, another number is out of range, there are
@@ -68,13 +69,13 @@ impl FilterSpec {
         self.mains_hz * (f64::from(self.harmonics) + 1.0)
     }
 
-    /// Returns the number of sections of the cascade.
+    /// Returns the number of sections that the cascade of this specification has.
     pub(crate) fn sections(&self) -> usize {
         let harmonics = usize::try_from(self.harmonics).unwrap_or(usize::MAX);
         harmonics.saturating_add(1).saturating_add(self.order)
     }
 
-    /// Returns an error if a number is out of range.
+    /// Returns an error if a number of the specification is out of its range.
     fn check(&self) -> Result<(), FilterError> {
         let inside = |hz: f64| hz > 0.0 && hz < self.nyquist_hz();
         for (name, hz) in [
@@ -86,8 +87,8 @@ impl FilterSpec {
                 return Err(FilterError::OutsideNyquist(name, hz, *self));
             }
         }
-        // This is half the width of the widest notch, in radians. It must be below pi / 2, where
-        // the tangent in the design changes sign.
+        // Half the width of the widest notch, radians. It must be below pi / 2, where the tangent
+        // in the notch's design changes sign.
         let half_width = PI * self.highest_notch_hz() / self.rate_hz / self.notch_q;
         if !inside(self.highest_notch_hz()) {
             Err(FilterError::Harmonic(*self))
@@ -105,16 +106,19 @@ impl FilterSpec {
     }
 }
 
-/// A digital Butterworth band-pass: poles and gain; its zeros are at z = 1 and z = -1.
+/// A digital Butterworth band-pass, given by poles and gain. Half of its zeros are at z = 1 and
+/// half at z = -1.
 ///
 /// The transfer function is `gain * ((z - 1)(z + 1))^order / prod(z - pole)`.
 #[derive(Clone, Debug)]
 pub struct BandPass {
-    /// `2 * order` poles inside the unit circle, closed under conjugation.
+    /// Poles of the transfer function: `2 * order` inside the unit circle, complex ones in
+    /// conjugate pairs.
     pub poles: Vec<Complex64>,
-    /// Constant factor of the transfer function.
+    /// Constant factor `gain` of the transfer function.
     pub gain: f64,
-    /// Order of the low-pass prototype; the band-pass has twice as many poles.
+    /// Order of the low-pass from which the band-pass is derived; the band-pass has twice as many
+    /// poles.
     pub order: usize,
 }
 
@@ -131,7 +135,7 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
     let bilinear = |s: Complex64| (2.0 * rate_hz + s) / (2.0 * rate_hz - s);
 
     let mut poles = Vec::with_capacity(2 * order);
-    // The analogue gain is width^order; each analogue zero at 0 adds a factor (2 fs - 0).
+    // The analogue filter's gain is width^order; each of its zeros at s = 0 adds a factor 2 fs.
     let mut gain = Complex64::new((2.0 * rate_hz * width).powi(as_power(order)), 0.0);
     for k in 0..order {
         let angle = PI * real(2 * k + order + 1) / (2.0 * real(order));
@@ -149,13 +153,13 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
     }
 }
 
-/// A second-order notch: numerator `gain [1, cosine, 1]`, denominator
-/// `[1, gain cosine, 2 gain - 1]`.
+/// A second-order notch: its transfer function has the numerator `gain [1, cosine, 1]` and the
+/// denominator `[1, gain cosine, 2 gain - 1]`, as coefficients of z^0, z^-1 and z^-2.
 #[derive(Clone, Copy, Debug)]
 pub struct Notch {
-    /// Factor of the numerator, `1 / (1 + tan(w0 / 2Q))`.
+    /// Factor of the numerator, `1 / (1 + tan(w0 / 2Q))`, with w0 the notch's angular frequency.
     pub gain: f64,
-    /// Middle coefficient of the numerator without the factor `gain`: `-2 cos(w0)`.
+    /// Middle coefficient of the numerator, `-2 cos(w0)`, before it is multiplied by `gain`.
     pub cosine: f64,
 }
 
@@ -192,7 +196,8 @@ fn notch_section(notch: Notch) -> Section {
     }
 }
 
-/// Denominator `1 - a1 z^-1 - a2 z^-2` of one section, with the signs of [`Section`].
+/// Denominator `1 - a1 z^-1 - a2 z^-2` of one section's transfer function; the signs are those of
+/// [`Section`].
 #[derive(Clone, Copy)]
 struct Feedback {
     a1: f64,
@@ -208,7 +213,7 @@ impl Feedback {
     }
 }
 
-/// Returns the sections of the band-pass `filter`; `pairs` are its pole pairs in order of
+/// Returns the sections of the band-pass `filter`; `pairs` are its pairs of poles, sorted by
 /// frequency.
 fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     let half = filter.order / 2;
@@ -224,7 +229,7 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     let mixed = by_radius(&pairs[half..pairs.len() - half]);
     let low_pass = by_radius(&pairs[pairs.len() - half..]);
 
-    // Each low-pass section has unit gain at DC. The rest of the total gain goes to the band-pass
+    // Each low-pass section gets gain 1 at DC. The rest of the total gain goes to the band-pass
     // section or, if the order is even, to the last low-pass section.
     let mut low_gains: Vec<f64> = low_pass.iter().map(|f| (1.0 - f.a1 - f.a2) / 4.0).collect();
     let rest = filter.gain / low_gains.iter().product::<f64>();
@@ -256,10 +261,10 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     high.chain(middle).chain(low).collect()
 }
 
-/// Returns the poles in conjugate pairs, in order of frequency. The two real poles of a wide band
-/// form the middle pair, which goes to the band-pass section.
+/// Returns the poles in conjugate pairs, sorted by frequency. A wide band has two real poles; they
+/// form the pair in the middle, which becomes the band-pass section.
 fn pole_pairs(poles: &[Complex64]) -> Vec<[Complex64; 2]> {
-    /// Largest imaginary part of a pole that counts as real; it comes from rounding.
+    /// Largest imaginary part with which a pole counts as real: rounding leaves small ones.
     const REAL_POLE: f64 = 1e-9;
     let mut upper: Vec<Complex64> = poles.iter().copied().filter(|p| p.im > REAL_POLE).collect();
     upper.sort_by(|a, b| a.arg().total_cmp(&b.arg()));
@@ -293,7 +298,7 @@ pub(crate) fn denominator(section: &Section) -> (f64, f64) {
     }
 }
 
-/// Returns `b0`, `b1` and `b2` of the quantised section.
+/// Returns the numerator `b0 + b1 z^-1 + b2 z^-2` of the quantised section as `[b0, b1, b2]`.
 pub(crate) fn numerator(section: &Section) -> [f64; 3] {
     match *section {
         Section::Notch { a1, one_minus_b0 } => {
@@ -317,8 +322,8 @@ mod tests {
 
     #[test]
     fn the_paper_s_band_pass_equals_scipy_s() {
-        // Gain and largest pole radius of scipy 1.17:
-        // butter(5, [0.5, 60], 'bandpass', fs=512, output='zpk').
+        // Expected gain and largest pole radius are those of scipy 1.17: butter(5, [0.5, 60],
+        // 'bandpass', fs=512, output='zpk').
         let filter = butterworth_band_pass(5, 0.5, 60.0, 512.0);
         assert!(
             (filter.gain - 0.002_419_698_231_044_458).abs() < 1e-15,
@@ -331,7 +336,7 @@ mod tests {
 
     #[test]
     fn the_mains_notch_equals_scipy_s() {
-        // scipy 1.17: iirnotch(50, 30, 512).
+        // Expected coefficients are those of scipy 1.17: iirnotch(50, 30, 512).
         let n = notch(50.0, 30.0, 512.0);
         assert!((n.gain - 0.989_876_635_481_953_6).abs() < 1e-15);
         assert!((n.gain * n.cosine + 1.618_616_208_127_262_8).abs() < 1e-14);

@@ -1,4 +1,4 @@
-//! The whole filter chain from the ADC to a time step: cascade, then resampler.
+//! The whole filter chain from the ADC to the time steps: a cascade, then a resampler.
 
 use fixed_dsp::Section;
 use num_complex::Complex64;
@@ -10,28 +10,28 @@ use crate::{error::FilterError, resampler::ResamplerTable, response};
 pub struct Chain<'a> {
     /// Sections of the cascade, in signal order.
     pub sections: &'a [Section],
-    /// Resampler after the cascade.
+    /// Resampler that reads the output of the cascade.
     pub resampler: &'a ResamplerTable,
-    /// Sampling rate of the ADC, Hz.
+    /// Sampling rate of the ADC, for which cascade and resampler are designed, Hz.
     pub rate_hz: u32,
 }
 
 impl Chain<'_> {
-    /// Returns the complex gain at `frequency_hz`. A tone above half of the step rate has this gain
-    /// at the frequency onto which it aliases.
+    /// Returns the complex gain at `frequency_hz`, an input frequency. A tone above half of the
+    /// step rate appears in the output at the frequency onto which it aliases, with this gain.
     pub fn frequency_response(&self, frequency_hz: f64) -> Complex64 {
         let rate_hz = f64::from(self.rate_hz);
         response::frequency_response(self.sections, frequency_hz, rate_hz)
             * self.resampler.frequency_response(frequency_hz, rate_hz)
     }
 
-    /// Returns the group delay at `frequency_hz` in seconds, relative to the time of an output.
+    /// Returns the group delay at `frequency_hz` from the ADC's input to the output, seconds.
     pub fn group_delay_s(&self, frequency_hz: f64) -> f64 {
         response::group_delay_s(|hz| self.frequency_response(hz), frequency_hz)
     }
 
-    /// Returns the largest output for inputs of magnitude 1: the largest L1 norm, over all phases,
-    /// of the impulse response from the ADC's samples to the outputs.
+    /// Returns the largest output for inputs of magnitude 1: the L1 norm of the impulse response
+    /// from the ADC's samples to the outputs, of the resampler's phase for which it is largest.
     ///
     /// # Errors
     /// If the cascade's response decays too slowly ([`response::decay_samples`]).
@@ -49,8 +49,8 @@ impl Chain<'_> {
             .fold(0.0, f64::max))
     }
 
-    /// Returns the number of samples after which the response of every phase to a unit step stays
-    /// below `threshold`.
+    /// Returns the number of samples after a unit step at the input from which on the output of
+    /// every phase of the resampler stays below `threshold`.
     ///
     /// # Errors
     /// If the cascade's response decays too slowly ([`response::decay_samples`]).
@@ -62,8 +62,8 @@ impl Chain<'_> {
                 .iter()
                 .any(|phase| phase_output(phase, &step, *n).abs() >= threshold)
         };
-        // The magnitudes of the taps sum to less than 2, so inputs below half the threshold yield
-        // an output below the threshold.
+        // The magnitudes of a phase's taps sum to less than 2, so the output stays below the
+        // threshold once all samples in the delay line are below half of it.
         let quiet = step
             .iter()
             .rposition(|y| y.abs() >= threshold / 2.0)
@@ -71,16 +71,16 @@ impl Chain<'_> {
         Ok((0..=quiet).rfind(unsettled).map_or(0, |last| last + 1))
     }
 
-    /// Returns the output of the cascade for `input`, for as many samples as its impulse response
-    /// takes to decay.
+    /// Returns the output of the cascade for the start of `input`, as long as the cascade's impulse
+    /// response takes to decay.
     fn cascade_response(&self, input: impl Iterator<Item = f64>) -> Result<Vec<f64>, FilterError> {
         let samples = response::decay_samples(self.sections)?;
         Ok(response::filter(self.sections, input.take(samples)).collect())
     }
 }
 
-/// Returns the output of a phase at sample `n` of `signal`, which is 0 before its start and after
-/// its end.
+/// Returns the output of one phase of the resampler when sample `n` of `signal` is the newest. The
+/// signal counts as 0 before its start and after its end.
 fn phase_output(phase: &[f64], signal: &[f64], n: usize) -> f64 {
     let first = (n + 1).saturating_sub(signal.len());
     phase

@@ -1,4 +1,4 @@
-//! The contents of the `model` crate, before they become source text.
+//! The integers of a model for the device: what the generated source of the crate `model` contains.
 
 use artifact::{Artifact, Decimation, Description, Filters, List, ModelId};
 use fixed_dsp::Section;
@@ -18,59 +18,59 @@ use crate::{
 /// Mains frequencies for which filters are generated, Hz; the device selects one of them at start.
 pub const MAINS_HZ: [u32; 2] = [50, 60];
 
-/// Frequency at which the group delay is stated, Hz: the middle of the alpha band.
+/// Frequency for which the filters' group delay is stated, Hz: the middle of the alpha band.
 const DELAY_AT_HZ: f64 = 10.0;
 
-/// Fraction of a step at the input below which the output must stay for the filters to count as
-/// settled: 1 uV for an electrode offset of 10 mV.
+/// Level at which the filters count as settled after a step at the input, as a fraction of the
+/// step: 1 uV for an electrode offset of 10 mV.
 const SETTLED: f64 = 1e-4;
 
-/// Smallest permitted input multiplier, Q0.32. Its rounding error of at most 0.5 then changes the
-/// scale by at most 2^-9.
+/// Smallest permitted factor from filtered samples to input levels, Q0.32. Rounding changes a
+/// factor by at most 0.5 units, which is then at most 2^-9 of it.
 const MIN_INPUT_MULTIPLIER: i32 = 256;
 
-/// Filters for one mains frequency.
+/// The filters for one mains frequency, and their delays.
 #[derive(Clone, Debug)]
 pub struct MainsFilter {
     /// Mains frequency that the notch removes, Hz.
     pub mains_hz: u32,
-    /// Quantised cascade, in signal order.
+    /// Sections of the quantised cascade, in signal order.
     pub sections: Vec<Section>,
-    /// Worst-case gain of every node, in signal order.
+    /// Worst-case gain from the input to every node of the cascade, in signal order.
     pub gains: Vec<NodeGain>,
-    /// Group delay of cascade and resampler at 10 Hz, microseconds.
+    /// Group delay of cascade and resampler together at 10 Hz, microseconds.
     pub group_delay_us: u32,
-    /// Time from when the middle of a window was at the electrodes to the time stamp of its
-    /// code, microseconds.
+    /// Time from the middle of a window, at the electrodes, to the time stamp of the window's code,
+    /// microseconds.
     pub scalp_delay_us: u32,
-    /// Number of ADC samples until the response to a step at the input has decayed to 1e-4 at the
-    /// output of the resampler.
+    /// Number of ADC samples after a step at the input until the resampler's output has decayed to
+    /// 1e-4 of the step.
     pub settling_samples: u32,
-    /// Description of the filters in words, which recordings store in their `prefiltering` fields.
+    /// Text that describes the filters; recordings store it in their `prefiltering` fields.
     pub description: String,
 }
 
-/// The integers into which an artifact is turned, and on which the device runs.
+/// A model in the integers with which the device computes, made from an artifact.
 #[derive(Clone, Debug)]
 pub struct DeviceModel {
     /// Id of the artifact; the device sends it with every code.
     pub id: ModelId,
     /// Contents of the artifact's `model.toml`.
     pub description: Description,
-    /// Filters for each of [`MAINS_HZ`], in the same order.
+    /// Filters for each frequency of [`MAINS_HZ`], in the same order.
     pub filters: Vec<MainsFilter>,
-    /// Resampler from the ADC's rate to the step rate, after any of the filters.
+    /// Resampler from the ADC's rate to the step rate; it follows the filters, whatever the mains.
     pub resampler: ResamplerTable,
-    /// Factor from a filtered sample (counts, Q27.5) to a level of the int8 input, Q0.32.
+    /// Factor that turns a filtered sample (counts, Q27.5) into a level of the int8 input, Q0.32.
     pub input_multiplier: i32,
-    /// Quantised encoder, in the layout of the artifact.
+    /// Quantised encoder, with the weights in the layout of the artifact.
     pub integers: IntegerModel,
-    /// The packed model, if the artifact has one.
+    /// The packed model; `None` if the artifact has none.
     pub packed: Option<PackedIntegers>,
 }
 
 impl DeviceModel {
-    /// Turns an artifact into integers and proves every range.
+    /// Turns an artifact into integers and proves that every value stays within its range.
     ///
     /// # Errors
     /// If the filters cannot be realised, a range does not fit, or this version does not support a
@@ -119,7 +119,7 @@ impl DeviceModel {
     }
 }
 
-/// Designs the cascade of an artifact's filters for one mains frequency at the ADC's rate.
+/// Designs the cascade of an artifact's filters, for one mains frequency and an ADC's rate.
 ///
 /// # Errors
 /// If the filters cannot be realised, as in [`cascade()`].
@@ -138,8 +138,8 @@ pub fn filter_cascade(
     })
 }
 
-/// Returns the number of ADC samples after which the response of the filters and the resampler to a
-/// step stays below 1e-4: for so long the device sets its flag `settling`.
+/// Returns the number of ADC samples after a step at the input from which on the output of filters
+/// and resampler stays below 1e-4 of the step. The device sets its flag `settling` for as long.
 ///
 /// # Errors
 /// If the filters cannot be realised.
@@ -213,7 +213,7 @@ fn microseconds(seconds: f64) -> u32 {
     microseconds
 }
 
-/// Returns the description of filters and resampler for `prefiltering` fields of recordings.
+/// Returns the text on filters and resampler for the `prefiltering` fields of recordings.
 fn prefiltering_text(description: &Description, mains_hz: u32) -> String {
     let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
     let step_rate_hz = description.window.rate_hz;

@@ -1,4 +1,4 @@
-//! Writes the generated files of the `model` crate: documented constants and statics in Rust.
+//! Writes the generated source files of the crate `model`: documented constants and statics.
 
 mod chain;
 mod encoder;
@@ -17,8 +17,8 @@ use source::{Source, float, separated};
 
 /// Returns the generated files of the `model` crate: names and Rust sources.
 ///
-/// The constants in the first file use no type of `model`, so that the types of `model` can use
-/// these constants.
+/// The first file holds the constants and uses no type of `model`, so that the types of `model` can
+/// use the constants.
 pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
     let mut statics = Source::default();
     statics.array(
@@ -52,7 +52,7 @@ fn constants(model: &DeviceModel) -> String {
         ..
     } = &model.description;
     let (resampler, packed) = (&model.resampler, model.packed.as_ref());
-    // A network without convolutions has neither padding nor pool, whatever its description states.
+    // Padding and pool mean nothing in a network without convolutions: write neutral values.
     let (padding, pool) = if mode.has_convolutions() {
         (network.padding, network.pool)
     } else {

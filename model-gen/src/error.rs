@@ -1,4 +1,4 @@
-//! Errors of filter design and of turning an artifact into integers.
+//! Errors of designing filters and of turning an artifact into integers.
 
 use fixed_dsp::MAX_SECTIONS;
 
@@ -9,17 +9,18 @@ use crate::{
     response::MAX_SAMPLES,
 };
 
-/// Why filters or a resampler cannot be realised.
+/// Reason why a filter cascade or a resampler cannot be realised.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FilterError {
-    /// A frequency, with its name, is not positive, or not below half of the sampling rate.
+    /// A frequency is not positive, or not below half of the sampling rate: its name and value, Hz.
     #[error(
         "the {0} of {1} Hz cannot exist: it must be between 0 and {limit} Hz, half of \
          the sampling rate; change it in [filters] of model.toml, or raise [adc] rate_hz",
         limit = .2.nyquist_hz()
     )]
     OutsideNyquist(&'static str, f64, FilterSpec),
-    /// A harmonic of the mains frequency is not below half of the sampling rate.
+    /// The highest notch, at a harmonic of the mains frequency, is not below half of the sampling
+    /// rate.
     #[error(
         "with {} harmonics of {} Hz mains the last notch is at {} Hz, but it \
          must be below {} Hz, half of the sampling rate: lower [filters] harmonics in \
@@ -27,14 +28,14 @@ pub enum FilterError {
         .0.harmonics, .0.mains_hz, .0.highest_notch_hz(), .0.nyquist_hz()
     )]
     Harmonic(FilterSpec),
-    /// The lower edge of the band is not below the upper one.
+    /// The band-pass's lower edge is not below its upper edge.
     #[error(
         "the band from {} to {} Hz is empty: write [filters] band_hz of model.toml \
          as [lower edge, upper edge]",
         .0.band_hz[0], .0.band_hz[1]
     )]
     EmptyBand(FilterSpec),
-    /// The order of the band-pass is out of range.
+    /// The order of the band-pass is 0 or too high for quantised sections.
     #[error(
         "a band-pass of order {} is out of range: [filters] order of model.toml must be \
          between 1 and {MAX_ORDER}",
@@ -56,8 +57,8 @@ pub enum FilterError {
         .0.notch_q
     )]
     NotchQuality(FilterSpec),
-    /// Rounding the coefficients of a section moved a pole out of the unit circle; the sections
-    /// count from 0.
+    /// Rounding the coefficients of a section moved a pole out of the unit circle: index of the
+    /// section, from 0.
     #[error(
         "section {0} is unstable after quantisation: its pole is closer to \
          the unit circle than 2^-33; raise the lower band edge or lower notch_q in model.toml"
@@ -71,21 +72,21 @@ pub enum FilterError {
          raise the lower edge of [filters] band_hz in model.toml"
     )]
     SlowDecay(f64, f64),
-    /// The poles cannot be paired into sections.
+    /// The poles cannot be paired into sections, because some are too close to the real axis.
     #[error(
         "a band from {} to {} Hz has poles too close to the real axis to be \
          paired: raise the lower edge of [filters] band_hz in model.toml",
         .0.band_hz[0], .0.band_hz[1]
     )]
     Poles(FilterSpec),
-    /// The step rate (second number, Hz) is higher than the sampling rate (first number, Hz).
+    /// The step rate exceeds the sampling rate: sampling rate, then step rate, both in Hz.
     #[error(
         "{0} samples a second cannot be resampled to {1} steps a second: [adc] rate_hz of \
          model.toml must be at least {1}"
     )]
     BelowStepRate(u32, u32),
-    /// Literal decimation was requested at a sampling rate (first number, Hz) that is not a
-    /// multiple of the step rate (second number, Hz).
+    /// Literal decimation was requested at a sampling rate that is no multiple of the step rate:
+    /// sampling rate, then step rate, both in Hz.
     #[error(
         "literal decimation keeps every n-th sample, but {} Hz is not a multiple of \
          {} Hz: write [filters] decimation = \"fir\" in model.toml, which takes any \
@@ -93,39 +94,38 @@ pub enum FilterError {
         .0, .1, (.0 + .1 / 2) / .1 * .1
     )]
     LiteralRate(u32, u32),
-    /// The numerator of sampling rate / step rate (both in Hz), in lowest terms, does not fit 16
-    /// bits.
+    /// Sampling rate / step rate (both in Hz) has a numerator beyond 16 bits when in lowest terms.
     #[error(
         "the ratio of {0} Hz to {1} Hz in lowest terms is not below 65536: lower [adc] rate_hz \
          in model.toml"
     )]
     RateTerms(u32, u32),
-    /// The delay line or the table of taps of the resampler takes more memory than permitted.
+    /// The resampler's delay line or its table of taps takes more memory than permitted.
     #[error(
         "at {rate_hz} Hz the resampler has {phases} phases of {taps} taps, and {what} takes \
          {bytes} B, more than {LARGEST_BYTES}: lower [adc] rate_hz in model.toml to 2144 Hz at most, or \
          choose one that has a larger divisor in common with the steps' rate"
     )]
     ResamplerSize {
-        /// Name of the part that is too large.
+        /// Name of the part of the resampler that is too large.
         what: String,
         /// Sampling rate of the ADC, Hz.
         rate_hz: u32,
-        /// Number of phases of the polyphase filter.
+        /// Number of phases of the resampler.
         phases: usize,
         /// Number of taps of each phase.
         taps: usize,
-        /// Size of the part in bytes.
+        /// Size of the part named in `what`, bytes.
         bytes: usize,
     },
-    /// The taps of the resampler from a sampling rate in Hz could overflow its accumulator: the
-    /// largest sum of the tap magnitudes of a phase, Q2.30.
+    /// The taps of the resampler could overflow its accumulator: sampling rate in Hz, and the
+    /// largest sum of a phase's tap magnitudes, Q2.30.
     #[error(
         "the magnitudes of the taps of the resampler from {0} Hz add up to {1} / 2^30, which \
          can overflow its 64-bit accumulator: raise [adc] rate_hz in model.toml"
     )]
     ResamplerAccumulator(u32, u64),
-    /// A node of the cascade could overflow 32 bits: the node, and the upper limit of its gain.
+    /// A node of the cascade could overflow 32 bits: the node with its gain, and the gain's limit.
     #[error(
         "{} can reach {:.2} times the input: full-scale ADC counts allow less \
          than {:.2}; lower [filters] order or raise the lower band edge in model.toml",
@@ -134,57 +134,57 @@ pub enum FilterError {
     Overflow(NodeGain, f64),
 }
 
-/// Why an artifact cannot be turned into integers.
+/// Reason why an artifact cannot be turned into integers.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelGenError {
     /// The artifact is unreadable or invalid.
     #[error(transparent)]
     Artifact(#[from] artifact::ArtifactError),
-    /// The filters for a mains frequency in Hz cannot be realised.
+    /// The filters for one mains frequency cannot be realised: the frequency in Hz, and the reason.
     #[error("the filters for {0} Hz mains cannot be realised")]
     Filter(u32, #[source] FilterError),
-    /// The resampler cannot be realised.
+    /// The resampler from the ADC's rate to the step rate cannot be realised.
     #[error("the decimation cannot be realised")]
     Resampler(#[source] FilterError),
-    /// The requantisation factor of an output of a layer does not fit Q0.32: name of the layer,
-    /// index of the output, factor.
+    /// A layer's requantisation factor for one of its outputs does not fit Q0.32: name of the
+    /// layer, index of the output, factor.
     #[error(
         "output {1} of {0} needs a factor of {2}, outside of [-0.5, 0.5): the \
          calibrated range is far smaller than the weights can produce; calibrate again on data \
          like the training set"
     )]
     Multiplier(&'static str, usize, f64),
-    /// The factor from filtered samples to levels of the int8 input is too small or too large for
-    /// Q0.32.
+    /// The factor from filtered samples to levels of the int8 input does not fit Q0.32: the factor.
     #[error(
         "one unit of a filtered sample is {0:e} levels of the int8 input: the ADC's scale \
          ([adc] vref_v and gain of model.toml) and the calibrated input range do not belong \
          together"
     )]
     InputScale(f64),
-    /// The accumulator of an output of a layer could overflow 32 bits: name of the layer, index of
-    /// the output, largest possible magnitude.
+    /// A layer's accumulator for one of its outputs could overflow 32 bits: name of the layer,
+    /// index of the output, largest possible magnitude.
     #[error(
         "an accumulator of {0} (output {1}) can reach {2}, beyond 2^31: the bias is \
          far larger than the weights; train with weight decay or drop the dead channel"
     )]
     Accumulator(&'static str, usize, f64),
-    /// A padding value of the second convolution is beyond +-32512.
+    /// A padding value of the second convolution is beyond +-32512, the limit of its kernels.
     #[error(
         "the padding of channel {channel} after conv1 would be {value:.0}, but at most +-32512 \
          fits: its batch norm's bias is far larger than what the channel was calibrated to reach; \
          train with weight decay, or with [network] padding = \"none\""
     )]
     HiddenPadding {
-        /// Output channel of the first convolution, from 0.
+        /// Index from 0 of the padded channel, an output channel of the first convolution.
         channel: usize,
-        /// Value of the padding, in levels of the quantised channel.
+        /// Value of the padding, in levels of the first convolution's quantised output.
         value: f64,
     },
-    /// A calibrated range is not a positive, finite number: name of the tensor, and its value.
+    /// A range from calibration is not a positive, finite number: name of its tensor, and its
+    /// value.
     #[error("the calibrated range of {0} is {1}: run the calibration again")]
     Calibration(&'static str, f64),
-    /// The mains frequencies of the description are not those that this version supports.
+    /// The description states other mains frequencies than this version supports: the stated list.
     #[error("[filters] mains_hz is {0}, but this version supports only [50, 60]")]
     MainsFrequencies(String),
     /// A generated file could not be written.

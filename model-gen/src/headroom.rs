@@ -1,4 +1,4 @@
-//! Proof that no node of a cascade can overflow 32 bits.
+//! Proof that no signal within a filter cascade, called a node, can overflow 32 bits.
 
 use fixed_dsp::Section;
 
@@ -9,27 +9,27 @@ use crate::{chain::Chain, error::FilterError, response};
 /// the ADC's rounding noise.
 pub const GUARD_BITS: u32 = 5;
 
-/// An ADC count is a 24-bit two's-complement number: |count| <= 2^23.
+/// Width of an ADC count, a two's-complement number: |count| <= 2^23.
 const ADC_BITS: u32 = 24;
 
-/// Limit of every worst-case gain: full scale of 32 bits divided by full scale of a filtered
-/// sample.
+/// Limit of the worst-case gain of every node: full scale of 32 bits divided by full scale of a
+/// filtered sample.
 pub(crate) const GAIN_LIMIT: u32 = 1 << (32 - ADC_BITS - GUARD_BITS);
 
-/// Bound of the rounding noise of the whole cascade at a node, as a fraction of full scale: 2^-17,
+/// Upper bound of the cascade's rounding noise at any node, as a fraction of full scale: 2^-17,
 /// which is 2^11 units of Q27.5. The noise measured on EEG is a few units rms (docs/figures.md).
 const NOISE: f64 = 1.0 / 131_072.0;
 
-/// Worst-case gain from the input to one node of the filter chain.
+/// Worst-case gain from the input to one node, a signal within the filter chain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodeGain {
-    /// Name of the signal, for example "output of section 3".
+    /// Name of the node, for example "output of section 3".
     pub node: String,
-    /// L1 norm of the impulse response from the input to the node.
+    /// Worst-case gain: the L1 norm of the impulse response from the input to the node.
     pub gain: f64,
 }
 
-/// Returns the worst-case gain of every signal in a cascade that must fit 32 bits.
+/// Returns the worst-case gains of all signals within a cascade that must fit 32 bits.
 ///
 /// These signals are the outputs of all sections, the numerators of the sections that scale them,
 /// and the change (output minus input) and balance (`2 y2 - x0 - x2`) of a notch. Intermediate sums
@@ -53,7 +53,7 @@ pub fn prove_cascade(sections: &[Section]) -> Result<Vec<NodeGain>, FilterError>
     Ok(gains)
 }
 
-/// Returns the worst-case gain of the output of a whole chain.
+/// Returns the worst-case gain from the ADC to the resampler's output.
 ///
 /// # Errors
 /// If a full-scale input could take the output to 2^31.
@@ -61,8 +61,8 @@ pub fn prove_chain_output(chain: &Chain) -> Result<NodeGain, FilterError> {
     checked_gain("output of the resampler".to_owned(), chain.worst_gain()?)
 }
 
-/// Returns the node with its gain, or an error if a full-scale input could overflow 32 bits at the
-/// node.
+/// Returns the node with its gain, or an error if the gain lets a full-scale input overflow 32
+/// bits.
 fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     let limit = f64::from(GAIN_LIMIT) - NOISE;
     let node = NodeGain { node, gain };
@@ -73,7 +73,8 @@ fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     }
 }
 
-/// Returns the signals that must fit 32 bits in a section with this input and output.
+/// Returns name and samples of each signal in a section that must fit 32 bits, given the section's
+/// input and output.
 fn nodes(section: &Section, input: &[f64], output: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
     let before = |signal: &[f64], index: usize, age: usize| {
         index

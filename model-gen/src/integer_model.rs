@@ -1,23 +1,23 @@
-//! The encoder in integers, in the layout of the artifact, and the reference computation of a code.
+//! The encoder in integers, in the artifact's layout, and the reference computation of a code.
 
 use artifact::{CONV1_CHANNELS, CodeFormat, Geometry, IntegerCode, KERNEL, Mode};
 
-/// Integers of one layer. Weights are in PyTorch's order: `[out][in][time][row][column]` in a
-/// convolution, `[out][in]` in a fully connected layer.
+/// Integers of one layer of the encoder. Weights are in PyTorch's order:
+/// `[out][in][time][row][column]` in a convolution, `[out][in]` in a fully connected layer.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct IntegerLayer {
     /// Weights, -127..=127.
     pub weights: Vec<i8>,
     /// Bias of each output, in units of the accumulator.
     pub bias: Vec<i32>,
-    /// Requantisation factor of each output, Q0.32. In a convolution, the factor is negative where
-    /// the weights of the channel are negated, because its batch norm has a negative factor.
+    /// Requantisation factor of each output, Q0.32. Where the batch norm after a convolution has a
+    /// negative factor, the channel's weights are negated and this factor is negative, too.
     pub multipliers: Vec<i32>,
 }
 
 impl IntegerLayer {
-    /// Returns the contribution of this layer to an output of the code, Q32; 0 if the layer is
-    /// empty.
+    /// Returns what this layer adds to a number of the code, Q32, for these features (its inputs);
+    /// 0 if the layer is empty.
     fn contribution(&self, output: usize, features: &[i64]) -> i64 {
         let Some(&multiplier) = self.multipliers.get(output) else {
             return 0;
@@ -27,47 +27,47 @@ impl IntegerLayer {
     }
 }
 
-/// A quantised encoder. A layer that the mode does not have is empty.
+/// A quantised encoder. Layers that its mode does not have are empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntegerModel {
-    /// Mode of the artifact: with convolutions, a linear shortcut, or both.
+    /// Mode of the artifact, which says whether the encoder has convolutions, a shortcut, or both.
     pub mode: Mode,
     /// Dimensions of window and code; padding, pool and sizes of the convolutions.
     pub geometry: Geometry,
-    /// Microvolts of one level of the quantised input.
+    /// Size of one level of the quantised input, uV.
     pub input_scale_uv: f32,
     /// Integer format of the codes.
     pub code_format: CodeFormat,
     /// Scale of each dimension of the code: `z = (level - zero point) * scale`.
     pub code_scale: Vec<f32>,
-    /// Level that stands for 0 in each dimension; 0 in the formats other than `Int8`.
+    /// Level that stands for 0 in each dimension of the code; 0 in formats other than `Int8`.
     pub code_zero_point: Vec<i8>,
-    /// Grid cell of each electrode.
+    /// Index of each electrode's cell on the scalp grid, row by row.
     pub cells: Vec<u8>,
     /// First convolution, padded with 0.
     pub conv1: IntegerLayer,
-    /// Padding of each input channel of the second convolution: the integer that the first batch
-    /// norm turns into 0. All 0 if the model has no padding.
+    /// Padding of each input channel of the second convolution: the integer that the batch norm
+    /// after the first convolution turns into 0. All 0 if the model has no padding.
     pub hidden_padding: [i16; CONV1_CHANNELS],
     /// Second convolution, padded with `hidden_padding`.
     pub conv2: IntegerLayer,
     /// Fully connected layer after the pool.
     pub fc: IntegerLayer,
-    /// Linear shortcut from window to code, feature = step * electrodes + electrode; every bias
-    /// is 0.
+    /// Linear shortcut from window to code. Its input `step * electrodes + electrode` is the value
+    /// of one electrode at one step; every bias is 0.
     pub shortcut: IntegerLayer,
 }
 
 impl IntegerModel {
-    /// Returns the largest magnitude of an input of the second convolution: 255, or the magnitude
-    /// of a padding value if that is larger.
+    /// Returns the largest magnitude of an input of the second convolution: 255, or that of a
+    /// padding value if it is larger.
     pub fn largest_hidden(&self) -> i32 {
         largest_hidden(&self.hidden_padding)
     }
 
     /// Returns the code of one window of quantised input, in the order step, row, column (the last
-    /// fastest). Computed in plain loops: the reference that the streaming encoder must equal bit
-    /// for bit.
+    /// fastest). It is computed in plain loops, as the reference that the streaming encoder must
+    /// equal bit for bit.
     ///
     /// # Panics
     /// If the window's length is not that of the model's window.
@@ -96,7 +96,7 @@ impl IntegerModel {
         integer_code(self.code_format, &levels)
     }
 
-    /// Dequantises a code: `z = (level - zero point) * scale`.
+    /// Returns the values of a code in floats: `z = (level - zero point) * scale`.
     pub fn dequantise(&self, code: &IntegerCode) -> Vec<f32> {
         let levels = code.levels().into_iter();
         levels
@@ -109,7 +109,7 @@ impl IntegerModel {
             .collect()
     }
 
-    /// Returns the inputs of the fully connected layer, `[channel][time][row][column]`.
+    /// Returns the fully connected layer's inputs for a window, `[channel][time][row][column]`.
     fn features(&self, window: &[i8]) -> Vec<i64> {
         let dimensions = &self.geometry.dimensions;
         let input = Volume {
@@ -124,8 +124,8 @@ impl IntegerModel {
     }
 }
 
-/// Returns the code of the given levels, which are in units of the code's scale. The plain loops
-/// are the reference to which the device's encoder is compared, in every format.
+/// Returns the code that represents `levels`, given in units of the code's scale. In every format,
+/// the device's encoder is compared with this function.
 ///
 /// The exponent is the smallest with which every `round(level / 2^exponent)`, half up, is within
 /// the format's range; if no exponent is large enough, it is the largest, and values out of range
@@ -154,7 +154,7 @@ pub fn integer_code(format: CodeFormat, levels: &[i64]) -> IntegerCode {
     }
 }
 
-/// A dense 4-d array, `[channel][time][row][column]`.
+/// A dense 4-d array of integers, in the order `[channel][time][row][column]`.
 struct Volume {
     shape: [usize; 4],
     values: Vec<i32>,
@@ -170,8 +170,8 @@ impl Volume {
         &self.values[((channel * times + time) * rows + row) * columns..][..columns]
     }
 
-    /// Returns a copy with `pads` values added on both sides of the time, row and column axes;
-    /// `padding` holds the added value of each channel.
+    /// Returns a copy with `pads` layers of padding on both sides of the time, row and column axes;
+    /// `padding` holds the value of the padding for each channel.
     fn padded(&self, pads: [usize; 3], padding: &[i16]) -> Self {
         let [channels, times, rows, columns] = self.shape;
         let shape = [
@@ -207,9 +207,9 @@ impl Volume {
     }
 }
 
-/// Computes an unpadded 3x3x3 convolution.
+/// Returns the sums of a 3x3x3 convolution of `input`, which must already be padded.
 fn convolve(conv: &IntegerLayer, input: &Volume) -> Volume {
-    /// Number of steps, rows or columns by which the convolution shrinks its input.
+    /// Number by which the convolution reduces the steps, rows and columns of its input.
     const SHRINK: usize = KERNEL - 1;
     let outputs = conv.bias.len();
     let [inputs, times, rows, columns] = input.shape;
@@ -236,7 +236,7 @@ fn convolve(conv: &IntegerLayer, input: &Volume) -> Volume {
     Volume { shape, values }
 }
 
-/// Returns the maximum of each pool, requantised, `[channel][time][row][column]`.
+/// Returns the maxima of all pools after requantisation, `[channel][time][row][column]`.
 fn pool(sums: &Volume, geometry: &Geometry, multipliers: &[i32]) -> Vec<i64> {
     let ([steps, rows, columns], [t, r, c]) = (geometry.pooled, geometry.pool);
     let mut features = Vec::with_capacity(geometry.flat());
@@ -251,7 +251,8 @@ fn pool(sums: &Volume, geometry: &Geometry, multipliers: &[i32]) -> Vec<i64> {
     features
 }
 
-/// Returns the largest magnitude of an input of the second convolution with this padding.
+/// Returns the largest magnitude of an input of the second convolution: 255, the largest quantised
+/// output of the first, or the magnitude of a larger padding value.
 pub(crate) fn largest_hidden(padding: &[i16]) -> i32 {
     let magnitudes = padding.iter().map(|x| i32::from(*x).abs());
     magnitudes.fold(255, i32::max)
@@ -272,7 +273,7 @@ fn dot(weights: &[i8], features: &[i64]) -> i64 {
         .sum()
 }
 
-/// Multiplies a sum by a Q0.32 factor and rounds half up.
+/// Multiplies a sum by a Q0.32 factor, and rounds half up to an integer.
 fn scale(sum: i32, multiplier: i32) -> i32 {
     i32::try_from(round_q32(i64::from(sum) * i64::from(multiplier)))
         .expect("the product of two 32-bit numbers over 2^32 has 31 bits")

@@ -1,25 +1,25 @@
-//! Quantisation of a layer, with proofs of its ranges, and rounding of f64 to integers.
+//! Quantises the weights and biases of a layer, proves its ranges, and rounds f64 to integers.
 
 use crate::{error::ModelGenError, integer_model::IntegerLayer};
 
-/// Quantisation of a layer's input: `value = integer * scale`, |integer| <= `largest`.
+/// Quantisation of a layer's input: `value = integer * scale`, with |integer| <= `largest`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LayerInput {
     pub(crate) scale: f64,
     pub(crate) largest: f64,
 }
 
-/// Float weights `[output][input]...` and biases of a layer.
+/// Weights `[output][input]...` and biases of a layer, before quantisation.
 pub(crate) struct Layer {
     pub(crate) weights: Vec<f64>,
     pub(crate) bias: Vec<f64>,
 }
 
 impl Layer {
-    /// Quantises the weights of every output with a scale of their own, and proves that the
-    /// accumulator and the factor of the output fit 32 bits.
+    /// Quantises the weights with one scale for each output, and proves that the accumulator and
+    /// the requantisation factor of every output fit 32 bits.
     ///
-    /// `gain` is the number of levels of each quantised output for a layer value of 1; it can be
+    /// `gain` is, for each output, the number of quantised levels for a layer value of 1; it can be
     /// negative.
     pub(crate) fn quantise(
         &self,
@@ -48,18 +48,17 @@ impl Layer {
     }
 }
 
-/// Returns the smallest permitted weight scale. With this scale, the magnitude of the
-/// requantisation factor is at least 2^8 (unless the gain is 0) and that of the bias at most 2^24,
-/// so that an output with negligible weights can still be represented.
+/// Returns the smallest permitted scale of the weights of an output. With it, the requantisation
+/// factor is at least 2^8 (unless the gain is 0) and the bias at most 2^24 in magnitude, so that
+/// even an output with negligible weights can be represented.
 fn finest_scale(bias: f64, gain: f64, input: LayerInput) -> f64 {
     const TWO_TO_24: f64 = 16_777_216.0;
     let output_level = if gain == 0.0 { 0.0 } else { 1.0 / gain.abs() };
     (bias.abs().max(output_level) / (input.scale * TWO_TO_24)).max(f64::MIN_POSITIVE)
 }
 
-/// Quantises weights with one scale, which is at least `smallest_scale`:
-/// `weight = integer * scale`,
-/// |integer| <= 127. Returns the integers and the scale.
+/// Quantises weights with one scale, which is at least `smallest_scale`. Returns the integers, with
+/// |integer| <= 127, and the scale: `weight = integer * scale`.
 pub(crate) fn weights_i8(weights: &[f64], smallest_scale: f64) -> (Vec<i8>, f64) {
     let largest = weights.iter().fold(0.0, |m: f64, w| m.max(w.abs()));
     let scale = (largest / 127.0).max(smallest_scale);
@@ -114,7 +113,7 @@ mod tests {
             .sum::<i32>()
             + layer.bias[0];
         let output = f64::from(sum) * f64::from(layer.multipliers[0]) / 4_294_967_296.0;
-        // Expected output, from the unquantised weights: (0.5 * 10 - 1.0 * -5 + 3) * 2 = 26.
+        // The unquantised weights give an output of (0.5 * 10 - 1.0 * -5 + 3) * 2 = 26.
         assert!((output - 26.0).abs() < 0.5, "{output}");
     }
 

@@ -1,5 +1,5 @@
-//! Turns a trained artifact into integers in Rust: designs the filters, quantises the encoder,
-//! proves the ranges and writes the constants.
+//! Turns a trained artifact into Rust constants for the device: designs the filters, quantises the
+//! encoder, proves that no value leaves its range, and writes the source files.
 //!
 //! `signal/model/build.rs` calls [`generate`]. The trainer uses [`quantise`] for the golden codes
 //! and the int8 figures, and [`filter_cascade`] for the filters of its training data.

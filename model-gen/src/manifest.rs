@@ -1,4 +1,4 @@
-//! Writes the summary of a model for human readers, `signal/model/manifest.txt`.
+//! Writes `signal/model/manifest.txt`, the summary of a model for human readers.
 
 use std::fmt::Write as _;
 
@@ -14,7 +14,7 @@ use crate::{
     packed::PackedIntegers,
 };
 
-/// Returns the manifest of a device model: id, shapes, scales, ranges and byte counts.
+/// Returns the manifest of a model: its id, shapes, scales, ranges and sizes in bytes.
 pub fn manifest(model: &DeviceModel) -> String {
     let mut out = String::new();
     // Writing to a String cannot fail.
@@ -63,7 +63,7 @@ window's middle       {} us before its last step",
     }
 }
 
-/// Writes layers and codes of the network, with their flash and RAM.
+/// Writes the network's layers and the format of its codes, with their flash and RAM.
 fn network(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
     let (description, integers) = (&model.description, &model.integers);
     writeln!(
@@ -85,7 +85,7 @@ fn network(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
     memory(out, &memory::parts(integers, description.window.hop))
 }
 
-/// Writes dimensions, units and flash of the packed model.
+/// Writes the dimensions, the units and the flash of the packed model.
 fn packed_model(out: &mut String, packed: &PackedIntegers) -> std::fmt::Result {
     let description = &packed.model.description;
     let analysis = packed.analysis();
@@ -106,7 +106,7 @@ packed code           {} coefficients of {} values, rate {}
     )
 }
 
-/// Writes flash and RAM of each part, and their sums.
+/// Writes the flash and RAM of each part of the encoder, and the sums.
 fn memory(out: &mut String, parts: &[Part]) -> std::fmt::Result {
     writeln!(
         out,
@@ -148,7 +148,7 @@ filters for {} Hz mains
     Ok(())
 }
 
-/// Writes a line for each layer of the network.
+/// Writes one line for each layer of the network, with the layer's shape.
 fn layers(out: &mut String, integers: &IntegerModel) -> std::fmt::Result {
     let IntegerModel { conv1, conv2, .. } = integers;
     let dimensions = &integers.geometry.dimensions;
@@ -183,7 +183,7 @@ fn layers(out: &mut String, integers: &IntegerModel) -> std::fmt::Result {
     Ok(())
 }
 
-/// Writes the size of a layer's weights and its largest possible accumulator.
+/// Writes a line with the size of a layer's weights and its largest possible accumulator value.
 fn layer(
     out: &mut String,
     name: &str,

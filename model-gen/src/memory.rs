@@ -1,4 +1,4 @@
-//! Flash and RAM of each part of the encoder.
+//! Flash and RAM of each part of the encoder on the device.
 
 use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
 use int8_nn::{InputConv, Pair, PlaneShape, Winograd};
@@ -8,23 +8,23 @@ use crate::{
     pack::{self, ConvKernel},
 };
 
-/// Size of a pair, an accumulator or a factor, bytes.
+/// Size of a pair, an accumulator or a requantisation factor, bytes; each has 32 bits.
 const WORD: usize = size_of::<Pair>();
-/// Number of input planes from which a convolution computes one output plane.
+/// Number of planes in time that a convolution reads for one plane of its output.
 const PLANES: usize = KERNEL;
 
 /// Flash and RAM of one part of the encoder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Name of the part and its kernel.
+    /// Name of the part, with the kernel that computes it.
     pub name: String,
-    /// Size of packed weights, biases and factors, bytes.
+    /// Size of the part's packed weights, biases and factors, bytes.
     pub flash_bytes: usize,
-    /// Size of state and scratch memory, bytes.
+    /// Size of the part's state and scratch memory, bytes.
     pub ram_bytes: usize,
 }
 
-/// Returns the parts of an encoder, in signal order; none without a network.
+/// Returns the parts of an encoder in signal order; none if the model has no network.
 ///
 /// `hop` is the number of time steps from the start of one window to the start of the next.
 pub fn parts(model: &IntegerModel, hop: usize) -> Vec<Part> {
@@ -52,7 +52,8 @@ pub fn parts(model: &IntegerModel, hop: usize) -> Vec<Part> {
     }
     parts.push(Part {
         name: format!("codes of {open_windows} open windows"),
-        // Each number of a code has a bias, two factors and a zero point of one byte.
+        // Each number of a code has a bias, two factors (fully connected layer and shortcut), and a
+        // zero point of one byte.
         flash_bytes: 3 * WORD * numbers + numbers,
         ram_bytes: open_windows * 2 * WORD * numbers,
     });
@@ -69,7 +70,7 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
     let [_, rows, columns] = model.geometry.pooled;
     let [_, pool_rows, pool_columns] = model.geometry.pool;
     let cells = (grid_rows + 2 * margin) * (grid_columns + 2 * margin);
-    // The pool depends on this part of the first convolution's output, margins included.
+    // Size of the part of the first convolution's output that the pools read, margins included.
     let [framed_rows, framed_columns] =
         [rows * pool_rows, columns * pool_columns].map(|length| length + KERNEL - 1);
     let [_, hidden_rows, hidden_columns] = model.geometry.hidden;
@@ -78,7 +79,7 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
         columns: hidden_columns.min(framed_columns - margin),
         channels: CONV1_CHANNELS,
     };
-    // The lengths do not depend on the columns of the input.
+    // The buffer lengths do not depend on the input's columns, so any number will do; 0 is used.
     let conv1 = InputConv::<0> {
         rows: grid_rows,
         output: interior,
@@ -94,8 +95,8 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
     let (name, transformed) = match ConvKernel::select(model) {
         ConvKernel::Winograd => (
             "conv2, pool: Winograd F(2x4, 3x3)",
-            // A tile of 2x4 outputs holds two adjacent pools. The length depends only on the number
-            // of tiles, so all tiles are placed in one column here.
+            // A tile of 2x4 outputs holds two adjacent pools. The buffer's length depends only on
+            // the number of tiles, so they are counted as rows of one tile each.
             Winograd::<{ CONV1_CHANNELS / 2 }, 6> {
                 tile_rows: rows * columns / 2,
                 outputs: CONV2_CHANNELS,

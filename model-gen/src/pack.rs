@@ -1,4 +1,4 @@
-//! Packs weights from PyTorch's layout to the layout that the kernels read.
+//! Reorders weights from PyTorch's layout into the packed layout that the kernels read.
 
 use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
 use int8_nn::{Direct, InputConv, Linear, Pair, Winograd};
@@ -7,21 +7,21 @@ use crate::integer_model::{IntegerLayer, IntegerModel};
 
 /// Number of weights for each pair of input and output channel: steps x rows x columns of a kernel.
 const TAPS: usize = KERNEL.pow(3);
-/// Number of pairs of channels between the two convolutions.
+/// Number of pairs of channels between the first and the second convolution.
 const HIDDEN_PAIRS: usize = CONV1_CHANNELS / 2;
 
-/// Kernel that computes the second convolution on the device.
+/// Implementation of the second convolution that runs on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConvKernel {
-    /// [`int8_nn::Winograd`]: needs the fewest instructions.
+    /// [`int8_nn::Winograd`], which needs the fewest instructions.
     Winograd,
-    /// [`int8_nn::Direct`]: supports every pool and every input range.
+    /// [`int8_nn::Direct`], which supports every pool and every input range.
     Direct,
 }
 
 impl ConvKernel {
-    /// Selects the Winograd kernel if its tiles of 2x4 outputs hold whole pools and its numbers fit
-    /// 16 bits, otherwise the direct kernel.
+    /// Selects the Winograd kernel if its tiles of 2x4 outputs hold whole pools and its
+    /// intermediate values fit 16 bits, otherwise the direct kernel.
     ///
     /// A model without convolutions gets the direct kernel, which is never run.
     pub fn select(model: &IntegerModel) -> Self {
@@ -42,7 +42,7 @@ impl ConvKernel {
 
 /// Packs the weights of the first convolution for [`InputConv`].
 pub fn input_convolution(conv: &IntegerLayer) -> Vec<Pair> {
-    // The packed weights do not depend on the columns.
+    // The packed weights do not depend on the input's columns, so any number will do; 0 is used.
     type Conv = InputConv<'static, 0>;
     let outputs = conv.bias.len();
     let mut packed = vec![Pair::ZERO; Conv::weights_len(outputs)];
@@ -50,9 +50,10 @@ pub fn input_convolution(conv: &IntegerLayer) -> Vec<Pair> {
     packed
 }
 
-/// Packs or transforms the weights of the second convolution for its kernel.
+/// Returns the second convolution's weights, transformed (Winograd kernel) or packed (direct
+/// kernel).
 pub fn convolution(model: &IntegerModel) -> Vec<Pair> {
-    // The packed weights do not depend on the columns.
+    // The packed weights do not depend on the input's columns, so any number will do; 6 is used.
     type Transformed = Winograd<'static, HIDDEN_PAIRS, 6>;
     type Plain = Direct<'static, HIDDEN_PAIRS, 6>;
     let (outputs, weights) = (model.conv2.bias.len(), by_tap(&model.conv2));
@@ -69,7 +70,8 @@ pub fn convolution(model: &IntegerModel) -> Vec<Pair> {
     packed
 }
 
-/// Reorders weights from PyTorch's `[out][in][tap]` to `[tap][in][out]`, tap = (time, row, column).
+/// Reorders weights from PyTorch's `[out][in][tap]` to `[tap][in][out]`; a tap is one (time, row,
+/// column) of the kernel.
 fn by_tap(conv: &IntegerLayer) -> Vec<i8> {
     let outputs = conv.bias.len();
     let per_tap = conv.weights.len() / TAPS;
@@ -82,9 +84,9 @@ fn by_tap(conv: &IntegerLayer) -> Vec<i8> {
         .collect()
 }
 
-/// Packs the fully connected layer: the pieces of each pooled plane, with inputs in the order
-/// `[position][channel]`. PyTorch's order is `[out][channel][plane][position]`. Returns an empty
-/// list for a model without convolutions.
+/// Packs the fully connected layer and returns, for each pooled plane, its pieces; their inputs are
+/// in the order `[position][channel]`. PyTorch's order is `[out][channel][plane][position]`.
+/// Returns an empty list for a model without convolutions.
 pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
     if !model.mode.has_convolutions() {
         return Vec::new();
@@ -112,9 +114,9 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
         .collect()
 }
 
-/// Returns into how many equal matrices the fully connected layer's weights for one pooled plane
-/// are split. It is the smallest number for which [`Linear`] supports each matrix, and each has a
-/// multiple of eight pairs of inputs.
+/// Returns into how many equal matrices, called pieces, the weights of the fully connected layer
+/// for one pooled plane are split. It is the smallest number with which [`Linear`] supports each
+/// piece and each piece has a multiple of eight pairs of inputs.
 ///
 /// Returns 1 for a model without convolutions.
 pub fn fc_pieces(model: &IntegerModel) -> usize {
@@ -129,7 +131,7 @@ pub fn fc_pieces(model: &IntegerModel) -> usize {
         .unwrap_or(pairs)
 }
 
-/// Packs the linear shortcut: one matrix for each time step, from PyTorch's
+/// Packs the linear shortcut and returns one matrix for each time step; PyTorch's order is
 /// `[out][step * electrodes + electrode]`. Returns an empty list for a model without a shortcut.
 pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     if !model.mode.has_shortcut() {
@@ -145,13 +147,13 @@ pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     let weights: Vec<i8> = (0..inputs * numbers)
         .map(|index| model.shortcut.weights[index % numbers * inputs + index / numbers])
         .collect();
-    // Zeros fill up each time step to a multiple of eight pairs.
+    // Zeros fill up the inputs of each time step to a multiple of eight pairs.
     let pairs = electrodes.div_ceil(2).next_multiple_of(8);
     matrices(&weights, numbers, steps, pairs)
 }
 
-/// Splits weights `[input][output]` into equal parts, and packs each part for `pairs` pairs of
-/// inputs.
+/// Splits weights `[input][output]` into equal parts by inputs, and packs each part for `pairs`
+/// pairs of inputs.
 fn matrices(weights: &[i8], outputs: usize, parts: usize, pairs: usize) -> Vec<Vec<Pair>> {
     weights
         .chunks_exact(weights.len() / parts)
@@ -163,23 +165,23 @@ fn matrices(weights: &[i8], outputs: usize, parts: usize, pairs: usize) -> Vec<V
         .collect()
 }
 
-/// Padding and bias of the second convolution after its inputs are made non-negative.
+/// Padding and bias of the second convolution, changed so that all its inputs are non-negative.
 ///
 /// The kernels require non-negative inputs, but a padding value can be negative. So each input
-/// channel gets an offset, and the bias subtracts the contribution of the offsets.
+/// channel gets an offset, and the bias subtracts what the offsets add to the sums.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnsignedInput {
-    /// Offset added to all inputs of each channel, padding included; >= 0.
+    /// Offset that is added to all inputs of each channel, including the padding; >= 0.
     pub offset: [i16; CONV1_CHANNELS],
-    /// Padding of each channel with the offset added.
+    /// Padding of each input channel, with the offset added.
     pub padding: [i16; CONV1_CHANNELS],
-    /// Bias of each output channel, less the contribution of the offsets.
+    /// Bias of each output channel, less what the offsets add to its sum.
     pub bias: Vec<i32>,
 }
 
 impl UnsignedInput {
-    /// Computes offsets and biases. Every padding value of the model plus 255 must fit 16 bits, as
-    /// [`quantise`](crate::quantise()) guarantees.
+    /// Computes offset, padding and bias. Every padding value of the model plus 255 must fit 16
+    /// bits, as [`quantise`](crate::quantise()) guarantees.
     pub fn from_model(model: &IntegerModel) -> Self {
         let offset = model.hidden_padding.map(|padding| (-padding).max(0));
         let per_output = model.conv2.weights.len() / model.conv2.bias.len().max(1);
@@ -198,14 +200,14 @@ impl UnsignedInput {
         }
     }
 
-    /// Returns the largest input of the second convolution, offsets included.
+    /// Returns the largest input of the second convolution after the offsets are added.
     pub fn largest(&self) -> u16 {
         let offsets = self.offset.iter().map(|offset| 255 + offset.unsigned_abs());
         let paddings = self.padding.iter().map(|padding| padding.unsigned_abs());
         offsets.chain(paddings).max().unwrap_or(0)
     }
 
-    /// Packs one number for each channel into pairs.
+    /// Packs one number for each channel into pairs of neighbouring channels.
     pub fn to_pairs(channels: [i16; CONV1_CHANNELS]) -> [Pair; HIDDEN_PAIRS] {
         let mut pairs = [Pair::ZERO; HIDDEN_PAIRS];
         Pair::fill(&mut pairs, channels.into_iter());

@@ -1,4 +1,4 @@
-//! The packed model in the layout of the device.
+//! The packed model's integers in the layout that the device reads.
 
 use artifact::{Description, INPUTS_PER_ROUND, IntegerMatrix, PackedModel, slice_ends};
 use int8_nn::{Linear, Pair};
@@ -7,17 +7,17 @@ use crate::error::ModelGenError;
 use crate::headroom::GUARD_BITS;
 use crate::layer::to_i32;
 
-/// The packed model with the numbers that the device adds to it.
+/// The packed model, with the numbers that the device needs in addition.
 #[derive(Clone, Debug)]
 pub struct PackedIntegers {
-    /// Matrices, levels and frequencies.
+    /// The packed model of the artifact: matrices, levels and frequencies.
     pub model: PackedModel,
-    /// Factor from a filtered sample (counts, Q27.5) to an input value, Q0.32.
+    /// Factor from a filtered sample (counts, Q27.5) to an input value of the packed block, Q0.32.
     pub input_multiplier: i32,
-    /// Sum over a block of the squares of its unrepresented part above which the block is a misfit,
-    /// input values squared.
+    /// Limit of a block's misfit energy, in squares of an input value: the sum of squares of the
+    /// part of the block that the model does not represent. A block above it is a misfit.
     pub misfit_energy: i64,
-    /// Ends of the inputs that are added to the analysis at each step.
+    /// For each step of a hop, the end of the range of inputs that the analysis processes then.
     slices: Vec<usize>,
 }
 
@@ -49,7 +49,7 @@ impl PackedIntegers {
 
     /// Returns the analysis in slices: for each step, the index of the first pair of inputs, and
     /// the packed weights of the inputs that are complete after the step. Zeros fill up the last
-    /// one.
+    /// slice.
     pub fn analysis(&self) -> Vec<(usize, Vec<Pair>)> {
         let mut start = 0;
         let slices = self.slices.iter().map(|&end| {
@@ -60,12 +60,12 @@ impl PackedIntegers {
         slices.collect()
     }
 
-    /// Returns the packed weights of the prediction.
+    /// Returns the packed weights of the matrix that predicts a block from the state.
     pub fn prediction(&self) -> Vec<Pair> {
         packed(&self.model.prediction, 0..self.model.coefficients())
     }
 
-    /// Returns the number of pairs of inputs of a block, zeros at its end included.
+    /// Returns the number of pairs of inputs of a block, including the zeros that fill it up.
     pub fn input_pairs(&self) -> usize {
         self.model
             .analysis
@@ -75,7 +75,7 @@ impl PackedIntegers {
     }
 }
 
-/// Packs the weights of some inputs for [`Linear`].
+/// Packs the weights of the inputs in the range `inputs` for [`Linear`].
 fn packed(matrix: &IntegerMatrix, inputs: std::ops::Range<usize>) -> Vec<Pair> {
     let outputs = matrix.factors.len();
     let weights: Vec<i8> = inputs

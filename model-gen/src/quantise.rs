@@ -5,15 +5,15 @@
 //!
 //! Batch norm follows the ReLU, so it cannot be folded into the convolution before it. With
 //! `g = weight / sqrt(variance + eps)` and `b = bias - g * mean`, the next layer reads
-//! `g * relu + b`.
-//! |g| is folded into the requantisation factor of the convolution, the sign of g into the weights of
-//! the next layer, and b times these weights into the bias of the next layer; without padding this
-//! is exact. Before the max-pool, a negative g would turn the maximum into a minimum. So the
-//! weights and the bias of such a channel are negated, and its requantisation factor is negative.
+//! `g * relu + b`. The factor |g| becomes part of the requantisation factor of the convolution, the
+//! sign of g part of the next layer's weights, and b times these weights part of its bias; without
+//! padding this is exact. Before the max-pool, a negative g would turn the maximum into a minimum.
+//! So the weights and the bias of such a channel are negated, and its requantisation factor is
+//! negative.
 //!
-//! With padding, the second convolution must read zeros after the first batch norm. Its bias
-//! contains b times all its weights, so a padded cell must cancel b. The cell holds the integer x
-//! that the norm turns into 0: `x = -sign(g) * b / scale`.
+//! With padding, the second convolution must read the padded cells as zeros after the first batch
+//! norm. Its bias contains b times all its weights, so a padded cell must cancel b. The cell holds
+//! the integer x that the norm turns into 0: `x = -sign(g) * b / scale`.
 
 use artifact::{
     Artifact, CONV1_CHANNELS, CONV2_CHANNELS, CodeFormat, Geometry, HEAD_ROOM, KERNEL,
@@ -26,22 +26,22 @@ use crate::{
     layer::{Layer, LayerInput, saturating_i8, to_i32},
 };
 
-/// Ratio of the range of an 8-bit code to the range in calibration: one bit. A blink or a jaw
-/// clench that is not in the calibration set drives few dimensions far beyond their range, and
-/// clipping a code costs more than all rounding.
+/// Range of an 8-bit code relative to the range in calibration: twice, which costs one bit. A blink
+/// or a jaw clench that is not in the calibration set drives few dimensions far beyond their range,
+/// and clipping a code costs more than all rounding.
 const CODE_HEAD_ROOM: f64 = 2.0;
 
-/// Ratio of the range of a code of 16 bits, or with an exponent, to the range in calibration: four
-/// bits. The resolution of the other 12 bits is still finer than that of the int8 input. With an
-/// exponent, windows that do not need the whole range have a finer resolution.
+/// Range of a code of 16 bits, or with an exponent, relative to the range in calibration: four
+/// bits. The other 12 bits still resolve more finely than the int8 input. With an exponent, windows
+/// that do not need the whole range have a finer resolution.
 const WIDE_CODE_HEAD_ROOM: f64 = 16.0;
 
 /// Largest magnitude of a padding value. The kernels add the magnitude of a negative padding value
 /// to all inputs of the channel, which are at most 255, and the sum must fit 16 bits.
 const LARGEST_PADDING: u16 = 32_767 - 255;
 
-/// Quantises the encoder of an artifact. Without a network, the integers are the input's scale and
-/// the grid's cells.
+/// Quantises the encoder of an artifact. For a model without a network, the result holds only the
+/// input's scale and the electrodes' cells.
 ///
 /// # Errors
 /// If a tensor is missing, a calibrated range is not positive, a factor does not fit Q0.32, a
@@ -114,7 +114,7 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     })
 }
 
-/// The quantised convolutions and the fully connected layer after them.
+/// The quantised convolutions, and the fully connected layer that reads their output.
 #[derive(Default)]
 struct Convolutions {
     hidden_padding: [i16; CONV1_CHANNELS],
@@ -153,7 +153,7 @@ impl Convolutions {
             "encoder.conv1",
             &[CONV1_CHANNELS, 1, KERNEL, KERNEL, KERNEL],
         )?;
-        // The sign of a norm's factor is folded into the weights of conv2.
+        // Use the magnitudes of norm1's factors: `absorb` folds the signs into conv2's weights.
         let gain1: Vec<f64> = norm1
             .factor
             .iter()
@@ -168,8 +168,8 @@ impl Convolutions {
         )?;
         conv2.absorb(&norm1, KERNEL.pow(3));
         conv2.negate_outputs(&norm2);
-        // A channel with negated weights keeps its negative factor, so that the product has the
-        // right sign.
+        // Keep the signs of norm2's factors: `negate_outputs` has negated the weights of the
+        // channels with negative factors, and the product of both must have the original sign.
         let gain2: Vec<f64> = norm2.factor.iter().map(|g| g / pooled.scale).collect();
         let conv2 = conv2.quantise("conv2", &gain2, hidden)?;
 
@@ -188,13 +188,13 @@ impl Convolutions {
     }
 }
 
-/// Returns a tensor of the weights as f64.
+/// Returns the tensor `name` of the network's weights as f64.
 fn tensor(artifact: &Artifact, name: &str, shape: &[usize]) -> Result<Vec<f64>, ModelGenError> {
     let values = artifact.weights.tensor(name, shape)?;
     Ok(values.iter().map(|&v| f64::from(v)).collect())
 }
 
-/// Returns the calibrated largest magnitude `what`, times [`HEAD_ROOM`].
+/// Returns the largest magnitude that calibration found for `what`, times [`HEAD_ROOM`].
 fn range(artifact: &Artifact, what: &'static str) -> Result<f64, ModelGenError> {
     let value = f64::from(artifact.calibration.tensor(what, &[1])?[0]);
     if value.is_finite() && value > 0.0 {
@@ -229,8 +229,8 @@ impl Norm {
         Ok(Self { factor, offset })
     }
 
-    /// Returns, for each channel, the integer that the norm turns into 0. `scale` is the size of
-    /// one level, before the sign of the norm's factor is applied.
+    /// Returns, for each channel, the integer that the norm turns into 0. `scale` is the layer
+    /// value of one level, without the sign of the norm's factor.
     fn padding(&self, scale: f64) -> Result<[i16; CONV1_CHANNELS], ModelGenError> {
         let mut padding = [0; CONV1_CHANNELS];
         let norm = self.factor.iter().zip(&self.offset);
@@ -254,8 +254,8 @@ impl Layer {
         })
     }
 
-    /// Folds sign and offset of the preceding norm into this layer; each channel of the norm has
-    /// `taps` consecutive weights.
+    /// Folds the signs and offsets of the preceding norm into this layer, which has `taps`
+    /// consecutive weights for each channel of the norm.
     fn absorb(&mut self, norm: &Norm, taps: usize) {
         let channels = norm.factor.len();
         let rows = self.weights.chunks_exact_mut(channels * taps);
@@ -269,8 +269,8 @@ impl Layer {
         }
     }
 
-    /// Negates the outputs that the norm multiplies by a negative factor, so that the max-pool
-    /// before the norm stays a maximum.
+    /// Negates the outputs that the following norm multiplies by a negative factor, so that the
+    /// max-pool between this layer and the norm still selects the norm's largest output.
     fn negate_outputs(&mut self, norm: &Norm) {
         let inputs = self.weights.len() / self.bias.len();
         let rows = self.weights.chunks_exact_mut(inputs);
@@ -289,9 +289,9 @@ fn negate(weights: &mut [f64]) {
     }
 }
 
-/// Scale and zero point of each code dimension. Only the `int8` format has a zero point, which
-/// gains up to one bit of resolution. `int16` does not need this bit; in `int8-exponent` the zero
-/// point would have to change with the exponent. Empty without a network.
+/// Scale and zero point of each code dimension; empty without a network. Only the `int8` format has
+/// a zero point, which gains up to one bit of resolution. `int16` does not need this bit; in
+/// `int8-exponent` the zero point would have to change with the exponent.
 #[derive(Default)]
 struct CodeScales {
     scale: Vec<f64>,
@@ -299,7 +299,7 @@ struct CodeScales {
 }
 
 impl CodeScales {
-    /// Derives scales and zero points from the calibrated minima and maxima.
+    /// Derives scales and zero points from each dimension's range in calibration.
     fn from_calibration(artifact: &Artifact) -> Result<Self, ModelGenError> {
         let numbers = artifact.description.code.numbers;
         let smallest = artifact.calibration.tensor("code.min", &[numbers])?;
@@ -309,7 +309,7 @@ impl CodeScales {
             zero_point: vec![0; numbers],
         };
         for j in 0..numbers {
-            // The range is extended to contain 0, so that the zero point fits int8.
+            // Extend the range to contain 0, so that the zero point fits int8.
             let low = f64::from(smallest[j]).min(0.0);
             let high = f64::from(largest[j]).max(0.0);
             if high <= low {

@@ -1,4 +1,4 @@
-//! Design and quantisation of the resampler from the ADC's rate to the step rate.
+//! Designs and quantises the resampler from the ADC's rate to the step rate.
 
 use std::f64::consts::PI;
 
@@ -8,25 +8,25 @@ use num_complex::Complex64;
 
 use crate::error::FilterError;
 
-/// Value of a tap of 1.0, Q2.30.
+/// Tap of value 1.0, Q2.30.
 pub const UNITY: i32 = Resampler::<1, 1>::UNITY;
 
-/// -6 dB point of the low-pass, Hz. With [`KAISER_BETA`], the low-pass attenuates by at most 0.1 dB
-/// up to 50 Hz, and by at least 54 dB from 78 Hz, which aliases onto 50 Hz. Chosen from the table
-/// in docs/decisions/0007-alias-free-decimation.md.
+/// Frequency at which the low-pass attenuates by 6 dB, Hz. With [`KAISER_BETA`], the low-pass
+/// attenuates by at most 0.1 dB up to 50 Hz, and by at least 54 dB from 78 Hz, which aliases onto
+/// 50 Hz. Chosen from the table in docs/decisions/0007-alias-free-decimation.md.
 pub const CUTOFF_HZ: f64 = 62.0;
-/// Shape of the Kaiser window of the low-pass, chosen with [`CUTOFF_HZ`].
+/// Shape parameter beta of the low-pass's Kaiser window, chosen together with [`CUTOFF_HZ`].
 pub const KAISER_BETA: f64 = 5.0;
 
-/// Lengths of the low-pass per second: its impulse response lasts 1/8 s, rounded up to a multiple
-/// of [`TAPS_MULTIPLE`] samples.
+/// Reciprocal of the duration of the low-pass's impulse response, per second: it lasts 1/8 s,
+/// rounded up to a multiple of [`TAPS_MULTIPLE`] samples.
 const SPANS_PER_SECOND: u32 = 8;
 /// The number of taps of each phase is a multiple of this number.
 const TAPS_MULTIPLE: u32 = 4;
 
-/// Limit of the size of the electrodes' delay line, and of the table of taps, bytes. It is half of
-/// the RAM (128 KiB) and an eighth of the flash (512 KiB) of the smallest board (STM32F446,
-/// datasheet DS10693).
+/// Largest permitted size of the delay line of all electrodes, and of the table of taps, bytes. It
+/// is half of the RAM (128 KiB) and an eighth of the flash (512 KiB) of the smallest board
+/// (STM32F446, datasheet DS10693).
 pub(crate) const LARGEST_BYTES: usize = 65_536;
 
 /// A quantised resampler: output rate = input rate * phases / `down`, in lowest terms.
@@ -35,7 +35,7 @@ pub(crate) const LARGEST_BYTES: usize = 65_536;
 /// read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResamplerTable {
-    /// Number of input samples for every [`phases`](Self::phases) outputs.
+    /// Number of input samples that yield [`phases`](Self::phases) outputs.
     pub down: u16,
     /// Impulse response, Q2.30, `[phase][age]`; age 0 is the newest input sample. Every phase sums
     /// to exactly [`UNITY`], so that a constant passes each phase unchanged.
@@ -43,7 +43,8 @@ pub struct ResamplerTable {
 }
 
 impl ResamplerTable {
-    /// Designs the resampler from `rate_hz` to `step_rate_hz` for a number of electrodes.
+    /// Designs the resampler from `rate_hz` to `step_rate_hz`, with a delay line for all
+    /// electrodes.
     ///
     /// # Errors
     /// If the rates do not allow this decimation, or the resampler would take too much memory.
@@ -86,16 +87,16 @@ impl ResamplerTable {
         self.taps[0].len()
     }
 
-    /// Returns the largest magnitude of the accumulator for 32-bit samples, including the addend
-    /// for rounding, as a fraction of 2^63.
+    /// Returns the largest magnitude that the accumulator can reach with 32-bit samples, including
+    /// the addend for rounding, as a fraction of 2^63.
     pub fn largest_accumulator(&self) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "a magnitude has 31 bits")]
         let sum = self.largest_magnitude() as f64 * 2.0_f64.powi(31);
         (sum + f64::from(UNITY / 2)) / 2.0_f64.powi(63)
     }
 
-    /// Returns the largest sum of the tap magnitudes of a phase, Q2.30. The sum is below 2^31, so
-    /// the 64-bit accumulator uses at most half of its range.
+    /// Returns the sum of a phase's tap magnitudes, Q2.30, for the phase where it is largest. It is
+    /// below 2^31, so the 64-bit accumulator uses at most half of its range.
     pub fn largest_magnitude(&self) -> u64 {
         let magnitude =
             |taps: &Vec<i32>| -> u64 { taps.iter().map(|tap| u64::from(tap.unsigned_abs())).sum() };
@@ -110,7 +111,8 @@ impl ResamplerTable {
             .map(move |phase| phase.iter().map(real).collect())
     }
 
-    /// Returns the quantised impulse response at `phases` times the input rate; its sum is 1.
+    /// Returns the quantised impulse response of the low-pass before it is split into phases: its
+    /// sampling rate is `phases` times the input's, and its sum is 1.
     pub fn prototype(&self) -> Vec<f64> {
         let phases: Vec<Vec<f64>> = self.phase_responses().collect();
         let share = 1.0 / real(phases.len());
@@ -119,7 +121,7 @@ impl ResamplerTable {
             .collect()
     }
 
-    /// Returns the complex gain at `frequency_hz` for samples at `rate_hz`; its delay is relative
+    /// Returns the complex gain at `frequency_hz` for samples at `rate_hz`; its phase is relative
     /// to the time of an output. The gain is that of the prototype: the mean over all phases.
     ///
     /// A tone above half of the output rate has this gain at its alias frequency. If the input rate
@@ -135,8 +137,8 @@ impl ResamplerTable {
     }
 }
 
-/// Designs the anti-aliasing low-pass in polyphase form. Returns the taps of each phase, normalised
-/// to a gain of 1 at DC and quantised.
+/// Designs the anti-aliasing low-pass and splits it into `phases` phases. Returns the taps of each
+/// phase, normalised to a gain of 1 at DC and quantised.
 fn low_pass(rate_hz: u32, phases: usize, electrodes: usize) -> Result<Vec<Vec<i32>>, FilterError> {
     let taps = rate_hz
         .div_ceil(SPANS_PER_SECOND)
@@ -214,8 +216,8 @@ fn bessel_i0(x: f64) -> f64 {
     sum
 }
 
-/// Quantises the taps of a phase to Q2.30 with the sum [`UNITY`]; the rounding error of the sum is
-/// added to the largest tap.
+/// Quantises the taps of a phase to Q2.30 so that their sum is exactly [`UNITY`]; the largest tap
+/// takes up the rounding error of the sum.
 fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
     let scale = f64::from(UNITY) / taps.clone().sum::<f64>();
     #[expect(
@@ -223,7 +225,7 @@ fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
         reason = "a tap is about the cutoff over half the rate at most: below 2"
     )]
     let mut quantised: Vec<i32> = taps.map(|tap| (tap * scale).round() as i32).collect();
-    // `UNITY - sum` is small, so it is right even if a partial sum wraps.
+    // Wrapping is harmless: `UNITY - sum` is small, so it is right even if a partial sum wraps.
     let sum = quantised.iter().copied().fold(0, i32::wrapping_add);
     if let Some(largest) = quantised.iter_mut().max_by_key(|tap| tap.unsigned_abs()) {
         *largest = largest.wrapping_add(UNITY.wrapping_sub(sum));
@@ -250,7 +252,7 @@ mod tests {
 
     #[test]
     fn the_bessel_function_equals_scipy_s() {
-        // scipy 1.17: scipy.special.i0([0, 1, 5, 12]).
+        // The expected values are those of scipy 1.17: scipy.special.i0([0, 1, 5, 12]).
         for (x, expected) in [
             (0.0, 1.0),
             (1.0, 1.266_065_877_752_008_2),

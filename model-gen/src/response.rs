@@ -1,4 +1,4 @@
-//! Response of a quantised cascade, computed in f64 from its integer coefficients.
+//! Response of a cascade, computed in f64 from its quantised coefficients.
 
 use std::f64::consts::PI;
 
@@ -31,8 +31,7 @@ pub fn group_delay_s(response: impl Fn(f64) -> Complex64, frequency_hz: f64) -> 
     -phase / (2.0 * PI * 2.0 * STEP_HZ)
 }
 
-/// Filters `input` in f64 with the quantised coefficients of a cascade; the signal is not
-/// quantised.
+/// Filters `input` with the quantised coefficients of a cascade; all arithmetic is in f64.
 pub fn filter(sections: &[Section], input: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
     let mut states = vec![[0.0_f64; 4]; sections.len()];
     input.map(move |x| {
@@ -48,12 +47,12 @@ pub fn filter(sections: &[Section], input: impl Iterator<Item = f64>) -> impl It
     })
 }
 
-/// Longest impulse response that is computed, samples: 32 MiB as f64, 68 minutes at 1024 Hz.
+/// Longest impulse response that is computed, samples: 32 MiB as f64, or 68 minutes at 1024 Hz.
 pub(crate) const MAX_SAMPLES: f64 = 4_194_304.0;
 
-/// Returns the number of samples after which the impulse response has decayed: the n with `r^n`
-/// equal to 1e-15, where r is the radius of the slowest pole, plus a third for the products with
-/// other poles.
+/// Returns the number of samples after which the impulse response has decayed: the n for which
+/// `r^n` is 1e-15, where r is the largest distance of a pole from the origin, plus a third, because
+/// several poles together decay more slowly than one.
 ///
 /// # Errors
 /// If the number is above 2^22.
@@ -71,7 +70,7 @@ pub fn decay_samples(sections: &[Section]) -> Result<usize, FilterError> {
     Ok(samples as usize)
 }
 
-/// Returns the larger of the two poles' distances from the origin.
+/// Returns the distance from the origin of the section's farther pole.
 fn pole_radius(section: &Section) -> f64 {
     let (d1, d2) = denominator(section);
     let root = Complex64::new(d1 * d1 / 4.0 - d2, 0.0).sqrt();

@@ -1,4 +1,4 @@
-//! Generates the golden vectors' expected outputs, and passes the board's memory map to the linker.
+//! Writes the golden vectors' expected outputs, and passes the board's memory map to the linker.
 #![forbid(unsafe_code)]
 
 use std::{
@@ -24,17 +24,17 @@ mod signal;
 /// Environment variable that names the folder of a model to use instead of the checked-in one, as
 /// in `signal/model/build.rs`.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
-/// File with the filter outputs that scipy computes; `scipy_rates.py` in the same folder writes it.
+/// File with filter outputs that scipy has computed; `scipy_rates.py` in the same folder writes it.
 const SCIPY: &str = "../../signal/pipeline/tests/it/front_end/scipy_rates.csv";
-/// Document that shows frames as hex dumps; `signal/link/tests/it/wire_format.rs` compares the
-/// dumps with the output of the encoder.
+/// Document that shows frames as hex dumps. The test `signal/link/tests/it/wire_format.rs` checks
+/// that the encoder of frames makes these dumps.
 const WIRE_FORMAT: &str = "../../docs/wire-format.md";
-/// Largest number of golden windows whose codes are compared.
+/// Largest number of golden windows whose codes the image compares.
 const WINDOWS: usize = 6;
-/// Number of codes that are compared for each mains frequency.
+/// Number of codes that the image compares for each mains frequency.
 const CODES: usize = 12;
-/// Number of packed blocks that are compared: more than from one block without prediction to the
-/// next.
+/// Number of packed blocks that the image compares; enough to contain two blocks without prediction
+/// and all between them.
 const BLOCKS: u8 = 70;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -59,8 +59,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     link(&out)
 }
 
-/// Writes the filters that model-gen designs for three test cases, and for each case the outputs
-/// that scipy computes and those that this PC computes.
+/// Writes the filters that model-gen designs for three test cases, each with the outputs that scipy
+/// computes and those that this PC computes.
 fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={SCIPY}");
     let scipy = fs::read_to_string(SCIPY)?;
@@ -78,7 +78,7 @@ fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
         let mut words = key.split(',');
         let mut number = || words.next().unwrap_or_default().parse::<u32>();
         let (rate_hz, mains_hz) = (number()?, number()?);
-        // The same specification as in `signal/pipeline/tests/it/front_end.rs`.
+        // Use the same specification as `signal/pipeline/tests/it/front_end.rs`.
         let sections = model_gen::cascade(&FilterSpec {
             rate_hz: rate_hz.into(),
             mains_hz: mains_hz.into(),
@@ -134,8 +134,8 @@ fn filtered<const PHASES: usize, const TAPS: usize>(
     Ok(())
 }
 
-/// Writes up to [`WINDOWS`] golden windows, evenly spaced over all those of the artifact, with
-/// their codes, which model-gen's batch reference has computed.
+/// Writes up to [`WINDOWS`] of the artifact's golden windows, evenly spaced, with the codes that
+/// model-gen's batch reference has computed for them.
 fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
     let folder = env::var_os(ARTIFACT).map_or("../../signal/model/artifact".into(), PathBuf::from);
@@ -158,7 +158,7 @@ fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Writes the first [`CODES`] codes that this PC computes for [`signal::samples`].
+/// Writes the first [`CODES`] codes that this PC computes for [`signal::samples`], as array `name`.
 fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Error>> {
     let mut pipeline = Pipeline::new(mains);
     let codes = signal::samples().filter_map(|sample| pipeline.encode_sample(&sample));
@@ -171,14 +171,14 @@ fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Er
     Ok(())
 }
 
-/// Writes the first [`BLOCKS`] packed blocks that this PC computes for [`signal::samples`], each at
-/// another rate, and the state after them.
+/// Writes the first [`BLOCKS`] packed blocks that this PC computes for [`signal::samples`], with
+/// the rates 0 to 15 in turn, and the encoder's state after the last.
 fn blocks(golden: &mut String) -> Result<(), Box<dyn Error>> {
     let mut acquisition = Acquisition::new(Mains::Hz50);
     let mut encoder = Box::new(PackedEncoder::new());
     let mut samples = signal::samples();
     let mut blocks = Vec::new();
-    // A model without packed code has no state, and no step makes a block.
+    // Without a packed code in the model the state is empty, and no step completes a block.
     let count = if encoder.state().is_empty() {
         0
     } else {
@@ -226,7 +226,7 @@ fn has_feature(feature: &str) -> bool {
     env::var_os(format!("CARGO_FEATURE_{feature}")).is_some()
 }
 
-/// Passes to the linker the memory map of the board that the features select. Does nothing in a
+/// Passes the memory map of the board that the features select to the linker. Does nothing in a
 /// build for the PC.
 fn link(out: &Path) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=../../memory.x");
@@ -240,7 +240,7 @@ fn link(out: &Path) -> Result<(), Box<dyn Error>> {
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return Ok(());
     }
-    // `memory.x` in the root of the workspace includes `board.x`.
+    // Copy the map as `board.x`, which `memory.x` in the root of the workspace includes.
     fs::copy(map, out.join("board.x"))?;
     println!("cargo::rustc-link-search={}", out.display());
     for argument in ["-Tlink.x", "--nmagic"] {

@@ -1,8 +1,9 @@
 //! Random models of every mode, padding, pool, size and montage, calibrated like a trained model,
 //! and inputs that are more extreme than any EEG.
 //!
-//! Tests and benchmarks need models of other shapes than the checked-in one, but no training:
-//! neither the codes' agreement nor their cost depends on what the weights are good for.
+//! Tests and benchmarks need models of other shapes than the checked-in one. Random weights
+//! suffice: they show as well as trained ones whether the device computes the same codes as the
+//! reference, and at what cost.
 //!
 //! ```text
 //! signal/model/artifact/model.toml ── change ──> Description ──┐
@@ -39,27 +40,26 @@ use model_gen::IntegerModel;
 pub use packed::any_packed;
 pub use stress::Stress;
 
-/// Folder of the built-in model, whose description the random models start from.
+/// Folder of the built-in model; the random models start from its description.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact");
-/// Folder of the montage files.
+/// Folder of the checked-in montage files, which say what channel carries what electrode.
 pub const MONTAGES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../files/montages");
 
 /// A window on the scalp grid, indexed by step, row and column, in units of the input's standard
 /// deviation.
 pub type Window = Vec<f32>;
 
-/// Number of windows with which each network is calibrated.
+/// Number of random windows over which the value ranges of each network are measured.
 const CALIBRATION: usize = 16;
 
-/// Largest magnitude in the training data of a model without a network, uV.
+/// Largest input magnitude that a model without a network states for its training data, uV.
 const LARGEST_UV: f32 = 500.0;
 
-/// Length of the codes of the network from whose description [`any_packed_alone`] derives that of a
-/// model without a network.
+/// Code length of the network that [`any_packed_alone`] first creates and then removes.
 const NUMBERS: usize = 16;
 
-/// Returns every tested combination of mode, padding and pool. Mode `paper` occurs once per
-/// padding, because it has the same encoder as `paper-code-only`.
+/// Returns every tested combination of mode, padding and pool (steps, rows, columns). Mode `paper`
+/// occurs with one pool only, because its encoder equals that of `paper-code-only`.
 pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     let mut variants = vec![(Mode::Pca, Padding::None, [2, 2, 2])];
     for padding in [Padding::None, Padding::Space, Padding::All] {
@@ -72,7 +72,8 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
             [2, 1, 1],
             [2, 2, 1],
         ] {
-            // A pool of four steps does not fit a window that is padded in time.
+            // With padding in time, a model may not have pools of four steps: windows would share
+            // too few.
             if !(padding.pads_time() && pool[0] == 4) {
                 variants.push((Mode::PaperCodeOnly, padding, pool));
                 variants.push((Mode::Shortcut, padding, pool));
@@ -84,8 +85,8 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
 
 /// Returns a network in which every weight matters: dense random tensors, and batch norms with
 /// negative, zero and positive factors and different offsets. The rest of the description is that
-/// of the built-in model. The network is calibrated with windows that [`windows`] draws from
-/// another seed, so that most values of later codes are neither clipped nor zero.
+/// of the built-in model. Its value ranges are measured on [`windows`] of another seed, so that
+/// most values of the codes of other windows are neither clipped nor zero.
 ///
 /// # Errors
 /// When the built-in model cannot be read, or a model cannot have this shape.
@@ -103,10 +104,10 @@ pub fn any_artifact(
     })
 }
 
-/// Returns a network as [`any_artifact`] does, of the built-in model's description after `change`.
+/// Returns a network as [`any_artifact`] does, for the built-in model's description after `change`.
 ///
 /// # Errors
-/// When the built-in model cannot be read, or the description is none that a model can have.
+/// When the built-in model cannot be read, or no model can have the changed description.
 pub fn any_artifact_with(
     seed: u32,
     change: impl FnOnce(&mut Description),
@@ -123,7 +124,7 @@ pub fn any_artifact_with(
     Artifact::new(artifact.description, artifact.weights, calibration)
 }
 
-/// Size of a model: its grid, electrodes, window and code.
+/// Size of a model: scalp grid, electrodes, window, hop and code.
 #[derive(Clone, Copy, Debug)]
 pub struct Size {
     /// Rows and columns of the scalp grid.
@@ -139,7 +140,7 @@ pub struct Size {
 }
 
 impl Size {
-    /// Returns the paper's size, with another hop.
+    /// Returns the size of the autoencoder in the paper, with the given hop.
     pub const fn paper(hop: usize) -> Self {
         Self {
             grid: [10, 9],
@@ -150,12 +151,13 @@ impl Size {
         }
     }
 
-    /// Writes this size into a description, whose electrodes become E1, E2 and so on.
+    /// Writes this size into a description and names the electrodes E1, E2 and so on.
     pub fn apply(&self, description: &mut Description) {
         let [rows, columns] = self.grid;
         let cells = rows * columns;
         let is_electrode = |cell: usize| {
-            // Cell k has an electrode where k * electrodes / cells reaches the next integer.
+            // Spread electrodes evenly: cell k has one if k * electrodes / cells reaches an
+            // integer.
             (cell + 1) * self.electrodes / cells > cell * self.electrodes / cells
         };
         let label = |cell: usize| {
@@ -181,7 +183,7 @@ impl Size {
     }
 }
 
-/// Returns the montage files of the folder [`MONTAGES`], by name.
+/// Returns the montage files of the folder [`MONTAGES`], sorted by file name.
 ///
 /// # Errors
 /// When the folder or a file cannot be read, or a file is no montage.
@@ -199,7 +201,7 @@ pub fn montages() -> Result<Vec<MontageFile>, MontageFileError> {
     paths.iter().map(|path| MontageFile::read(path)).collect()
 }
 
-/// Returns a network as [`any_artifact_with`] does, for a montage, with codes of `numbers` numbers.
+/// Returns a random network for a montage, with codes of `numbers` numbers; see [`any_artifact`].
 ///
 /// # Errors
 /// When the built-in model cannot be read, or no model of this mode has this montage and code.
@@ -216,7 +218,7 @@ pub fn any_artifact_for(
     })
 }
 
-/// Returns a model for a montage that has the packed code of [`any_packed`] and no network.
+/// Returns a model for a montage that makes only the packed code, as from [`any_packed`].
 ///
 /// # Errors
 /// When the built-in model cannot be read, or no model has this montage.
@@ -229,8 +231,8 @@ pub fn any_packed_alone(seed: u32, montage: &MontageFile) -> Result<Artifact, Ar
     Artifact::without_network(description, LARGEST_UV, packed)
 }
 
-/// Writes the grid, the electrodes and the converters of a montage into a description, with the
-/// decimation that `trainer` chooses for the rate of the ADC.
+/// Writes the grid, the electrodes and the converters of a montage into a description, and selects
+/// the decimation that `trainer` selects for the converters' rate.
 fn apply_montage(montage: &MontageFile, description: &mut Description) {
     description.grid = montage.grid();
     description.montage = montage.montage();
@@ -247,12 +249,12 @@ fn apply_montage(montage: &MontageFile, description: &mut Description) {
     card.interpolated.clear();
 }
 
-/// Returns `count` random windows of a model's electrodes, smooth over time.
+/// Returns `count` random windows, which are smooth over time, for the model `artifact`.
 pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     let grid = ScalpGrid::new(&artifact.description);
     let dimensions = artifact.description.dimensions();
-    // Use another seed than for the weights: with the same random numbers, each window would match
-    // a filter exactly.
+    // Use another seed than for the weights: windows of the same random numbers would match the
+    // weights exactly, which no EEG does.
     let mut noise = Noise(seed ^ 0x9e37_79b9);
     let mut window = || {
         let mut last = vec![0.0_f32; dimensions.electrodes];
@@ -268,7 +270,8 @@ pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     (0..count).map(|_| window()).collect()
 }
 
-/// Returns the cells of a window, quantised with the model's input scale and clamped to int8.
+/// Returns the window's cells as int8 inputs of the encoder: quantised with the model's input
+/// scale, and clamped.
 pub fn quantised(artifact: &Artifact, model: &IntegerModel, window: &Window) -> Vec<i8> {
     let sd_uv = artifact.description.input.sd_uv;
     let quantise = |x: &f32| {
@@ -302,7 +305,7 @@ fn dense_weights(noise: &mut Noise, mode: Mode, geometry: &Geometry) -> Tensors 
             }
         }
         if name.contains("norm") && name.ends_with(".weight") {
-            // For every seed, the first three factors have both signs and zero.
+            // Give every norm a negative, a zero and a positive factor, whatever the seed.
             (values[0], values[1], values[2]) = (-0.7, 0.0, 0.7);
         }
         weights.insert(name, &shape, values);
@@ -326,8 +329,8 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
         calibration.insert("activation2.max", &[1], second);
     }
     let numbers = artifact.description.code.numbers;
-    // Widen the range of each dimension by half its width on either side: a range over a few
-    // windows is about half of the range over many.
+    // Widen the range of each code dimension by half its width at both ends: the few windows here
+    // reach only about half of the range that many windows reach.
     let (low, high): (Vec<f32>, Vec<f32>) = (0..numbers)
         .map(|j| {
             let of =
@@ -342,7 +345,7 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
     calibration
 }
 
-/// Pseudo-random numbers in [-1, 1) (a linear congruential generator, Numerical Recipes).
+/// Generator of pseudo-random numbers in [-1, 1): a linear congruential one (Numerical Recipes).
 pub(crate) struct Noise(pub(crate) u32);
 
 impl Noise {

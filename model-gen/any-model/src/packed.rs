@@ -1,4 +1,4 @@
-//! Random packed models.
+//! Random models for the packed code, the compressed form of each hop.
 
 use ::packed::{LEVELS, MAGNITUDES, RATES, Starts};
 use artifact::{
@@ -8,12 +8,12 @@ use artifact::{
 
 use crate::Noise;
 
-/// Largest magnitude of an input value.
+/// Limit of the magnitude of a quantised input value of a packed block, levels.
 const INPUT_LIMIT: i16 = 4095;
 
-/// Returns a packed model of a description with as many coefficients as it can have, with dense
-/// random matrices and frequencies. The prediction is a tenth of the state, so that a stream
-/// settles.
+/// Returns a packed model with dense random matrices and frequencies, and with as many coefficients
+/// as the description allows. The prediction matrix has a gain of about 0.1, so that the decoder's
+/// state settles after a change.
 pub fn any_packed(seed: u32, description: &Description) -> PackedModel {
     let mut noise = Noise(seed);
     let (electrodes, hop) = (description.montage.electrodes.len(), description.window.hop);
@@ -61,8 +61,8 @@ pub fn any_packed(seed: u32, description: &Description) -> PackedModel {
     }
 }
 
-/// Returns the largest scale with which rounded weights times inputs up to `limit` cannot leave
-/// their range.
+/// Returns the largest scale of a row of weights with which the sum of rounded weights times inputs
+/// up to `limit` stays within `SUM_LIMIT`.
 fn scale(weights: &[f64], limit: i16) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "below 2^24")]
     let most = (SUM_LIMIT / i64::from(limit)) as f64 - 0.5 * weights.len() as f64;
@@ -73,7 +73,7 @@ fn scale(weights: &[f64], limit: i16) -> f64 {
         .max(1e-9)
 }
 
-/// Levels from 20 to 51.
+/// Returns an arbitrary level for a coefficient, from 20 to 51.
 fn level(coefficient: usize) -> u8 {
     u8::try_from(20 + coefficient % 32).expect("below 64")
 }

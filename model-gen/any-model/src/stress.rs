@@ -1,10 +1,10 @@
 //! Synthetic inputs of the encoder: silence, and planes that are more extreme than any EEG.
 
-/// A sequence of planes of any size. Every cell of a plane has a signal, even a cell without an
-/// electrode.
+/// A sequence of planes with any number of cells. Every cell of a plane has a signal, even a cell
+/// without an electrode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stress {
-    /// All cells are 0.
+    /// Every cell is always 0.
     Silence,
     /// Every cell is at a rail, -128 or 127, and jumps to the other rail with a probability of 1/8
     /// per plane.
@@ -16,10 +16,10 @@ pub enum Stress {
 }
 
 impl Stress {
-    /// Every sequence, in the order of the reports.
+    /// All sequences, in the order in which reports list them.
     pub const ALL: [Self; 4] = [Self::Silence, Self::Rails, Self::Impulses, Self::Noise];
 
-    /// Returns the name of the sequence in reports.
+    /// Returns the sequence's name in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Silence => "silence",
@@ -29,8 +29,8 @@ impl Stress {
         }
     }
 
-    /// Returns an endless iterator over the planes of the sequence, of `cells` cells each. All
-    /// iterators of planes of this size return the same planes.
+    /// Returns an endless iterator over the planes of the sequence, of `cells` cells each. Every
+    /// call with the same `cells` yields the same planes.
     pub fn planes(self, cells: usize) -> impl Iterator<Item = Vec<i8>> {
         let mut random = Random(4);
         let mut plane = vec![0; cells];
@@ -49,7 +49,7 @@ impl Stress {
         let any = any.cast_signed();
         let rail = if any < 0 { i8::MIN } else { i8::MAX };
         match self {
-            // A cell is 0 only before the first plane. Later, `!cell` is the other rail: !-128 is
+            // A cell is 0 only in the first plane. Later, `!cell` is the opposite rail: !-128 is
             // 127.
             Self::Rails if cell == 0 => rail,
             Self::Rails if random.once_in(8) => !cell,
@@ -86,13 +86,13 @@ impl Random {
 mod tests {
     use super::*;
 
-    /// Number of cells of a plane.
+    /// Number of cells of a plane in the tests.
     const CELLS: usize = 90;
 
-    /// Number of cells that are counted, of successive planes.
+    /// Number of cells in which the tests count values, taken from successive planes.
     const COUNTED: usize = 9_000;
 
-    /// Counts how often each int8 occurs in [`COUNTED`] cells.
+    /// Counts each int8 value in the first [`COUNTED`] cells; index 0 is the value 0, 128 is -128.
     fn histogram(stress: Stress) -> [u32; 256] {
         let mut histogram = [0; 256];
         for cell in stress.planes(CELLS).flatten().take(COUNTED) {

@@ -1,4 +1,4 @@
-//! Writes the encoder as Rust constants: weights, factors and the network that refers to them.
+//! Writes the encoder as Rust constants: weights, factors, and the network that refers to them.
 
 use artifact::CodeFormat;
 use int8_nn::Pair;
@@ -150,7 +150,7 @@ pub static NETWORK: Network<'static> = Network {
     }
 }
 
-/// Formats pairs as Rust expressions.
+/// Formats pairs of 16-bit numbers as Rust expressions.
 fn words(pairs: &[Pair]) -> Vec<String> {
     pairs
         .iter()
@@ -158,8 +158,8 @@ fn words(pairs: &[Pair]) -> Vec<String> {
         .collect()
 }
 
-/// Returns the factors or biases of a layer, one for each number of a code, or zeros if the network
-/// does not have the layer.
+/// Returns one integer for each number of a code: the factors or biases of a layer, or zeros if the
+/// network does not have the layer.
 fn filled(integers: &[i32], numbers: usize) -> Vec<i32> {
     let mut filled = integers.to_vec();
     filled.resize(numbers, 0);

@@ -1,4 +1,4 @@
-//! Writes the packed model as Rust constants.
+//! Writes the model of the packed code as Rust constants.
 
 use std::fmt::Display;
 
@@ -9,7 +9,7 @@ use crate::device_model::DeviceModel;
 use crate::packed::PackedIntegers;
 
 impl Source {
-    /// Writes the packed model, or `None`.
+    /// Writes the constant `PACKED`: the packed model, or `None` if the artifact has none.
     pub(super) fn packed(&mut self, model: &DeviceModel) {
         let Some(packed) = &model.packed else {
             self.line(
@@ -20,7 +20,7 @@ pub const PACKED: Option<Packed<'static>> = None;
             );
             return;
         };
-        // Without a packed model, `model` would not use these names.
+        // Write the imports only here: without a packed model they would be unused.
         self.line(
             "\
 use ::packed::Tables;

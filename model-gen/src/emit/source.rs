@@ -2,20 +2,20 @@
 
 use std::fmt::{Display, Write as _};
 
-/// Rust source that has been written so far.
+/// Generated Rust source, up to the last item that has been written.
 #[derive(Default)]
 pub(super) struct Source {
     pub(super) text: String,
 }
 
 impl Source {
-    /// Appends an array of integers with its doc comment; the integers get digit separators.
+    /// Appends an array of integers with the doc comment `doc`; the integers get digit separators.
     pub(super) fn array<T: Display>(&mut self, doc: &str, declaration: &str, values: &[T]) {
         let values: Vec<String> = values.iter().map(separated).collect();
         self.list(doc, declaration, &values);
     }
 
-    /// Appends an array of formatted values with its doc comment.
+    /// Appends an array of values that are formatted already, with the doc comment `doc`.
     pub(super) fn list(&mut self, doc: &str, declaration: &str, values: &[String]) {
         self.line(format_args!("/// {doc}\n{declaration} = ["));
         self.wrapped(values);
@@ -41,7 +41,7 @@ impl Source {
     }
 }
 
-/// Formats an integer with a separator every three digits.
+/// Formats an integer with a digit separator after every three digits, as in `65_536`.
 pub(super) fn separated(value: impl Display) -> String {
     let text = value.to_string();
     let (sign, digits) = text
@@ -57,7 +57,8 @@ pub(super) fn separated(value: impl Display) -> String {
     out
 }
 
-/// Formats a float literal that parses to the same bits, with its digits grouped by three.
+/// Formats a float literal that parses to exactly the same value, with its digits in groups of
+/// three.
 pub(super) fn float(value: f32) -> String {
     let text = format!("{value:?}");
     let (number, exponent) = text

@@ -1,4 +1,4 @@
-//! Cascade and resampler together: aliases, delay, settling time and worst-case output.
+//! Tests of a cascade followed by a resampler: aliases, delay, settling time and worst-case output.
 
 use artifact::Decimation;
 use fixed_dsp::Section;
@@ -36,8 +36,8 @@ fn decibel(chain: &Chain, hz: f64) -> f64 {
 fn aliases_are_as_low_as_documented_in_decision_7() {
     let sections = sections(512, 50.0, 0);
     for (decimation, expected) in [
-        // Gains in dB computed with scipy 1.17: sosfreqz, iirnotch and firwin of the same
-        // specification.
+        // Expected gains in dB at the test's frequencies, from scipy 1.17: sosfreqz, iirnotch and
+        // firwin of the same specification.
         (Decimation::Literal, [-7.1, -13.2, -26.4, -53.6]),
         (Decimation::Fir, [-23.6, -68.7, -120.6, -124.9]),
     ] {
@@ -70,12 +70,12 @@ fn at_every_rate_the_low_pass_keeps_the_band_and_stops_its_aliases() {
             );
         }
         // The stop band starts at 78 Hz, which aliases onto 50 Hz. The low-pass runs at `phases`
-        // times the rate, so its response repeats above half of that rate.
+        // times the rate, and its response repeats from half of that rate on.
         let phases = u32::try_from(table.phases()).expect("at most 64 phases");
         let highest_hz = f64::from(rate * phases / 2);
         let stopped = (390..10_000).map(|fifth| f64::from(fifth) / 5.0);
         for hz in stopped.take_while(|hz| *hz < highest_hz) {
-            // Measured maximum over all rates: -54.7 dB, at 256 Hz.
+            // The largest gain measured at any rate is -54.7 dB, at 256 Hz.
             assert!(gain(hz) < -54.0, "{rate} Hz: {} dB at {hz} Hz", gain(hz));
         }
     }
@@ -95,8 +95,8 @@ fn the_low_pass_delays_by_half_its_length() {
         let high_rate = f64::from(rate) * f64::from(length) / real(table.taps_per_phase());
         let half_s = f64::from(length - 1) / 2.0 / high_rate;
         let later = delay_s(&table) - delay_s(&none);
-        // Normalising each phase makes the low-pass slightly asymmetric, which changes its delay:
-        // by 0.1 us at 250 Hz, the measured maximum.
+        // Normalising each phase makes the low-pass slightly asymmetric, which changes its delay.
+        // The largest measured change is 0.1 us, at 250 Hz.
         assert!((later - half_s).abs() < 1e-6, "{rate} Hz: {later} {half_s}");
     }
 }
@@ -112,9 +112,9 @@ fn after_the_settling_time_every_output_stays_below_the_threshold() {
             .iter()
             .rfind(|(_, y)| y.abs() >= 1e-4)
             .expect("the step reaches the output");
-        // Outputs are about four samples apart, and which phase settles last depends on where the
-        // step starts. So the last output above the threshold can precede the stated time by up to
-        // 40 samples.
+        // The last output above the threshold may precede the stated time by up to 40 samples:
+        // outputs are about four samples apart, and which phase settles last depends on where the
+        // step starts.
         assert!(
             (settled - 40..settled).contains(&last.0),
             "{rate} Hz: {last:?}, {settled}"
@@ -155,8 +155,8 @@ fn the_worst_input_reaches_the_proven_gain_and_no_more() {
     }
 }
 
-/// Returns the outputs of the chain, computed by definition in f64: the index of the sample at
-/// which each output is due, and the value of the output.
+/// Returns the outputs of the chain, computed by definition in f64: for each, the index of the
+/// newest sample that it contains, and its value.
 fn resampled(chain: &Chain, input: &[f64]) -> Vec<(usize, f64)> {
     let filtered: Vec<f64> = response::filter(chain.sections, input.iter().copied()).collect();
     let (down, phases) = (usize::from(chain.resampler.down), chain.resampler.phases());

@@ -1,4 +1,4 @@
-//! Code formats of the built-in model: the effect of an exponent and of 16 bits on the error.
+//! Tests of the code formats with the built-in model: how an exponent or 16 bits reduce the error.
 
 use std::path::Path;
 
@@ -9,15 +9,15 @@ fn folder() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../signal/model/artifact")
 }
 
-/// Returns the built-in model with codes in `format`.
+/// Returns the built-in model, quantised for codes in the format `format`.
 fn model(format: CodeFormat) -> IntegerModel {
     let mut artifact = Artifact::read(&folder()).expect("the checked-in artifact is readable");
     artifact.description.code.format = format;
     quantise(&artifact).expect("quantisable in every format")
 }
 
-/// Returns the golden windows: 10 extreme windows, then three windows of noise for each amplitude
-/// from 0.01 to 1.5 of the input's range.
+/// Returns the checked-in golden windows: 10 extreme windows, then three windows of noise for each
+/// amplitude from 0.01 to 1.5 of the input's range.
 fn windows() -> Vec<Vec<i8>> {
     let golden = Golden::read(&folder()).expect("the checked-in golden is readable");
     assert_eq!(golden.windows.len(), 28);
@@ -30,7 +30,7 @@ fn distance(a: &[f32], b: &[f32]) -> f32 {
     squares.sum::<f32>() / 128.0
 }
 
-/// Returns the float encoder's code of a quantised window.
+/// Returns the code that the encoder in floats computes for a quantised window.
 fn float_code(window: &[i8]) -> Vec<f32> {
     let artifact = Artifact::read(&folder()).expect("the checked-in artifact is readable");
     let encoder = FloatEncoder::new(&artifact).expect("a complete network");
@@ -86,7 +86,7 @@ fn a_code_with_an_exponent_is_within_half_its_resolution_of_the_16_bit_code() {
     for window in &windows() {
         let (short, long) = (exponent.encode_window(window), int16.encode_window(window));
         let half = 2_i32.pow(short.exponent.into()) / 2;
-        // Outside this range one or both codes are clipped.
+        // Compare only levels within this range: outside of it, one or both codes are clipped.
         let pairs = short.levels().into_iter().zip(long.levels());
         let pairs = pairs.filter(|(_, long)| (-32_767..32_640).contains(long));
         let furthest = pairs.map(|(a, b)| (a - b).abs()).max();

@@ -1,4 +1,4 @@
-//! Filters and resamplers compared with scipy's, code formats, and models for other amplifiers.
+//! Integration tests: filters against scipy, code formats, and models for other amplifiers.
 #![forbid(unsafe_code)]
 
 mod chain;

@@ -1,4 +1,4 @@
-//! Complete models for other amplifiers: every usual rate, both decimations, up to two harmonics.
+//! Tests of models for other amplifiers: every usual rate, both decimations, up to two harmonics.
 
 use std::{error::Error, path::Path};
 
@@ -37,7 +37,8 @@ fn every_usual_rate_yields_a_model_with_all_ranges_proven() {
     }
 }
 
-/// Asserts that the generated source and the manifest contain the numbers of the model.
+/// Asserts that the generated source and the manifest contain the model's numbers; `case` names the
+/// model in messages.
 fn check_generated_texts(model: &DeviceModel, case: &str) {
     let text = rust_files(model).map(|(_, text)| text).concat();
     let manifest = manifest(model);
@@ -58,8 +59,8 @@ fn check_generated_texts(model: &DeviceModel, case: &str) {
         assert_eq!(output.node, "output of the resampler");
         assert!(manifest.contains(&format!("{:.4}", output.gain)), "{case}");
         assert_eq!(filter.scalp_delay_us, filter.group_delay_us + 58_594);
-        // At 50 Hz mains without harmonics the cascade delays by 11 ms and the low-pass by 60 to 64
-        // ms. The ranges allow for 60 Hz and harmonics.
+        // At 50 Hz mains without harmonics, the cascade delays by 11 ms and the low-pass by 60 to
+        // 64 ms. The ranges also allow for 60 Hz mains and notches at harmonics.
         let expected_us = match filters.decimation {
             Decimation::Literal => 9_000..13_000,
             Decimation::Fir => 70_000..77_000,
@@ -72,7 +73,7 @@ fn check_generated_texts(model: &DeviceModel, case: &str) {
             filter.description.contains(&format!("notch {mains_hz}")),
             "{case}"
         );
-        // The link limits the description of the filters to 256 bytes.
+        // The wire format limits the text about the filters to 256 bytes.
         assert!(filter.description.len() < 256, "{case}");
     }
 }

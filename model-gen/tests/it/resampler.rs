@@ -1,5 +1,5 @@
-//! The design of the resampler compared with scipy's, the phases of the resampler, and the rates
-//! that it refuses. `scipy_firwin.py` in this folder printed the golden numbers.
+//! Tests of the resampler: its design compared with scipy's, its phases, and the rates that it
+//! refuses. `scipy_firwin.py` in this folder printed the golden numbers.
 
 use artifact::Decimation;
 use model_gen::{
@@ -9,10 +9,10 @@ use model_gen::{
 
 const GOLDEN: &str = include_str!("scipy_firwin.csv");
 
-/// Usual sampling rates of amplifiers, Hz.
+/// Usual sampling rates of EEG amplifiers, Hz.
 const RATES: [u32; 6] = [250, 256, 500, 512, 1_000, 1_024];
 
-/// Iterates over the lines of the golden file: rate, number of phases, number of taps of all
+/// Iterates over the lines of the golden file: rate in Hz, number of phases, number of taps of all
 /// phases, index of a tap, value of the tap.
 fn golden() -> impl Iterator<Item = (u32, usize, usize, usize, f64)> {
     GOLDEN
@@ -44,7 +44,7 @@ fn the_low_pass_equals_scipy_s_to_1e_12() {
         #[expect(clippy::cast_precision_loss, reason = "phases <= 64")]
         let high_rate = f64::from(rate) * phases as f64;
         let found = kaiser_low_pass(taps, CUTOFF_HZ, KAISER_BETA, high_rate)[index];
-        // Measured difference from scipy: 3e-17.
+        // The largest measured difference from scipy is 3e-17.
         assert!(
             (found - expected).abs() < 1e-12,
             "tap {index} at {rate} Hz: {found} {expected}"
@@ -62,8 +62,8 @@ fn the_quantised_low_pass_has_scipy_s_taps_up_to_the_gain_of_each_phase() {
             (phases, taps)
         );
         let found = table.prototype()[index];
-        // At 250 Hz one of the 64 phases has a gain of 1.0002 before it is normalised. Normalising
-        // changes its largest tap, 0.5 / 64, by 1.6e-6, the measured maximum.
+        // At 250 Hz, one of the 64 phases has a gain of 1.0002 before it is normalised. Normalising
+        // it changes its largest tap, 0.5 / 64, by 1.6e-6, the largest measured difference.
         assert!(
             (found - expected).abs() < 3e-6,
             "tap {index} at {rate} Hz: {found} {expected}"
@@ -90,8 +90,8 @@ fn a_constant_passes_every_phase_of_every_rate_unchanged_and_no_sum_overflows() 
             Err(error) => panic!("{rate} Hz: {error}"),
         }
     }
-    // Odd rates above 1024 Hz need 128 phases of more than 128 taps, which is too much memory. The
-    // same holds above 2048 Hz for rates with 64 phases.
+    // Above 1024 Hz, odd rates need 128 phases of more than 128 taps, which exceed the limit on
+    // memory. Above 2048 Hz, rates with 64 phases exceed it, too.
     assert!(refused > 500, "{refused}");
 }
 
@@ -137,7 +137,7 @@ fn the_error_of_an_impossible_rate_states_number_and_remedy() {
         ),
         (Decimation::Fir, 1_025, ["128 phases of 132 taps", "", ""]),
         // 133 Hz is so close to the step rate of 128 Hz that the taps of a phase hardly decay:
-        // their magnitudes sum to 2 or more.
+        // their magnitudes sum to 2 or more, which the accumulator does not allow.
         (Decimation::Fir, 133, ["from 133 Hz add up to", "", ""]),
         (Decimation::Fir, 9_999_999, ["65536", "", ""]),
     ] {

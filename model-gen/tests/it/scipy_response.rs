@@ -1,4 +1,4 @@
-//! The quantised cascades compared with scipy's transfer functions. `scipy_response.py` in this
+//! Compares the quantised cascades with scipy's transfer functions. `scipy_response.py` in this
 //! folder printed the golden numbers.
 
 use model_gen::{
@@ -8,7 +8,7 @@ use num_complex::Complex64;
 
 const GOLDEN: &str = include_str!("scipy_response.csv");
 
-/// Iterates over the lines of the golden file: specification, frequency, complex gain.
+/// Iterates over the lines of the golden file: filter specification, frequency in Hz, complex gain.
 fn golden() -> impl Iterator<Item = (FilterSpec, f64, Complex64)> {
     GOLDEN
         .lines()
@@ -58,7 +58,7 @@ fn the_design_equals_scipy_s_to_1e_9() {
             })
             .product();
         let found = band.gain * zeros / poles * notches;
-        // Measured difference from scipy: 4e-13.
+        // The largest measured difference from scipy is 4e-13.
         assert!(
             (found - expected).norm() < 1e-9,
             "{hz} Hz at {rate} Hz: {found} {expected}"
@@ -76,12 +76,12 @@ fn the_quantised_cascade_has_scipy_s_response_at_every_rate() {
         worst = worst.max(error);
         lines += 1;
     }
-    // Six rates with 0, 1 and 2 harmonics, less 2 harmonics at 250 and 256 Hz, which exceed half of
-    // the rate; two mains frequencies; 17 frequencies.
+    // The golden file has six rates with 0, 1 and 2 harmonics (at 250 and 256 Hz not 2, which
+    // exceed half of the rate), two mains frequencies and 17 frequencies.
     assert_eq!(lines, (6 * 3 - 2) * 2 * 17);
     // Coefficients have 32 fraction bits, a rounding error of 1.2e-10. The poles of the 0.5 Hz
-    // high-pass amplify this error by 1 / (1 - r)^2 close to the band edge. Measured maximum:
-    // 2.1e-5, at 0.5 Hz and a rate of 1000 Hz.
+    // high-pass, at radius r, amplify it by 1 / (1 - r)^2 close to the band edge. The largest
+    // measured deviation is 2.1e-5, at 0.5 Hz and a rate of 1000 Hz.
     assert!(worst < 5e-5, "largest deviation {worst:e}");
 }
 
@@ -144,8 +144,8 @@ fn a_band_that_could_overflow_or_settles_too_slowly_is_refused() {
             .expect_err("no room")
             .to_string()
     };
-    // The worst-case gain of the node is 8.45, above the limit of 8. Only the whole response shows
-    // this: the L1 norm of its first 40,000 samples is 7.75.
+    // The worst-case gain of the pair of section 4 is 8.45, above the limit of 8. Only the whole
+    // response shows this: the L1 norm of its first 40,000 samples is 7.75.
     assert!(refused(0.01, 5).contains("pair of section 4"));
     assert!(refused(0.5, 8).contains("times the input"));
     assert!(refused(5e-4, 1).contains("decays over"));

@@ -1,40 +1,40 @@
-//! Random weights, inputs and shapes for the encoder's kernels, to compare the assembler kernels on
-//! the microcontroller with the portable ones on the PC.
+//! Random weights, inputs and shapes for the encoder's kernels, with which a test compares the
+//! assembler kernels on the microcontroller with the portable ones on the PC.
 
 use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd};
 
 use crate::random::Random;
 
-/// Number of random networks.
+/// Number of random networks on which the kernels are compared.
 const NETWORKS: usize = 16;
-/// Length of a network's digest in bytes.
+/// Length in bytes of the digest (hash) of one network's outputs.
 pub const DIGEST_BYTES: usize = size_of::<u64>();
-/// Length of the result of [`digests`] in bytes.
+/// Length of the result of [`digests`], bytes.
 pub const BYTES: usize = NETWORKS * DIGEST_BYTES;
 
-/// Largest number of rows of Winograd tiles.
+/// Largest number of rows of Winograd tiles in a random convolution.
 const TILE_ROWS: usize = 3;
-/// Largest number of output channels of a convolution.
+/// Largest number of output channels of a random convolution.
 const OUTPUTS: usize = 6;
-/// Largest number of input rows of the first convolution.
+/// Largest number of input rows of a random first convolution.
 const ROWS: usize = 10;
-/// Largest number of outputs of a fully connected layer.
+/// Largest number of outputs of a random fully connected layer.
 const SUMS: usize = 8;
-/// Largest number of input pairs of a fully connected layer.
+/// Largest number of input pairs of a random fully connected layer.
 const PAIRS: usize = 128;
 
-/// Number of input columns of the first convolution.
+/// Number of input columns of the random first convolutions.
 const COLUMNS: usize = 11;
-/// Number of input columns of the second convolution.
+/// Number of input columns of the random second convolutions.
 const HIDDEN_COLUMNS: usize = 10;
-/// Number of pairs of input channels of the second convolution.
+/// Number of pairs of input channels of the random second convolutions.
 const HIDDEN_PAIRS: usize = 8;
 
 type First<'w> = InputConv<'w, COLUMNS>;
 type Conv<'w> = Winograd<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 type Plain<'w> = Direct<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 
-/// Returns for each random network one hash over the outputs of all its kernels.
+/// Returns one hash for each random network, over the outputs of all kernels that compute it.
 pub fn digests() -> [u8; BYTES] {
     let mut bytes = [0; BYTES];
     for (seed, digest) in (1..).zip(bytes.as_chunks_mut::<DIGEST_BYTES>().0) {
@@ -49,7 +49,7 @@ pub fn digests() -> [u8; BYTES] {
     bytes
 }
 
-/// 64-bit FNV-1a hash (Fowler, Noll and Vo) that takes words of 32 bits instead of bytes.
+/// 64-bit FNV-1a hash (Fowler, Noll and Vo), but over words of 32 bits instead of bytes.
 struct Hash(u64);
 
 impl Hash {
@@ -68,8 +68,8 @@ impl Draw {
         1 + self.0.next() as usize % most
     }
 
-    /// Draws a weight from -127 to 127. With a probability of 1/8 the weight is 127, and with the
-    /// same probability -127; otherwise it is uniform.
+    /// Draws a weight from -127 to 127: with probabilities of 1/8 each it is 127 or -127, otherwise
+    /// it is uniform.
     fn weight(&mut self) -> i8 {
         let [any, choice, ..] = self.0.next().to_le_bytes();
         match choice % 8 {
@@ -148,8 +148,8 @@ impl Draw {
         hash.add(largest.iter().map(|sum| sum.cast_unsigned()));
     }
 
-    /// Runs the direct convolution with inputs of both signs, and with a pool of 1 x 8, 2 x 4 or 4
-    /// x 2.
+    /// Runs the direct convolution with inputs of both signs and a random pool: 1 x 8, 2 x 4 or 4 x
+    /// 2 (rows x columns).
     fn direct(&mut self, hash: &mut Hash) {
         const ROWS: usize = 4;
         const INPUT: usize = (ROWS + 2) * HIDDEN_COLUMNS * HIDDEN_PAIRS;

@@ -1,4 +1,4 @@
-//! Contender with our filters and random sections.
+//! A contender that runs our filters with random coefficients.
 
 use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};
 use model::{ELECTRODES, SECTIONS};
@@ -9,7 +9,7 @@ use crate::{
     random::Random,
 };
 
-/// A cascade whose sections change randomly before every block while its states persist.
+/// A cascade whose sections change randomly before every block, while its states persist.
 ///
 /// Poles can be anywhere and sums wrap, so the output is not a filtered signal. The contender shows
 /// that the microcontroller and the PC compute equal bits for any coefficient and any sample.
@@ -22,7 +22,7 @@ pub struct AnySections {
 }
 
 impl Default for AnySections {
-    /// Draws from a fixed seed, so that every input passes through the same sections.
+    /// Draws sections from a fixed seed, so that all inputs pass through the same ones.
     fn default() -> Self {
         let mut random = Random(1);
         Self {

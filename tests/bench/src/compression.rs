@@ -1,28 +1,28 @@
-//! Blocks of samples that the image `lossless` compresses.
+//! Blocks of samples that the image `lossless` compresses, and their bytes in its files.
 
 use lossless::{Block, Count, Encoder, Kind, MAX_SAMPLES};
 use model::CHANNELS;
 
-/// Samples of a block, as the encoder takes them.
+/// Samples of one block, in the form in which the lossless encoder takes them.
 pub type Samples = [[Count; CHANNELS]; MAX_SAMPLES];
 
-/// Samples of silence.
+/// A block of samples that are all 0.
 pub const SILENCE: Samples = [[[0; 3]; CHANNELS]; MAX_SAMPLES];
 
-/// Length of a block's samples in the input file, bytes.
+/// Length in the input file of one block's samples, bytes.
 pub const INPUT_BYTES: usize = 3 * CHANNELS * MAX_SAMPLES;
 
-/// Length of a compressed block in the output file, bytes: kind, length, and bytes filled with
-/// zeros.
+/// Length in the output file of one compressed block, bytes: kind (1 byte), length (2), and the
+/// compressed bytes, filled up with zeros.
 pub const OUTPUT_BYTES: usize = 1 + 2 + INPUT_BYTES;
 
 /// Number of blocks in one input: 256 blocks are 4 s at 512 Hz.
 pub const BLOCKS: usize = 256;
 
-/// The encoder as a device at 512 Hz has it: a key block every 0.25 s.
+/// The encoder with the settings of a device at 512 Hz: a key block every 0.25 s.
 pub const ENCODER: Encoder = Encoder { key_blocks: 16 };
 
-/// Returns the bytes of a block in the output file.
+/// Returns the bytes that represent a compressed block in the output file.
 pub fn to_bytes(block: &Block) -> [u8; OUTPUT_BYTES] {
     let mut bytes = [0; OUTPUT_BYTES];
     let [low, high, ..] = block.bytes.len().to_le_bytes();
@@ -37,7 +37,7 @@ pub fn to_bytes(block: &Block) -> [u8; OUTPUT_BYTES] {
     bytes
 }
 
-/// Returns the samples that the input file holds as `bytes`.
+/// Returns the samples that are stored as `bytes` in the input file.
 pub fn from_bytes(bytes: &[u8; INPUT_BYTES]) -> Samples {
     let mut samples = SILENCE;
     let places = samples.as_flattened_mut().as_flattened_mut();

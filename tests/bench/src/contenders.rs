@@ -1,5 +1,5 @@
-//! All contenders: our filters in the forms in which they are used, and the filters of a peer, the
-//! crate idsp.
+//! All contenders: our filters in the forms in which they are used, and for comparison those of
+//! idsp, a crate by others.
 
 use fixed_dsp::{BLOCK, CascadeState, DelayLine, Filter, Resampler};
 use idsp::iir::{DirectForm1, DirectForm1Dither, DirectForm1Wide};
@@ -12,20 +12,19 @@ use crate::{
     idsp_cascade::IdspCascade,
 };
 
-/// Code under test that processes four samples of all electrodes at a time.
+/// Filter code under test, which processes four samples of all electrodes at a time.
 pub trait Contender {
-    /// Stores the next input block. The instructions of this function are not counted.
+    /// Stores the next input block. Instructions of this function are not counted.
     fn load(&mut self, block: &Block);
 
-    /// Processes the stored block. The instructions of this function are counted.
+    /// Processes the stored block. Instructions of this function are counted.
     fn run(&mut self);
 
-    /// Returns the result of [`run`](Self::run). If it has fewer numbers than a block, the rest is
-    /// zeros.
+    /// Returns the result of [`run`](Self::run), padded with zeros if it is shorter than a block.
     fn output(&self) -> Block;
 }
 
-/// Names of the contenders in reports, in the order of [`with_contenders`].
+/// Names of the contenders in reports, in the order in which [`with_contenders`] passes them.
 pub const NAMES: [&str; 8] = [
     "ours-blocks",
     "ours-singles",
@@ -37,7 +36,7 @@ pub const NAMES: [&str; 8] = [
     "idsp-plain",
 ];
 
-/// Calls `use_them` with all contenders, in the order of [`NAMES`] and with all states zero.
+/// Calls `use_them` with all contenders, newly created and in the order of [`NAMES`].
 pub fn with_contenders<R>(use_them: impl FnOnce([&mut dyn Contender; NAMES.len()]) -> R) -> R {
     use_them([
         &mut Blocks::default(),
@@ -51,7 +50,7 @@ pub fn with_contenders<R>(use_them: impl FnOnce([&mut dyn Contender; NAMES.len()
     ])
 }
 
-/// Our filters for 50 Hz mains, four samples at a time.
+/// Contender that runs our filters for 50 Hz mains, four samples at a time.
 struct Blocks {
     states: [CascadeState<SECTIONS>; ELECTRODES],
     block: Block,
@@ -80,7 +79,7 @@ impl Contender for Blocks {
     }
 }
 
-/// Our filters for 50 Hz mains, one sample of all electrodes at a time.
+/// Contender that runs our filters for 50 Hz mains, one sample of all electrodes at a time.
 #[derive(Default)]
 struct Singles(Blocks);
 
@@ -103,12 +102,12 @@ impl Contender for Singles {
     }
 }
 
-/// Number of taps of the counted resampler, as many as a decimation from 512 Hz needs. The values
-/// of the taps do not affect the count.
+/// Number of taps of the measured resampler: as many as a decimation from 512 Hz needs. The values
+/// of the taps do not affect the number of instructions.
 const TAPS: usize = 64;
 
-/// A resampler from 512 to 128 Hz: for each block, four samples enter the delay line and one output
-/// is computed.
+/// Contender that resamples from 512 to 128 Hz: for each block, four samples enter the delay line
+/// and one output is computed.
 struct Resampling {
     resampler: Resampler<1, TAPS>,
     line: DelayLine<ELECTRODES, TAPS>,
@@ -146,7 +145,7 @@ impl Contender for Resampling {
     }
 }
 
-/// The whole acquisition: rail detection, filters, decimation, scalp grid, quantisation.
+/// The whole acquisition as a contender: rails, filters, decimation, scalp grid, quantisation.
 struct Acquiring {
     acquisition: Acquisition,
     samples: [Sample; BLOCK],
@@ -154,8 +153,8 @@ struct Acquiring {
 }
 
 impl Default for Acquiring {
-    /// Processes one sample of silence, which completes the first time step. Then every block of
-    /// four samples also completes one time step.
+    /// Processes one sample of silence, which completes the first time step, so that afterwards
+    /// every block of four samples completes one.
     fn default() -> Self {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         acquisition.process_sample(&Sample::default());
@@ -190,7 +189,7 @@ impl Contender for Acquiring {
     }
 }
 
-/// Returns a block with the electrodes' values as its first sample and zeros as the other three.
+/// Returns a block whose first sample holds the electrodes' values; the other three are zero.
 fn as_block(electrodes: &Electrodes) -> Block {
     electrodes.map(|value| {
         let mut samples = [0; BLOCK];

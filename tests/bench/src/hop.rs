@@ -1,18 +1,18 @@
-//! Numbering of the time steps in a hop. The image of the encoder counts the instructions of each
+//! Numbers the time steps within a hop, because the image `encoder` counts the instructions of each
 //! of them separately.
 
 use model::{HOP, STEPS};
 
-/// Number of time steps at the start of an input that are not counted: those of the first two
-/// windows, in which the encoder's buffers fill.
+/// Number of time steps at the start of an input whose instructions are not counted: until the
+/// second window is complete, the encoder's buffers fill.
 pub const FILLING: usize = STEPS + HOP;
 
-/// Index, within a hop, of the time step that completes a window.
+/// Index, within a hop, of the time step that completes a window and its code.
 pub const COMPLETING: usize = (STEPS - 1) % HOP;
 
-/// Returns the number of time steps that complete `windows` windows, at least two.
+/// Returns the number of time steps that complete `windows` windows, at least two windows.
 ///
-/// The input file of the encoder's image starts with this number, 32 bits, little endian. The
+/// The input file of the image `encoder` starts with this number, 32 bits, little endian. The
 /// planes of all inputs follow, one byte per cell. The output file holds the codes in order.
 pub const fn steps(windows: usize) -> usize {
     FILLING + HOP * windows.saturating_sub(2)

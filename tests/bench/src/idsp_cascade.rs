@@ -1,4 +1,4 @@
-//! Filters of a peer: biquads of the crate idsp with the coefficients of our sections.
+//! Filters of the crate idsp, a work of others, with the coefficients of our sections.
 
 use dsp_fixedpoint::Q32;
 use dsp_process::SplitProcess;
@@ -11,11 +11,11 @@ use crate::{
     contenders::Contender,
 };
 
-/// A section of idsp: five coefficients in Q2.29, because their largest magnitude is 2.
+/// Second-order section of idsp: five coefficients in Q2.29, because their largest magnitude is 2.
 pub type Section29 = Biquad<Q32<29>>;
 
-/// Our sections for 50 Hz mains as idsp's biquads, in the same order and with the same gains; `S`
-/// is idsp's type of a section's state.
+/// Our sections for 50 Hz mains, converted to idsp's sections, in the same order and with the same
+/// gains. `S` is the type of a section's state, which selects the form of idsp's filter.
 #[derive(Clone, Debug)]
 pub struct IdspCascade<S> {
     sections: [Section29; SECTIONS],
@@ -37,7 +37,7 @@ impl<S> IdspCascade<S>
 where
     Section29: SplitProcess<i32, i32, S>,
 {
-    /// Filters one sample of one electrode, Q27.5.
+    /// Filters one sample of one electrode; input and output are in Q27.5.
     ///
     /// # Panics
     /// If `electrode` is not below [`ELECTRODES`].
@@ -56,8 +56,8 @@ where
         self.block = *block;
     }
 
-    /// Applies each section to all four samples before the next section. This is the order that
-    /// idsp itself uses, and the faster one.
+    /// Applies each section to all four samples before the next section, the order that idsp itself
+    /// uses and that is faster than sample by sample.
     fn run(&mut self) {
         for (states, samples) in self.states.iter_mut().zip(&mut self.block) {
             for (section, state) in self.sections.iter().zip(states) {
@@ -73,7 +73,7 @@ where
     }
 }
 
-/// Converts one of our sections to idsp's coefficients `b0, b1, b2, -a1, -a2` of a direct form,
+/// Converts one of our sections to the coefficients `b0, b1, b2, -a1, -a2` of idsp's direct form,
 /// rounded to Q2.29.
 fn biquad(section: &Section) -> Section29 {
     const ONE: i64 = 1 << 32;

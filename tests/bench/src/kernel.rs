@@ -1,4 +1,4 @@
-//! The encoder's kernels, each called alone with the weights of the built-in network.
+//! Calls each kernel of the encoder alone, with the built-in weights, to count its instructions.
 
 use core::hint::black_box;
 
@@ -9,17 +9,17 @@ use model::{
     SHORTCUT_STEPS,
 };
 
-/// Number of consecutive planes that a convolution reads.
+/// Number of consecutive planes that a convolution reads for each plane of its output.
 const PLANES: usize = 3;
-/// Number of pairs in a plane after the first convolution, without its zero margin.
+/// Number of channel pairs in an output plane of the first convolution, without the zero margin.
 const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
-/// Number of pairs in a plane after the first convolution, with its zero margin.
+/// Number of channel pairs in an output plane of the first convolution, with the zero margin.
 const FRAMED: usize = HIDDEN.len() / 2;
-/// Number of pairs in a plane after the transform of the second convolution.
+/// Number of pairs in a plane after the transform, the first part of the second convolution.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
-/// Weights of the linear shortcut for the first time step of a window; unused in a network without
-/// shortcut.
+/// Weights of the linear shortcut for the first time step of a window. A network without a shortcut
+/// does not use them.
 const SHORTCUT_WEIGHTS: &[Pair; SHORTCUT_PAIRS] = match NETWORK.shortcut.first() {
     Some(weights) => weights,
     None => &[Pair::ZERO; SHORTCUT_PAIRS],
@@ -28,17 +28,17 @@ const SHORTCUT_WEIGHTS: &[Pair; SHORTCUT_PAIRS] = match NETWORK.shortcut.first()
 /// A kernel of the encoder, and how often the encoder calls it for each code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel {
-    /// Name of the layer in reports.
+    /// Name of the kernel's layer in reports.
     pub name: &'static str,
-    /// Number of calls for each code.
+    /// Number of calls of the kernel for each code.
     pub per_code: u32,
 }
 
-/// Name of the only kernel that a network without shortcut does not call.
+/// Name of the linear shortcut's kernel.
 pub const SHORTCUT: &str = "shortcut";
 
-/// Calls `count` for each kernel that the network has, with a closure that calls the kernel once.
-/// The inputs are zeros; their values do not affect the count.
+/// Calls `count` once for each kernel that the network has, with a closure that runs the kernel
+/// once. The inputs are zeros; their values do not affect the number of instructions.
 pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
     #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
     let mut count = |name, per_code: usize, run: &mut dyn FnMut()| {
@@ -58,7 +58,7 @@ pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
     }
 }
 
-/// Calls `count` for each kernel of the convolutions and of the fully connected layer after them.
+/// Calls `count` once for each kernel of the convolutions and of the fully connected layer.
 fn each_of_convolutions(count: &mut impl FnMut(&'static str, usize, &mut dyn FnMut())) {
     let cells = black_box([0_i8; CELL_PLANE.len()]);
     let mut input = black_box([[Pair::ZERO; CELL_PLANE.len()]; PLANES]);

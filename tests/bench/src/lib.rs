@@ -1,10 +1,10 @@
 //! Benchmarks of filters and encoder: images that count their own instructions on an emulated
 //! microcontroller, and the program `report` that runs them.
 //!
-//! An image reads `inputs.bin` through semihosting, counts the instructions of the code under test
-//! on these inputs, prints the counts and writes the code's outputs to `outputs.bin`. On the PC the
-//! program runs the same code on the same inputs, compares the outputs bit for bit, and checks all
-//! figures against `tests/bench/limits.toml`.
+//! An image reads `inputs.bin` through semihosting, runs the functions under test on these inputs,
+//! prints the number of their instructions and writes their outputs to `outputs.bin`. On the PC,
+//! `report` runs the same functions on the same inputs, compares the outputs bit for bit, and
+//! checks all figures against `tests/bench/limits.toml`.
 //!
 //! ```text
 //!            inputs.bin              counts as TOML ─────┐
@@ -13,7 +13,7 @@
 //!   └── same inputs ──> same code on the PC ── equal? ─┴─┴─> table or JSON, limits.toml
 //! ```
 //!
-//! `filters` passes every [`Block`](block::Block) through every
+//! The image `filters` passes every [`Block`](block::Block) through every
 //! [`Contender`](contenders::Contender); `encoder` takes one [`Plane`](pipeline::Plane) per time
 //! step and counts each time step of a [`hop`]; `lossless` compresses the [blocks of
 //! samples](compression).
@@ -47,8 +47,8 @@ mod random;
 pub mod report;
 pub mod tally;
 
-/// Completes a program that is an image: its panic handler, and for a PC a `main` that prints where
-/// it must run.
+/// Adds what a program needs as an image: a panic handler, and for a PC a `main` that prints where
+/// the program must run.
 #[macro_export]
 macro_rules! image {
     ($benchmark:literal) => {

@@ -1,4 +1,4 @@
-//! The emulated board: an instruction counter and files of the host.
+//! Access of an image to the emulated board: an instruction counter, and files of the PC.
 #![expect(
     unsafe_code,
     reason = "the timer's registers, semihosting calls and a block of known length in assembler"
@@ -15,37 +15,37 @@ use cortex_m_semihosting::{debug, hprintln, nr, syscall};
 
 use crate::block::{INPUTS, OUTPUTS};
 
-/// Address of the load register of the dual timer's timer 1 (CMSDK, ARM DDI 0479; addresses of the
-/// MPS2's FPGA images AN386 and AN500).
+/// Address of the load register of the dual timer's timer 1. Registers are those of CMSDK (ARM DDI
+/// 0479), addresses those of the MPS2's FPGA images AN386 and AN500.
 const LOAD: *mut u32 = 0x4000_2000 as *mut u32;
-/// Address of the current value of the dual timer's timer 1, which counts down.
+/// Address of the register with the current value of the dual timer's timer 1, which counts down.
 const VALUE: *const u32 = 0x4000_2004 as *const u32;
 /// Address of the control register of the dual timer's timer 1.
 const CONTROL: *mut u32 = 0x4000_2008 as *mut u32;
 /// Value of the register at [`CONTROL`]: enabled, free running, no interrupt, prescaler 1, 32 bits.
 const FREE_RUNNING: u32 = 0b1000_0010;
 
-/// Timer ticks in ten instructions. With QEMU's `-icount shift=10` an instruction takes 1024 ns,
-/// which is 25.6 periods of the board's 25 MHz clock.
+/// Number of timer ticks in ten instructions. With QEMU's `-icount shift=10` an instruction takes
+/// 1024 ns, which is 25.6 periods of the board's 25 MHz clock.
 const TICKS_OF_TEN: u64 = 256;
 
-/// Number of instructions in the block with which the counter is checked.
+/// Number of instructions in the block of code with which the counter is checked.
 const KNOWN: u32 = 1000;
 
-/// Instruction counter, based on the emulated timer.
+/// Counter of executed instructions, based on the emulated timer.
 #[derive(Debug)]
 pub struct Clock {
-    /// Number of instructions counted for an empty closure.
+    /// Number of instructions that the counter adds itself, measured with an empty closure.
     overhead: u32,
 }
 
 impl Clock {
-    /// Starts the timer, measures the overhead of a measurement, and checks timer and overhead with
-    /// a block of 1000 instructions.
+    /// Starts the timer, measures the overhead of a measurement, and checks both with a block of
+    /// 1000 instructions.
     ///
     /// # Errors
-    /// Returns the count of that block if it is not 1000: QEMU was started with other options than
-    /// needed.
+    /// Returns the number of instructions counted for the block if it is not 1000: QEMU was started
+    /// with other options than needed.
     pub fn start() -> Result<Self, u32> {
         for (register, value) in [(LOAD, u32::MAX), (CONTROL, FREE_RUNNING)] {
             // SAFETY: `LOAD` and `CONTROL` are addresses of registers of the dual timer, which only
@@ -55,7 +55,7 @@ impl Clock {
         let mut clock = Self { overhead: 0 };
         clock.overhead = clock.count(&mut || {});
         let known = clock.count(&mut || {
-            // SAFETY: the block executes NOPs only.
+            // SAFETY: the block consists of NOPs, which touch neither memory nor registers.
             unsafe { asm!(".rept {}", "nop", ".endr", const KNOWN, options(nomem, nostack)) };
         });
         if known == KNOWN {
@@ -65,8 +65,8 @@ impl Clock {
         }
     }
 
-    /// Returns the number of instructions of `work` without its call and return. The timer wraps
-    /// after 2^32 ticks, which is 1.7e8 instructions.
+    /// Returns the number of instructions that `work` executes, without its call and return. The
+    /// timer wraps after 2^32 ticks, which is 1.7e8 instructions.
     ///
     /// Not inlined: the compiler would mix this function with the surrounding code, and each
     /// measurement would have a different overhead.
@@ -85,7 +85,7 @@ impl Clock {
 }
 
 /// Starts the counter, calls `work` with it, and ends the emulation. If the counter is wrong or a
-/// file of the host cannot be used, prints the reason and ends with exit status 1.
+/// file of the PC cannot be used, prints the reason and ends with exit status 1.
 pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     let clock = match Clock::start() {
         Ok(clock) => clock,
@@ -108,22 +108,22 @@ pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     exit(done.is_ok())
 }
 
-/// Prints a panic and ends the emulation: the panic handler of an image.
+/// Prints the panic and ends the emulation with exit status 1; an image's panic handler calls it.
 pub fn panicked(info: &PanicInfo<'_>) -> ! {
     hprintln!("{}", info);
     exit(false)
 }
 
-/// Files of an image on the host.
+/// Files on the PC through which an image reads inputs and writes outputs.
 #[derive(Debug)]
 pub struct Files {
     inputs: HostFile,
-    /// File that the image writes.
+    /// File that the image writes, with the outputs of the code under test.
     pub outputs: HostFile,
 }
 
 impl Files {
-    /// Opens both files.
+    /// Opens the input file and creates the output file.
     ///
     /// # Errors
     /// The input file does not exist, or the output file cannot be written.
@@ -134,7 +134,7 @@ impl Files {
         })
     }
 
-    /// Reads the number of time steps of each input, with which some input files start.
+    /// Reads the number of time steps in each input, which stands at the start of some input files.
     ///
     /// # Errors
     /// The file is empty or cannot be read.
@@ -146,7 +146,8 @@ impl Files {
             .ok_or(Refused)
     }
 
-    /// Reads element `index` of an input and returns true; returns false at the end of the file.
+    /// Reads an input's element `index` (block, plane or step); returns false at the end of the
+    /// file.
     ///
     /// # Errors
     /// The file cannot be read, or ends within an input.
@@ -157,8 +158,8 @@ impl Files {
         }
     }
 
-    /// Prints the TOML array `inputs` with an element for each input: what `count` returns, until
-    /// it returns `None` at the end of the file.
+    /// Calls `count` for each input until it returns `None` at the end of the file, and prints what
+    /// it returns as the TOML array `inputs`.
     ///
     /// # Errors
     /// The first error of `count`.
@@ -183,12 +184,12 @@ fn ticks() -> u32 {
     !unsafe { VALUE.read_volatile() }
 }
 
-/// Handle of an open file on the host, accessed through semihosting.
+/// Handle of an open file on the PC, which the image accesses through semihosting.
 #[derive(Debug)]
 pub struct HostFile(usize);
 
-/// The host refused an operation: the file is missing or too short, its name is too long, or the
-/// disk is full.
+/// Error: the PC refused a file operation, because the file is missing or too short, its name is
+/// too long, or the disk is full.
 #[derive(Clone, Copy, Debug)]
 pub struct Refused;
 
@@ -224,14 +225,14 @@ impl HostFile {
         }
     }
 
-    /// Fills the buffer and returns true; returns false at the end of the file.
+    /// Fills the buffer from the file and returns true; returns false at the end of the file.
     ///
     /// # Errors
     /// The file ends within the buffer, or cannot be read.
     pub fn read(&mut self, buffer: &mut [u8]) -> Result<bool, Refused> {
         // SAFETY: SYS_READ writes at most `buffer.len()` bytes to `buffer`, which is mutably
-        // borrowed until the call returns. The macro's argument block is a temporary that lives as
-        // long.
+        // borrowed until the call returns. The macro's argument block is a temporary that also
+        // lives until then.
         let missing = unsafe { syscall!(READ, self.0, buffer.as_mut_ptr(), buffer.len()) };
         match missing {
             0 => Ok(true),
@@ -246,13 +247,13 @@ impl HostFile {
     /// The disk is full or the host reports another error.
     pub fn write(&mut self, bytes: &[u8]) -> Result<(), Refused> {
         // SAFETY: SYS_WRITE reads `bytes.len()` bytes from `bytes`, which is borrowed until the
-        // call returns. The macro's argument block is a temporary that lives as long.
+        // call returns. The macro's argument block is a temporary that also lives until then.
         let missing = unsafe { syscall!(WRITE, self.0, bytes.as_ptr(), bytes.len()) };
         if missing == 0 { Ok(()) } else { Err(Refused) }
     }
 }
 
-/// Ends the emulation. QEMU's exit status is 0 for `success` and 1 otherwise.
+/// Ends the emulation. The exit status of QEMU is 0 if `success` is true, otherwise 1.
 pub fn exit(success: bool) -> ! {
     loop {
         debug::exit(if success {

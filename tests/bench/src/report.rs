@@ -27,8 +27,8 @@ use emulator::EmulatorError;
 
 use self::cost::Parts;
 
-/// Environment variable with the path of a file to which the JSON object is written, with or
-/// without `--json`.
+/// Environment variable with the path of a file to which the benchmark writes its figures as a JSON
+/// object, with or without `--json`.
 const OBJECT: &str = "CORTICODE_OBJECT";
 
 #[derive(Debug, Parser)]
@@ -46,35 +46,36 @@ struct Options {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Benchmark {
-    /// Filters: instructions on emulated microcontrollers, noise, response.
+    /// Filters: instructions on emulated microcontrollers, noise, and frequency response.
     Filters,
-    /// Encoder: instructions of each time step and kernel on emulated microcontrollers, memory,
-    /// cycles.
+    /// Encoder: instructions of each time step and kernel on emulated microcontrollers, memory, and
+    /// computed cycles.
     Encoder {
-        /// Number of windows that are encoded and compared, over all inputs.
+        /// Number of windows that are encoded and compared with the PC's, over all inputs.
         #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=100_000))]
         windows: u32,
     },
     /// Packed code: instructions of each hop on emulated microcontrollers, memory, bytes compared
-    /// with this PC's, bits and error on recordings.
+    /// with this PC's, and bits and error on recordings.
     Packed {
-        /// Number of hops of each input.
+        /// Number of hops that are encoded of each input.
         #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(65..=1_500))]
         hops: u32,
     },
-    /// Lossless compression of samples: bits, and instructions on emulated microcontrollers.
+    /// Lossless compression: bits per count, and instructions on emulated microcontrollers.
     Lossless,
     /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM
-    /// of the boards' images. Fails when a code is not that of the batch reference, or an image
-    /// does not fit.
+    /// of the boards' images. Fails when a code differs from the batch reference's, or an image
+    /// does not fit its board.
     Model {
         /// Folder of the model, as `trainer train` writes it.
         folder: PathBuf,
-        /// Number of windows that are encoded and compared, over all inputs.
+        /// Number of windows that are encoded and compared with the reference, over all inputs.
         #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
         windows: u32,
     },
-    /// Cost of a model with random weights for each file in `files/montages/`.
+    /// Cost, measured as by `model`, of models with random weights: one for each file in
+    /// `files/montages/`.
     Montages {
         /// Measure only the montage of this name.
         #[arg(long)]
@@ -82,39 +83,39 @@ enum Benchmark {
         /// Leave out flash and RAM of the boards' images, whose builds take most of the time.
         #[arg(long)]
         without_boards: bool,
-        /// Number of windows of each model that are encoded and compared, over all inputs.
+        /// Number of windows that are encoded and compared for each model, over all inputs.
         #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
         windows: u32,
     },
-    /// Encoder on this PC: codes per second on one core, and PyTorch's where it is installed.
+    /// Encoder on this PC: codes per second on one core, also of PyTorch where it is installed.
     Host,
-    /// Recordings to codes and back on one core of this PC, in multiples of real time. For
-    /// comparison, scipy and PyTorch where they are installed.
+    /// Recordings encoded and decoded on one core of this PC, as multiples of real time; scipy and
+    /// PyTorch for comparison, where they are installed.
     Offline {
-        /// Seconds of signal.
+        /// Duration of the synthetic recording, seconds.
         #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(20..=86_400))]
         seconds: u32,
     },
-    /// Training on one thread of this PC: windows per second. For comparison,
-    /// PyTorch where it is installed.
+    /// Training on one thread of this PC: windows per second; PyTorch for comparison, where it is
+    /// installed.
     Training,
     /// Bridge on this PC: intervals and latency of codes at a subscriber, processor time and
-    /// memory. For comparison, a node in rospy where it is installed.
+    /// memory; a node in rospy for comparison, where it is installed.
     Bridge {
-        /// Seconds of each of the two parts: codes alone, and codes with the reconstructed signals.
+        /// Duration of each of the two parts (codes alone; also reconstructed signals), seconds.
         #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
         seconds: u32,
     },
-    /// Node for other amplifiers on this PC: intervals and latency of codes at a subscriber.
-    /// For comparison, a node in rospy where it is installed.
+    /// Node for other amplifiers on this PC: intervals and latency of codes at a subscriber; a node
+    /// in rospy for comparison, where it is installed.
     Node {
-        /// Seconds that are measured.
+        /// Duration of the measurement, seconds.
         #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
         seconds: u32,
     },
 }
 
-/// Runs the program; returns 1 when a check failed and 2 when something must be installed.
+/// Runs the program; exits with 1 when a check failed and with 2 when something must be installed.
 pub fn main() -> ExitCode {
     let Err(error) = run(&Options::parse()) else {
         return ExitCode::SUCCESS;

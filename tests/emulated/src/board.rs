@@ -1,4 +1,4 @@
-//! The emulated boards, and runs of the application on them.
+//! The emulated boards, and runs of the firmware's application on them.
 
 use std::fs;
 use std::path::PathBuf;
@@ -13,34 +13,34 @@ use serde::Serialize;
 use crate::frames::Boot;
 use crate::input;
 
-/// Name of the application's package, and of the program in it.
+/// Name of the application's package, and of the program in that package.
 pub const APPLICATION: &str = "board-qemu";
 
 /// Duration of an instruction in virtual time, as a power of two: 2^4 ns. This is 62.5 million
-/// instructions per second, or 2.7 cycles per instruction at 168 MHz. docs/real-time.md computes
-/// 1.6 cycles per instruction for a code.
+/// instructions per second, or 2.7 cycles per instruction at 168 MHz, slower than a real board:
+/// docs/real-time.md computes 1.6 cycles per instruction for a code.
 pub const INSTRUCTION_SHIFT: u8 = 4;
 
-/// An emulated board with the application's image, and the folder of a scenario.
+/// An emulated board with the application's image and the folder of one scenario.
 #[derive(Debug)]
 pub struct Board {
-    /// QEMU's board, with its name and processor.
+    /// The board that QEMU emulates, with its processor.
     pub machine: Machine,
-    /// Image that the board runs.
+    /// Image of the application that the board runs.
     pub image: Image,
-    /// QEMU's working folder, in which the image reads its files.
+    /// QEMU's working folder; the image reads and writes its files there.
     pub folder: PathBuf,
-    /// Longest time in which the image may print nothing: the duration of the samples, and a minute
-    /// to start and end QEMU on a loaded machine. The image prints only at its end, and runs faster
-    /// than real time.
+    /// Longest permitted time in which the image prints nothing: the duration of the samples, and a
+    /// minute to start and end QEMU on a loaded machine. The image prints only at its end, and runs
+    /// faster than real time.
     pub silence: Duration,
 }
 
-/// Returns both emulated machines. If QEMU or the target is missing, returns none and reports
-/// `test` as skipped.
+/// Returns both emulated machines. If QEMU or the compiler's target is missing, returns none and
+/// reports the test named `test` as skipped.
 ///
 /// # Panics
-/// When one of them is missing and `CORTICODE_REQUIRE_ROS=1`.
+/// When QEMU or the target is missing and `CORTICODE_REQUIRE_ROS=1`.
 pub fn machines(test: &str) -> impl Iterator<Item = Machine> + use<> {
     let count = if installed::available(test) {
         MACHINES.len()
@@ -52,8 +52,8 @@ pub fn machines(test: &str) -> impl Iterator<Item = Machine> + use<> {
     })
 }
 
-/// Returns a board for each of the [`machines`], with a folder for `scenario` that contains the
-/// file of samples.
+/// Returns a board for each of the [`machines`], with a folder for `scenario` that contains
+/// `samples` as a file.
 ///
 /// The iterator builds a board's image when it returns the board. A scenario runs on one board
 /// after the other, because the load of the PC affects the timing of the emulated UART.
@@ -76,7 +76,7 @@ pub fn boards(scenario: &str, samples: &[Sample]) -> impl Iterator<Item = Board>
     })
 }
 
-/// Unwraps a result of the emulator, whose message names the next step.
+/// Returns the value of a result, or panics with the error's message, which names the next step.
 ///
 /// # Panics
 /// With the error's message.
@@ -85,7 +85,7 @@ pub fn or_panic<T>(result: Result<T, EmulatorError>) -> T {
 }
 
 impl Board {
-    /// Records figures with the name of this machine.
+    /// Records measured figures under the name of this machine.
     ///
     /// # Panics
     /// As [`figures::record`].
@@ -93,19 +93,19 @@ impl Board {
         figures::record(Some(self.machine.name), figures);
     }
 
-    /// Writes a file into the board's folder; it replaces any file of that name.
+    /// Writes a file into the board's folder, in place of any file of the same name.
     ///
     /// # Panics
     /// When the file cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8]) {
         let path = self.folder.join(name);
-        // Remove a named pipe that an earlier run has left: writing to it would block.
+        // An earlier run may have left a named pipe, and writing to a pipe would block.
         let _ = fs::remove_file(&path);
         or_panic(fs::write(&path, bytes).map_err(EmulatorError::file(&path)));
     }
 
-    /// Prepares QEMU with arguments for the application, in virtual time; the UART is not yet
-    /// connected.
+    /// Prepares QEMU to run the application with `arguments` in virtual time. The caller still has
+    /// to connect the UART.
     pub fn qemu(&self, arguments: &[&str]) -> Qemu {
         let arguments = [&[APPLICATION], arguments].concat();
         let mut qemu = Qemu::new(&self.image, self.machine, &self.folder, &arguments);
@@ -113,7 +113,8 @@ impl Board {
         qemu
     }
 
-    /// Runs the image to its end. The file `uart` in the folder receives the bytes of the UART.
+    /// Runs the image with `arguments` to its end. The UART's output goes to the folder's file
+    /// `uart`.
     ///
     /// # Panics
     /// When QEMU fails.
@@ -129,7 +130,7 @@ impl Board {
         }
     }
 
-    /// Runs the image in two emulators at the same time, so that load of the PC affects the two
+    /// Runs the image in two emulators at the same time, so that load of the PC interrupts the two
     /// runs at different instructions.
     ///
     /// # Panics
@@ -143,19 +144,19 @@ impl Board {
     }
 }
 
-/// What one run of the image has sent and printed.
+/// What the image has sent and printed in one run.
 #[derive(Debug)]
 pub struct Run {
-    /// Bytes that the UART has sent.
+    /// All bytes that the UART has sent.
     pub sent: Vec<u8>,
-    /// Lines that the image has printed through semihosting.
+    /// Lines that the image has printed through semihosting, in order.
     pub lines: Vec<String>,
     /// Duration of the run in real time.
     pub wall: Duration,
 }
 
 impl Run {
-    /// Returns the number that the image printed after `name`.
+    /// Returns the number that the image printed at its end under the name `name`.
     ///
     /// # Panics
     /// When the image did not print it.
@@ -165,8 +166,8 @@ impl Run {
         number.unwrap_or_else(|| panic!("the image printed no `{name}`: {:?}", self.lines))
     }
 
-    /// Returns the number of overruns: the larger of the number that the image printed at its end
-    /// and the number in the last `Stats`.
+    /// Returns the number of overruns: what the image printed at its end or what the last `Stats`
+    /// states, whichever is larger.
     pub fn overruns(&self, boot: &Boot) -> u64 {
         let reported = u64::from(boot.last_stats().overruns);
         self.printed("overruns").max(reported)

@@ -1,5 +1,5 @@
-//! Frames that a board has sent, decoded in order and sorted by kind, and those that host-sim sends
-//! for the same samples.
+//! Decodes the frames that a board has sent and sorts their messages by kind; makes host-sim's
+//! frames for the same samples.
 
 use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
 use link::{
@@ -11,8 +11,8 @@ use pipeline::{Mains, Sample};
 
 use crate::compare::first_difference;
 
-/// Calls `select` with header and message of each intact frame, in order, and collects the items
-/// that it returns.
+/// Calls `select` with header and message of each intact frame in `sent`, in order, and collects
+/// the items that it returns.
 pub fn filter_map<T>(
     mut sent: &[u8],
     mut select: impl FnMut(Header, ToHost<'_>) -> Option<T>,
@@ -28,7 +28,7 @@ pub fn filter_map<T>(
     selected
 }
 
-/// Encodes a message as a frame at device time 0.
+/// Encodes a message as a frame of this sequence number and protocol version at device time 0.
 ///
 /// # Panics
 /// When the message is longer than a frame.
@@ -43,7 +43,7 @@ pub fn frame<'m>(seq: u32, version: u8, message: &impl Message<'m>) -> Vec<u8> {
     frame.expect("the message fits a frame").to_vec()
 }
 
-/// Encodes a message as a frame with a fixed header, so that equal messages have equal bytes.
+/// Encodes a message as a frame with a constant header, so that equal messages have equal bytes.
 ///
 /// # Panics
 /// When the message is longer than a frame.
@@ -51,11 +51,11 @@ pub fn encoded<'m>(message: &impl Message<'m>) -> Vec<u8> {
     frame(0, VERSION, message)
 }
 
-/// Returns the bytes that host-sim's virtual board sends when it streams these samples. The board
-/// starts at device time 0 with the default mains frequency, as the image does with the argument
-/// `start`.
+/// Returns the bytes that host-sim's virtual board sends for `samples` with the streams `streams`.
+/// As the image with the argument `start`, it starts at device time 0 with the default mains
+/// frequency.
 pub fn simulated(streams: Streams, samples: &[Sample]) -> Vec<u8> {
-    // This outbox grows, so the board drops no frame.
+    // With `Wait` the queue of frames grows as needed, so the board drops no frame.
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::default(), outbox.clone());
     let start = Start {
@@ -69,54 +69,54 @@ pub fn simulated(streams: Streams, samples: &[Sample]) -> Vec<u8> {
     outbox.take_all().concat()
 }
 
-/// A code that a board has sent.
+/// A code in a frame that a board has sent.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SentCode {
-    /// Index of the window since `Start`.
+    /// Index of the code's window, from 0 at the last `Start`.
     pub window: u32,
-    /// Levels of the values.
+    /// Levels of the code's values.
     pub levels: Vec<i32>,
-    /// The message as bytes from [`encoded`].
+    /// The whole code message, encoded by [`encoded`] for comparison.
     pub bytes: Vec<u8>,
 }
 
-/// Everything that a board has sent from one reset to the next.
+/// Everything that a board has sent between two resets.
 #[derive(Debug, Clone, Default)]
 pub struct Boot {
-    /// Reset cause and fault of each `Hello`. A board sends a `Hello` at the start of the boot and
-    /// one per `Identify`. The fault is that of the previous boot, or damage found at the start;
-    /// empty if there is neither.
+    /// Reset cause and fault in each `Hello`. A board sends a `Hello` at the start of the boot and
+    /// one per `Identify`. The fault is that of the previous boot, or damage found at the start; it
+    /// is empty if there is neither.
     pub hellos: Vec<(ResetCause, String)>,
-    /// Every `Capabilities` message, as bytes from [`encoded`].
+    /// Every `Capabilities` message, encoded by [`encoded`].
     pub capabilities: Vec<Vec<u8>>,
-    /// Codes with their device times in microseconds.
+    /// Codes, each after the device time of its frame in microseconds.
     pub timed_codes: Vec<(u64, SentCode)>,
-    /// Reports on the electrodes' quality, one per second.
+    /// Reports on the quality of the electrodes, one per second.
     pub quality: Vec<Quality>,
-    /// Counters of the board, one frame per second.
+    /// Counters of the board, reported once per second.
     pub stats: Vec<Stats>,
-    /// Times of the pipeline's stages in the last `Timing`, which cover the whole boot; empty if
-    /// there was none.
+    /// Times of the pipeline's stages over the whole boot, as the last `Timing` reported them;
+    /// empty if there was none.
     pub timing: Timing,
-    /// Answers to commands, in the order in which the board sent them.
+    /// Answers to commands, in the order in which the board has sent them.
     pub acks: Vec<Ack>,
-    /// Answers to `SyncTime`, with the device times of their frames in microseconds.
+    /// Answers to `SyncTime`, each after the device time of its frame in microseconds.
     pub clock_readings: Vec<(u64, ClockReading)>,
-    /// Number of intact frames.
+    /// Number of frames that arrived intact.
     pub frames: u32,
-    /// Decoding errors of the damaged frames.
+    /// Decoding error of each damaged frame.
     pub damaged: Vec<FrameError>,
-    /// Number of sequence numbers that are missing between those of the intact frames.
+    /// Number of frames that are missing, by the gaps in the sequence numbers of the intact ones.
     pub missing: u32,
-    /// Device time of the latest frame in microseconds.
+    /// Device time of the latest intact frame, microseconds.
     pub latest_us: u64,
-    /// Device time of the frame with the last answer, in microseconds.
+    /// Device time of the frame with the last answer to a command, in microseconds.
     pub last_ack_us: u64,
 }
 
 impl Boot {
-    /// Decodes the frames in `sent`, and starts a new boot at each frame with the sequence number
-    /// 0. Returns at least one boot.
+    /// Decodes the frames in `sent` and returns their contents boot by boot. A frame with the
+    /// sequence number 0 starts a new boot. Returns at least one boot.
     pub fn split(mut sent: &[u8]) -> Vec<Self> {
         let mut boots = Vec::new();
         let mut boot = Self::default();
@@ -142,7 +142,7 @@ impl Boot {
         boots
     }
 
-    /// Decodes the frames of a board that has not reset itself.
+    /// Decodes the frames of a board that has not been reset, and returns its only boot.
     ///
     /// # Panics
     /// When `sent` contains several boots.
@@ -181,18 +181,18 @@ impl Boot {
         }
     }
 
-    /// Returns the codes without their times.
+    /// Returns the codes without their device times.
     pub fn codes(&self) -> Vec<SentCode> {
         let codes = self.timed_codes.iter();
         codes.map(|(_, code)| code.clone()).collect()
     }
 
-    /// Returns the counters in the last `Stats`, or zeros if there was none.
+    /// Returns the counters of the last `Stats`; all are 0 if there was none.
     pub fn last_stats(&self) -> Stats {
         self.stats.last().copied().unwrap_or_default()
     }
 
-    /// Returns the largest deviation of a code's device time from its due time, in microseconds.
+    /// Returns the largest difference of a code's device time from its due time, in microseconds.
     /// Codes are due at whole numbers of hops after the first code.
     pub fn jitter_us(&self) -> u64 {
         let Some((first, _)) = self.timed_codes.first() else {
@@ -205,11 +205,11 @@ impl Boot {
         differences.max().unwrap_or(0)
     }
 
-    /// Checks that codes and reports on the electrodes equal those in `expected`, which host-sim
+    /// Checks that codes and reports on the electrodes equal those of `expected`, which host-sim
     /// has sent.
     ///
     /// # Panics
-    /// When they differ; the message names the first that does.
+    /// When they differ; the message names the first difference.
     pub fn assert_equal_outputs(&self, expected: &Self) {
         let difference = first_difference(&expected.codes(), &self.codes());
         assert_eq!(difference, None, "a code is not host-sim's");
@@ -222,7 +222,7 @@ impl Boot {
 mod tests {
     use super::*;
 
-    /// Returns `count` frames with counters, with sequence numbers from 0.
+    /// Returns `count` frames with `Stats` messages; their sequence numbers start at 0.
     fn stats(count: u32) -> Vec<Vec<u8>> {
         let message = ToHost::Stats(Stats::default());
         (0..count)
@@ -242,7 +242,7 @@ mod tests {
 
     #[test]
     fn a_boot_starts_with_the_sequence_number_0() {
-        // The reset cuts the last frame of the first boot.
+        // Simulate a reset that cuts the last frame of the first boot.
         let cut = &stats(3).concat()[..stats(2).concat().len() + 7];
         let boots = Boot::split(&[cut, &stats(4).concat()].concat());
         assert!(boots.iter().map(|boot| boot.frames).eq([2, 4]));
@@ -253,7 +253,7 @@ mod tests {
     fn a_code_that_is_late_by_a_microsecond_shows() {
         let sent = simulated(Streams::CODES, &vec![Sample::default(); 512]);
         let mut boot = Boot::only(&sent);
-        // 512 samples are 128 steps: a window of 16 steps and 14 hops of 8 steps.
+        // 512 samples are 128 steps: a window of 16 steps and 14 hops of 8 steps, so 15 codes.
         assert_eq!(boot.timed_codes.len(), 15);
         assert_eq!(boot.jitter_us(), 0);
         boot.timed_codes[7].0 += 1;

@@ -1,4 +1,4 @@
-//! Samples that the emulated converter reads, and the file that holds them.
+//! Samples for the emulated converter, and the format of the file from which it reads them.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -8,26 +8,26 @@ use model::{ADC_RATE_HZ, CHANNELS, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::Sample;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
-/// Name of the file with the samples in the image's folder: 32-bit counts, little endian, one
+/// Name of the file in the image's folder that holds the samples: 32-bit counts, little endian, one
 /// sample after the other.
 pub const FILE: &str = "samples.i32";
 
-/// Real EEG below the folder that `CORTICODE_DATA` names: 125 s, not used in training.
+/// Recording of real EEG, in the folder that `CORTICODE_DATA` names: 125 s, not used in training.
 const REAL: &str = "eegmmidb_S001/S001R11.edf";
 
-/// Samples, and where they come from.
+/// Samples for a scenario, and the names of their sources.
 #[derive(Debug)]
 pub struct Input {
-    /// Samples of all sources, one source after the other.
+    /// The samples, those of one source after those of the other.
     pub samples: Vec<Sample>,
-    /// Names of the sources.
+    /// Names of the sources that the samples come from.
     pub names: Vec<&'static str>,
-    /// Sources that are not available on this machine, and why.
+    /// For each source that is not available on this machine, its name and the reason.
     pub skipped: Vec<String>,
 }
 
 impl Input {
-    /// Creates the samples for the number of codes in `CORTICODE_CODES`, or for 1000 codes if it is
+    /// Returns samples for as many codes as `CORTICODE_CODES` asks for, or for 1000 codes if it is
     /// not set.
     ///
     /// # Panics
@@ -42,9 +42,9 @@ impl Input {
         Self::new(codes)
     }
 
-    /// Creates the samples for `codes` codes, the same in every run: synthetic EEG with channels at
-    /// the rail, then a real recording for up to half of the samples. The recording is left out
-    /// without `CORTICODE_DATA`.
+    /// Returns samples for `codes` codes, the same in every run: synthetic EEG in which some
+    /// channels are at the rail, then a real recording for up to half of the samples. Without
+    /// `CORTICODE_DATA`, all samples are synthetic.
     ///
     /// # Panics
     /// When `CORTICODE_DATA` is set and the recording cannot be read.
@@ -72,15 +72,15 @@ impl Input {
         }
     }
 
-    /// Returns the samples of the first seconds, or all samples if the input is shorter.
+    /// Returns the samples of the first `seconds` seconds, or all samples if the input is shorter.
     pub fn first_seconds(&self, seconds: usize) -> &[Sample] {
         let count = seconds * usize::from(ADC_RATE_HZ);
         &self.samples[..count.min(self.samples.len())]
     }
 }
 
-/// Returns the first `count` samples of a recording, or all if it is shorter, as the virtual ADC
-/// delivers them.
+/// Returns the first `count` samples of a recording, or all if it is shorter, converted to the
+/// model's montage and rate.
 fn recorded(path: &Path, count: usize) -> Vec<[i32; CHANNELS]> {
     let recording = Recording::open(path);
     let recording = recording.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -93,7 +93,7 @@ fn recorded(path: &Path, count: usize) -> Vec<[i32; CHANNELS]> {
     counts.expect("the recording is whole")
 }
 
-/// Converts samples to the format of [`FILE`].
+/// Returns samples as the bytes of the file [`FILE`].
 pub fn to_bytes(samples: &[Sample]) -> Vec<u8> {
     let counts = samples.iter().flat_map(|sample| sample.counts);
     counts.flat_map(i32::to_le_bytes).collect()

@@ -1,9 +1,9 @@
 //! Runs the application's image on both emulated microcontrollers and compares what it sends with
 //! host-sim.
 //!
-//! Each file of `tests/` is one scenario: it prepares the files that the image reads, runs the
-//! image in virtual time, records its figures and checks them. This library holds what the
-//! scenarios share.
+//! Each module of `tests/it/` is one scenario: it prepares the files that the image reads, runs the
+//! image in virtual time, and records and checks the results. This library holds what the scenarios
+//! share.
 //!
 //! ```text
 //! Input ─┬─ samples.i32 ──> board-qemu in QEMU ── UART ──> Boot ─┬─ assertions

@@ -1,37 +1,36 @@
-//! Bytes that the image receives at set device times, from a file instead of its UART.
+//! Script of bytes that the image receives at set device times, from a file instead of its UART.
 
 use link::{Ack, AckResult, Decoder, MAX_FRAME, Message, Start, Streams, ToDevice, VERSION};
 
 use crate::frames::frame;
 
-/// Name of the script's file in the image's folder. An entry has four fields, all integers little
-/// endian: device time in microseconds (64 bits), number of the boot, from 1 (32 bits), number of
-/// bytes (32 bits), and the bytes.
+/// Name of the script in the image's folder. Each entry has four fields, all integers little
+/// endian: device time in microseconds (64 bits), number of the boot, counted from 1 (32 bits),
+/// number of bytes (32 bits), and the bytes.
 pub const FILE: &str = "commands.bin";
 
-/// Bytes for the board, and the answers that it must send.
+/// Bytes that the board receives, and the answers that it must send.
 #[derive(Debug, Default)]
 pub struct Script {
-    /// Contents of [`FILE`].
+    /// Contents of the file [`FILE`].
     pub file: Vec<u8>,
-    /// Expected answers to the commands, in order.
+    /// Answers that the board must send to the commands, in order.
     pub answers: Vec<Ack>,
-    /// All bytes for the board, in order, without their times.
+    /// All bytes that the board receives, in order, without their times.
     bytes: Vec<u8>,
-    /// Frame of the last command, and its answer.
+    /// Frame of the last command, and its expected answer, for a repetition.
     last: Option<(Vec<u8>, Ack)>,
     next_seq: u32,
 }
 
-/// Returns the command that starts these streams. `mains_hz` is 50, 60, or 0 for the board's
-/// default.
+/// Returns the command that starts `streams`. `mains_hz` is 50, 60, or 0 for the board's default.
 pub const fn start(streams: Streams, mains_hz: u8) -> ToDevice {
     ToDevice::Start(Start { streams, mains_hz })
 }
 
 impl Script {
-    /// Adds bytes that the board receives at the device time `at_us` of the boot `boot`; the first
-    /// boot is 1. Times must not decrease from call to call.
+    /// Adds bytes that the board receives in boot number `boot`, counted from 1, at the device time
+    /// `at_us`. Times must not decrease from call to call.
     ///
     /// # Panics
     /// When `bytes` has 4 GiB or more.
@@ -44,7 +43,7 @@ impl Script {
         self.bytes.extend(bytes);
     }
 
-    /// Adds a command, and `result` as its expected answer.
+    /// Adds a command, to which the board must answer with `result`.
     pub fn add_command<'m>(
         &mut self,
         boot: u32,
@@ -58,7 +57,7 @@ impl Script {
         self.repeat_command(boot, at_us);
     }
 
-    /// Repeats the last command, as does a host that has not received the answer.
+    /// Adds the last command once more, as a host sends it that has not received the answer.
     pub fn repeat_command(&mut self, boot: u32, at_us: u64) {
         if let Some((bytes, answer)) = self.last.clone() {
             self.add_bytes(boot, at_us, &bytes);
@@ -66,8 +65,8 @@ impl Script {
         }
     }
 
-    /// Returns how many commands a board decodes from the script's bytes, and how many frames it
-    /// cannot use.
+    /// Returns how many commands a board can decode from the script's bytes, and how many frames in
+    /// them are unusable.
     pub fn decodable_and_unusable(&self) -> (u32, u32) {
         let mut bytes = &self.bytes[..];
         let mut decoder = Decoder::<MAX_FRAME>::new();

@@ -1,26 +1,27 @@
-//! Worst times of the stages of an emulated board, in virtual time, and their limits.
+//! Longest times of the pipeline's stages on an emulated board, in virtual time, and their limits.
 
 use link::{StageTiming, Timing};
 use serde_json::{Value, json};
 
 use crate::board::INSTRUCTION_SHIFT;
 
-/// Largest permitted part of a stage's deadline for its worst time, while only codes are streamed.
-/// The largest measured parts are 0.43 on the Cortex-M4F and 0.49 on the Cortex-M7. The rest is for
-/// the emulator, whose times differ by some microseconds when the PC is busy.
+/// Largest permitted worst time of a stage, as a fraction of its deadline, while only codes are
+/// streamed. The largest measured fractions are 0.43 on the Cortex-M4F and 0.49 on the Cortex-M7.
+/// The rest is for the emulator, whose times differ by some microseconds when the PC is busy.
 pub const LIMIT: f64 = 0.55;
 
-/// Largest permitted part of a stage's deadline while a board sends all streams, or receives a
-/// hundred commands a second. The largest measured parts are 0.75 on the Cortex-M4F and 0.82 on the
-/// Cortex-M7, for a step after which samples, filtered steps, an audit, a report and a code are
-/// sent at once.
+/// Largest permitted worst time of a stage, as a fraction of its deadline, while a board sends all
+/// streams or receives a hundred commands a second. The largest measured fractions are 0.75 on the
+/// Cortex-M4F and 0.82 on the Cortex-M7, for a step after which samples, filtered steps, an audit,
+/// a report and a code are sent at once.
 pub const LIMIT_BUSY: f64 = 0.9;
 
-/// Largest permitted part of the stack that is in use at any time.
+/// Largest permitted use of the stack, as a fraction of its size.
 const STACK_LIMIT: f64 = 0.75;
 
-/// Returns the figures of a boot's last `Timing`: for each stage its worst time, in nanoseconds and
-/// in instructions, its deadline, and how often it was late; bytes of the stack.
+/// Returns the figures in a `Timing`: for each stage its worst time and its deadline, in
+/// nanoseconds and in instructions, and how often it was late; then the stack's use and size,
+/// bytes.
 ///
 /// A worst time includes other tasks and interrupts. The worst time of `send` also includes idle
 /// time, because this stage waits for the UART. The board's clock ticks every 2.5 instructions.
@@ -42,16 +43,16 @@ pub fn figures(timing: &Timing) -> Value {
     })
 }
 
-/// Returns the number of times that a stage missed its deadline: the last class of its histogram.
+/// Returns how often a stage missed its deadline, which the last class of its histogram counts.
 fn late(stage: &StageTiming) -> u32 {
     stage.histogram[stage.histogram.len() - 1]
 }
 
-/// Checks that each stage took at most the part `limit` of its deadline, and that at most three
+/// Checks that no stage took more than the fraction `limit` of its deadline, and that at most three
 /// quarters of the stack were used.
 ///
 /// # Panics
-/// When a stage is above the limit or was late, when more of the stack was used, or when the board
+/// When a stage exceeded the limit or was late, when more of the stack was used, or when the board
 /// has reported no times.
 pub fn assert_within(limit: f64, timing: &Timing) {
     assert!(

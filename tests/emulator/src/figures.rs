@@ -1,4 +1,4 @@
-//! Measured figures, as JSON lines in the file that `CORTICODE_FIGURES` names.
+//! Records measured figures as JSON lines in the file that `CORTICODE_FIGURES` names.
 
 use std::env;
 use std::fs::OpenOptions;
@@ -6,11 +6,11 @@ use std::io::Write;
 
 use serde::Serialize;
 
-/// Environment variable with the path of the file to which figures are appended.
+/// Environment variable that names the file to which figures are appended.
 pub const FILE: &str = "CORTICODE_FIGURES";
 
-/// Prints figures as one JSON object, and appends it as a line to the file that [`FILE`] names, if
-/// it is set.
+/// Prints figures as one JSON object. If the variable [`FILE`] is set, also appends the object as a
+/// line to the file that it names.
 ///
 /// The object has the keys of `figures`, which must be a map or a struct, and the key `machine`
 /// unless the argument `machine` is `None`.
@@ -28,7 +28,7 @@ pub fn record(machine: Option<&str>, figures: &impl Serialize) {
         return;
     };
     let file = OpenOptions::new().append(true).create(true).open(path);
-    // One write, so that lines of parallel tests stay whole.
+    // Write the line in one call, so that tests that run in parallel do not mix their lines.
     let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
     written.expect("the file named by CORTICODE_FIGURES is writable");
 }

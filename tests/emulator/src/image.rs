@@ -1,4 +1,4 @@
-//! Images for microcontrollers, built by cargo.
+//! Images for microcontrollers: builds them with cargo and keeps a copy of each.
 
 use std::env;
 use std::fs;
@@ -12,29 +12,29 @@ use crate::error::EmulatorError;
 use crate::installed::check_target;
 use crate::qemu::TARGET;
 
-/// Locked during a build: cargo writes the images of all feature sets to the same path, and tests
-/// run in parallel.
+/// Locked during a build: cargo writes the image with any set of features to the same path, and
+/// tests run in parallel.
 static BUILDS: Mutex<()> = Mutex::new(());
 
-/// A linked program for a microcontroller, as an ELF file.
+/// A linked program for a microcontroller: the path of its ELF file.
 #[derive(Debug, Clone)]
 pub struct Image {
     path: PathBuf,
 }
 
-/// A model to build an image with, instead of the checked-in one.
+/// A model with which an image is built instead of the checked-in one.
 #[derive(Debug, Clone, Copy)]
 pub struct OtherModel<'p> {
-    /// Absolute path of the folder of its artifact.
+    /// Absolute path of the folder that holds the model's artifact.
     pub artifact: &'p Path,
-    /// Cargo's target folder for the build. In the usual one, each change of the model would
-    /// rebuild the crates that depend on it twice.
+    /// Cargo's target folder for the build. In the usual one, building another model and then the
+    /// checked-in one again would rebuild the crates that depend on the model twice.
     pub target: &'p Path,
 }
 
 impl Image {
-    /// Builds the program `bin` of `package` with the profile `firmware` and the checked-in model,
-    /// or the one that `CORTICODE_ARTIFACT` names; `features` are arguments of cargo.
+    /// Builds the program `bin` of `package` with cargo's profile `firmware` and the checked-in
+    /// model, or the one that `CORTICODE_ARTIFACT` names; `features` are arguments of cargo.
     ///
     /// Cargo writes the images of all feature sets to the same path, so the image is copied to a
     /// folder named after its features. Compiler messages go to the standard error. If this program
@@ -46,7 +46,7 @@ impl Image {
         Self::build_by(|_| (), package, bin, features)
     }
 
-    /// Builds an image as [`Image::build`] does, with another model.
+    /// Builds an image as [`Image::build`] does, but with the model `model`.
     ///
     /// # Errors
     /// Those of [`Image::build`].
@@ -99,28 +99,29 @@ impl Image {
         let image = Self { path: built };
         let folder = image.create_folder(Path::new("emulator").join(variant))?;
         let [path, copy] = [folder.join(bin), folder.join(format!("{bin}.new"))];
-        // Renamed, because an emulator that starts now can be reading the former copy.
+        // Rename the copy into place, because an emulator may be reading the former one.
         let copied = fs::copy(&image.path, &copy).and_then(|_| fs::rename(&copy, &path));
         copied.map_err(EmulatorError::file(&path))?;
         Ok(Self { path })
     }
 
-    /// Refers to an ELF file that exists already, such as a modified copy of an image.
+    /// Returns the image in an ELF file that exists already, such as a modified copy.
     pub fn at(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into() }
     }
 
-    /// Path of the ELF file.
+    /// Returns the path of the image's ELF file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Creates the folder `name` in cargo's target folder, for the files of a run.
+    /// Creates the folder `name` for files of a run in cargo's target folder; returns its path.
     ///
     /// # Errors
     /// The folder cannot be created.
     pub fn create_folder(&self, name: impl AsRef<Path>) -> Result<PathBuf, EmulatorError> {
-        // `target/TRIPLE/PROFILE/bin` and `target/emulator/VARIANT/bin` are both three levels deep.
+        // Both `target/TRIPLE/PROFILE/bin` and the copy `target/emulator/VARIANT/bin` are three
+        // levels deep.
         let target = self.path.ancestors().nth(3).unwrap_or(Path::new("."));
         let folder = target.join(name);
         fs::create_dir_all(&folder).map_err(EmulatorError::file(&folder))?;
@@ -128,8 +129,8 @@ impl Image {
     }
 }
 
-/// Returns the path of the program `bin` from cargo's messages about a build, which are lines of
-/// JSON.
+/// Returns the path of the built program `bin`. `messages` is the output of cargo's build, in lines
+/// of JSON.
 fn executable(messages: &str, bin: &str) -> Option<PathBuf> {
     let messages = messages.lines();
     let messages = messages.filter_map(|line| serde_json::from_str::<Value>(line).ok());

@@ -1,4 +1,4 @@
-//! Checks for the programs that build and emulate an image.
+//! Checks whether the programs are installed that build and emulate an image.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -7,18 +7,18 @@ use crate::error::EmulatorError;
 use crate::qemu::{QEMU, TARGET};
 use crate::skip::skip_unless_required;
 
-/// Returns whether QEMU and the standard library of [`TARGET`] are installed; reports `test` as
-/// skipped if they are not.
+/// Returns whether QEMU and the standard library for [`TARGET`] are installed. If not, reports the
+/// test named `test` as skipped.
 ///
 /// # Panics
-/// When one of them is missing and `CORTICODE_REQUIRE_ROS=1`.
+/// When QEMU or the library is missing and `CORTICODE_REQUIRE_ROS=1`.
 pub fn available(test: &str) -> bool {
     check()
         .map_err(|error| skip_unless_required(test, error))
         .is_ok()
 }
 
-/// Checks that QEMU starts and that the compiler has the standard library of [`TARGET`].
+/// Checks that QEMU starts and that the compiler has the standard library for [`TARGET`].
 ///
 /// # Errors
 /// [`EmulatorError::QemuMissing`] or [`EmulatorError::TargetMissing`].
@@ -31,7 +31,7 @@ pub fn check() -> Result<(), EmulatorError> {
     check_target()
 }
 
-/// Checks that the compiler has the standard library of [`TARGET`].
+/// Checks that the compiler has the standard library for [`TARGET`].
 ///
 /// # Errors
 /// [`EmulatorError::TargetMissing`].

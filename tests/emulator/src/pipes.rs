@@ -1,4 +1,4 @@
-//! Named pipes between a test and the emulator: the UART, and files that the image reads.
+//! Named pipes between a test and the emulator, for the UART and for files that the image reads.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Write};
@@ -9,8 +9,8 @@ use rustix::fs::{CWD, FileType, Mode, mknodat};
 
 use crate::error::EmulatorError;
 
-/// Creates a named pipe, which replaces any file of that name. A new thread writes the chunks to
-/// the pipe, as fast as the reader takes them.
+/// Creates a named pipe in place of any file of that name. A new thread writes the chunks to the
+/// pipe, as fast as the reader takes them.
 ///
 /// # Errors
 /// The pipe cannot be created.
@@ -20,7 +20,7 @@ pub fn feed<T: AsRef<[u8]>>(
 ) -> Result<(), EmulatorError> {
     create(path)?;
     let path = path.to_owned();
-    // The thread ends when QEMU, the reader, closes the pipe.
+    // The thread ends when QEMU, which reads the pipe, closes it, or all chunks are written.
     thread::spawn(move || -> io::Result<()> {
         let mut pipe = OpenOptions::new().write(true).open(path)?;
         chunks.try_for_each(|chunk| pipe.write_all(chunk.as_ref()))
@@ -28,7 +28,7 @@ pub fn feed<T: AsRef<[u8]>>(
     Ok(())
 }
 
-/// Creates a named pipe, which replaces any file of that name.
+/// Creates a named pipe in place of any file of that name.
 ///
 /// # Errors
 /// The pipe cannot be created.

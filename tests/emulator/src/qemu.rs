@@ -1,5 +1,5 @@
-//! The two boards that QEMU emulates for the tests and benchmarks, its command line, and a run with
-//! it.
+//! The two boards that QEMU emulates for tests and benchmarks, the command line of QEMU, and a run
+//! of an image.
 
 use std::io::{self, BufRead, BufReader, ErrorKind};
 use std::path::Path;
@@ -11,24 +11,24 @@ use std::time::Duration;
 use crate::error::EmulatorError;
 use crate::image::Image;
 
-/// Target triple of the images: Cortex-M4F and M7 with a single-precision FPU.
+/// Target triple for which images are built: Cortex-M4F, and Cortex-M7 with a single-precision FPU.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Name of the emulator's program, and of the Debian package that contains it.
+/// Name of the emulator's program, which is also that of its Debian package.
 pub const QEMU: &str = "qemu-system-arm";
 
-/// A board that QEMU emulates.
+/// A board that QEMU can emulate.
 #[derive(Debug, Clone, Copy)]
 pub struct Machine {
-    /// QEMU's name of the board, for `-machine`.
+    /// Name of the board for QEMU's option `-machine`.
     pub name: &'static str,
-    /// Processor of the board, as printed in reports: "Cortex-M4F".
+    /// Processor of the board, as reports name it: "Cortex-M4F".
     pub core: &'static str,
-    /// Arguments of cargo that select the kernels for this processor.
+    /// Arguments of cargo that select the encoder's kernels for this processor.
     pub features: &'static [&'static str],
 }
 
-/// The smaller and the larger processor that the firmware supports.
+/// The emulated boards: with the smaller and with the larger processor that the firmware supports.
 pub const MACHINES: [Machine; 2] = [
     Machine {
         name: "mps2-an386",
@@ -42,28 +42,28 @@ pub const MACHINES: [Machine; 2] = [
     },
 ];
 
-/// Where the emulated board's first UART is connected.
+/// What the first UART of the emulated board is connected to.
 #[derive(Debug, Clone, Copy)]
 pub enum Uart<'f> {
-    /// Not connected; the image does not use the UART.
+    /// Nothing; for an image that does not use the UART.
     None,
-    /// To a file of this name in the run's folder; the image receives nothing.
+    /// A file of this name in the run's folder, for the image's output; there is no input.
     File(&'f str),
-    /// Through the named pipes `NAME.in` and `NAME.out` in the run's folder.
+    /// The named pipes `NAME.in` (to the image) and `NAME.out` (from it) in the run's folder.
     Pipes(&'f str),
     /// A TCP server on 127.0.0.1 at this port; the image starts without waiting for a client.
     Tcp(u16),
 }
 
-/// Command line of QEMU with an image; [`Qemu::run`] starts it.
+/// Command line with which QEMU runs an image; [`Qemu::run`] starts it.
 #[derive(Debug)]
 pub struct Qemu {
     command: Command,
 }
 
 impl Qemu {
-    /// Prepares QEMU to run an image in `folder`. The image can read `arguments` through
-    /// semihosting; the first of them is the image's own name.
+    /// Prepares QEMU to run `image` on `machine`, with `folder` as its working folder. The image
+    /// can read `arguments` through semihosting; the first of them is the image's own name.
     pub fn new(image: &Image, machine: Machine, folder: &Path, arguments: &[&str]) -> Self {
         let semihosting = [&["enable=on,target=native"], arguments].concat();
         let mut command = Command::new(QEMU);
@@ -78,7 +78,7 @@ impl Qemu {
         Self { command }
     }
 
-    /// Makes virtual time advance by 2^`shift` ns per instruction. While the processor is idle,
+    /// Lets virtual time advance by 2^`shift` ns per instruction. While the processor is idle,
     /// virtual time jumps to the next interrupt.
     pub fn instruction_time(&mut self, shift: u8) -> &mut Self {
         let icount = format!("shift={shift},sleep=off");
@@ -86,7 +86,7 @@ impl Qemu {
         self
     }
 
-    /// Connects the first UART; without this call QEMU connects it to the standard output.
+    /// Connects the first UART to `uart`; without this call it is QEMU's standard output.
     pub fn uart(&mut self, uart: Uart<'_>) -> &mut Self {
         let serial = match uart {
             Uart::None => "none".to_owned(),
@@ -98,7 +98,7 @@ impl Qemu {
         self
     }
 
-    /// Returns the prepared command, for a caller that manages the process itself.
+    /// Returns the command that starts QEMU, for a caller that manages the process itself.
     pub fn into_command(self) -> Command {
         self.command
     }
@@ -135,8 +135,8 @@ impl Qemu {
     }
 }
 
-/// Starts a command, calls `on_line` with each line of its standard output, and returns its exit
-/// status. Ends a command that prints nothing for longer than `silence`.
+/// Runs a command, calls `on_line` with each line of its standard output, and returns its exit
+/// status. Kills a command that prints nothing for longer than `silence`.
 fn pass_on(
     command: &mut Command,
     silence: Duration,
@@ -168,7 +168,7 @@ fn pass_on(
 mod tests {
     use super::*;
 
-    /// Runs another program with arguments instead of QEMU.
+    /// Runs another program in place of QEMU: the first of `words`, with the rest as its arguments.
     fn run(words: &[&str], silence: Duration) -> Result<Vec<String>, EmulatorError> {
         let mut command = Command::new(words[0]);
         command.args(&words[1..]);

@@ -1,20 +1,20 @@
-//! Reports about tests that cannot run on this machine, printed even if the harness captures
-//! output.
+//! Reports on tests that cannot run on this machine. They are printed even if the test harness
+//! captures output.
 
 use std::env;
 use std::fmt::Display;
 use std::io::Write;
 
-/// Prints `SKIPPED: WHAT: WHY` to standard error, past the test harness, which captures
-/// `eprintln!`.
+/// Prints `SKIPPED: WHAT: WHY` to standard error directly, because the test harness captures what
+/// `eprintln!` prints.
 pub fn skipped(what: &str, why: impl Display) {
-    // One write, so that lines of parallel tests stay whole. If standard error is closed, only this
-    // line is lost.
+    // Write the line in one call, so that tests that run in parallel do not mix their lines. If
+    // standard error is closed, only this line is lost.
     let line = format!("SKIPPED: {what}: {why}\n");
     let _ = std::io::stderr().write_all(line.as_bytes());
 }
 
-/// Reports that `test` is skipped because of `why`.
+/// Reports that the test named `test` is skipped, and why.
 ///
 /// # Panics
 /// With `CORTICODE_REQUIRE_ROS=1`: CI must not skip tests whose programs can be installed.

@@ -1,5 +1,5 @@
-//! Runs the image on a board through its ST-LINK, with probe-rs; `cargo xtask hil --board` starts
-//! this program.
+//! Runs the image on a real board through its ST-LINK, with probe-rs; `cargo xtask hil --board`
+//! starts this program.
 
 use std::env;
 use std::io::{BufRead, BufReader};
@@ -10,20 +10,19 @@ use std::time::Duration;
 
 use on_target::results::{self, Line};
 
-/// For each board, its name on the command line and probe-rs's name for its microcontroller.
+/// For each board, its name on the command line, and probe-rs's name for its microcontroller.
 const CHIPS: [(&str, &str); 2] = [("h743", "STM32H743ZITx"), ("f446", "STM32F446RETx")];
 
-/// Time without a line of output after which the run fails. It must exceed the time to flash the
-/// image, and the time of the slowest vector at 16 MHz, the clock of the NUCLEO-F446RE after a
-/// reset.
+/// Longest permitted time without a line of output. It must exceed the time to flash the image, and
+/// the time of the slowest vector at 16 MHz, the clock of the NUCLEO-F446RE after a reset.
 const SILENCE: Duration = Duration::from_mins(3);
 
-/// Exit status for a wrong command line.
+/// Exit status if the arguments on the command line are missing or wrong.
 const MISSING: u8 = 2;
-/// Exit status if the image prints no result: probe-rs does not start, or no board responds.
+/// Exit status if the image prints no result, because probe-rs does not start or no board responds.
 const UNREACHABLE: u8 = 3;
 
-/// Runs the program with the command line `on-target BOARD IMAGE`, and returns its exit status.
+/// Runs the image that the command line `on-target BOARD IMAGE` names; returns an exit status.
 pub(crate) fn run() -> ExitCode {
     let words: Vec<String> = env::args().skip(1).collect();
     let chip = |word: &str| CHIPS.into_iter().find(|(board, _)| *board == word);
@@ -64,8 +63,8 @@ fn failure(status: u8, what: &str, next: &str) -> ExitCode {
     status.into()
 }
 
-/// Runs a command and calls `on_line` with each line that it prints. Kills the command and fails if
-/// no line is printed for [`SILENCE`].
+/// Runs a command to its end, and calls `on_line` with each line that it prints. Kills the command
+/// and fails if no line is printed for [`SILENCE`].
 fn run_to_end(command: &mut Command, mut on_line: impl FnMut(String)) -> Result<(), String> {
     let spawned = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
     let mut child = spawned.map_err(|error| error.to_string())?;
@@ -83,7 +82,7 @@ fn run_to_end(command: &mut Command, mut on_line: impl FnMut(String)) -> Result<
             Ok(line) => on_line(line),
             Err(RecvTimeoutError::Disconnected) => break,
             Err(RecvTimeoutError::Timeout) => {
-                // This fails if the command has already ended, which is harmless.
+                // An error means that the command has already ended, which is harmless.
                 let _ = child.kill();
                 return Err(format!("silent for {} s", SILENCE.as_secs()));
             }

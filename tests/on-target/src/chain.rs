@@ -1,19 +1,20 @@
-//! Runs the filters and the resampler on one channel. `build.rs` includes this file as well.
+//! Runs filters and a resampler on one channel, on the device and, included by `build.rs`, on the
+//! PC.
 
 use fixed_dsp::{BLOCK, Cascade, DelayLine, Filter, Position, Resampler};
 
-/// Range of output indices, of which every [`EVERY`]th is compared, as in `scipy_rates.csv`. At 128
+/// Indices of the outputs, of which every [`EVERY`]th is compared, as in `scipy_rates.csv`. At 128
 /// outputs per second, the range is the fourth second.
 pub(crate) const COMPARED: core::ops::Range<usize> = 384..512;
 const EVERY: usize = 8;
-/// Number of compared outputs.
+/// Number of outputs that are compared for each filter.
 pub(crate) const OUTPUTS: usize = (COMPARED.end - COMPARED.start) / EVERY;
 
-/// Number of fraction bits below one count: the signal is counts x 2^5 (Q27.5).
+/// Number of fraction bits of the signal below one count: counts x 2^5 (Q27.5).
 pub(crate) const GUARD_BITS: u32 = 5;
 
-/// Filters and resamples `counts`, and returns the compared outputs in Q27.5. The filters process
-/// blocks if `in_blocks` is true, otherwise single samples.
+/// Filters and resamples `counts`, and returns the outputs that are compared, Q27.5. The filters
+/// process blocks of samples if `in_blocks` is true, otherwise single samples.
 pub(crate) fn outputs<const N: usize, const PHASES: usize, const TAPS: usize>(
     cascade: &Cascade<N>,
     resampler: &Resampler<PHASES, TAPS>,

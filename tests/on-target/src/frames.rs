@@ -9,17 +9,17 @@ use crate::{
     mismatch::{Mismatch, expect_equal},
 };
 
-/// Sequence number of the dumped frame with the code, and the frame's device time in microseconds.
+/// Sequence number and device time (us) of the frame with a code in `docs/wire-format.md`.
 const CODE_AT: (u32, u64) = (304, 19_871_093);
-/// Sequence number of the dumped frame with the command, and the frame's time in microseconds.
+/// Sequence number and device time (us) of the frame with a command in `docs/wire-format.md`.
 const START_AT: (u32, u64) = (1, 0);
 
-/// Checks the frame of a code, which the device sends.
+/// Checks the encoding and decoding of a frame with a code, which the device sends.
 pub(crate) fn check_code() -> Result<(), Mismatch> {
     check(&mut Decoder::new(), &golden::CODE_FRAME, CODE_AT, &code())
 }
 
-/// Checks the frame of a command, which the device receives.
+/// Checks the encoding and decoding of a frame with a command, which the device receives.
 pub(crate) fn check_command() -> Result<(), Mismatch> {
     let start = ToDevice::Start(Start {
         streams: Streams::CODES,
@@ -28,9 +28,9 @@ pub(crate) fn check_command() -> Result<(), Mismatch> {
     check(&mut Decoder::new(), &golden::START_FRAME, START_AT, &start)
 }
 
-/// Returns the code that `docs/wire-format.md` shows as a hex dump.
+/// Returns the code whose frame `docs/wire-format.md` shows as a hex dump.
 fn code() -> ToHost<'static> {
-    /// The values -64 to 63 as bytes.
+    /// The values of the code, -64 to 63, as bytes.
     const RAMP: [u8; 128] = {
         let mut ramp = [0; 128];
         let mut index = 0;
@@ -54,8 +54,8 @@ fn code() -> ToHost<'static> {
     })
 }
 
-/// Checks that `message` encodes to `dump`, that the decoder refuses garbage, and that the message
-/// which it then decodes from `dump` encodes to `dump` again.
+/// Checks that `message` encodes to `dump`, that the decoder refuses garbage, and that it then
+/// decodes `dump` to a message that encodes to `dump` again.
 fn check<'d, M: Message<'d>>(
     decoder: &'d mut Decoder,
     dump: &[u8],
@@ -77,12 +77,12 @@ fn check<'d, M: Message<'d>>(
     expect_equal("decoded byte", dump, again)
 }
 
-/// Inverts each bit of the dumped code, one at a time, and checks that every damaged frame is
+/// Inverts each bit of the dumped frame, one at a time, and checks that every damaged frame is
 /// refused and that an undamaged frame is accepted afterwards.
 pub(crate) fn check_damaged() -> Result<(), Mismatch> {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let mut dump = golden::CODE_FRAME;
-    // All bits between the two zero bytes that delimit the frame.
+    // Invert only bits between the two zero bytes that delimit the frame.
     for bit in 8..8 * (dump.len() - 1) {
         let mask = 1 << (bit % 8);
         dump[bit / 8] ^= mask;

@@ -1,40 +1,40 @@
-//! Runs the int8 kernels on small random layers, whose weights and activations often have extreme
-//! values. `build.rs` includes this file as well.
+//! Runs the int8 kernels on small random layers, in which extreme weights and activations are
+//! frequent. `build.rs` includes this file as well.
 
 use int8_nn::{Direct, Linear, Pair, PlaneShape, Winograd};
 
 use crate::signal::Noise;
 
-/// Number of layers of each of the three kinds.
+/// Number of random layers of each of the three kinds: fully connected, Winograd and direct.
 const LAYERS: usize = 6;
 
-/// Number of pairs of input channels per convolution; the assembler kernels require 8.
+/// Number of pairs of input channels of a convolution; the assembler kernels require 8.
 const PAIRS: usize = 8;
-/// Number of input columns per convolution.
+/// Number of input columns of a convolution.
 const COLUMNS: usize = 6;
-/// Number of output channels per convolution.
+/// Number of output channels of a convolution.
 const OUTPUTS: usize = 2;
-/// Number of weights per convolution.
+/// Number of weights per convolution: 3 x 3 x 3 for each input and output channel.
 const TAPS: usize = 27 * 2 * PAIRS * OUTPUTS;
 
-/// Number of pairs of inputs per fully connected layer.
+/// Number of pairs of inputs of a fully connected layer.
 const INPUTS: usize = 32;
-/// Number of outputs per fully connected layer.
+/// Number of outputs of a fully connected layer.
 const SUMS: usize = 8;
 
 type Conv<'w> = Winograd<'w, PAIRS, COLUMNS>;
 type Plain<'w> = Direct<'w, PAIRS, COLUMNS>;
 
-/// Winograd convolution with 2 rows and 4 columns of sums per output channel, max-pooled over 2
-/// rows and 2 columns.
+/// Winograd convolution without weights: 2 rows and 4 columns of sums per output channel,
+/// max-pooled over 2 rows and 2 columns.
 const WINOGRAD: Conv<'_> = Winograd {
     tile_rows: 1,
     outputs: OUTPUTS,
     weights: &[],
 };
 const WINOGRAD_SUMS: usize = WINOGRAD.pooled().len();
-/// Direct convolution with 2 rows and 4 columns of sums per output channel, max-pooled over 1 row
-/// and 4 columns.
+/// Direct convolution without weights: 2 rows and 4 columns of sums per output channel, max-pooled
+/// over 1 row and 4 columns.
 const DIRECT: Plain<'_> = Direct {
     pool: [1, 4],
     pooled: PlaneShape {
@@ -46,11 +46,11 @@ const DIRECT: Plain<'_> = Direct {
 };
 const DIRECT_SUMS: usize = DIRECT.pooled.len();
 
-/// Number of outputs of all layers of all kinds.
+/// Number of outputs of all random layers together.
 pub(crate) const RESULTS: usize = LAYERS * (SUMS + WINOGRAD_SUMS + DIRECT_SUMS);
 
-/// Returns the outputs of all layers, in [`LAYERS`] rounds of one fully connected layer, one
-/// Winograd convolution and one direct convolution.
+/// Returns the outputs of all random layers: [`LAYERS`] times those of a fully connected layer, of
+/// a Winograd convolution and of a direct convolution.
 pub(crate) fn results() -> [i32; RESULTS] {
     let mut noise = Noise(11);
     let mut results = [0; RESULTS];
@@ -118,15 +118,14 @@ fn direct(noise: &mut Noise, sums: &mut [i32]) -> usize {
     })
 }
 
-/// Sets all `sums` to the smallest value, calls `pool` with them, and returns their number.
+/// Sets all `sums` to the smallest value, so that `pool` can raise them, and returns their number.
 fn pooled(sums: &mut [i32], pool: impl FnOnce(&mut [i32])) -> usize {
     sums.fill(i32::MIN);
     pool(sums);
     sums.len()
 }
 
-/// Draws a weight from -127 to 127, with a probability of at least 1/4 for the two extremes
-/// together.
+/// Draws a weight from -127 to 127. With a probability of at least 1/4 it is one of these extremes.
 fn weight(noise: &mut Noise) -> i8 {
     let [.., choice, any] = noise.next().to_le_bytes();
     match choice % 8 {
@@ -136,7 +135,7 @@ fn weight(noise: &mut Noise) -> i8 {
     }
 }
 
-/// Draws two activations from 0 to 255. The first is 255 with a probability of at least 1/4.
+/// Draws a pair of activations from 0 to 255. The first is 255 with a probability of at least 1/4.
 fn activations(noise: &mut Noise) -> Pair {
     let [_, choice, first, second] = noise.next().to_le_bytes();
     let first = if choice.is_multiple_of(4) { 255 } else { first };

@@ -1,8 +1,8 @@
-//! Golden vectors that a microcontroller checks itself, emulated or on a board.
+//! Golden vectors that a microcontroller, emulated or on a board, checks by itself.
 //!
 //! Each [`Vector`] runs a part of the signal path on a generated input and compares the output with
-//! an expectation that `build.rs` has written. The expectation comes from scipy, from model-gen's
-//! batch reference or from the dumps in `docs/wire-format.md`; where none of these exists, it is
+//! the expected one, which `build.rs` has written. It comes from scipy, from model-gen's batch
+//! reference or from the dumps in `docs/wire-format.md`; for parts that these do not cover, it is
 //! what the portable kernels compute on the PC. A [`Mismatch`] names the first number that differs.
 //!
 //! ```text
@@ -36,7 +36,7 @@ mod path;
 pub mod results;
 mod signal;
 
-/// Expected outputs of the vectors, written by `build.rs`.
+/// Expected outputs of the golden vectors, written by `build.rs`.
 #[allow(
     clippy::unreadable_literal,
     reason = "generated numbers in the format of the model"
@@ -54,20 +54,20 @@ mod golden {
 pub use mismatch::Mismatch;
 pub use path::Device;
 
-/// Check of one part of the signal path.
+/// Golden vector: checks one part of the signal path.
 #[derive(Clone, Copy, Debug)]
 pub struct Vector {
-    /// Name of the part in the image's output.
+    /// Name of the part, as the image prints it.
     pub name: &'static str,
-    /// Runs the part and compares its output with the expectation.
+    /// Runs the part and compares its output with the expected one.
     ///
     /// # Errors
     /// Returns the first number that differs.
     pub check: fn(&mut Device) -> Result<(), Mismatch>,
 }
 
-/// All vectors, in the order of the signal path. The flash of an STM32F446 has no room for the
-/// packed code in addition to the network.
+/// All golden vectors, in the order of the signal path. A build for the STM32F446 has none for the
+/// packed code, for which its flash has no room in addition to the network.
 pub const VECTORS: &[Vector] = &[
     Vector {
         name: "filters, 512 Hz, 50 Hz mains",

@@ -1,5 +1,5 @@
-//! The image: runs every vector, prints each result on the host's standard output, and ends with an
-//! exit status. Output and exit status use semihosting, which QEMU and `probe-rs run` support.
+//! Image that runs every golden vector, prints the results on the host's standard output, and ends
+//! with an exit status, all by semihosting, which QEMU and `probe-rs run` support.
 //!
 //! The image configures neither clocks nor caches: on a board it runs with the reset settings.
 #![cfg_attr(target_os = "none", no_std)]
@@ -9,7 +9,7 @@
 #[cfg(not(target_os = "none"))]
 mod board;
 
-/// On a PC this program runs the image on a board.
+/// Runs the image on a board: built for a PC, this program controls the probe.
 #[cfg(not(target_os = "none"))]
 fn main() -> std::process::ExitCode {
     board::run()
@@ -30,8 +30,8 @@ mod image {
     /// flash, which a NUCLEO-F446RE does not have in addition to the model.
     static DEVICE: StaticCell<Device> = StaticCell::new();
 
-    /// Prints one line for each vector, `passed TICKS NAME` or `FAILED NAME: WHY`, and a last line
-    /// with the number of vectors and the number of failures.
+    /// Runs all vectors. Prints a line for each, `passed TICKS NAME` or `FAILED NAME: WHY`, and a
+    /// last line with the number of vectors and the number of failures.
     #[entry]
     fn main() -> ! {
         let Some(mut core) = cortex_m::Peripherals::take() else {
@@ -56,20 +56,20 @@ mod image {
         end(failed == 0)
     }
 
-    /// Creates the device. Not inlined: a large stack frame in `main` would never be freed.
+    /// Creates the pipeline's state. Not inlined: `main` would never free the large stack frame.
     #[inline(never)]
     fn device() -> &'static mut Device {
         DEVICE.init_with(Device::new)
     }
 
-    /// Value from which SysTick, a timer of 24 bits, counts down to 0 (ARMv7-M Architecture
-    /// Reference Manual, B3.3).
+    /// Value from which SysTick, a timer of 24 bits, counts down to 0 again and again (ARMv7-M
+    /// Architecture Reference Manual, B3.3).
     const RELOAD: u32 = 0x00ff_ffff;
 
-    /// Number of times that SysTick has reached 0.
+    /// Number of times that SysTick has counted down to 0.
     static ENDS: AtomicU32 = AtomicU32::new(0);
 
-    /// Starts SysTick. The cycle counter of the DWT has 32 bits, but QEMU does not emulate it.
+    /// Starts SysTick as clock: the DWT's cycle counter has 32 bits, but QEMU does not emulate it.
     fn start_clock(timer: &mut SYST) {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(RELOAD);
@@ -78,8 +78,8 @@ mod image {
         timer.enable_counter();
     }
 
-    /// Returns the ticks since [`start_clock`], of the processor's clock: cycles on a board,
-    /// periods of a 25 MHz clock on QEMU's MPS2 boards.
+    /// Returns the number of ticks of the processor's clock since [`start_clock`]: cycles on a
+    /// board, periods of a 25 MHz clock on QEMU's MPS2 boards.
     fn ticks() -> u64 {
         loop {
             let ends = ENDS.load(Relaxed);
@@ -96,7 +96,7 @@ mod image {
         ENDS.fetch_add(1, Relaxed);
     }
 
-    /// Ends the emulation or `probe-rs run`, with status 0 on success.
+    /// Ends the emulation or `probe-rs run`; the exit status is 0 only if `success` is true.
     fn end(success: bool) -> ! {
         loop {
             debug::exit(if success {

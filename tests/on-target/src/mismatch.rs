@@ -1,22 +1,22 @@
-//! Comparison of computed with expected numbers.
+//! Compares computed with expected numbers, and describes the first difference.
 
 use core::fmt;
 
-/// The first computed number that differs from the expected one, or a wrong count of numbers.
+/// The first computed number that differs from the expected one, or a wrong number of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// Name of the numbers that were compared.
+    /// What the compared numbers are, for example "values".
     pub what: &'static str,
-    /// Index of the number; `None` if there are too few or too many numbers.
+    /// Index of the differing number; `None` if there are too few or too many numbers.
     pub index: Option<usize>,
-    /// Expected number, or expected count of numbers.
+    /// The expected number or, without an index, how many numbers were expected.
     pub expected: i64,
-    /// Computed number, or count of numbers.
+    /// The computed number or, without an index, how many numbers were computed.
     pub got: i64,
 }
 
 impl Mismatch {
-    /// Adds `before`, the count of numbers compared earlier, to the index.
+    /// Adds to the index how many numbers were compared before this slice.
     pub(crate) fn offset_by(self, before: usize) -> Self {
         Self {
             index: self.index.map(|index| before + index),
@@ -40,7 +40,7 @@ impl fmt::Display for Mismatch {
     }
 }
 
-/// Checks that both slices hold equal numbers.
+/// Checks that both slices hold the same numbers.
 ///
 /// # Errors
 /// Returns the first difference, or both lengths if only the lengths differ.
@@ -52,7 +52,7 @@ pub(crate) fn expect_equal<T: Copy + Into<i64>>(
     expect_near(what, 0, expected, got)
 }
 
-/// Checks that no number differs from the expected one by more than `tolerance`.
+/// Checks that each number differs from the expected one by at most `tolerance`.
 ///
 /// # Errors
 /// Returns the first larger difference, or both lengths if only the lengths differ.

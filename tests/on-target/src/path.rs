@@ -1,4 +1,4 @@
-//! The pipeline with the built-in model: checksums of the model in flash, codes, packed blocks.
+//! Checks the pipeline with the built-in model: checksums in flash, codes, packed blocks.
 
 use core::hint::black_box;
 
@@ -16,7 +16,7 @@ use crate::{
     signal,
 };
 
-/// State of the pipeline; too large for a stack.
+/// State of the whole pipeline; it is too large for a stack.
 #[derive(Debug)]
 pub struct Device {
     pub(crate) acquisition: Acquisition,
@@ -26,7 +26,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// Creates a device in its initial state.
+    /// Creates the state as it is before the first sample.
     pub const fn new() -> Self {
         Self {
             acquisition: Acquisition::new(Mains::Hz50),
@@ -43,10 +43,9 @@ impl Default for Device {
     }
 }
 
-/// Compares the checksum that was computed at compile time with the checksum of the network in
-/// flash.
+/// Checks that the network in flash has the checksum that was computed at compile time.
 pub(crate) fn check_network_sum() -> Result<(), Mismatch> {
-    // `black_box` hides the network's contents from the compiler, so that the flash is read.
+    // `black_box` hides the network's contents from the compiler, so that flash is really read.
     expect_equal(
         "sum",
         &[NETWORK_CHECKSUM],
@@ -55,7 +54,7 @@ pub(crate) fn check_network_sum() -> Result<(), Mismatch> {
 }
 
 /// Encodes each golden window with a restarted encoder and compares the code with that of
-/// model-gen's batch reference. The index of a mismatch counts the values of all codes.
+/// model-gen's batch reference. The index of a mismatch counts the values of all codes up to it.
 pub(crate) fn check_windows(encoder: &mut Encoder<'static>) -> Result<(), Mismatch> {
     let mut made = 0;
     for (window, expected) in golden::WINDOWS.iter().zip(&golden::WINDOW_CODES) {
@@ -77,11 +76,11 @@ pub(crate) fn check_windows(encoder: &mut Encoder<'static>) -> Result<(), Mismat
     expect_equal("codes", &[golden::WINDOWS_IN_ALL], &[made])
 }
 
-/// Number of integers that [`numbers`] returns for a code.
+/// Number of integers into which [`numbers`] turns a code.
 const NUMBERS: usize = 8;
 
 /// Restarts the device and compares its codes for [`signal::samples`] with `codes`, in every field.
-/// The index of a mismatch counts the numbers or values of all codes.
+/// The index of a mismatch counts the fields, or the values, of all codes up to it.
 pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result<(), Mismatch> {
     device.acquisition.restart(mains);
     device.encoder.restart();
@@ -90,7 +89,7 @@ pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result
         device.encoder.encode_step(&step)
     });
     for (index, expected) in codes.iter().enumerate() {
-        // Not reached: the samples are endless.
+        // Never executed: the samples are endless.
         let Some(code) = made.next() else {
             return expect_equal("codes", &[1], &[0]);
         };
@@ -119,8 +118,7 @@ fn numbers(code: &Code) -> [i64; NUMBERS] {
     ]
 }
 
-/// Compares the checksum that was computed at compile time with the checksum of the packed model in
-/// flash.
+/// Checks that the packed model in flash has the checksum that was computed at compile time.
 #[cfg(not(feature = "f446"))]
 pub(crate) fn check_packed_sum() -> Result<(), Mismatch> {
     let read = black_box(&PACKED).as_ref().map(model::Packed::checksum);
@@ -128,9 +126,9 @@ pub(crate) fn check_packed_sum() -> Result<(), Mismatch> {
     expect_equal("sum", &[expected], &[read])
 }
 
-/// Restarts the device and compares its blocks for [`signal::samples`] with the golden ones, and
-/// then its state. The rates 0 to 15 follow each other, one for each block. The index of a mismatch
-/// counts the bytes of all blocks.
+/// Restarts the device and compares its packed blocks for [`signal::samples`] with the golden ones,
+/// and then its state. The rates 0 to 15 are used in turn, one for each block. The index of a
+/// mismatch counts the bytes of all blocks up to it.
 #[cfg(not(feature = "f446"))]
 pub(crate) fn check_blocks(device: &mut Device) -> Result<(), Mismatch> {
     device.acquisition.restart(Mains::Hz50);
@@ -145,7 +143,7 @@ pub(crate) fn check_blocks(device: &mut Device) -> Result<(), Mismatch> {
             let step = device.acquisition.process_sample(&sample)?;
             device.packed.encode_step(&step)
         });
-        // Always made: the samples are endless.
+        // There is always a block, because the samples are endless.
         let made = block.as_ref().map_or(&[][..], |block| block.bytes());
         expect_equal("bytes", expected, made).map_err(|mismatch| mismatch.offset_by(bytes))?;
         bytes += made.len();

@@ -1,4 +1,4 @@
-//! Lines that the image prints, received by the PC from QEMU or probe-rs.
+//! Lines that the image prints, parsed on the PC, which receives them from QEMU or probe-rs.
 
 use std::borrow::ToOwned;
 use std::format;
@@ -8,18 +8,18 @@ use std::vec::Vec;
 /// A line of the image's output that reports a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Line<'l> {
-    /// A vector has passed.
+    /// The output of a vector was as expected.
     Passed {
-        /// Duration of the vector, in ticks of the image's clock.
+        /// Time that the vector took, in ticks of the image's clock.
         ticks: u64,
-        /// Name of the vector.
+        /// Name of the vector that passed.
         vector: &'l str,
     },
-    /// A vector has failed; the line states why.
+    /// The output of a vector was not as expected; the line states why.
     Failed,
-    /// The last line of the output: the image has run all vectors.
+    /// The last line: the image has run all vectors.
     End {
-        /// Number of vectors that ran.
+        /// Number of vectors that the image ran.
         vectors: usize,
         /// Number of vectors that failed.
         failed: usize,
@@ -27,7 +27,7 @@ pub enum Line<'l> {
 }
 
 impl<'l> Line<'l> {
-    /// Parses a line; `None` if it is not a result of the image.
+    /// Parses a line that the image printed; returns `None` if it reports no result.
     pub fn parse(line: &'l str) -> Option<Self> {
         if line.starts_with("FAILED ") {
             return Some(Self::Failed);
@@ -45,8 +45,8 @@ impl<'l> Line<'l> {
     }
 }
 
-/// Formats a line for the user. The ticks of a passed vector are converted to `unit` by
-/// `from_ticks`; other lines are unchanged.
+/// Returns a line as the user reads it. The time of a passed vector is converted by `from_ticks`
+/// and followed by `unit`; other lines are unchanged.
 pub fn readable(line: &str, unit: &str, from_ticks: impl Fn(u64) -> u64) -> String {
     match Line::parse(line) {
         Some(Line::Passed { ticks, vector }) => {
@@ -57,8 +57,8 @@ pub fn readable(line: &str, unit: &str, from_ticks: impl Fn(u64) -> u64) -> Stri
 }
 
 /// Checks that each vector has passed, and that the image has printed its last line with the number
-/// of vectors. An exit status of 0 is not enough: a run that the user ends with Ctrl-C also has
-/// this status.
+/// of vectors. An exit status of 0 is not enough, because a run that the user ends with Ctrl-C also
+/// has this status.
 ///
 /// # Errors
 /// Returns why the run does not count as passed.

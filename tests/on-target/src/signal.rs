@@ -1,5 +1,5 @@
-//! Input signals, generated identically by the device and by the PC. `build.rs` includes this file
-//! as well.
+//! Input signals of the golden vectors, generated identically by the device and by the PC.
+//! `build.rs` includes this file as well.
 
 use pipeline::Sample;
 
@@ -14,19 +14,19 @@ impl Noise {
     }
 }
 
-/// Counts of one channel, equal to those in `signal/pipeline/tests/it/front_end/scipy_rates.py`: an
-/// offset of 20 mV plus noise of at most 46 uV.
+/// Returns the samples of one channel, ADC counts: an offset of 20 mV plus noise of at most 46 uV.
+/// They equal those in `signal/pipeline/tests/it/front_end/scipy_rates.py`.
 pub(crate) fn counts() -> impl Iterator<Item = i32> {
     let mut noise = Noise(1);
     core::iter::from_fn(move || Some(894_784 + (noise.next() >> 20).cast_signed() - 2_048))
 }
 
-/// Number of samples that a channel stays at one rail before it jumps to the other.
+/// Number of samples for which a channel stays at one rail before it jumps to the other.
 const AT_RAIL: usize = 100;
 
-/// Samples of all channels. In each group of 16 channels, the first has noise over the whole range
-/// of 24 bits, the second jumps from rail to rail, and the third has an offset of 2.2 mV. The third
-/// and the remaining channels have noise of at most 183 uV.
+/// Returns samples of all channels without end. In each group of 16 channels, the first has noise
+/// over the whole range of 24 bits, the second jumps from rail to rail, and the third has an offset
+/// of 2.2 mV. The third and the remaining channels have noise of at most 183 uV.
 pub(crate) fn samples() -> impl Iterator<Item = Sample> {
     let mut noise = Noise(7);
     (0..).map(move |index: usize| Sample {

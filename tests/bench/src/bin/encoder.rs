@@ -35,8 +35,8 @@ mod image {
         })
     }
 
-    /// Prints the number of instructions that the acquisition takes for the time steps of one code.
-    /// The image `filters` shows that this number is the same for every signal.
+    /// Prints the number of instructions of the acquisition for the time steps of one hop. One step
+    /// is counted for all: the image `filters` shows that the number is the same for every signal.
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let sample = Sample::default();
@@ -50,7 +50,8 @@ mod image {
         hprintln!("acquisition_per_code = {}", count as usize * HOP);
     }
 
-    /// Encodes all inputs and prints, for each input, one tally for each place in the hop.
+    /// Encodes all inputs. Prints, for each input, an instruction tally for each time step of a
+    /// hop.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut files = Files::open()?;
         let steps = files.read_steps()?;
@@ -58,8 +59,8 @@ mod image {
         files.outputs.write(&any_network::digests())
     }
 
-    /// Encodes the next input. Returns a tally for each place in the hop, or `None` at the end of
-    /// the file.
+    /// Encodes the next input. Returns the tally of each time step of a hop, or `None` at the end
+    /// of the file.
     fn count_input(
         clock: &Clock,
         steps: usize,

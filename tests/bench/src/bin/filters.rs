@@ -1,5 +1,5 @@
-//! Image that counts the instructions of all contenders. The documentation of the library `bench`
-//! describes the image's files.
+//! Image that counts the instructions of all contenders, the compared filters. The documentation of
+//! the library `bench` describes the image's files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -20,15 +20,14 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Filters all inputs and prints, for each input, one tally for each contender in the order of
-    /// `NAMES`.
+    /// Filters all inputs. Prints, for each input, the contenders' tallies of instructions, in the
+    /// order of `NAMES`.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut files = Files::open()?;
         files.count_inputs(|files| count_input(clock, files))
     }
 
-    /// Filters the next input. Returns a tally for each contender, or `None` at the end of the
-    /// file.
+    /// Filters the next input. Returns each contender's tally, or `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         files: &mut Files,

@@ -1,8 +1,8 @@
 //! Image that counts the instructions of each time step of the packed encoder.
 //!
-//! The input file holds the number of time steps, 32 bits, little endian, then the filtered
-//! electrodes of each step, 32 bits each. The output file holds, for each block, the number of its
-//! bytes and the bytes.
+//! The input file starts with the number of time steps (32 bits, little endian); the filtered
+//! electrodes of each step follow, 32 bits each. The output file holds, for each block, its length
+//! in bytes (one byte) and the bytes.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -21,14 +21,14 @@ mod image {
     use model::HOP;
     use pipeline::{ELECTRODES, PackedEncoder, PackedMemory, Step};
 
-    /// Counts of one input: a tally for each place in the hop, and one for whole hops.
+    /// Instruction counts of one input: a tally for each time step of a hop, one for whole hops.
     struct Counts {
         places: [Tally; HOP],
         hops: Tally,
     }
 
     impl fmt::Debug for Counts {
-        /// Writes a TOML table.
+        /// Writes the counts as an inline TOML table, which the report reads.
         fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
             let Self { places, hops } = self;
             f.write_fmt(format_args!("{{ places = {places:?}, hops = {hops:?} }}"))
@@ -43,15 +43,15 @@ mod image {
         })
     }
 
-    /// Encodes all inputs and prints, for each input, a tally for each place in the hop and one for
-    /// whole hops.
+    /// Encodes all inputs. Prints, for each input, an instruction tally for each time step of a hop
+    /// and one for whole hops.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut files = Files::open()?;
         let steps = files.read_steps()?;
         files.count_inputs(|files| count_input(clock, steps, files))
     }
 
-    /// Encodes the next input; `None` at the end of the file.
+    /// Encodes the next input. Returns its counts, or `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         steps: usize,

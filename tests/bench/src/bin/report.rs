@@ -1,5 +1,5 @@
-//! Runs a benchmark, prints its figures, and checks them against `tests/bench/limits.toml`; see
-//! `bench::report`.
+//! Program that runs a benchmark, prints its figures, and checks them against
+//! `tests/bench/limits.toml`; see `bench::report`.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 #![forbid(unsafe_code)]
@@ -9,7 +9,7 @@ fn main() -> std::process::ExitCode {
     bench::report::main()
 }
 
-/// Panic handler that a build for a microcontroller needs. There the program is empty; it is built
+/// Panic handler, which a build for a microcontroller needs. Such a build does nothing; it exists
 /// only because the lints check all programs of this crate for that target too.
 #[cfg(target_os = "none")]
 #[panic_handler]

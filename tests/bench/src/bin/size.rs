@@ -1,10 +1,10 @@
-//! Image with only the acquisition and the encoder, or, with the feature `packed`, with only the
-//! packed encoder. The image's size is the flash that they need, and the fact that it links proves
-//! that no path through them panics or allocates.
+//! Image that contains only the acquisition and the encoder or, with the feature `packed`, the
+//! packed encoder. Its size is the flash that they need, and it links only if no path through them
+//! panics or allocates.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// Built for a PC, the program only prints what it is for.
+/// Prints what the program is for; a build for a PC does nothing else.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image is measured, not run: `cargo xtask bench encoder` and `packed`");
@@ -42,8 +42,8 @@ mod image {
     }
 
     unsafe extern "C" {
-        /// Defined nowhere, so that an image with a reachable panic does not link. An image that
-        /// allocates does not link either, because there is no allocator.
+        /// Called on panic and defined nowhere, so that an image with a reachable panic does not
+        /// link. An image that allocates does not link either, because there is no allocator.
         safe fn the_path_from_sample_to_code_can_panic() -> !;
     }
 

@@ -1,10 +1,10 @@
-//! Image with only the firmware's tasks `acquire` and `encode`. No path through them allocates, and
-//! only the queue between them can panic: the report reads the locations of the panics from the
-//! image.
+//! Image that contains only the firmware's tasks `acquire` and `encode`. No path through them
+//! allocates, and only the queue between them can panic: the report reads the source locations of
+//! all reachable panics from the image.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// Built for a PC, the program only prints what it is for.
+/// Prints what the program is for; a build for a PC does nothing else.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image is linked, not run: `cargo xtask bench encoder`");
@@ -48,14 +48,14 @@ mod image {
         ConstStaticCell::new([const { BulkSlot::empty() }; deadlines::BULK_WAITING]);
     static BULK_CHANNEL: StaticCell<Channel<'static, RawMutex, BulkSlot>> = StaticCell::new();
 
-    /// Converter that decodes frames whose bytes the compiler cannot predict.
+    /// Converter whose frames the compiler cannot predict, so that no path is optimised away.
     struct Unknown {
         decoder: Decoder<CHIPS>,
         counts: [[i32; CHANNELS]; CHIPS],
     }
 
     impl Converter for Unknown {
-        /// Returns a `poll_fn`, because an `async fn` would contain a panic for a poll after its
+        /// Returns a `poll_fn`: an `async fn` would contain a panic, for a poll after its
         /// completion.
         fn next(&mut self, sample: &mut Sample) -> impl Future<Output = Conversion> {
             poll_fn(|_| {
@@ -82,8 +82,8 @@ mod image {
         }
     }
 
-    /// Runs both tasks forever. Would return `None` only if a static were already initialised,
-    /// which cannot happen.
+    /// Runs both tasks forever. Returns `None` if a static is already initialised, which cannot
+    /// happen.
     fn run_tasks() -> Option<()> {
         let run = Run::NONE;
         SHARED.send_order(black_box(Order::Start(run)));
@@ -117,8 +117,8 @@ mod image {
         }
     }
 
-    /// Uses the location of the panic. So the names of all source files with a reachable panic stay
-    /// in the image. An image that allocates does not link, because there is no allocator.
+    /// Uses the location of the panic, so that the names of all source files with a reachable panic
+    /// stay in the image. An image that allocates does not link, because there is no allocator.
     #[panic_handler]
     fn panic(info: &PanicInfo) -> ! {
         black_box(info.location());

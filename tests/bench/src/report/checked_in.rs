@@ -1,4 +1,4 @@
-//! Data in files: the model's artifact and the TOML files of this crate.
+//! Reads checked-in data: the built-in model's artifact and the TOML files of this crate.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,7 +23,7 @@ pub(crate) fn artifact() -> anyhow::Result<Artifact> {
     Artifact::read(Path::new(ARTIFACT)).context(failed)
 }
 
-/// Parses `text`, the contents of `bench/FILE`, and returns the table or array of tables `name`.
+/// Returns the table or array of tables `name` in `text`, the contents of `tests/bench/FILE`.
 ///
 /// # Errors
 /// `text` is no TOML, has no such table, or a table does not have the fields of `T`.

@@ -1,5 +1,5 @@
 //! Cost of a model on microcontrollers: instructions of its encoder on the emulated ones, flash and
-//! RAM of the boards' images. Its codes are compared with those of model-gen's batch reference.
+//! RAM of the boards' images. The codes are compared with those of model-gen's batch reference.
 
 mod boards;
 mod reference;
@@ -15,17 +15,17 @@ use serde_json::{Map, Value as Json, json};
 use self::reference::Reference;
 use super::images::{self, Range};
 
-/// Parts of a cost that are measured.
+/// Parts of a model's cost that a run measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Parts {
-    /// Instructions and codes.
+    /// Instructions of the encoder, and its codes compared with the reference's.
     Encoder,
-    /// Instructions, codes, and the images of the boards, whose builds take most of the time.
+    /// In addition the flash and RAM of the boards' images, whose builds take most of the time.
     EncoderAndBoards,
 }
 
-/// Returns the cost of the model in `folder`, with `windows` windows encoded on each emulated
-/// machine, as an object of figures without nested values.
+/// Returns the cost of the model in `folder` as an object of figures without nested values. At
+/// least `windows` windows are encoded on each emulated machine.
 ///
 /// # Errors
 /// The folder has no model that can be built, QEMU or the target is missing, or an image does not
@@ -87,13 +87,13 @@ pub(crate) fn measure(
     Ok(figures)
 }
 
-/// Returns the folder for builds with other models, in cargo's target folder.
+/// Returns the folder, within cargo's target folder, in which images with other models are built.
 ///
 /// # Errors
 /// This program is not where cargo builds programs.
 pub(crate) fn builds() -> anyhow::Result<PathBuf> {
     let program = env::current_exe().context("this program has no path")?;
-    // A test is one level deeper: `target/debug/deps/bench-*`.
+    // Skip `deps`, in which cargo puts the programs of tests: `target/debug/deps/bench-*`.
     let mut folders = program.ancestors().skip(1);
     let profile = folders.find(|folder| !folder.ends_with("deps"));
     let target = profile.and_then(Path::parent).context(
@@ -102,7 +102,7 @@ pub(crate) fn builds() -> anyhow::Result<PathBuf> {
     Ok(target.join("variants"))
 }
 
-/// Returns what the model's description states about its size.
+/// Returns the sizes that the model's description states, as figures of the report.
 fn described(name: &str, artifact: &Artifact) -> Map<String, Json> {
     let description = &artifact.description;
     let dimensions = description.dimensions();
@@ -117,8 +117,8 @@ fn described(name: &str, artifact: &Artifact) -> Map<String, Json> {
     object.as_object().cloned().unwrap_or_default()
 }
 
-/// Builds the images that show that no path from sample to code panics or allocates; returns the
-/// flash that this path takes, bytes.
+/// Builds images to check that no path from sample to code panics or allocates. Returns the flash
+/// that acquisition and encoder take, bytes.
 ///
 /// # Errors
 /// A path panics or allocates.

@@ -1,5 +1,5 @@
-//! The benchmark `encoder`: instructions of each time step, memory, and the codes compared with the
-//! PC's.
+//! The benchmark `encoder`: counts the instructions of each time step, measures memory, and
+//! compares the codes with the PC's.
 
 mod counts;
 mod cycles;
@@ -18,7 +18,7 @@ use super::images;
 use super::inputs::{self, Inputs};
 use crate::{any_network, hop};
 
-/// A microcontroller, and the flash and RAM that acquisition and encoder leave free on it, bytes;
+/// A microcontroller, with the flash and RAM that acquisition and encoder leave free on it, bytes;
 /// negative if they do not fit.
 #[derive(Debug, Serialize)]
 struct Room {
@@ -28,17 +28,17 @@ struct Room {
     ram_left: i64,
 }
 
-/// Memory of a microcontroller, KiB of 1024 bytes.
+/// A microcontroller of `parts.toml` and its memory, KiB of 1024 bytes.
 #[derive(Debug, Deserialize)]
 struct Part {
     name: String,
     flash_kib: i64,
     ram_kib: i64,
-    /// Name of the memory region that holds a program's variables and stack.
+    /// Name of the microcontroller's memory region that holds a program's variables and stack.
     region: String,
 }
 
-/// Encodes at least `windows` windows on each machine, and returns the report with all figures.
+/// Encodes at least `windows` windows on each emulated machine, and returns the report.
 ///
 /// # Errors
 /// QEMU or the target is missing, an image does not build or run, or an input cannot be made.
@@ -71,20 +71,21 @@ pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
     report(&inputs, &machines, flash_bytes)
 }
 
-/// Input file of the encoder's image, and the contents of its output file that are expected.
+/// Input file of the image `encoder`, and the contents that its output file must have.
 #[derive(Debug)]
 pub(crate) struct Expected {
     input: Vec<u8>,
-    /// Codes of all inputs.
+    /// Codes of all inputs, one after the other, as bytes.
     codes: Vec<u8>,
-    /// Length of a code, bytes.
+    /// Length of one code, bytes.
     code_bytes: usize,
-    /// Digests of random networks, which follow the codes.
+    /// Digests of the random networks; they follow the codes in the output file.
     digests: [u8; any_network::BYTES],
 }
 
 impl Expected {
-    /// `cells` are those of all inputs, which have `steps` time steps each.
+    /// Creates the files from the `cells` of all inputs, which have `steps` time steps each, and
+    /// the `codes` that are expected, of `code_bytes` bytes each.
     pub(crate) fn new(
         steps: usize,
         cells: impl Iterator<Item = i8>,
@@ -99,8 +100,8 @@ impl Expected {
         }
     }
 
-    /// Runs the image. Returns the counts that it prints, and the numbers of codes and of digests
-    /// that are not the expected ones.
+    /// Runs the image on the machine. Returns the counts that it prints, and how many codes and how
+    /// many digests differ from the expected ones.
     ///
     /// # Errors
     /// The image does not run to its end, or its outputs are incomplete.
@@ -124,7 +125,7 @@ impl Expected {
     }
 }
 
-/// Returns the codes that this PC computes; each input is encoded by a new encoder.
+/// Returns the codes that this PC computes. Each input starts with a new encoder.
 fn codes(inputs: &Inputs<Plane>) -> Vec<u8> {
     let mut codes = Vec::new();
     for planes in &inputs.data {
@@ -171,15 +172,15 @@ fn report(
         "ram_bytes": ram_bytes,
         "flash_bytes": flash_bytes,
         "rooms": rooms(flash_bytes, ram_bytes)?,
-        // Number of windows that each machine encodes.
+        // Number of windows that each machine encodes, over all inputs.
         "windows": steps.map(hop::windows).sum::<usize>(),
         "machines": machines,
         "inputs": inputs.names,
         "skipped": inputs.skipped,
         "counted_elsewhere": checked_in::table::<Json>("published.toml", published, "encoder")?,
     });
-    // The limits apply to the Cortex-M4F. The kernels for the Cortex-M7 have more instructions,
-    // which that processor can issue in pairs.
+    // The figures with limits are those of the Cortex-M4F. The kernels for the Cortex-M7 have more
+    // instructions, which that processor can issue in pairs.
     for (name, figure) in json!(machines[0].figures).as_object().into_iter().flatten() {
         figures[name] = figure.clone();
     }
@@ -209,8 +210,8 @@ mod tests {
 
     use super::*;
 
-    /// Returns a report on one machine: the last time step of a hop takes `last` instructions,
-    /// every other one 1000.
+    /// Returns a report on one machine whose counts `change` has altered. The last time step of a
+    /// hop takes `last` instructions, every other one 1000.
     fn report_of(last: u32, change: fn(&mut Counts)) -> Report {
         let mut inputs = Inputs::new();
         for name in ["silence", "noise"] {
@@ -223,7 +224,8 @@ mod tests {
     }
 
     impl Expected {
-        /// Asserts that the codes are those that this PC's pipeline computes from the input file.
+        /// Asserts that this PC's pipeline computes the expected `windows` codes from the input
+        /// file.
         pub(crate) fn assert_codes_of_pipeline(&self, windows: usize) {
             let (steps, cells) = self.input.split_first_chunk().expect("a number of steps");
             let planes = cells.as_chunks::<CELLS>().0.iter();

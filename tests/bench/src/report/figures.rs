@@ -1,4 +1,4 @@
-//! Figures of one benchmark: as JSON, as tables, and compared with their limits.
+//! Figures of one benchmark: compares them with their limits, and shows them as JSON or tables.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,21 +9,21 @@ use serde_json::Value as Json;
 
 use super::{checked_in, table};
 
-/// Limits of one benchmark by the name of the figure.
+/// Limits of one benchmark's figures, by the names of the figures.
 type Limits = BTreeMap<String, Limit>;
 
 #[derive(Debug, Deserialize)]
 struct Limit {
     #[serde(flatten)]
     bound: Bound,
-    /// Measured value or purpose of the limit.
+    /// Why the limit has this value: a measured value, or the purpose of the limit.
     reason: String,
-    /// Whether the figure can be `null`, because a PC may lack the tool to measure it.
+    /// Whether the figure may be `null`, because a PC may lack the tool that measures it.
     #[serde(default)]
     optional: bool,
 }
 
-/// Range of values within which a figure must be.
+/// Values that a figure may have.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Bound {
@@ -32,23 +32,23 @@ enum Bound {
     Is(bool),
 }
 
-/// Figures of one run of a benchmark, compared with their limits.
+/// Report of one run of a benchmark: its figures, compared with their limits.
 #[derive(Debug)]
 pub(crate) struct Report {
-    /// Name of the benchmark on the command line, and of its table in `limits.toml`.
+    /// Name of the benchmark, which is its command and its table in `limits.toml`.
     benchmark: &'static str,
     limits: Limits,
     /// The object that `--json` prints: figures, nested details, and `faults`.
     pub(crate) object: Json,
-    /// One sentence for each exceeded limit.
+    /// One sentence for each figure that is beyond its limit.
     faults: Vec<String>,
-    /// What the user should do if a limit is exceeded.
+    /// What the user should do if a figure is beyond its limit.
     next: &'static str,
 }
 
 impl Limit {
-    /// Returns whether a figure is within the limit. `null`, as which JSON holds NaN, is within it
-    /// only if the figure is optional.
+    /// Returns whether a figure is within the limit. `null`, which also stands for NaN in JSON, is
+    /// within the limit only if the figure is optional.
     fn contains(&self, figure: &Json) -> bool {
         if figure.is_null() {
             return self.optional;
@@ -72,7 +72,7 @@ impl fmt::Display for Limit {
 }
 
 impl Report {
-    /// Compares the figures in `object` with the benchmark's limits in `limits.toml`.
+    /// Compares the figures in `object` with the limits of `benchmark` in `limits.toml`.
     ///
     /// # Errors
     /// The limits cannot be read.
@@ -108,7 +108,7 @@ impl Report {
         })
     }
 
-    /// Returns an error that names the exceeded limits, if there are any.
+    /// Returns an error that names all figures beyond their limits, if there are any.
     pub(crate) fn outcome(&self) -> anyhow::Result<()> {
         let (benchmark, faults, next) = (self.benchmark, self.faults.join("; "), self.next);
         ensure!(
@@ -119,8 +119,8 @@ impl Report {
     }
 }
 
-/// Returns the figure `name` of `object` with its label. If there is none, returns the figures of
-/// that name in `rooms`, each labelled with its microcontroller.
+/// Returns the figure `name` of `object`, with its name as label. If there is none, returns the
+/// figures of that name in the array `rooms`, each labelled with its microcontroller.
 fn figures<'o>(object: &'o Json, name: &str) -> Vec<(String, &'o Json)> {
     if let Some(figure) = object.get(name) {
         return vec![(name.to_owned(), figure)];
@@ -132,10 +132,10 @@ fn figures<'o>(object: &'o Json, name: &str) -> Vec<(String, &'o Json)> {
         .collect()
 }
 
-/// Returns the median of a figure over rounds in which contenders were timed alternately; `None` if
-/// a round lacks the figure.
+/// Returns the median of a figure over rounds, in each of which all contenders are timed in turn;
+/// `None` if a round lacks the figure.
 ///
-/// A ratio of speeds is the median of the rounds' ratios, because other load of the PC slows all
+/// The ratio of two speeds is computed within each round, because other load of the PC slows all
 /// contenders of a round equally. No speed has a limit, because it depends on the PC.
 pub(crate) fn median<R>(rounds: &[R], figure: &dyn Fn(&R) -> Option<f64>) -> Option<f64> {
     let mut figures: Vec<f64> = rounds.iter().map(figure).collect::<Option<_>>()?;
@@ -170,8 +170,8 @@ mod tests {
     use super::*;
 
     impl Report {
-        /// Returns the sentences about exceeded limits, after checking that `outcome` and `object`
-        /// agree with them.
+        /// Returns the sentences about figures beyond their limits, after checking that `outcome`
+        /// and `object` agree with them.
         pub(crate) fn faults(&self) -> &[String] {
             assert_eq!(self.outcome().is_err(), !self.faults.is_empty());
             assert_eq!(self.object["faults"], json!(self.faults));

@@ -1,4 +1,5 @@
-//! The benchmark `filters`: instructions, noise and response, with pictures.
+//! The benchmark `filters`: compares filter implementations by executed instructions, noise and
+//! frequency response, and draws the results.
 
 mod noise;
 
@@ -21,40 +22,40 @@ use crate::contenders::{NAMES, with_contenders};
 use crate::tally::Tally;
 use demo::response::{Response, Twin};
 
-/// Contender whose figures have limits.
+/// Name of the contender whose figures have limits.
 const OURS: &str = "ours-blocks";
-/// Contender whose number of instructions is compared with that of [`OURS`].
+/// Name of the contender whose number of instructions is compared with that of [`OURS`].
 const IDSP_DITHER: &str = "idsp-dither";
-/// Index in [`NAMES`] of our filters that run sample by sample; their output must equal that of the
+/// Index in [`NAMES`] of our filters that run sample by sample. Their output must equal that of the
 /// contender before them, [`OURS`].
 const SINGLES: usize = 1;
 
-/// What the image prints: the tallies of all contenders for each input.
+/// What the image `filters` prints: for each input, the instruction tallies of all contenders.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Printed {
     inputs: Vec<Vec<Tally>>,
 }
 
-/// Counts of all contenders on one machine.
+/// Instruction counts of all compared filter implementations on one machine.
 #[derive(Debug, Serialize)]
 struct Counts {
     machine: &'static str,
     core: &'static str,
-    /// In the order of [`NAMES`].
+    /// Counts of each contender, in the order of [`NAMES`].
     contenders: Vec<Contender>,
 }
 
 #[derive(Debug, Serialize)]
 struct Contender {
     name: &'static str,
-    /// Fewest instructions per sample and electrode.
+    /// Fewest instructions of any block, per sample and electrode.
     fewest: f64,
-    /// Most instructions per sample and electrode.
+    /// Most instructions of any block, per sample and electrode.
     most: f64,
     /// Whether the number of instructions is the same for every input.
     constant: bool,
-    /// Number of blocks whose bits differ from those of the portable filters.
+    /// Number of output blocks that differ in any bit from those of the same filter on this PC.
     different_blocks: usize,
 }
 
@@ -77,7 +78,7 @@ impl Counts {
     }
 }
 
-/// Counts the instructions, measures the noise, and draws the pictures.
+/// Counts the contenders' instructions, measures the noise, and draws response and noise.
 ///
 /// # Errors
 /// QEMU or the target is missing, the image does not build or run, or an input or picture cannot be
@@ -102,8 +103,8 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&inputs, &machines, &noise)
 }
 
-/// Returns the expected contents of the image's output file: the outputs of all contenders on this
-/// PC.
+/// Returns the expected contents of the image's output file: the outputs that this PC computes with
+/// all contenders.
 fn expected(inputs: &Inputs<Block>) -> Vec<u8> {
     let mut bytes = Vec::new();
     for input in &inputs.data {
@@ -159,14 +160,14 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
     let mut all_ours = all().filter(|each| each.name.starts_with("ours"));
     let published = include_str!("../../published.toml");
     let figures = json!({
-        // Most instructions of our filters in blocks of 4 samples, over all inputs and both
+        // Most instructions of our filters, four samples at a time, over all inputs and both
         // machines.
         "insn_per_sample_channel": most,
-        // Noise of our filters from 0.5 to 60 Hz, on a signal with offset, mains and EEG.
+        // Noise of our filters from 0.5 to 60 Hz, on a signal of electrode offset, mains and EEG.
         "noise_nv_rms": noise.ours.eeg,
-        // Fewest instructions of idsp's filter over the most instructions of ours.
+        // Fewest instructions of idsp's filter, divided by the most instructions of ours.
         "ratio_idsp_dither": peer / most,
-        // Only our contenders are checked: a peer's count may vary with the input.
+        // Only our contenders must be constant; idsp's count may vary with the input.
         "constant_count": all_ours.all(|each| each.constant),
         "bits_equal": all().all(|each| each.different_blocks == 0),
         "machines": machines,
@@ -183,8 +184,8 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
 mod tests {
     use super::*;
 
-    /// Returns a report on one machine, on which each of our contenders takes 25 instructions per
-    /// sample and electrode, and each peer 61.
+    /// Returns a report on one machine whose counts `change` has altered. Each of our contenders
+    /// takes 25 instructions per sample and electrode, and each of idsp's 61.
     fn report_of(change: fn(&mut Contender)) -> Report {
         let of_block =
             |each: usize| u32::try_from(each * BLOCK * ELECTRODES).expect("some thousands");

@@ -1,4 +1,4 @@
-//! The benchmark `host`: codes per second on one core of this PC, ours and PyTorch's.
+//! The benchmark `host`: codes per second on one core of this PC, by our encoder and by PyTorch.
 
 use std::env;
 use std::hint::black_box;
@@ -16,24 +16,24 @@ use super::figures::{Report, median};
 use super::inputs;
 use super::programs::Python;
 
-/// Number of rounds; each times every contender once. One more round at the start is a warm-up and
-/// is not counted.
+/// Number of rounds, each of which times every contender once. A warm-up round at the start is not
+/// counted.
 const ROUNDS: usize = 9;
 
-/// Codes per second of the contenders in one round.
+/// Speeds of all contenders in one round, codes per second.
 #[derive(Debug)]
 struct Round {
-    /// Our encoder on the stream of time steps.
+    /// Our encoder, fed the stream of time steps.
     streaming: f64,
-    /// Our encoder window by window, without use of the overlap.
+    /// Our encoder, started anew for each window, so that it computes the overlap of windows again.
     by_window: f64,
-    /// Our acquisition and encoder on ADC samples.
+    /// Our acquisition and encoder, fed ADC samples.
     pipeline: f64,
-    /// PyTorch, where it is installed.
+    /// Answer of PyTorch; `None` where it is not installed.
     torch: Option<Answer>,
 }
 
-/// Times our encoder and PyTorch alternately, and compares the codes of both with those in floats.
+/// Times our encoder and PyTorch alternately, and compares the codes of both with float codes.
 ///
 /// # Errors
 /// PyTorch does not run, or a contender's codes are incomplete.
@@ -59,7 +59,7 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&rounds[1..], int8_rms_levels, torch_relative)
 }
 
-/// Builds the report, with medians over the rounds.
+/// Builds the report; each speed is a median over the rounds.
 fn report(
     rounds: &[Round],
     int8_rms_levels: f64,
@@ -78,8 +78,8 @@ fn report(
         "ratio_torch": median(&|round| Some(round.streaming / single(round)?)),
         "ratio_torch_batch": median(&|round| Some(round.streaming / batch(round)?)),
         "ratio_torch_windows_batch": median(&|round| Some(round.by_window / batch(round)?)),
-        // Distances from the codes of the float network: rms of the int8 codes in quantisation
-        // levels, and largest difference of PyTorch's codes relative to the largest value.
+        // Differences from the codes of the float network: rms in quantisation levels for int8, and
+        // the largest, relative to the largest code value, for PyTorch.
         "int8_rms_steps": int8_rms_levels,
         "torch_relative": torch_relative,
         "arch": env::consts::ARCH,
@@ -91,16 +91,17 @@ fn report(
     Report::new("host", figures, next)
 }
 
-/// Number of windows in the input, and in PyTorch's batch.
+/// Number of windows in the input that every contender encodes; PyTorch also gets them as one
+/// batch.
 const WINDOWS: usize = 256;
 
-/// Shortest duration of a measurement; `torch_encoder.py` uses the same value.
+/// Shortest duration of the timing of one contender; `torch_encoder.py` uses the same value.
 const TURN: Duration = Duration::from_millis(200);
 
-/// Our encoder in the forms that are timed, with its input.
+/// Our encoder and pipeline, as they are timed, with their input.
 struct Ours {
     samples: Vec<Sample>,
-    /// The acquisition's output for `samples`.
+    /// Time steps that the acquisition computes from `samples`.
     steps: Vec<Step>,
     encoder: Encoder<'static>,
     pipeline: Pipeline,
@@ -125,7 +126,8 @@ impl Ours {
         })
     }
 
-    /// Returns the windows as input of the float network, ordered by time step and cell.
+    /// Returns the windows as inputs of the float network, ordered by time step and cell. `sd_uv`
+    /// is the standard deviation to which the network's input is scaled.
     fn float_windows(&self, sd_uv: f64) -> Vec<[f32; STEPS * CELLS]> {
         #[expect(
             clippy::cast_possible_truncation,
@@ -139,7 +141,7 @@ impl Ours {
         windows.collect()
     }
 
-    /// Returns the codes of all windows, value by value.
+    /// Returns the values of the codes of all windows, one code after the other.
     ///
     /// # Errors
     /// Encoding the stream and encoding each window separately yield different codes, or a code is
@@ -157,12 +159,12 @@ impl Ours {
         Ok(streamed)
     }
 
-    /// Times one encoder on the stream of time steps; returns codes per second.
+    /// Times the encoder on the stream of time steps; returns codes per second.
     fn streaming(&mut self) -> f64 {
         timed(|| streamed(&mut self.encoder, &self.steps).len())
     }
 
-    /// Times window after window, each with a new encoder; returns codes per second.
+    /// Times the encoder on single windows, each with a new encoder; returns codes per second.
     fn by_window(&self) -> f64 {
         timed(|| windows(&self.steps).len())
     }
@@ -177,8 +179,8 @@ impl Ours {
     }
 }
 
-/// Calls `codes` again and again for at least [`TURN`]; returns codes per second. `codes` returns
-/// the number of codes that it has made.
+/// Calls `codes` repeatedly for at least [`TURN`]; returns codes per second. `codes` returns the
+/// number of codes that it has computed.
 fn timed(mut codes: impl FnMut() -> usize) -> f64 {
     let start = Instant::now();
     let mut count = 0.0;
@@ -193,7 +195,7 @@ fn streamed(encoder: &mut Encoder, steps: &[Step]) -> Vec<Code> {
     codes.map(black_box).collect()
 }
 
-/// Encodes each window with a new encoder, without use of the overlap.
+/// Returns the code of each window, computed by a new encoder from all its time steps.
 fn windows(steps: &[Step]) -> Vec<Code> {
     let windows = steps.windows(STEPS).step_by(HOP);
     windows
@@ -204,18 +206,18 @@ fn windows(steps: &[Step]) -> Vec<Code> {
 /// What one run of `torch_encoder.py` prints.
 #[derive(Debug, Deserialize)]
 struct Answer {
-    /// Version of PyTorch.
+    /// Version of PyTorch that ran.
     version: String,
-    /// Codes of the first [`COMPARED`] windows, value by value.
+    /// Values of the codes of the first [`COMPARED`] windows, one code after the other.
     codes: Vec<f32>,
-    /// Codes per second with one window per call.
+    /// Codes per second with one window per call of the network.
     single: f64,
-    /// Codes per second with all windows in one call.
+    /// Codes per second with all windows in one call of the network.
     batch: f64,
 }
 
-/// Encodes the windows, whose values are ordered by time step and cell, with the same network in
-/// PyTorch.
+/// Encodes the windows with the same network in PyTorch. Their values are ordered by time step and
+/// cell.
 ///
 /// # Errors
 /// The script fails, or its codes are incomplete.
@@ -234,10 +236,10 @@ fn encode(torch: Python, windows: &[[f32; STEPS * CELLS]]) -> anyhow::Result<Ans
     Ok(answer)
 }
 
-/// Number of windows that are compared; it is small because the reference is slow.
+/// Number of windows whose codes are compared with the float network's, which is slow.
 const COMPARED: usize = 32;
 
-/// Encodes the first [`COMPARED`] windows with the float network.
+/// Returns the codes that the float network computes for the first [`COMPARED`] windows.
 ///
 /// # Errors
 /// The artifact has no encoder.
@@ -266,7 +268,7 @@ fn rms_levels(codes: &[i32], reference: &[Vec<f32>]) -> f64 {
 }
 
 /// Returns the largest difference of float codes from the reference, relative to the reference's
-/// largest value. No code may be NaN, which would be ignored.
+/// largest magnitude. No code may be NaN, because the maximum ignores NaN.
 fn relative(codes: &[f32], reference: &[Vec<f32>]) -> f64 {
     let reference = reference.concat();
     let largest = reference.iter().map(|z| z.abs()).fold(0.0, f32::max);
@@ -321,7 +323,7 @@ mod tests {
         report_with(torch(), 0.1).assert_only_fault("torch_relative is 0.1;");
     }
 
-    /// A code in floats whose int8 values are 3 above their zero points.
+    /// Returns a code in floats that corresponds to int8 values 3 above their zero points.
     fn exact() -> Vec<f32> {
         CODE_SCALE.map(|scale| 3.0 * scale).to_vec()
     }

@@ -1,4 +1,4 @@
-//! The images: runs them and reads the counts that they print, and reads what they load into flash.
+//! Runs images, reads the instruction counts that they print, and reads what they load into flash.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -13,14 +13,14 @@ use serde::de::DeserializeOwned;
 use crate::block::{INPUTS, OUTPUTS};
 use crate::tally::Tally;
 
-/// Longest permitted time in which an image prints nothing; measured 3 s on one busy core.
+/// Longest permitted time in which an image prints nothing; the longest measured one is 3 s.
 const SILENCE: Duration = Duration::from_mins(2);
 
-/// Virtual time per instruction: 2^10 ns, which the instruction counter in the images assumes.
+/// Virtual time per instruction, which the images' counter assumes, as a power of two: 2^10 ns.
 const INSTRUCTION_TIME: u8 = 10;
 
-/// Runs an image with `inputs` as its input file, in the subfolder `folder` of cargo's target
-/// folder. Returns the counts that the image prints as TOML, and its output file, which must have
+/// Runs an image on `machine` in the subfolder `folder` of cargo's target folder, with `inputs` as
+/// its input file. Returns the counts that it prints as TOML, and its output file, which must have
 /// `length` bytes.
 ///
 /// # Errors
@@ -55,8 +55,8 @@ pub(crate) fn run<T: DeserializeOwned>(
     Ok((counts?, output))
 }
 
-/// Returns the contents of an input file: the number of time steps of each input, then the bytes of
-/// all inputs.
+/// Returns an input file that starts with the number of time steps of each input; `bytes` are those
+/// of all inputs.
 pub(crate) fn with_steps(steps: usize, bytes: impl Iterator<Item = u8>) -> Vec<u8> {
     let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
     steps.into_iter().chain(bytes).collect()
@@ -69,21 +69,21 @@ pub(crate) fn different(expected: &[u8], output: &[u8], length: usize) -> usize 
     blocks.filter(|(block, expected)| block != expected).count()
 }
 
-/// Number of instructions of a contender, or of a time step of a hop, over all inputs.
+/// Fewest and most instructions over all inputs, for one contender or for one time step of a hop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Range {
     pub(crate) fewest: u32,
     pub(crate) most: u32,
     /// Whether the number is the same for every input.
     ///
-    /// Runs on one input may differ, because the position in a ring buffer affects the count. The
-    /// contents of the buffer must not.
+    /// Within one input the number may vary, because the position in a ring buffer affects it. The
+    /// contents of the buffer must not affect it.
     pub(crate) constant: bool,
 }
 
 impl Range {
-    /// Returns the range of each column over all inputs; `inputs` has one row of tallies for each
-    /// input. Columns that an input lacks are left out.
+    /// Returns the range of each column (a contender or a time step) over all inputs; `inputs` has
+    /// one row of tallies for each input. Columns that an input lacks are left out.
     pub(crate) fn of_columns(inputs: &[Vec<Tally>]) -> Vec<Self> {
         let columns = 0..inputs.iter().map(Vec::len).min().unwrap_or(0);
         columns
@@ -91,7 +91,7 @@ impl Range {
             .collect()
     }
 
-    /// Returns the range of the tallies of one contender or time step, one for each input.
+    /// Returns the range of one contender or time step, from its tally with each input.
     fn new(tallies: impl Iterator<Item = Tally> + Clone) -> Self {
         let first = tallies.clone().next();
         let fewest = tallies.clone().map(|tally| tally.fewest).min();
@@ -104,15 +104,16 @@ impl Range {
     }
 }
 
-/// End of the path of the one source file from which the firmware's tasks may panic. Embassy-sync's
-/// queue asserts that it is not full when a slot is sent, and not empty when a slot is released.
-/// The tasks send and release only slots that the queue has returned, so neither assertion fails.
+/// End of the path of the only source file from which the firmware's tasks may panic.
+/// Embassy-sync's queue asserts that it is not full when a slot is sent, and not empty when a slot
+/// is released. The tasks send and release only slots that the queue has returned, so neither
+/// assertion fails.
 const ALLOWED: &str = "src/zerocopy_channel.rs";
 
-/// Last characters of every source file's name, by which the names are found in the image.
+/// Ending of every source file's name, by which the names are found in the image.
 const SOURCE: &str = ".rs";
 
-/// Reads the bytes that an image loads into flash: instructions, constants and initial values of
+/// Returns the bytes that an image loads into flash: instructions, constants and initial values of
 /// variables.
 ///
 /// # Errors
@@ -128,8 +129,8 @@ pub(crate) fn loaded(image: &Path) -> anyhow::Result<Vec<u8>> {
     Ok(contents)
 }
 
-/// Checks that [`ALLOWED`] is the only source file with a reachable panic, in an image that keeps
-/// the source locations of its panics.
+/// Checks that [`ALLOWED`] is the only source file with a reachable panic. The image must keep the
+/// source locations of its panics.
 ///
 /// # Errors
 /// Another source file has a reachable panic. Or not even [`ALLOWED`] is found, which means that
@@ -152,11 +153,11 @@ pub(crate) fn check_panics(loaded: &[u8]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Returns the names of all source files that occur in the loaded bytes.
+/// Returns the names of all source files that occur in the bytes of an image.
 fn source_files(loaded: &[u8]) -> BTreeSet<String> {
     let mut files = BTreeSet::new();
     for text in loaded.split(|byte| !byte.is_ascii_graphic()) {
-        // Names can follow each other without a separator, so each is cut after its `.rs`.
+        // Names can follow each other without a separator, so cut each after its `.rs`.
         for name in String::from_utf8_lossy(text).split_inclusive(SOURCE) {
             if name.ends_with(SOURCE) {
                 files.insert(name.to_owned());
@@ -192,7 +193,7 @@ mod tests {
             Range::of_columns(&inputs),
             [range(10, 11, true), range(20, 21, false)]
         );
-        // The largest counts are equal, the smallest are not.
+        // The largest counts of the two inputs are equal; only the smallest differ.
         let inputs = [vec![tally([10, 11])], vec![tally([11, 11])]];
         assert!(!Range::of_columns(&inputs)[0].constant);
     }

@@ -1,5 +1,5 @@
-//! Inputs of the images, the same in every run: test signals unlike any EEG, synthetic EEG, and
-//! real EEG where it is available.
+//! Inputs of the images, the same in every run: extreme test signals, synthetic EEG, and real EEG
+//! where it is available.
 
 use std::env;
 use std::path::Path;
@@ -18,23 +18,24 @@ use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 use crate::block::{BLOCKS, Block};
 use crate::hop;
 
-/// Real EEG for the filters, below the folder in `CORTICODE_DATA`: 61 electrodes at 512 Hz.
+/// Real EEG for the filters, in the folder that `CORTICODE_DATA` names: 61 electrodes at 512 Hz.
 const RESAMPLED: &str = "derived/s001r04_61ch_512hz_i16.gdf";
-/// Real EEG for the encoder: 125 s, mains at 60 Hz, not used in training.
+/// Real EEG for the encoder, in the folder that `CORTICODE_DATA` names: 125 s, mains at 60 Hz, not
+/// used in training.
 const HELD_OUT: &str = "eegmmidb_S001/S001R11.edf";
 
-/// Time steps that the packed encoder's inputs leave out: 10 s, in which the filters settle.
+/// Number of time steps left out at the start of the packed encoder's inputs: 10 s of settling.
 const SETTLING_STEPS: usize = 1_280;
 
-/// Error message for a recording that cannot be read.
+/// Error message if a recording of real EEG cannot be read.
 const FAILED: &str = "reading real EEG failed\n  next: does CORTICODE_DATA name the right folder?";
 
-/// Inputs of equal length, as blocks for the filters or as planes for the encoder.
+/// Inputs of equal length; an element `T` is a block, a plane, a sample or a step.
 #[derive(Debug)]
 pub(crate) struct Inputs<T> {
     pub(crate) names: Vec<&'static str>,
     pub(crate) data: Vec<Vec<T>>,
-    /// Reasons why inputs are missing, one for each missing input.
+    /// For each missing input, the reason why it is missing.
     pub(crate) skipped: Vec<String>,
 }
 
@@ -52,10 +53,11 @@ impl<T> Inputs<T> {
         self.data.push(data);
     }
 
-    /// Returns the inputs if each has `length` blocks, samples or time steps.
+    /// Returns the inputs if each has `length` elements (blocks, samples or time steps).
     ///
     /// # Errors
-    /// `recording` is too short; `next` says what to do.
+    /// The recording is too short. The message contains its name `recording`, and `next`, what to
+    /// do.
     fn of_length(self, length: usize, recording: &str, next: &str) -> anyhow::Result<Self> {
         ensure!(
             self.data.iter().all(|input| input.len() == length),
@@ -64,7 +66,7 @@ impl<T> Inputs<T> {
         Ok(self)
     }
 
-    /// Adds real EEG, or the reason why it is not available.
+    /// Adds real EEG as an input or, if it is not available, notes the reason.
     fn add_real(&mut self, data: Result<Vec<T>, String>) {
         match data {
             Ok(data) => self.add("real EEG", data),
@@ -76,7 +78,7 @@ impl<T> Inputs<T> {
     }
 }
 
-/// Makes [`BLOCKS`] blocks of each input of the filters.
+/// Returns the inputs of the filters, with [`BLOCKS`] blocks each.
 ///
 /// # Errors
 /// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
@@ -89,7 +91,7 @@ pub(crate) fn blocks() -> anyhow::Result<Inputs<Block>> {
     inputs.of_length(BLOCKS, RESAMPLED, "restore the file")
 }
 
-/// Makes `count` samples of each input of the lossless compression.
+/// Returns the inputs of the lossless compression, with `count` samples each.
 ///
 /// # Errors
 /// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
@@ -116,12 +118,12 @@ pub(crate) fn samples(count: usize) -> anyhow::Result<Inputs<Sample>> {
     inputs.of_length(count, RESAMPLED, "restore the file")
 }
 
-/// Adds white noise to the electrodes, as an amplifier does; the recording was resampled from 160
-/// Hz and has none above 80 Hz.
+/// Returns a sample with white noise added to its electrodes, as an amplifier adds it. The
+/// recording has no noise above 80 Hz, because it was resampled from 160 Hz.
 fn with_noise(sample: &Sample, noise_uv: f64, random: &mut ChaCha8Rng) -> Sample {
     let mut counts = sample.counts;
     for count in &mut counts[..ELECTRODES] {
-        // Sum of twelve uniform numbers: variance 1.
+        // The sum of twelve uniform numbers is about normal and has variance 1.
         let normal: f64 = (0..12).map(|_| random.random::<f64>() - 0.5).sum();
         #[expect(clippy::cast_possible_truncation, reason = "some microvolts")]
         let noise = (normal * noise_uv * 1000.0 / f64::from(LSB_NV)).round() as i32;
@@ -130,7 +132,7 @@ fn with_noise(sample: &Sample, noise_uv: f64, random: &mut ChaCha8Rng) -> Sample
     Sample { counts }
 }
 
-/// Makes the inputs of the encoder, with at least `windows` windows together.
+/// Returns the inputs of the encoder, which have at least `windows` windows together.
 ///
 /// # Errors
 /// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
@@ -149,7 +151,7 @@ pub(crate) fn planes(windows: usize) -> anyhow::Result<Inputs<Plane>> {
     inputs.of_length(steps, HELD_OUT, "ask for fewer --windows")
 }
 
-/// Makes `count` time steps of each input of the packed encoder.
+/// Returns the inputs of the packed encoder, with `count` time steps each.
 ///
 /// # Errors
 /// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
@@ -172,10 +174,10 @@ pub(crate) fn steps(count: usize) -> anyhow::Result<Inputs<Step>> {
     inputs.of_length(count, HELD_OUT, "ask for fewer --hops")
 }
 
-/// A test signal with its name: endless samples.
+/// Name of a test signal, and its samples without end.
 type Signal = (&'static str, Box<dyn Iterator<Item = Sample>>);
 
-/// Returns silence, jumps between the rails, noise over the whole range, and synthetic EEG.
+/// Returns the test signals silence, jumps between rails, full-range noise, and synthetic EEG.
 fn signals() -> anyhow::Result<[Signal; 4]> {
     let random = ChaCha8Rng::seed_from_u64;
     Ok([
@@ -186,7 +188,7 @@ fn signals() -> anyhow::Result<[Signal; 4]> {
     ])
 }
 
-/// Returns endless EEG at the electrodes of the model, the same on every call.
+/// Returns synthetic EEG without end, at the electrodes of the model; it is the same on every call.
 pub(crate) fn synthetic() -> anyhow::Result<impl Iterator<Item = Sample>> {
     let spec = SyntheticSpec::new(3, model::LABELS.split(' '));
     let mut source = Source::Synthetic(Box::new(Generator::new(&spec)?));
@@ -195,8 +197,8 @@ pub(crate) fn synthetic() -> anyhow::Result<impl Iterator<Item = Sample>> {
     }))
 }
 
-/// Reads a recording in the folder that `CORTICODE_DATA` names, as the virtual ADC delivers it.
-/// Returns `Ok(Err(reason))` if the variable is not set.
+/// Returns the samples of a recording in the folder that `CORTICODE_DATA` names, converted to the
+/// model's montage and rate. Returns `Ok(Err(reason))` if the variable is not set.
 fn recorded(file: &str) -> anyhow::Result<Result<Vec<Sample>, String>> {
     let Some(folder) = env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty()) else {
         return Ok(Err(format!(
@@ -227,7 +229,7 @@ fn to_blocks(samples: impl IntoIterator<Item = Sample>) -> Vec<Block> {
     blocks.collect()
 }
 
-/// Returns the planes of at most `steps` time steps, computed by the acquisition from these
+/// Returns the planes of at most `steps` time steps, which the acquisition computes from the
 /// samples.
 fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Sample>, steps: usize) -> Vec<Plane> {
     let mut acquisition = Acquisition::new(mains);
@@ -236,7 +238,7 @@ fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Sample>, steps: usi
     steps_of.map(|step| step.plane).take(steps).collect()
 }
 
-/// Returns the first `count` steps after [`SETTLING_STEPS`], computed by the acquisition.
+/// Returns `count` steps that the acquisition computes, after leaving out [`SETTLING_STEPS`].
 fn to_steps(mains: Mains, samples: impl IntoIterator<Item = Sample>, count: usize) -> Vec<Step> {
     let mut acquisition = Acquisition::new(mains);
     let samples = samples.into_iter();
@@ -244,7 +246,7 @@ fn to_steps(mains: Mains, samples: impl IntoIterator<Item = Sample>, count: usiz
     steps.skip(SETTLING_STEPS).take(count).collect()
 }
 
-/// Counts of 0, of which one in 500 is 1 mV or -1 mV.
+/// Returns samples whose counts are 0, except that one in 500 is 1 mV or -1 mV.
 fn impulses(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     let millivolt = counts(1_000.0);
     std::iter::repeat_with(move || Sample {
@@ -256,7 +258,7 @@ fn impulses(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     })
 }
 
-/// Adds white noise of 100 uV rms to the first eight electrodes.
+/// Returns the samples with white noise of 100 uV rms added to the first eight electrodes.
 fn eight_noisy(
     samples: impl Iterator<Item = Sample>,
     mut random: ChaCha8Rng,
@@ -271,20 +273,20 @@ fn eight_noisy(
     })
 }
 
-/// Returns microvolts in counts of the ADC.
+/// Converts microvolts to counts of the ADC.
 #[expect(clippy::cast_possible_truncation, reason = "some millivolts at most")]
 fn counts(uv: f32) -> i32 {
     (uv * 1_000.0 / LSB_NV).round() as i32
 }
 
-/// Random telegraph signal: every electrode jumps from rail to rail, 25.6 times per second on
-/// average.
+/// Returns a random telegraph signal: every electrode jumps from rail to rail, 25.6 times per
+/// second on average.
 fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     let mut counts = [Sample::MAX; CHANNELS];
     std::iter::repeat_with(move || {
         for count in &mut counts[..ELECTRODES] {
             if random.random_ratio(1, 20) {
-                // The other rail: !MAX is -MAX - 1.
+                // `!` leads to the opposite rail: !MAX is -MAX - 1.
                 *count = !*count;
             }
         }
@@ -292,7 +294,7 @@ fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     })
 }
 
-/// White noise with uniform distribution over the whole range of 24 bits.
+/// Returns white noise with uniform distribution over the whole range of 24 bits.
 fn white(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     std::iter::repeat_with(move || Sample {
         counts: std::array::from_fn(|_| random.next_u32().cast_signed() >> 8),

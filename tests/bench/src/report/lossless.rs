@@ -1,5 +1,5 @@
-//! The benchmark `lossless`: bits and instructions of compressed samples, compared with the PC's
-//! bytes.
+//! The benchmark `lossless`: compresses samples, counts bits and instructions, and compares the
+//! compressed bytes with the PC's.
 
 use emulator::{Image, MACHINES, Machine};
 use lossless::{Count, Decoder, EncoderState, MAX_SAMPLES};
@@ -14,14 +14,14 @@ use super::inputs::{self, Inputs};
 use crate::compression::{BLOCKS, ENCODER, OUTPUT_BYTES, SILENCE, Samples, to_bytes};
 use crate::tally::Tally;
 
-/// Input whose figures have limits.
+/// Name of the input whose figures have limits.
 const EEG: &str = "synthetic EEG";
 
-/// Number of counts in a block.
+/// Number of counts in a block, over all channels and samples.
 #[expect(clippy::cast_precision_loss, reason = "at most 512")]
 const COUNTS: f64 = (CHANNELS * MAX_SAMPLES) as f64;
 
-/// What the image prints.
+/// What the image `lossless` prints, as TOML.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Printed {
@@ -29,7 +29,7 @@ struct Printed {
     inputs: Vec<Tally>,
 }
 
-/// Figures of one machine.
+/// Figures of all inputs on one emulated machine.
 #[derive(Debug, Serialize)]
 struct Counts {
     machine: &'static str,
@@ -38,7 +38,7 @@ struct Counts {
     inputs: Vec<Input>,
 }
 
-/// Figures of one input on one machine; a sample is one count of one channel.
+/// Figures of one input on one machine. `per_sample` in a name means per count of one channel.
 #[derive(Debug, Serialize)]
 struct Input {
     name: &'static str,
@@ -48,15 +48,15 @@ struct Input {
     insn_worst_block: u32,
 }
 
-/// Blocks of all inputs as this PC compresses them.
+/// Compressed blocks of all inputs, as this PC computes them.
 #[derive(Debug)]
 struct Expected {
     output: Vec<u8>,
-    /// Bits for each count of each input.
+    /// For each input, the mean number of compressed bits per count.
     bits: Vec<f64>,
 }
 
-/// Counts the instructions, and compares the blocks with those of this PC.
+/// Runs the image on each machine and compares the compressed blocks with those of this PC.
 ///
 /// # Errors
 /// QEMU or the target is missing, the image does not build or run, or an input cannot be made.
@@ -82,10 +82,10 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&machines, state_bytes, &inputs.skipped)
 }
 
-/// Returns the bits of a compressed count of synthetic EEG, without instructions.
+/// Returns the mean compressed bits per count of synthetic EEG, computed on this PC alone.
 ///
 /// # Errors
-/// An input cannot be made, or a block does not come back as it was.
+/// An input cannot be made, or a block differs after decompression.
 pub(crate) fn bits_per_sample() -> anyhow::Result<Option<f64>> {
     let inputs = inputs::samples(BLOCKS * MAX_SAMPLES)?;
     let bits = Expected::new(&inputs)?.bits;
@@ -94,8 +94,10 @@ pub(crate) fn bits_per_sample() -> anyhow::Result<Option<f64>> {
 }
 
 impl Expected {
+    /// Compresses all inputs on this PC and decompresses every block.
+    ///
     /// # Errors
-    /// A block does not come back as it was.
+    /// A block differs after decompression.
     fn new(inputs: &Inputs<Sample>) -> anyhow::Result<Self> {
         let mut expected = Self {
             output: Vec::new(),

@@ -1,6 +1,6 @@
 //! The benchmarks `model` and `montages`: cost of the model in a folder, and of a model with random
-//! weights for each file in `files/montages/`. Neither the instructions nor the memory of an
-//! encoder depends on the values of its weights.
+//! weights for each file in `files/montages/`. Random weights suffice, because neither the
+//! instructions nor the memory of an encoder depend on the weights' values.
 
 use std::path::{Path, PathBuf};
 
@@ -12,8 +12,8 @@ use serde_json::{Map, Value as Json, json};
 use super::cost::{self, Parts};
 use super::figures::Report;
 
-/// Encodes at least `windows` windows with the model in `folder` on each emulated machine, and
-/// builds the boards' images with it.
+/// Returns the report on the model in `folder`: encodes at least `windows` windows with it on each
+/// emulated machine, and builds the boards' images with it.
 ///
 /// # Errors
 /// The folder has no model, the model does not fit a board, or QEMU or the target is missing.
@@ -25,15 +25,15 @@ pub(crate) fn measure_folder(folder: &Path, windows: usize) -> anyhow::Result<Re
     Report::new("model", Json::Object(figures), next)
 }
 
-/// Montage that also gets a model with convolutions: the largest one whose convolutions differ from
-/// those of the checked-in model.
+/// Name of the montage that also gets a model with convolutions. Of the montages whose convolutions
+/// differ from those of the checked-in model, it is the largest.
 const CONVOLUTIONS: &str = "ten-twenty-32";
 
-/// Seed of the random weights.
+/// Seed of the random weights of every model.
 const SEED: u32 = 1;
 
-/// Returns the report on the models of all montages, or of `only` one. For each model, at least
-/// `windows` windows are encoded on each emulated machine.
+/// Returns the report on the models of all montages, or of the one named `only`. For each model, at
+/// least `windows` windows are encoded on each emulated machine.
 ///
 /// # Errors
 /// No montage has the name, a montage file cannot be read, QEMU or the target is missing, or an
@@ -60,7 +60,7 @@ pub(crate) fn measure_montages(
     report(&rows)
 }
 
-/// Returns the montages whose name is `only`, or all of them.
+/// Returns the montage whose name is `only`, or all montages if `only` is `None`.
 fn selected(
     mut montages: Vec<MontageFile>,
     only: Option<&str>,
@@ -76,7 +76,7 @@ fn selected(
     Ok(montages)
 }
 
-/// Returns the modes of the models for a montage.
+/// Returns the modes of the models that are measured for a montage.
 fn modes(montage: &MontageFile) -> Vec<Mode> {
     let mut modes = vec![Mode::Pca];
     if montage.name == CONVOLUTIONS {
@@ -85,14 +85,14 @@ fn modes(montage: &MontageFile) -> Vec<Mode> {
     modes
 }
 
-/// Returns the numbers in a code: two for each electrode, in multiples of 8. 61 electrodes have the
-/// paper's 128.
+/// Returns the number of numbers in a code: two for each electrode, rounded up to a multiple of 8.
+/// For 61 electrodes it is the paper's 128.
 fn numbers(electrodes: usize) -> usize {
     (2 * electrodes).next_multiple_of(8)
 }
 
-/// Writes a model to a folder of its own and returns the folder. Leaves the files as they are if
-/// they hold this model already, so that cargo does not build its images again.
+/// Writes a model to a folder of its own and returns the folder. Files that hold this model already
+/// stay untouched, so that cargo does not build the model's images again.
 fn write(artifact: &Artifact, name: &str) -> anyhow::Result<PathBuf> {
     let folder = cost::builds()?.join("models").join(name.replace(", ", "-"));
     let is_written = Artifact::read(&folder).is_ok_and(|written| written.id == artifact.id);
@@ -103,7 +103,7 @@ fn write(artifact: &Artifact, name: &str) -> anyhow::Result<PathBuf> {
     Ok(folder)
 }
 
-/// Builds the report from the cost of each model.
+/// Builds the report; each row is the cost of one model.
 fn report(rows: &[Map<String, Json>]) -> anyhow::Result<Report> {
     let all = |name: &str, sound: Json| rows.iter().all(|row| row.get(name) == Some(&sound));
     let figures = json!({
@@ -122,7 +122,7 @@ mod tests {
 
     use super::*;
 
-    /// Montage whose images are built and run in the tests: the smallest.
+    /// Name of the montage whose images the tests build and run: the smallest one.
     const SMALL: &str = "cyton-8";
 
     fn row(different: u32, constant: bool) -> Map<String, Json> {

@@ -1,5 +1,5 @@
 //! What the benchmarks of nodes share: our programs, a ROS master, a node in rospy for comparison,
-//! and the figures of both nodes over the same time.
+//! and the figures of both nodes, measured at the same time.
 
 mod amplifier;
 pub(super) mod bridge;
@@ -29,25 +29,25 @@ use self::figures::{Figures, Times, Usage};
 use self::subscriber::Subscriber;
 use super::programs::Python;
 
-/// Environment variable with the folder of our programs; the default is the folder of this program.
+/// Environment variable that names the folder of our programs; by default it is this program's.
 const FOLDER: &str = "CORTICODE_PROGRAMS";
-/// Any free port of this PC.
+/// Address at which a server listens on any free port of this PC.
 const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);
-/// Longest time until the first code arrives at each subscriber, on a busy machine.
+/// Longest permitted time until the first code has arrived at each subscriber, on a busy machine.
 const START: Duration = Duration::from_secs(30);
-/// Time before each measurement that is not measured: connections are new, and caches are cold.
+/// Time before each measurement that is not measured, for connections and caches to settle.
 const WARM_UP: Duration = Duration::from_secs(3);
-/// Longest time after each measurement in which its last codes arrive, on a busy machine.
+/// Longest time to wait after a measurement for its last codes to arrive, on a busy machine.
 const STRAGGLERS: Duration = Duration::from_secs(10);
-/// Last part of a wait, in which the thread does not sleep: a sleep ends up to this much later.
+/// Time before the end of a wait in which the thread spins, because a sleep may end that much late.
 const BUSY: Duration = Duration::from_millis(2);
 
-/// Folder of the programs that are measured.
+/// Folder that contains the programs to be measured.
 #[derive(Debug)]
 struct Programs(PathBuf);
 
 impl Programs {
-    /// Finds the programs `names`, which the benchmark `benchmark` measures.
+    /// Finds the folder of the programs `names`, which the benchmark `benchmark` measures.
     ///
     /// # Errors
     /// A program is missing.
@@ -66,7 +66,7 @@ impl Programs {
         Ok(Self(folder))
     }
 
-    /// Draws the histogram of a benchmark's intervals.
+    /// Draws the histogram of the intervals between codes that a benchmark measured.
     fn draw(&self, benchmark: &str, intervals: &Intervals) -> anyhow::Result<()> {
         let folder = self.0.with_file_name("bench");
         let picture = folder.join(format!("{benchmark}-intervals.svg"));
@@ -79,19 +79,19 @@ impl Programs {
     }
 }
 
-/// A child process; killed when dropped.
+/// A child process, which is killed when the value is dropped.
 #[derive(Debug)]
 struct Running(Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // Fails if the process has ended.
+        // An error means that the process has ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// A ROS master, the node of this program, and a folder for logs.
+/// A ROS master, the ROS node through which this program subscribes, and a folder for logs.
 #[derive(Debug)]
 struct Ros {
     node: Node,
@@ -113,7 +113,7 @@ impl Ros {
         })
     }
 
-    /// Starts one of our programs; its log goes to a file.
+    /// Starts one of our programs, with a file in the folder for its log.
     fn start_program(
         &self,
         programs: &Programs,
@@ -126,7 +126,7 @@ impl Ros {
             .args(arguments)
             .env("ROS_HOSTNAME", "127.0.0.1")
             .env_remove("ROS_IP")
-            // Not the configuration of this user.
+            // Keep the program from reading the configuration of the user.
             .env("CORTICODE_CONFIG", "/dev/null")
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -137,12 +137,12 @@ impl Ros {
         ))
     }
 
-    /// Returns the path of a program's log.
+    /// Returns the path of the log of the program `name`.
     fn log(&self, name: &str) -> PathBuf {
         self.folder.path().join(name).with_extension("log")
     }
 
-    /// Starts a script of this crate, whose input is the definition of `NeuroFrame`.
+    /// Starts a script of this crate, with the definition of the message `NeuroFrame` on its stdin.
     fn start_script(
         &self,
         python: Python,
@@ -160,31 +160,31 @@ impl Ros {
             .stdout(Stdio::null())
             .spawn()
             .with_context(|| format!("{script} does not start"))?;
-        // The pipe is dropped at the end of the statement, which ends the process's input.
+        // Take the pipe out of the process, so that it is dropped here and the script's input ends.
         let mut definition = process.stdin.take().context("it has no standard input")?;
         definition.write_all(NeuroFrame::TYPE.definition.as_bytes())?;
         Ok(Running(process))
     }
 }
 
-/// Finds a Python interpreter that imports rospy.
+/// Finds a Python interpreter that can import rospy.
 fn find_rospy() -> Option<Python> {
     Python::find("rospy", "`apt-get install python3-rospy`, then again")
 }
 
-/// Returns the arguments of a script that describe the codes: their length, and their rate in Hz.
+/// Returns the arguments that tell a script the length of the codes and their rate in Hz.
 fn code_arguments() -> [String; 2] {
     let rate_hz = usize::from(model::STEP_RATE_HZ) / model::HOP;
     [model::CODE, rate_hz].map(|number| number.to_string())
 }
 
-/// Runs a benchmark, whose master and subscribers run on this thread.
+/// Runs the future of a benchmark; the ROS master and the subscribers also run on this thread.
 fn block_on<T>(run: impl Future<Output = anyhow::Result<T>>) -> anyhow::Result<T> {
     let mut runtime = tokio::runtime::Builder::new_current_thread();
     runtime.enable_all().build()?.block_on(run)
 }
 
-/// Sleeps, and at the end spins, until `due`.
+/// Waits until `due`: sleeps first, and spins for the rest, which is more exact.
 fn wait_until(due: Instant) {
     thread::sleep(due.saturating_duration_since(Instant::now() + BUSY));
     while Instant::now() < due {
@@ -192,17 +192,17 @@ fn wait_until(due: Instant) {
     }
 }
 
-/// Our node and the node in rospy, each with a subscriber of its codes.
+/// Our node and the node in rospy, with a subscriber of each node's codes.
 #[derive(Debug)]
 struct Nodes {
     own: Running,
-    /// `None` where rospy is not installed.
+    /// Process of the node in rospy; `None` where rospy is not installed.
     rospy: Option<Running>,
     codes: [Subscriber; 2],
 }
 
 impl Nodes {
-    /// Waits until a code of each node has arrived.
+    /// Waits until each running node has sent a code that has arrived.
     async fn wait_for_codes(&self) -> anyhow::Result<()> {
         for codes in self.measured_codes() {
             codes.wait_for_code(START).await?;
@@ -210,12 +210,12 @@ impl Nodes {
         Ok(())
     }
 
-    /// Returns the subscribers of the nodes that run.
+    /// Returns the subscribers of the nodes that are running: one, or two with rospy.
     fn measured_codes(&self) -> &[Subscriber] {
         &self.codes[..=usize::from(self.rospy.is_some())]
     }
 
-    /// Measures both nodes for `seconds`; `sent` returns when each code was sent to each node.
+    /// Measures both nodes for `seconds`. `sent` returns when each code was sent to each node.
     ///
     /// # Errors
     /// A node has ended.
@@ -239,7 +239,7 @@ impl Nodes {
         })
     }
 
-    /// Waits until the codes that were sent before `end` have arrived, or are lost.
+    /// Waits until the codes sent before `end` have arrived, but no longer than [`STRAGGLERS`].
     async fn wait_for_stragglers(&self, end: Instant, sent: &impl Fn() -> [Times; 2]) {
         let deadline = Instant::now() + STRAGGLERS;
         loop {
@@ -265,21 +265,21 @@ impl Nodes {
     }
 }
 
-/// Figures of both nodes over the same time.
+/// Figures of both nodes, measured at the same time.
 #[derive(Debug)]
 struct Pair {
     own: Figures,
-    /// `None` where rospy is not installed.
+    /// Figures of the node in rospy; `None` where rospy is not installed.
     rospy: Option<Figures>,
 }
 
 impl Pair {
-    /// Returns a figure of our node over that of the node in rospy.
+    /// Returns a figure of our node, divided by that of the node in rospy.
     fn ratio(&self, figure: &dyn Fn(&Figures) -> f64) -> Option<f64> {
         Some(figure(&self.own) / figure(self.rospy.as_ref()?))
     }
 
-    /// Returns the figures of both nodes as objects with these names.
+    /// Returns the figures of both nodes as JSON objects, named by `names`.
     fn objects(&self, names: [&str; 2]) -> Vec<Json> {
         let nodes = names
             .into_iter()
@@ -292,8 +292,8 @@ impl Pair {
         objects.collect()
     }
 
-    /// Returns the histogram of the intervals of arrivals through our node, of the codes sent to
-    /// it, and of arrivals through the node in rospy; `from` names the source of the codes.
+    /// Returns a histogram of the intervals between arrivals through our node, between codes sent
+    /// to it, and between arrivals through the node in rospy. `from` names the source of the codes.
     fn intervals(&self, [own, source, rospy]: [&str; 3], from: &str) -> Intervals {
         let series = |name: &str, ms: &[f64]| Series {
             name: name.to_owned(),
@@ -312,7 +312,7 @@ impl Pair {
     }
 }
 
-/// Asserts that a measurement of 2 s has this number of nodes, each with codes at about their rate.
+/// Asserts that a measurement of 2 s has `count` nodes, each with about as many codes as are due.
 #[cfg(test)]
 fn assert_two_seconds(report: &super::figures::Report, count: std::ops::RangeInclusive<usize>) {
     assert_eq!(report.faults(), [""; 0]);
@@ -320,7 +320,7 @@ fn assert_two_seconds(report: &super::figures::Report, count: std::ops::RangeInc
     assert!(count.contains(&nodes.len()), "{}", nodes.len());
     for node in nodes {
         let codes = node["codes"].as_u64().expect("a number");
-        // 32 on an idle machine.
+        // An idle machine yields 32 codes.
         assert!((10..200).contains(&codes), "{node}");
         let latency = node["latency_median_ms"].as_f64().expect("a number");
         assert!(latency > 0.0, "{node}");

@@ -1,5 +1,5 @@
-//! The benchmark `offline`: `host-sim encode` and `host-sim decode` on one core, in multiples of
-//! real time, and scipy and PyTorch doing the same.
+//! The benchmark `offline`: speed of `host-sim encode` and `host-sim decode` on one core, as
+//! multiples of real time, and that of scipy and PyTorch doing the same.
 
 use std::fs;
 use std::io::BufWriter;
@@ -20,34 +20,34 @@ use super::figures::{Report, median};
 use super::inputs;
 use super::programs::{self, Python};
 
-/// What one run of `offline_torch.py` prints.
+/// What one run of `offline_torch.py` prints: the times of scipy and PyTorch.
 #[derive(Debug, Deserialize)]
 struct Answer {
-    /// Version of PyTorch.
+    /// Version of PyTorch that ran.
     torch: String,
-    /// Version of scipy.
+    /// Version of scipy that ran.
     scipy: String,
-    /// Duration of encoding, seconds.
+    /// Time that encoding took, seconds.
     encode_s: f64,
-    /// Duration of decoding, seconds.
+    /// Time that decoding took, seconds.
     decode_s: f64,
 }
 
-/// Number of rounds; each times every contender once. One more round at the start is a warm-up and
-/// is not counted.
+/// Number of rounds, each of which times every contender once. A warm-up round at the start is not
+/// counted.
 const ROUNDS: usize = 5;
 
-/// Seconds that the contenders took in one round.
+/// Times of both contenders, our programs and Python's, in one round, seconds.
 #[derive(Debug)]
 struct Round {
     encode_s: f64,
     decode_s: f64,
-    /// scipy and PyTorch, where they are installed.
+    /// Times of scipy and PyTorch; `None` where they are not installed.
     torch: Option<Answer>,
 }
 
-/// Times both contenders alternately on `seconds` of synthetic EEG, and compares the errors of what
-/// they decode.
+/// Times our programs and Python's alternately on `seconds` of synthetic EEG, and computes the
+/// errors of both decoded signals.
 ///
 /// # Errors
 /// A contender does not run.
@@ -78,7 +78,7 @@ pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
     )
 }
 
-/// Builds the report, with medians over the rounds.
+/// Builds the report; each speed is a median over the rounds.
 fn report(
     rounds: &[Round],
     seconds: u32,
@@ -108,14 +108,14 @@ fn report(
     Report::new("offline", figures, next)
 }
 
-/// A folder with the recording in two forms: GDF for our programs, numbers alone for Python.
+/// The model, and a folder with the recording as GDF for our programs and as numbers for Python.
 struct Ours {
     folder: TempDir,
     model: Model,
 }
 
 impl Ours {
-    /// Generates the recording: the model's electrodes at the ADC's rate.
+    /// Generates the recording: synthetic EEG at the model's electrodes, at the ADC's rate.
     fn new(seconds: u32) -> anyhow::Result<Self> {
         let folder = tempfile::tempdir()?;
         let labels = model::LABELS.split(' ');
@@ -159,7 +159,7 @@ impl Ours {
         })
     }
 
-    /// Encodes the recording; returns the seconds that it took.
+    /// Encodes the recording; returns the time that it took, seconds.
     fn encode(&self) -> anyhow::Result<f64> {
         let encoding = Encoding {
             mains: Mains::Hz50,
@@ -176,14 +176,14 @@ impl Ours {
         Ok(start.elapsed().as_secs_f64())
     }
 
-    /// Decodes the codes to a GDF file; returns the seconds that it took.
+    /// Decodes the codes to a GDF file; returns the time that it took, seconds.
     fn decode(&self) -> anyhow::Result<f64> {
         let start = Instant::now();
         self.decoding(None)?;
         Ok(start.elapsed().as_secs_f64())
     }
 
-    /// Returns the PRD of the decoded signal, percent.
+    /// Returns the PRD (percentage rms difference) of the signal that our programs decode.
     fn prd_percent(&self) -> anyhow::Result<f64> {
         let original = self.path("samples.gdf");
         let decoded = self.decoding(Some(&original))?;
@@ -191,9 +191,9 @@ impl Ours {
         Ok(comparison.total().prd_percent())
     }
 
-    /// Returns the PRD between Python's decoded signal and ours, percent of ours: the effect of
-    /// int8. Steps in which the filters settle are left out, because int8 clips the electrodes'
-    /// offsets.
+    /// Returns the rms difference of Python's decoded signal from ours, percent of ours. It shows
+    /// the effect of int8. The steps in which the filters settle are left out, because int8 clips
+    /// the electrodes' offsets.
     fn torch_prd_percent(&self) -> anyhow::Result<f64> {
         let theirs = fs::read(self.path("decoded.f32"))?;
         let theirs = theirs.as_chunks().0.iter().copied().map(f32::from_le_bytes);
@@ -231,7 +231,7 @@ impl Ours {
     }
 }
 
-/// Returns the values of a file, row by row.
+/// Returns the values of a recording, row by row.
 fn rows(path: &Path) -> anyhow::Result<Vec<f64>> {
     let mut recording = Recording::open(path)?;
     let mut block = recordings::Block::default();

@@ -1,4 +1,4 @@
-//! The benchmark `packed`: instructions, memory, bits and error of the packed code.
+//! The benchmark `packed`: measures instructions, memory, bits and error of the packed code.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ use super::inputs::{self, Inputs};
 use super::lossless;
 use crate::tally::Tally;
 
-/// Counts that the image prints, as TOML.
+/// Instruction counts and memory that the image `packed` prints, as TOML.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Printed {
@@ -28,7 +28,7 @@ struct Printed {
     inputs: Vec<Counted>,
 }
 
-/// Counts of one input: a tally for each place in the hop, and one for whole hops.
+/// Instruction counts of one input: a tally for each time step of a hop, and one for whole hops.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Counted {
@@ -36,7 +36,7 @@ struct Counted {
     hops: Tally,
 }
 
-/// Instructions of one input on one machine.
+/// Figures of one input on one machine: instructions, and lengths and kinds of the blocks.
 #[derive(Debug, Serialize)]
 struct Row {
     input: &'static str,
@@ -49,7 +49,7 @@ struct Row {
     misfit: usize,
 }
 
-/// Counts on one machine.
+/// Figures of all inputs on one machine.
 #[derive(Debug, Serialize)]
 struct Counts {
     core: &'static str,
@@ -57,15 +57,15 @@ struct Counts {
     rows: Vec<Row>,
 }
 
-/// What this PC computes from one input.
+/// Packed blocks that this PC computes from one input.
 #[derive(Debug, Default)]
 struct Coded {
-    /// Number of bytes and bytes of each block, as the image writes them.
+    /// Length in bytes (one byte) and bytes of each block, as the image writes them.
     output: Vec<u8>,
     lengths: Vec<usize>,
     blank: usize,
     misfit: usize,
-    /// True if the decoder's state was that of the encoder after every block.
+    /// Whether the decoder's state equalled that of the encoder after every block.
     decoder_equal: bool,
 }
 
@@ -121,7 +121,7 @@ fn run(
     images::run(image, machine, "bench/packed", &input, length)
 }
 
-/// Encodes the steps of one input on this PC and decodes each block.
+/// Encodes the time steps of one input on this PC and decodes each block.
 fn coded(steps: &[Step]) -> anyhow::Result<Coded> {
     let artifact = checked_in::artifact()?;
     let model = artifact.packed.as_ref();
@@ -167,8 +167,8 @@ fn row(input: &'static str, counted: &Counted, coded: &Coded) -> Row {
     }
 }
 
-/// Builds the report; `machines` are in the order of [`MACHINES`]. The figures are those of real
-/// EEG on the Cortex-M4F, or of synthetic EEG where there is no real one.
+/// Builds the report; `machines` are in the order of [`MACHINES`]. The figures with limits are
+/// those of the last input (real EEG or, without it, synthetic EEG) on the Cortex-M4F.
 fn report(
     inputs: &Inputs<Step>,
     machines: &[Counts],
@@ -207,14 +207,14 @@ fn report(
     Report::new("packed", figures, next)
 }
 
-/// Folder of the recordings below that in `CORTICODE_DATA`.
+/// Folder with the recordings, within the folder that `CORTICODE_DATA` names.
 const FOLDER: &str = "eegmmidb_S001";
-/// Recordings: 125 s each, mains at 60 Hz, not used in training.
+/// File names of the recordings: 125 s each, mains at 60 Hz, not used in training.
 const RECORDINGS: [&str; 2] = ["S001R11.edf", "S001R12.edf"];
 const MAINS_HZ: u32 = 60;
 
-/// Returns the bits and errors of the built-in model at its own rate and at every rate, and those of
-/// PCA's codes; null where `CORTICODE_DATA` is not set.
+/// Returns bits and errors of the built-in packed model, at its own rate and at every rate, and of
+/// PCA's codes of windows, on recordings; null where `CORTICODE_DATA` is not set.
 ///
 /// # Errors
 /// The recordings or the model cannot be used.
@@ -261,7 +261,7 @@ fn recorded_errors() -> anyhow::Result<Json> {
     }))
 }
 
-/// Shows no progress.
+/// Observer that drops all messages about progress.
 struct Silent;
 
 impl ProgressObserver for Silent {

@@ -1,5 +1,5 @@
-//! External programs that a benchmark uses if they are installed: Python with the scripts of this
-//! crate, and LLVM's tools.
+//! Finds and runs external programs that a benchmark uses if they are installed: Python with the
+//! scripts of this crate, and LLVM's tools.
 
 use std::ffi::OsStr;
 use std::io::Write as _;
@@ -13,16 +13,16 @@ use serde_json::{Value as Json, json};
 
 use super::checked_in::ARTIFACT;
 
-/// Interpreters, tried in this order: the first in PATH, and Debian's.
+/// Names of Python interpreters, in the order of trial: the first in PATH, then Debian's.
 const INTERPRETERS: [&str; 2] = ["python3", "/usr/bin/python3"];
 
-/// A Python interpreter that imports the modules of a script.
+/// A Python interpreter that can import the modules that a script needs.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Python(&'static str);
 
 impl Python {
-    /// Finds an interpreter that imports `modules`. Without one, prints that the measurement is
-    /// skipped and what to do `next`.
+    /// Finds an interpreter that can import `modules`. If there is none, prints that the
+    /// measurement is skipped, and `next`, which says what to do.
     pub(crate) fn find(modules: &str, next: &str) -> Option<Self> {
         let imports = format!("import {modules}");
         let imports =
@@ -35,8 +35,8 @@ impl Python {
         python.map(Self)
     }
 
-    /// Finds an interpreter that imports PyTorch and the modules that pip installs as `others`,
-    /// separated by blanks.
+    /// Finds an interpreter that can import PyTorch and the modules `others`, separated by blanks;
+    /// pip installs them by these names.
     pub(crate) fn find_torch(others: &str) -> Option<Self> {
         let modules = ["torch"].into_iter().chain(others.split_whitespace());
         let modules = modules.collect::<Vec<_>>();
@@ -48,7 +48,7 @@ impl Python {
         Self::find(&modules.join(", "), &next)
     }
 
-    /// Returns a command that runs a script of this crate on one thread, as our programs do.
+    /// Returns a command that runs a script of this crate on one thread, for a fair comparison.
     pub(crate) fn script(self, name: &str) -> Command {
         let mut command = Command::new(self.0);
         command
@@ -62,7 +62,7 @@ impl Python {
     /// Runs a script of this crate with `input` on its stdin, and parses the JSON that it prints.
     ///
     /// # Errors
-    /// The script fails, or prints something else.
+    /// The script fails, or does not print the expected JSON.
     pub(crate) fn answer<T: DeserializeOwned>(
         self,
         script: &str,
@@ -74,13 +74,13 @@ impl Python {
     }
 }
 
-/// Runs a command with `input` on its stdin, and parses the JSON that it prints.
+/// Runs a command with `input` on its stdin, and parses what it prints as JSON.
 fn answer<T: DeserializeOwned>(command: &mut Command, input: &[u8]) -> anyhow::Result<T> {
     let mut process = command
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()?;
-    // The pipe is dropped at the end of the statement, which ends the process's input.
+    // The pipe is dropped at the end of the statement, which ends the command's input.
     let written = process.stdin.take().map(|mut stdin| stdin.write_all(input));
     let output = process.wait_with_output()?;
     ensure!(output.status.success(), "{}", output.status);
@@ -88,15 +88,15 @@ fn answer<T: DeserializeOwned>(command: &mut Command, input: &[u8]) -> anyhow::R
     serde_json::from_slice(&output.stdout).context("it printed something else than its JSON object")
 }
 
-/// Returns what a command prints, or `None` if it does not start or does not exit with 0.
+/// Returns what a command prints, or `None` if it does not start or its exit status is not 0.
 pub(crate) fn output_of(command: &mut Command) -> Option<String> {
     let output = command.stdin(Stdio::null()).output().ok()?;
     let printed = String::from_utf8_lossy(&output.stdout);
     output.status.success().then(|| printed.into_owned())
 }
 
-/// Returns a command for a tool of LLVM. The tool's name may end with a version, as Debian names
-/// the tools; the newest version is taken if there is no tool without one.
+/// Returns a command that runs one of LLVM's tools. Debian adds the version to a tool's name;
+/// without a tool that has the plain name, the newest version is taken.
 ///
 /// # Errors
 /// The tool is not installed.
@@ -108,7 +108,7 @@ pub(crate) fn llvm(name: &str) -> anyhow::Result<Command> {
     Ok(Command::new(installed.with_context(missing)?))
 }
 
-/// Returns the part of a script's request that describes the model: its filters and its encoder.
+/// Returns the part of a script's input that describes the model: its filters and its encoder.
 pub(crate) fn model(description: &Description) -> Json {
     let filters = &description.filters;
     json!({

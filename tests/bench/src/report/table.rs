@@ -1,12 +1,12 @@
-//! JSON as tables on the terminal.
+//! Shows JSON values as tables on the terminal.
 
 use serde_json::Value as Json;
 
-/// Fields of an array's elements that name the element; the first that exists is its label in a
+/// Fields whose value names an element of an array; the first that an element has labels it in a
 /// table.
 const LABELS: [&str; 3] = ["name", "machine", "part"];
 
-/// Lays out rows of cells under a title, with the first column aligned left and all others aligned
+/// Returns rows of cells as text under a title, with the first column aligned left and all others
 /// right.
 pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
     let mut text = format!("{title}\n");
@@ -30,8 +30,8 @@ pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
     text
 }
 
-/// Returns the text of a number, flag, string or flat array. A number has at most three decimals;
-/// below 0.01 it is in scientific notation.
+/// Returns the text of a number, flag, string or flat array. A number has at most three decimals; a
+/// number below 0.01 is in scientific notation.
 pub(crate) fn cell(value: &Json) -> String {
     match value {
         Json::Null => "not measured".to_owned(),
@@ -45,8 +45,8 @@ pub(crate) fn cell(value: &Json) -> String {
     }
 }
 
-/// Returns a nested JSON value as tables: one with the flat fields of the value's elements, then
-/// one for each nested field. The elements of an array must have the same fields.
+/// Returns a nested JSON value as tables: one of the flat fields of all its elements, then one of
+/// each nested field. The elements of an array must have the same fields.
 pub(crate) fn tables(title: &str, value: &Json) -> String {
     let elements: Vec<(String, &Json)> = match value {
         Json::Array(elements) if elements.iter().any(is_nested) => {
@@ -84,7 +84,7 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
         }
         rows.push(row);
     }
-    // With more fields than elements, swap rows and columns, so that each element is a column.
+    // If an element has more fields than there are elements, make each element a column.
     if rows[0].len() > rows.len() {
         let columns = 0..rows[0].len();
         let column = |column| {

@@ -1,7 +1,7 @@
-//! The benchmark `training`: updates of the autoencoder on one thread, and PyTorch doing the same.
+//! The benchmark `training`: times updates of the autoencoder on one thread, and PyTorch's.
 //!
-//! Both start from the built-in model's weights and see the same batches, so the losses after each
-//! update also show that both compute the same gradients and updates.
+//! Both contenders start from the built-in model's weights and see the same batches. Equal losses
+//! after each update therefore show that they compute the same gradients and updates.
 
 use std::ffi::OsString;
 use std::fs;
@@ -22,36 +22,36 @@ use super::checked_in;
 use super::figures::{Report, median};
 use super::programs::{self, Python};
 
-/// Number of windows in a batch.
+/// Number of windows in a training batch.
 const BATCH: usize = 32;
-/// Number of updates in a round that are timed, after those that warm up.
+/// Number of updates that are timed in a round, after those that warm up.
 const UPDATES: usize = 20;
-/// Number of updates at the start of a round that are not timed.
+/// Number of updates at the start of a round that only warm up and are not timed.
 const WARM_UP: usize = 2;
 /// Learning rate of every update.
 const RATE: f64 = 1e-3;
 
-/// What a contender did in one round.
+/// Time and losses of one contender in one round.
 #[derive(Debug, Clone, Deserialize)]
 struct Round {
     /// Processor time of the timed updates, seconds.
     seconds: f64,
-    /// Mean squared error of each batch before its update, the warm-up included.
+    /// For each batch, including those of the warm-up, its mean squared error before its update.
     losses: Vec<f64>,
-    /// Version of PyTorch.
+    /// Version of PyTorch; `None` for the trainer.
     #[serde(default)]
     version: Option<String>,
 }
 
-/// Number of rounds; each times every contender once.
+/// Number of rounds, each of which times every contender once.
 const ROUNDS: usize = 5;
-/// A round of the trainer, and one of PyTorch where it is installed.
+/// One round's results: of the trainer, and of PyTorch where it is installed.
 type Pair = (Round, Option<Round>);
 
-/// Times both contenders alternately.
+/// Times the trainer and PyTorch alternately.
 ///
 /// # Errors
-/// A contender does not run, or the built-in model has no convolutions.
+/// A contender does not run, or the built-in model has no convolutions or no shortcut.
 pub(crate) fn measure() -> anyhow::Result<Report> {
     let artifact = checked_in::artifact()?;
     let ours = Ours::new(&artifact)?;
@@ -78,7 +78,7 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&rounds)
 }
 
-/// Builds the report, with medians over the rounds.
+/// Builds the report; each speed is a median over the rounds.
 fn report(rounds: &[Pair]) -> anyhow::Result<Report> {
     let median = |figure: &dyn Fn(&Pair) -> Option<f64>| median(rounds, figure);
     #[expect(clippy::cast_precision_loss, reason = "a small number")]
@@ -105,7 +105,7 @@ fn report(rounds: &[Pair]) -> anyhow::Result<Report> {
     Report::new("training", figures, next)
 }
 
-/// The network with its initial parameters, and the batches.
+/// The trainer's network with its initial parameters, and the training windows.
 struct Ours {
     network: Network,
     parameters: Parameters,
@@ -114,7 +114,7 @@ struct Ours {
 }
 
 impl Ours {
-    /// Draws the windows, and writes them for Python.
+    /// Draws the training windows, and writes them to a file for Python.
     fn new(artifact: &Artifact) -> anyhow::Result<Self> {
         let description = &artifact.description;
         ensure!(
@@ -141,7 +141,7 @@ impl Ours {
         })
     }
 
-    /// Trains on all batches. The time is that of the processor, over all threads.
+    /// Trains on all batches. The measured time is processor time, summed over all threads.
     fn train(&self) -> Round {
         let mut parameters = self.parameters.clone();
         let mut adam = Adam::new(&parameters);
@@ -164,8 +164,8 @@ impl Ours {
     }
 }
 
-/// Returns windows of a few low-pass-filtered sources shared by all electrodes, plus noise of each
-/// electrode.
+/// Returns random windows: every electrode has a mix of a few low-pass-filtered sources, plus noise
+/// of its own.
 fn windows(dimensions: Dimensions) -> Vec<Vec<f32>> {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut sources = [0.0_f32; 8];
@@ -186,7 +186,7 @@ fn windows(dimensions: Dimensions) -> Vec<Vec<f32>> {
     (0..count).map(|_| window()).collect()
 }
 
-/// Returns the processor time of this process, seconds.
+/// Returns the processor time that this process has used, seconds.
 #[expect(clippy::cast_precision_loss, reason = "nanoseconds of minutes")]
 fn processor_s() -> f64 {
     let time = clock_gettime(ClockId::ProcessCPUTime);

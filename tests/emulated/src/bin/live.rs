@@ -1,5 +1,5 @@
-//! The application on the emulated Cortex-M4F in real time, as a board with a TCP port:
-//! `cargo xtask qemu --live`.
+//! Program that runs the application on the emulated Cortex-M4F in real time, with a TCP port in
+//! place of a board's serial port: `cargo xtask qemu --live`.
 #![forbid(unsafe_code)]
 
 use std::convert::Infallible;
@@ -15,7 +15,7 @@ use emulator::{EmulatorError, Image, MACHINES, Qemu, Uart, installed};
 /// Runs the application on an emulated microcontroller in real time, until Ctrl-C.
 #[derive(Debug, Parser)]
 struct Options {
-    /// TCP port on 127.0.0.1.
+    /// TCP port on 127.0.0.1 at which the application can be reached.
     #[arg(long, default_value_t = 5555)]
     port: u16,
 }
@@ -27,8 +27,8 @@ fn main() -> ExitCode {
     ExitCode::from(if missing { 2 } else { 1 })
 }
 
-/// Replaces this process by QEMU, which runs until Ctrl-C. There is no file of samples in the
-/// folder, so the image generates synthetic EEG.
+/// Replaces this process by QEMU, which runs until Ctrl-C. The image generates synthetic EEG,
+/// because its folder holds no file of samples.
 fn run(port: u16) -> Result<Infallible, Box<dyn Error>> {
     installed::check()?;
     let [cortex_m4f, _] = MACHINES;
@@ -37,8 +37,8 @@ fn run(port: u16) -> Result<Infallible, Box<dyn Error>> {
     let mut qemu = Qemu::new(&image, cortex_m4f, &folder, &[APPLICATION]);
     qemu.uart(Uart::Tcp(port));
     let address = format!("tcp:127.0.0.1:{port}");
-    // Checks that the port is free. The listener is closed at once; no connection keeps the port
-    // busy.
+    // Check that the port is free. The listener is closed at once, and as it had no connection, the
+    // port is free again.
     TcpListener::bind(("127.0.0.1", port)).map_err(|error| {
         format!("cannot listen on {address}: {error}\n  next: `--port` with another port")
     })?;

@@ -1,5 +1,5 @@
-//! All streams of an encoder at once, with a bouncing trigger input: the board sends what host-sim
-//! sends, and every event.
+//! Scenario with all streams of an encoder at once and a bouncing trigger input: the board sends
+//! what host-sim sends, and every event of the trigger.
 
 use emulated::board::boards;
 use emulated::compare::first_difference;
@@ -11,13 +11,13 @@ use model::{ADC_RATE_HZ, CELLS, CHANNELS, STEPS};
 use pipeline::{Encoder, Step};
 use serde_json::json;
 
-/// Number of samples: 31 s, long enough for four audits. The samples are taken from the middle of
-/// the input, where the real recording starts. Their number is a multiple of the samples in a
-/// frame.
+/// Number of samples of the scenario: 31 s, long enough for four audits, and a multiple of the
+/// samples in a frame. They are taken from the middle of the input, where the real recording
+/// starts.
 const SAMPLES: usize = 15_872;
 
-/// Largest number of samples by which the board's `Stats` can be ahead of host-sim's: the board
-/// counts samples that still wait for the encoder.
+/// Largest number of samples by which the board's `Stats` may be ahead of host-sim's: the board
+/// also counts samples that still wait for the encoder.
 const MAX_AHEAD: u64 = 16;
 
 #[test]
@@ -39,8 +39,8 @@ fn all_streams_of_the_packed_code_at_once_equal_host_sims() {
     );
 }
 
-/// Runs the boards with streams that the image starts with `argument`, and records the figures as
-/// `name`.
+/// Runs the boards with `argument`, with which the image starts the streams `streams`, and checks
+/// what they send. Records the figures as `name`.
 fn stream(argument: &str, name: &str, streams: Streams) {
     let input = Input::from_environment();
     let skip = input.samples.len().saturating_sub(SAMPLES) / 2;
@@ -58,7 +58,7 @@ fn stream(argument: &str, name: &str, streams: Streams) {
         let raw = raw_counts(&run.sent);
         let is_raw_equal = samples.iter().flat_map(|sample| &sample.counts).eq(&raw);
         let events = events(&run.sent);
-        // The first edge is at the first DRDY.
+        // The first edge is at the first DRDY (the converter's signal that a sample is ready).
         let expected_events = edges.events(events.first().map_or(0, |(at_us, _)| *at_us));
         let mut received = events.iter().peekable();
         let lost = (0..)
@@ -104,9 +104,9 @@ fn stream(argument: &str, name: &str, streams: Streams) {
     }
 }
 
-/// Collects the messages with output of the pipeline, in order: kind, device time in microseconds
-/// after the first of them, and bytes from [`frames::encoded`]. Events are left out, because
-/// host-sim has no trigger here.
+/// Returns the messages in `sent` that carry output of the pipeline, in order: kind, device time in
+/// microseconds after the first of them, and bytes from [`frames::encoded`]. Events are left out,
+/// because host-sim has no trigger here.
 fn outputs(sent: &[u8]) -> Vec<(&'static str, u64, Vec<u8>)> {
     let mut first_us = None;
     frames::filter_map(sent, |header, message| {
@@ -126,8 +126,8 @@ fn outputs(sent: &[u8]) -> Vec<(&'static str, u64, Vec<u8>)> {
     })
 }
 
-/// Returns for each audit whether its code equals two others: the code that the encoder computes
-/// from the audit's planes, and the code that was sent for its window.
+/// Returns, for each audit, whether its code is right: it must equal the code that the encoder
+/// computes from the audit's planes, and the code that was sent for its window.
 fn audits(sent: &[u8], codes: &[SentCode]) -> Vec<bool> {
     frames::filter_map(sent, |_, message| {
         let ToHost::Audit(audit) = message else {
@@ -152,7 +152,7 @@ fn audits(sent: &[u8], codes: &[SentCode]) -> Vec<bool> {
     })
 }
 
-/// Returns the counts of all channels in the raw frames, one sample after the other.
+/// Returns the counts in all raw frames, one sample of all channels after the other.
 fn raw_counts(sent: &[u8]) -> Vec<i32> {
     let frames = frames::filter_map(sent, |_, message| match message {
         ToHost::Raw(raw) => Some(raw.counts().collect::<Vec<_>>()),
@@ -161,8 +161,8 @@ fn raw_counts(sent: &[u8]) -> Vec<i32> {
     frames.concat()
 }
 
-/// Describes the first `Stats` that differ from host-sim's. Counts of acquired samples may be ahead
-/// by [`MAX_AHEAD`].
+/// Returns a text on the first `Stats` that differ from host-sim's, or `None`. The number of
+/// acquired samples may be ahead by [`MAX_AHEAD`].
 fn first_different_stats(found: &[Stats], expected: &[Stats]) -> Option<String> {
     let mut found = found.to_vec();
     for (found, expected) in found.iter_mut().zip(expected) {
@@ -174,7 +174,7 @@ fn first_different_stats(found: &[Stats], expected: &[Stats]) -> Option<String> 
     first_difference(expected, &found)
 }
 
-/// Collects the events with their device times in microseconds.
+/// Returns the events in `sent`, each after its device time in microseconds.
 fn events(sent: &[u8]) -> Vec<(u64, Event)> {
     frames::filter_map(sent, |header, message| match message {
         ToHost::Event(event) => Some((header.device_time_us, event)),
@@ -182,8 +182,8 @@ fn events(sent: &[u8]) -> Vec<(u64, Event)> {
     })
 }
 
-/// Name of the file with the edges in the image's folder: microseconds after the first DRDY, 64
-/// bits each, little endian.
+/// Name of the file in the image's folder that holds the trigger's edges: microseconds after the
+/// first DRDY (sample ready), 64 bits each, little endian.
 const TRIGGER_FILE: &str = "trigger.u64";
 
 /// Smallest number of samples that last a whole number of microseconds: at 512 Hz, eight last 15
@@ -192,39 +192,39 @@ const WHOLE_SAMPLES: u64 = 8;
 const WHOLE_US: u64 = WHOLE_SAMPLES * 1_000_000 / ADC_RATE_HZ as u64;
 const _: () = assert!((WHOLE_SAMPLES * 1_000_000).is_multiple_of(ADC_RATE_HZ as u64));
 
-/// Number of samples from one group of edges to the next: 104, a fifth of a second. It is not a
-/// multiple of the 64 samples of a window, so successive groups fall at different places in the
-/// window.
+/// Number of samples from one group of trigger edges to the next: 104, a fifth of a second. It is
+/// not a multiple of the 64 samples of a window, so that successive groups fall at different places
+/// in the window.
 const GROUP_PERIOD: u64 = 13 * WHOLE_SAMPLES;
 
-/// Number of groups of edges from one burst to the next.
+/// Number of groups of edges from one burst of edges to the next.
 const BURST_PERIOD: u64 = 40;
 
-/// Edges of a burst: more than the 16 that the board can keep
+/// Number of edges in a burst: more than the 16 events that the board's queue can hold
 /// (`firmware::deadlines::EVENTS_WAITING`).
 const BURST_EDGES: usize = 24;
 
-/// Smallest number of events that a board must send for a burst. Its queue holds 16, of which the
-/// events of the three edges around the preceding DRDY may take three, because they wait while the
-/// encoder is busy.
+/// Smallest number of events that a board must send for a burst. Its queue holds 16 events, of
+/// which those of the three edges around the preceding DRDY may take three, because they wait while
+/// the encoder is busy.
 const BURST_KEPT: usize = 13;
 
-/// Time between the edges of a burst in microseconds. The whole burst is between two DRDYs.
+/// Time between two edges of a burst, microseconds. The whole burst is between two DRDYs.
 const BOUNCE_US: usize = 20;
 
-/// Edges of the trigger input, rising and falling in turn.
+/// Edges at the trigger input, which rise and fall in turn.
 #[derive(Debug, Default)]
 struct Edges {
-    /// Times in microseconds after the first DRDY.
+    /// Times of the edges, in microseconds after the first DRDY.
     at_us: Vec<u64>,
-    /// Index in `at_us` of the first edge of each burst.
+    /// For each burst, the index of its first edge in `at_us`.
     bursts: Vec<usize>,
 }
 
 impl Edges {
-    /// Creates edges for `samples` samples. The first edge is at the first DRDY, the second 100 us
-    /// later. Groups of edges follow: 1 us before a DRDY, at that DRDY, 1 us after it, and in the
-    /// middle between two later DRDYs. In some groups, a burst replaces the last edge.
+    /// Returns edges for `samples` samples. The first edge is at the first DRDY, the second 100 us
+    /// later. Groups of four edges follow: 1 us before a DRDY, at that DRDY, 1 us after it, and in
+    /// the middle between two later DRDYs. In some groups, a burst replaces the fourth edge.
     fn new(samples: usize) -> Self {
         let mut at_us = vec![0, 100];
         let mut bursts = Vec::new();
@@ -242,12 +242,12 @@ impl Edges {
         Self { at_us, bursts }
     }
 
-    /// Returns the events that a board must send if its first DRDY was at `origin_us`, with their
-    /// device times in microseconds.
+    /// Returns the events that a board must send if its first DRDY was at `origin_us`, each after
+    /// its device time in microseconds.
     ///
-    /// The sample of an event is the first whose DRDY is at or after the edge. Edges are close to
-    /// DRDYs only where the time of the DRDY is a whole number of microseconds, so rounding does
-    /// not change the sample.
+    /// The sample of an event is the first whose DRDY is at or after the edge. Edges are close to a
+    /// DRDY only where the time of the DRDY is a whole number of microseconds, so rounding does not
+    /// change the sample.
     fn events(&self, origin_us: u64) -> Vec<(u64, Event)> {
         let kinds = [EventKind::TriggerRise, EventKind::TriggerFall].into_iter();
         let edges = (0..).zip(&self.at_us).zip(kinds.cycle());
@@ -282,9 +282,9 @@ fn edges_are_before_at_and_after_samples_and_some_in_bursts_that_do_not_fit() {
     let edges = Edges::new(10_000);
     assert!(edges.at_us.is_sorted_by(|a, b| a < b));
     let events = edges.events(0).into_iter().take(6);
-    // Sample 0 for the edge at the first DRDY, 1 for the edge 100 us later. Then the group at
-    // sample 104: 104 for the edges before and at its DRDY, 105 for the edge after it, 107 for
-    // the edge in the middle between two DRDYs.
+    // Expected samples: 0 for the edge at the first DRDY, 1 for the edge 100 us later. Then follows
+    // the group at sample 104: 104 for the edges before and at its DRDY, 105 for the edge after it,
+    // 107 for the edge in the middle between two DRDYs.
     let samples: Vec<u64> = events.map(|(_, event)| event.sample).collect();
     assert_eq!(samples, [0, 1, 104, 104, 105, 107]);
     assert_eq!(edges.bursts.len(), 2);

@@ -1,4 +1,4 @@
-//! A board whose model has one wrong bit in flash reports the damage and refuses to start.
+//! Scenario with one wrong bit in the model in flash: the board reports it and refuses to start.
 
 use std::fs;
 
@@ -10,10 +10,10 @@ use emulator::{EmulatorError, Image};
 use link::{AckResult, Streams};
 use serde_json::json;
 
-/// Duration of the samples in seconds; the board receives `Start` at device time 0.
+/// Duration of the samples of the scenario, seconds; the board receives `Start` at device time 0.
 const SECONDS: usize = 10;
 
-/// Fault that `Hello` reports for a damaged model.
+/// Text of the fault that `Hello` must report for a damaged model.
 const FAULT: &str = "the model in flash is damaged";
 
 #[test]
@@ -54,7 +54,7 @@ fn faults(boot: &Boot) -> String {
     faults.collect::<Vec<_>>().join("; ")
 }
 
-/// Inverts one bit of `values`, whose bytes must occur exactly once in the image.
+/// Returns the image with one bit of `values` inverted, whose bytes must occur in it exactly once.
 fn damaged(mut elf: Vec<u8>, values: &[i32]) -> Vec<u8> {
     let bytes: Vec<[u8; 4]> = values.iter().map(|value| value.to_le_bytes()).collect();
     let bytes = bytes.as_flattened();

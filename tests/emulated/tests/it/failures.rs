@@ -1,5 +1,5 @@
-//! A board that hangs, panics or faults resets itself, reports the cause in its next `Hello`, and
-//! streams from the start again.
+//! Scenario with a board that hangs, panics or faults: it resets itself, reports the cause in its
+//! next `Hello`, and streams from the start again.
 
 use emulated::board::boards;
 use emulated::compare::first_difference;
@@ -10,17 +10,17 @@ use model::{HOP, STEP_RATE_HZ, STEPS};
 use serde_json::json;
 
 /// For each failure, the argument that makes the image fail after a second, the reset cause that
-/// the next `Hello` must report, and a part of the fault's text.
+/// the next `Hello` must report, and a part of the text of the fault that it must report.
 const FAILURES: [(&str, ResetCause, &str); 3] = [
     ("hang", ResetCause::Watchdog, "watchdog"),
     ("panic", ResetCause::Fault, "asked to panic"),
     ("fault", ResetCause::Fault, "hard fault at 0x"),
 ];
 
-/// Duration of the samples in seconds; the image reads them from the start again after its reset.
+/// Duration of the samples, seconds. After its reset, the image reads them from the start again.
 const SECONDS: usize = 3;
 
-/// Number of codes computed from all samples.
+/// Number of codes that a boot computes if it reads all samples.
 const CODES: usize = 1 + (SECONDS * STEP_RATE_HZ as usize - STEPS) / HOP;
 
 #[test]

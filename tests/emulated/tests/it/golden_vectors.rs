@@ -1,5 +1,5 @@
-//! The emulated microcontrollers check the golden vectors themselves and print the instructions of
-//! each.
+//! Test of the image `on-target`: the emulated microcontrollers check the golden vectors
+//! themselves, and print the number of instructions that each vector takes.
 //!
 //! `cargo xtask hil --board` runs the same image on a real board.
 
@@ -11,7 +11,7 @@ use on_target::results;
 
 const TEST: &str = "golden vectors on emulated microcontrollers";
 
-/// Name of the image's package, and of the program in it.
+/// Name of the package of the image, and of the program in that package.
 const IMAGE: &str = "on-target";
 
 /// Duration of an instruction in virtual time, as a power of two: 2^10 ns, which is 25.6 ticks of
@@ -19,8 +19,8 @@ const IMAGE: &str = "on-target";
 const INSTRUCTION_SHIFT: u8 = 10;
 const TICKS_OF_10_INSTRUCTIONS: u64 = 256;
 
-/// Longest permitted time for QEMU to start, and from one vector's result to the next, on a busy
-/// PC.
+/// Longest permitted time for QEMU to start, and from the result of one vector to the next, on a
+/// busy PC.
 const SILENCE: Duration = Duration::from_mins(1);
 
 #[test]

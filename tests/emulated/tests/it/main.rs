@@ -1,4 +1,4 @@
-//! Scenarios of the application on emulated microcontrollers, one module each.
+//! Integration tests: scenarios of the application on emulated microcontrollers, one module each.
 #![forbid(unsafe_code)]
 
 mod all_streams;

@@ -1,5 +1,5 @@
-//! A host that changes the streams, resets the board and starts it again: each run starts at window
-//! 0, and a refused command changes nothing.
+//! Scenario with a host that changes the streams, resets the board and starts it again: each run
+//! starts at window 0, and a refused command changes nothing.
 
 use emulated::board::boards;
 use emulated::frames::{self, Boot};
@@ -8,25 +8,25 @@ use emulated::script::{self, Script, start};
 use link::{Ack, AckResult, ResetCause, ResetInto, Streams, ToDevice, ToHost};
 use serde_json::json;
 
-/// Duration of the samples in seconds.
+/// Duration of the samples of the scenario, seconds.
 const SECONDS: usize = 3;
 
-/// Time in microseconds from an accepted `Reset` to the reset; the board sends its waiting frames
-/// during it.
+/// Time from an accepted `Reset` command until the board resets itself, microseconds. The board
+/// sends its waiting frames meanwhile.
 const DRAIN_US: u64 = 100_000;
-/// Largest additional delay of the reset in microseconds: the time to the next alarm of the board's
-/// clock.
+/// Largest delay of the reset beyond [`DRAIN_US`], microseconds: the time to the next alarm of the
+/// board's clock.
 const ALARM_US: u64 = 5_000;
 
-/// Host time in `SyncTime`, in microseconds; the board must return it unchanged.
+/// Host time that the command `SyncTime` states, microseconds; the board must return it unchanged.
 const HOST_US: u64 = 1 << 50;
 
-/// Device times of two commands in the first boot, in microseconds: `Start` with filtered steps,
-/// and `Reset`.
+/// Device times in the first boot at which the host sends `Start` with filtered steps, and `Reset`,
+/// microseconds.
 const STEPS_US: u64 = 800_000;
 const RESET_US: u64 = 1_300_000;
 
-/// Returns the commands for two boots, with their device times in microseconds.
+/// Returns the commands for two boots, with the results that the board must answer.
 fn script() -> Script {
     let mut script = Script::default();
     let mut add = |boot, at_us, command, result| script.add_command(boot, at_us, &command, result);
@@ -60,7 +60,7 @@ fn each_run_starts_at_window_0_and_refused_commands_change_nothing() {
         let answers: Vec<Ack> = boots.iter().flat_map(|boot| boot.acks.clone()).collect();
         let codes = boots.iter().flat_map(Boot::codes);
         let windows: Vec<u32> = codes.map(|code| code.window).collect();
-        // Windows of a run are consecutive. A missing window would therefore show as one run more.
+        // Windows of a run are consecutive, so a missing window would show as one run more.
         let runs: Vec<&[u32]> = windows
             .chunk_by(|before, after| before + 1 == *after)
             .collect();
@@ -74,8 +74,8 @@ fn each_run_starts_at_window_0_and_refused_commands_change_nothing() {
     }
 }
 
-/// Checks that only the run started with filtered steps sends filtered steps, from step 0 and
-/// without a gap.
+/// Checks that filtered steps are sent only in the run that asks for them, from step 0 and without
+/// a gap.
 fn check_steps(sent: &[u8]) {
     let steps = frames::filter_map(sent, |header, message| match message {
         ToHost::Filtered(steps) => Some((header.device_time_us, steps.first_step)),

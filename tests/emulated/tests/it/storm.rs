@@ -1,5 +1,5 @@
-//! A host that sends a hundred commands a second, and garbage in between: each command is answered,
-//! and the stream loses nothing.
+//! Scenario with a host that sends a hundred commands a second, and garbage in between: each
+//! command is answered, and the stream loses nothing.
 
 use emulated::board::boards;
 use emulated::compare::{count_differences, first_difference};
@@ -14,11 +14,11 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-/// Duration of the storm in seconds of input, or the whole input if it is shorter.
+/// Duration of the scenario in seconds of input; a shorter input is used as a whole.
 const SECONDS: usize = 60;
 
-/// Longest permitted time from the arrival of a command until the board reads it, in microseconds.
-/// Acquiring samples has priority over reading commands.
+/// Longest permitted time from the arrival of a command until the board reads it, microseconds. It
+/// is not 0, because acquiring samples has priority over reading commands.
 const READ_WITHIN_US: u64 = 5_000;
 
 #[test]
@@ -60,17 +60,17 @@ fn a_storm_of_commands_is_answered_and_the_stream_loses_nothing() {
     }
 }
 
-/// Returns whether the board has read the command within [`READ_WITHIN_US`] of its arrival, and
-/// sent the reading of its clock afterwards. The command states the device time at which the script
-/// first sends it as the host's time; repetitions arrive multiples of [`PERIOD_US`] later.
+/// Returns whether the board has read the command `SyncTime` within [`READ_WITHIN_US`] of its
+/// arrival, and sent its answer afterwards. The script writes the command's device time into the
+/// field for the host's time; repetitions of the command arrive multiples of [`PERIOD_US`] later.
 fn is_prompt(device_us: u64, reading: &ClockReading) -> bool {
     let waited = reading.received_us.checked_sub(reading.host_time_us);
     waited.is_some_and(|waited| waited % PERIOD_US <= READ_WITHIN_US)
         && device_us >= reading.received_us
 }
 
-/// Returns the messages of all frames, without `Timing` and with `received_us` set to 0: measured
-/// times vary.
+/// Returns the messages of all frames, without `Timing` and with `received_us` set to 0, because
+/// these measured times vary from run to run.
 fn contents(sent: &[u8]) -> Vec<Vec<u8>> {
     frames::filter_map(sent, |_, message| match message {
         ToHost::Timing(_) => None,
@@ -84,15 +84,15 @@ fn contents(sent: &[u8]) -> Vec<Vec<u8>> {
     })
 }
 
-/// Time from one command to the next, in microseconds.
+/// Time from one command of the script to the next, microseconds.
 const PERIOD_US: u64 = 10_000;
-/// Time from a command to the garbage that follows it, in microseconds.
+/// Time from a command to the garbage that may follow it, microseconds.
 const GARBAGE_US: u64 = 5_000;
-/// Time without commands before the samples end, in microseconds. It is long enough for the last
-/// counters to include every command.
+/// Time at the end of the samples in which the script sends nothing, microseconds. It is long
+/// enough for the last counters to include every command.
 const SILENCE_US: u64 = 1_500_000;
 
-/// A command that no board knows.
+/// A command of a kind that no board knows.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Unknown(u32);
 
@@ -145,8 +145,8 @@ fn add_command(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     }
 }
 
-/// Adds bytes that are not a valid command. The bytes end with a zero, which separates them from
-/// the next frame.
+/// Adds bytes that are no valid command. They end with a zero, which separates them from the next
+/// frame.
 fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     let ping = frames::frame(7, VERSION, &ToDevice::Ping);
     let mut bytes = match random.random_range(0..6) {
@@ -161,14 +161,14 @@ fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
             damaged
         }
         2 => ping[..random.random_range(1..ping.len() - 1)].to_vec(),
-        // An answer, which only a board sends, as if the line echoed it.
+        // An answer, which only a board sends: as if the line echoed it to the board.
         3 => frames::encoded(&ToHost::Ack(Ack {
             of: 7,
             result: AckResult::Done,
         })),
         4 => frames::frame(7, VERSION + 1, &ToDevice::Ping),
         _ => {
-            // More bytes than any frame has, in pieces that fit the receive buffer of the UART.
+            // Send more bytes than any frame has, in pieces that fit the UART's receive buffer.
             for piece in 0..5 {
                 script.add_bytes(1, at_us + 800 * piece, &[0x55; 500]);
             }

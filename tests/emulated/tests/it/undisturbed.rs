@@ -1,4 +1,4 @@
-//! An undisturbed run sends host-sim's codes, and a second run sends the same bytes.
+//! Scenario without disturbance: a board sends host-sim's codes, and the same in a second run.
 
 use emulated::board::boards;
 use emulated::compare::{count_differences, first_difference};
@@ -28,7 +28,7 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
         board.record(&json!({
             "core": board.machine.core,
             "codes": boot.timed_codes.len(),
-            // Counts codes that differ in any field, and missing codes.
+            // Number of codes that are missing or differ from host-sim's in any field.
             "different_codes": count_differences(&expected.codes(), &boot.codes()),
             "different_reports": count_differences(&expected.quality, &boot.quality),
             "repeatable": difference.is_none() && first.lines == second.lines,
@@ -56,8 +56,8 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
         assert_eq!(boot.jitter_us(), 0, "jitter_us");
         boot.assert_equal_outputs(&expected);
         assert_eq!(boot.capabilities, expected.capabilities, "capabilities");
-        // These are not compared with host-sim's: its board has another name, and its counters are
-        // read at other times.
+        // Name, `Hello` and counters are not compared with host-sim's: its board has another name,
+        // and reads its counters at other times.
         assert_eq!(
             names(&first.sent),
             [("qemu-mps2".to_owned(), model::MODEL_ID)]
@@ -69,7 +69,7 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
     }
 }
 
-/// Returns header and message of each frame, without frames that contain measured times.
+/// Returns header and message of each frame, except the `Timing` frames, which hold measured times.
 fn without_timing(sent: &[u8]) -> Vec<(Header, Vec<u8>)> {
     frames::filter_map(sent, |header, message| match message {
         ToHost::Timing(_) => None,
@@ -77,7 +77,7 @@ fn without_timing(sent: &[u8]) -> Vec<(Header, Vec<u8>)> {
     })
 }
 
-/// Returns the board's name and its model's id in each `Hello`.
+/// Returns the board's name and the id of its model from each `Hello`.
 fn names(sent: &[u8]) -> Vec<(String, [u8; 8])> {
     frames::filter_map(sent, |_, message| match message {
         ToHost::Hello(hello) => Some((hello.board.to_owned(), hello.model_id)),

@@ -1,4 +1,4 @@
-//! Flash and RAM of the boards' images with a model.
+//! Measures flash and RAM of the boards' images when built with a model.
 
 use std::env;
 use std::fs;
@@ -10,10 +10,10 @@ use emulator::{EmulatorError, Image, OtherModel};
 use serde::Deserialize;
 use serde_json::{Map, Value as Json};
 
-/// Boards, by the names of their image files and packages.
+/// Boards whose images are built: name of the image file, and package.
 const BOARDS: [(&str, &str); 2] = [("f446", "board-f446"), ("h743", "board-h743")];
 
-/// Object that the program `budget` prints, as far as it is used here.
+/// The fields that are used here of the JSON object that the program `budget` prints.
 #[derive(Debug, Deserialize)]
 struct Budget {
     boards: Vec<Board>,
@@ -26,7 +26,7 @@ struct Board {
     regions: Vec<Region>,
 }
 
-/// Memory region of a board, bytes.
+/// Use of one of a board's memory regions, bytes.
 #[derive(Debug, Deserialize)]
 struct Region {
     #[serde(rename = "region")]
@@ -35,11 +35,11 @@ struct Region {
     length: u64,
 }
 
-/// Builds the images that are flashed, with their default port, and returns the bytes of flash and
-/// RAM that each takes and leaves free.
+/// Builds the images of the boards, as they are flashed, with their default port. Returns the flash
+/// and RAM that each takes and leaves free, bytes.
 ///
 /// # Errors
-/// An image does not link: the model does not fit. Or the program `budget` does not run.
+/// An image does not link because the model does not fit, or the program `budget` does not run.
 pub(super) fn measure(model: OtherModel<'_>) -> anyhow::Result<Map<String, Json>> {
     let folder = model.target.join("bench/boards");
     fs::create_dir_all(&folder).map_err(EmulatorError::file(&folder))?;
@@ -56,7 +56,7 @@ pub(super) fn measure(model: OtherModel<'_>) -> anyhow::Result<Map<String, Json>
     figures(&budget(&folder)?)
 }
 
-/// Runs the program `budget` on the images in a folder.
+/// Runs the program `budget` on the images in `folder` and returns what it prints.
 fn budget(folder: &Path) -> anyhow::Result<Budget> {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
@@ -74,7 +74,7 @@ fn budget(folder: &Path) -> anyhow::Result<Budget> {
     })
 }
 
-/// Returns the figures of flash and RAM, by the names of the boards' images.
+/// Returns the figures of flash and RAM; their names contain those of the boards.
 fn figures(budget: &Budget) -> anyhow::Result<Map<String, Json>> {
     let mut figures = Map::new();
     for (name, _) in BOARDS {

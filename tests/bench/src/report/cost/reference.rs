@@ -1,25 +1,25 @@
-//! Inputs of the encoder's image for any model, and the codes of model-gen's batch reference.
+//! Inputs of the image `encoder` for any model, and their codes from model-gen's batch reference.
 
 use any_model::Stress;
 use artifact::{Artifact, CodeFormat, IntegerCode};
 
 use crate::report::encoder::Expected;
 
-/// Seed of the smooth input, which differs from the seeds of the models.
+/// Seed of the windows of smooth EEG; it differs from the seeds of the models.
 const SMOOTH: u32 = 0x5eed;
 
-/// Inputs of equal length, and their codes.
+/// Inputs of equal length, and the codes that are expected for them.
 #[derive(Debug)]
 pub(super) struct Reference {
     pub(super) expected: Expected,
-    /// Number of codes.
+    /// Number of codes over all inputs.
     pub(super) windows: usize,
-    /// Number of time steps from window to window.
+    /// Number of time steps from the start of one window to the start of the next.
     pub(super) hop: usize,
 }
 
 impl Reference {
-    /// Makes inputs with at least `windows` windows together, and encodes each window separately.
+    /// Makes inputs with at least `windows` windows together, and encodes each window on its own.
     ///
     /// # Errors
     /// The model's ranges do not fit its integers.
@@ -27,8 +27,8 @@ impl Reference {
         let integers = model_gen::quantise(artifact)?;
         let dimensions = artifact.description.dimensions();
         let (length, hop) = (dimensions.steps, artifact.description.window.hop);
-        // An image counts from the third window on, when the buffers of the encoder have been
-        // filled.
+        // Make at least three windows of each input: the image counts instructions from the third
+        // on, after the encoder's buffers have been filled.
         let windows = windows.div_ceil(Stress::ALL.len() + 1).max(3);
         let steps = length + hop * (windows - 1);
         let mut inputs: Vec<Vec<Vec<i8>>> = Vec::new();
@@ -61,13 +61,13 @@ impl Reference {
     }
 }
 
-/// Returns a code as the pipeline serialises it: exponent, if the format has one, then values,
-/// little-endian.
+/// Returns a code's bytes as the pipeline serialises them: the exponent, if the format has one,
+/// then the values, little-endian.
 fn to_bytes(format: CodeFormat, code: &IntegerCode) -> Vec<u8> {
     let values = code.values.iter().flat_map(|value| value.to_le_bytes());
     match format {
         CodeFormat::Int16 => values.collect(),
-        // The lower byte of a value that fits 8 bits.
+        // A value that fits 8 bits is sent as its lower byte.
         CodeFormat::Int8 => values.step_by(2).collect(),
         CodeFormat::Int8Exponent => [code.exponent]
             .into_iter()

@@ -10,16 +10,16 @@ use crate::kernel::SHORTCUT;
 use crate::report::images::Range;
 use crate::tally::Tally;
 
-/// Counts that the image prints, as TOML.
+/// Instruction counts and memory that the image `encoder` prints, as TOML.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Printed {
-    /// RAM that the state of acquisition and encoder occupies, bytes.
+    /// RAM for the state of acquisition and encoder, bytes.
     pub(crate) ram_bytes: u32,
-    /// Number of instructions of the acquisition for all time steps of one code.
+    /// Number of instructions of the acquisition for the time steps of one hop.
     pub(crate) acquisition_per_code: u32,
     kernels: Vec<KernelCount>,
-    /// For each input, the tally of each time step of a hop.
+    /// For each input, the instruction tallies of a hop's time steps, in order.
     pub(crate) inputs: Vec<Vec<Tally>>,
 }
 
@@ -27,9 +27,9 @@ pub(crate) struct Printed {
 pub(crate) struct Counts {
     pub(crate) machine: &'static str,
     core: &'static str,
-    /// Fewest and most instructions of each time step of a hop, over all inputs.
+    /// For each time step of a hop, its fewest and most instructions over all inputs.
     steps: Vec<[u32; 2]>,
-    /// Whether each time step takes the same number of instructions for every input.
+    /// Whether the instructions of each time step are the same for every input.
     pub(crate) constant: bool,
     kernels: Vec<KernelCount>,
     #[serde(flatten)]
@@ -43,9 +43,9 @@ pub(crate) struct Counts {
     pub(crate) different_codes: usize,
     /// Number of random networks whose outputs have another digest than on this PC.
     pub(crate) different_networks: usize,
-    /// Cycles of the inner loops; empty if LLVM's tools are missing.
+    /// Computed cycles of the encoder's inner loops; empty if LLVM's tools are missing.
     pub(crate) loops: Vec<LoopCycles>,
-    /// Reasons why figures are missing.
+    /// Reasons why figures of this machine are missing.
     pub(crate) skipped: Vec<String>,
 }
 
@@ -55,14 +55,14 @@ struct KernelCount {
     insn_per_code: u32,
 }
 
-/// Numbers of instructions, and their ratios.
+/// Numbers of instructions of the encoder, and their ratios.
 ///
 /// The built-in network has a shortcut, and figures with `shortcut` in their names include it. The
 /// others are computed by subtracting the instructions of the shortcut's matrix products, which are
 /// counted alone and divided evenly among the time steps of a hop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Figures {
-    /// Sum over the time steps of a hop, each with its largest count.
+    /// Sum of the largest counts of all time steps of a hop.
     insn_per_code: u32,
     pub(crate) insn_per_code_shortcut: u32,
     insn_after_last_sample: u32,
@@ -73,8 +73,8 @@ pub(crate) struct Figures {
 }
 
 impl Counts {
-    /// Computes the counts from what the image printed. The caller compares the codes and adds the
-    /// loops.
+    /// Computes the counts from what the image printed. The caller sets the numbers of different
+    /// codes and networks, and the loops.
     pub(crate) fn new(machine: Machine, printed: Printed) -> Self {
         let steps = Range::of_columns(&printed.inputs);
         let kernels = printed.kernels.iter();
@@ -99,14 +99,14 @@ impl Counts {
         }
     }
 
-    /// Returns whether the machine computes the bytes that this PC computes.
+    /// Returns whether the machine computed the same codes and digests as this PC.
     pub(crate) fn bytes_equal(&self) -> bool {
         self.different_codes == 0 && self.different_networks == 0
     }
 }
 
 impl Figures {
-    /// Computes the figures from the counts of the time steps. `shortcut` is the number of
+    /// Computes the figures from the counts of a hop's time steps. `shortcut` is the number of
     /// instructions that the shortcut's matrix products take per code.
     fn new(steps: &[Range], shortcut: u32) -> Self {
         let hop = u32::try_from(HOP).unwrap_or(u32::MAX);
@@ -139,8 +139,8 @@ mod tests {
     use super::*;
 
     impl Counts {
-        /// Returns counts of one input: the last time step of a hop takes `last` instructions,
-        /// every other one 1000. The shortcut takes 1600 of them per code.
+        /// Returns counts of one input, for tests: the last time step of a hop takes `last`
+        /// instructions, every other one 1000. The shortcut takes 1600 instructions per code.
         pub(crate) fn synthetic(last: u32) -> Self {
             let printed = format!(
                 "ram_bytes = 35000
@@ -164,8 +164,8 @@ mod tests {
     #[test]
     fn the_shortcuts_products_are_subtracted_from_every_time_step() {
         let counts = Counts::synthetic(1500);
-        // The last time step takes 1500 instructions, the others 1000 each. The shortcut's are 200
-        // in each if the hop has 8 time steps.
+        // The last time step takes 1500 instructions, each other one 1000. The shortcut has an
+        // equal share in each: 200 if the hop has 8 time steps.
         let hop = u32::try_from(HOP).expect("at most 16");
         let (all, in_step) = (1_000 * hop + 500, 1_600 / hop);
         let expected = Figures {

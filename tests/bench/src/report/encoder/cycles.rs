@@ -1,5 +1,5 @@
-//! Cycles that follow from counted instructions: computed from the loops that LLVM's tools find in
-//! the built image, not measured on a processor.
+//! Computes cycles from counted instructions, with the loops that LLVM's tools find in the built
+//! image. The cycles are not measured on a processor.
 
 use std::fs;
 use std::path::Path;
@@ -13,14 +13,14 @@ use serde::Serialize;
 
 use crate::report::programs;
 
-/// Assumed cycles of every instruction outside the loops on a Cortex-M4: those of the slowest
-/// common instruction, a load that does not follow another load.
+/// Cycles that every instruction outside the loops is assumed to take on a Cortex-M4: those of the
+/// slowest common instruction, a load that does not follow another load.
 pub(crate) const REST_M4: f64 = 2.0;
-/// Assumed cycles of every instruction outside the loops on a Cortex-M7, although it can issue two
-/// at once.
+/// Cycles that every instruction outside the loops is assumed to take on a Cortex-M7, although it
+/// can issue two at once.
 pub(crate) const REST_M7: f64 = 1.0;
-/// Assumed cycles of a taken branch on a Cortex-M4: 1 + P, where P is 1 to 3 (ARM 100166, section
-/// 3.3.1), with P = 2.
+/// Assumed cycles of a taken branch on a Cortex-M4: 1 + P, where P is 1 to 3 cycles to refill the
+/// pipeline (ARM 100166, section 3.3.1); here P = 2.
 const BRANCH_M4: u32 = 3;
 /// Assumed cycles of a loop's branch on a Cortex-M7, not measured: one for the predicted branch,
 /// and one because the instruction before the branch may not be issued together with it.
@@ -29,22 +29,22 @@ const BRANCH_M7: u32 = 2;
 /// Names of the instructions that multiply two pairs of 16-bit numbers.
 const PRODUCTS: &[&str] = &["smlad", "smuad"];
 
-/// Cycles of one of the loops that take most of the encoder's time, on one machine.
+/// Cycles on one machine of one of the loops that take most of the encoder's time.
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct LoopCycles {
     name: &'static str,
-    /// Number of iterations of the loop per code.
+    /// Number of iterations of the loop that a code needs.
     turns_per_code: u32,
-    /// Number of instructions in one iteration, with the branch.
+    /// Number of instructions of one iteration, including the branch back to its start.
     instructions: u32,
-    /// Cycles per iteration by ARM's table, with the branch; `None` for the Cortex-M7, which has no
-    /// such table.
+    /// Cycles of one iteration by ARM's table, including the branch back to its start. `None` for
+    /// the Cortex-M7, for which ARM publishes no table.
     pub(crate) arm_table: Option<u32>,
-    /// Cycles per iteration by llvm-mca, with the branch.
+    /// Cycles that llvm-mca predicts for one iteration, including the branch back to its start.
     pub(crate) llvm_mca: f64,
 }
 
-/// Finds the loops in the encoder's image and computes their cycles.
+/// Finds the inner loops in the image `encoder` and computes their cycles.
 ///
 /// # Errors
 /// LLVM's tools are not installed, or the image has other loops than expected.
@@ -70,7 +70,7 @@ pub(crate) fn loops(machine: Machine, image: &Image) -> anyhow::Result<Vec<LoopC
         loops.push(LoopCycles {
             name,
             turns_per_code: u32::try_from(per_code / share)?,
-            // Plus the loop's branch, which `body` leaves out.
+            // Count the branch back to the loop's start too, which `body` leaves out.
             instructions: u32::try_from(body.instructions.len() + 1)?,
             arm_table: (!is_m7).then(|| arm_table(&body.instructions) + branch),
             llvm_mca: body.simulated(cpu, &source)? + f64::from(branch),
@@ -79,12 +79,12 @@ pub(crate) fn loops(machine: Machine, image: &Image) -> anyhow::Result<Vec<LoopC
     Ok(loops)
 }
 
-/// Returns the loops' work: for each, the function that contains the loop, the instructions by
-/// which its work is counted, and the number of these instructions that a code needs. A network
-/// without convolutions has only one of these loops.
+/// Returns the work of each loop: the function that contains the loop, the instructions by which
+/// the work is counted, and the number of these that a code needs. A network without convolutions
+/// has only one of the loops.
 fn work() -> impl Iterator<Item = (&'static str, &'static [&'static str], usize)> {
-    // Product instructions of one time step: a `Pair` holds four 8-bit weights, which take two. The
-    // sum is 0 in a mode without this branch of the network.
+    // Number of product instructions for one time step: two for each `Pair`, which holds four 8-bit
+    // weights. It is 0 if the network does not have the layer.
     let fc = NETWORK.fc.first().into_iter().flatten();
     let fc = 2 * fc.map(|weights| weights.len()).sum::<usize>();
     let shortcut = 2 * NETWORK.shortcut.first().map_or(0, |weights| weights.len());
@@ -103,7 +103,7 @@ fn work() -> impl Iterator<Item = (&'static str, &'static [&'static str], usize)
 
 /// Returns the cycles of a code that takes `instructions` instructions. `iteration` returns the
 /// cycles of one iteration of a loop; each instruction outside the loops takes `rest` cycles.
-/// `None` if the cycles of a loop are unknown.
+/// Returns `None` if the cycles of a loop are unknown.
 pub(crate) fn per_code(
     loops: &[LoopCycles],
     instructions: u32,
@@ -119,15 +119,15 @@ pub(crate) fn per_code(
     (!loops.is_empty()).then(|| cycles + rest * f64::from(outside))
 }
 
-/// Returns the share of a processor's clock cycles that the codes of a live stream take, percent.
+/// Returns the percentage of clock cycles that a processor spends on the codes of a live stream.
 pub(crate) fn load_percent(cycles_per_code: f64, mhz: f64) -> f64 {
     let codes_per_second = f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).unwrap_or(1));
     100.0 * cycles_per_code * codes_per_second / (mhz * 1e6)
 }
 
-/// Returns the cycles on a Cortex-M4 by ARM's table (ARM 100166, section 3.3.1). A load or store of
-/// several words takes one cycle more than it has words. One of a single word takes 2, or 1
-/// directly after another one of a single word. Every other instruction here takes 1.
+/// Returns the cycles of instructions on a Cortex-M4 by ARM's table (ARM 100166, section 3.3.1). A
+/// load or store of several words takes one cycle more than it has words; of one word it takes 2
+/// cycles, or 1 directly after another of one word. Every other instruction here takes 1.
 fn arm_table(instructions: &[String]) -> u32 {
     let mut cycles = 0;
     let mut was_single = false;
@@ -148,10 +148,10 @@ fn arm_table(instructions: &[String]) -> u32 {
     cycles
 }
 
-/// Innermost loop of a function, without the branch that closes it.
+/// Innermost loop of a function, without the branch back to its start.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Loop {
-    /// Instructions in order, in the assembler's syntax.
+    /// Instructions of the loop in order, in the assembler's syntax.
     instructions: Vec<String>,
 }
 
@@ -244,7 +244,7 @@ fn disassemble(image: &Path) -> anyhow::Result<String> {
     programs::output_of(&mut command).context("llvm-objdump fails")
 }
 
-/// Returns the target address of a conditional branch; `None` for other instructions.
+/// Returns the target address if the instruction is a conditional branch, otherwise `None`.
 fn branch_target(instruction: &str) -> Option<u32> {
     let (name, operand) = instruction.split_once(' ')?;
     let name = name.strip_suffix(".w").unwrap_or(name);
@@ -257,7 +257,7 @@ fn branch_target(instruction: &str) -> Option<u32> {
 mod tests {
     use super::*;
 
-    /// A function with two nested loops, and one with a forward branch.
+    /// Disassembly for the tests: a function with two nested loops, and one with a forward branch.
     const DISASSEMBLY: &str = "
 0000562c <crate::cortex_m::quads::hc954fcd4a8abe7a6>:
     562c:      \tpush.w\t{r4, r5, lr}
@@ -277,7 +277,7 @@ mod tests {
 ";
 
     impl Loop {
-        /// Inner loop of the test function `quads`.
+        /// Returns the inner loop of the function `quads` in the test's disassembly.
         pub(crate) fn of_quads() -> Self {
             Self::find(DISASSEMBLY, "quads").expect("a loop")
         }
@@ -304,8 +304,8 @@ mod tests {
 
     #[test]
     fn arms_table_counts_words_and_loads_after_loads() {
-        // Cycles: LDM of four words 5, LDRD 3, SMLAD 1, LDR 2, the next LDR 1, the STR after it 1,
-        // CMP 1.
+        // The expected cycles: LDM of four words 5, LDRD 3, SMLAD 1, LDR 2, the next LDR 1, the STR
+        // after it 1, CMP 1.
         assert_eq!(arm_table(&Loop::of_quads().instructions), 14);
     }
 
@@ -324,8 +324,8 @@ mod tests {
         assert_eq!(by_table(&[quads(100)], REST_M4), Some(1_500.0 + 400.0));
         assert_eq!(by_table(&[quads(100)], REST_M7), Some(1_500.0 + 200.0));
         assert_eq!(by_table(&[], REST_M4), None);
-        // 121 iterations of 10 instructions are more than the 1200 instructions counted in all, so
-        // the number of iterations is wrong.
+        // 121 iterations of 10 instructions are more than the 1200 instructions of the whole code,
+        // so the number of iterations is wrong and there is no result.
         assert_eq!(by_table(&[quads(121)], REST_M4), None);
         let load = load_percent(1_900.0, 168.0);
         let codes = f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).expect("at most 16"));

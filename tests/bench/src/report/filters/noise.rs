@@ -1,4 +1,5 @@
-//! Noise that the arithmetic adds to the signal: fixed-point filters minus their float64 twin.
+//! Measures the noise that fixed-point arithmetic adds to a filter's output: the output minus that
+//! of the same filter in f64, its twin.
 
 use std::f64::consts::PI;
 
@@ -18,16 +19,16 @@ use serde::Serialize;
 use crate::idsp_cascade::{IdspCascade, Section29};
 use demo::response::{BAND_HZ, MAINS_HZ, Twin};
 
-/// Time for the filters to settle before the measurement, s. The slowest poles decay at 0.97 / s:
-/// by e^-31 in this time.
+/// Time that the filters get to settle before the measurement, s. The slowest poles decay at 0.97 /
+/// s: by e^-31 in this time.
 const SETTLING_S: usize = 32;
-/// Duration of the measurement, s.
+/// Duration of the measured part of each signal, s.
 const MEASURED_S: usize = 64;
-/// Number of electrodes, each with a different signal; their powers are averaged.
+/// Number of electrodes. Each has a different signal; the powers of their noise are averaged.
 const ELECTRODES: u64 = 8;
 
 /// Amplitudes of a test signal, uV: electrode offset, mains at 50 Hz (peak), and pink noise from
-/// 0.5 Hz upwards (rms). The offset's sign alternates from electrode to electrode.
+/// 0.5 Hz upwards (rms). The sign of the offset alternates from electrode to electrode.
 type Amplitudes = [f64; 3];
 const EEG: Amplitudes = [20_000.0, 100.0, 30.0];
 const MAINS: Amplitudes = [0.0, 100.0, 0.0];
@@ -42,13 +43,13 @@ pub(crate) struct Noise {
     idsp_wide: Measured,
 }
 
-/// Noise of one filter between 0.5 and 60 Hz with each test signal, nV rms.
+/// Noise of one filter between 0.5 and 60 Hz, for each of the test signals, nV rms.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Measured {
     pub(crate) eeg: f64,
     mains: f64,
     silence: f64,
-    /// Noise density with [`EEG`]: frequency in Hz, density in nV per root Hz.
+    /// Noise density with the test signal [`EEG`]: frequency in Hz, density in nV per root Hz.
     #[serde(skip)]
     density: Vec<(f64, f64)>,
 }
@@ -66,7 +67,7 @@ impl Noise {
         }
     }
 
-    /// Returns the chart of the noise densities.
+    /// Returns the chart that shows the noise densities of all filters and of the ADC.
     pub(crate) fn chart(&self) -> Curves {
         let filters = [
             ("idsp dither", RESULT, &self.idsp_dither),
@@ -117,7 +118,7 @@ where
 }
 
 /// Measures the noise of a filter with each test signal. `at_rest` returns the filter in its
-/// initial state; it is called for each signal and electrode.
+/// initial state and is called for each signal and electrode.
 fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measured {
     let spectrum = |amplitudes| {
         let spectra = (0..ELECTRODES).map(|electrode| {
@@ -137,8 +138,8 @@ fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measur
     }
 }
 
-/// Returns the output of `filter` minus that of `twin` for the same counts, nV, without the
-/// settling time.
+/// Returns, for the same input counts, the output of `filter` minus that of `twin`, nV. The time in
+/// which the filters settle is left out.
 fn error_nv(counts: &[i32], mut twin: Twin, mut filter: impl FnMut(i32) -> i32) -> Vec<f64> {
     let nv = f64::from(model::LSB_NV) / f64::from(1 << GUARD_BITS);
     let errors = counts.iter().map(|count| {
@@ -148,7 +149,7 @@ fn error_nv(counts: &[i32], mut twin: Twin, mut filter: impl FnMut(i32) -> i32) 
     errors.skip(SETTLING_S * rate()).collect()
 }
 
-/// Returns the ADC's counts of a test signal at one electrode.
+/// Returns the samples of a test signal at one electrode, ADC counts.
 fn counts([offset, mains, eeg]: Amplitudes, electrode: u64) -> Vec<i32> {
     let mut random = ChaCha8Rng::seed_from_u64(electrode);
     let samples = (SETTLING_S + MEASURED_S) * rate();
@@ -168,7 +169,8 @@ fn counts([offset, mains, eeg]: Amplitudes, electrode: u64) -> Vec<i32> {
         .collect()
 }
 
-/// Returns noise of power 1/f from 0.5 Hz upwards, with random phases and rms 1.
+/// Returns noise of rms 1 with random phases, whose power density is proportional to 1/f from 0.5
+/// Hz.
 fn pink(random: &mut ChaCha8Rng, samples: usize) -> Vec<f64> {
     let transform = RealFftPlanner::<f64>::new().plan_fft_inverse(samples);
     let mut bins = transform.make_input_vec();
@@ -180,7 +182,7 @@ fn pink(random: &mut ChaCha8Rng, samples: usize) -> Vec<f64> {
         }
     }
     let mut signal = transform.make_output_vec();
-    // Fails only if a length differs from the plan's; the signal would then be zeros.
+    // An error is impossible: it occurs only if a length is not the plan's.
     let _ = transform.process(&mut bins, &mut signal);
     let rms = (signal.iter().map(|x| x * x).sum::<f64>() / real(samples)).sqrt();
     signal.iter().map(|x| x / rms).collect()
@@ -190,8 +192,8 @@ fn rate() -> usize {
     model::ADC_RATE_HZ.into()
 }
 
-/// Samples per segment: 8 s at 512 Hz, which puts the band's lower edge, 0.5 Hz, at bin 4 (DC is
-/// bin 0).
+/// Number of samples per segment of the spectrum: 8 s at 512 Hz, which puts the band's lower edge,
+/// 0.5 Hz, at bin 4 (DC is bin 0).
 const SEGMENT: usize = 4096;
 
 /// Power spectral density of a signal, in bins of equal width from 0 Hz upwards.
@@ -199,7 +201,7 @@ const SEGMENT: usize = 4096;
 struct Spectrum {
     /// Width of a bin, Hz; the first bin is centred on 0.
     bin_hz: f64,
-    /// Density of each bin, in the squared unit of the signal per Hz.
+    /// Power density of each bin: the squared unit of the signal, per Hz.
     power: Vec<f64>,
 }
 
@@ -222,13 +224,13 @@ impl Spectrum {
         for segment in segments {
             let mean = segment.iter().sum::<f64>() / real(SEGMENT);
             let windowed = segment.iter().zip(&window).map(|(x, w)| (x - mean) * w);
-            // Fails only if a length differs from the plan's.
+            // An error is impossible: it occurs only if a length is not the plan's.
             if transform
                 .process(&mut windowed.collect::<Vec<_>>(), &mut bins)
                 .is_ok()
             {
                 for (power, bin) in power.iter_mut().zip(&bins) {
-                    // The factor 2 adds the negative frequencies.
+                    // The factor 2 adds the power of the negative frequencies.
                     *power += 2.0 * bin.norm_sqr() / energy / rate_hz / count;
                 }
             }
@@ -239,7 +241,7 @@ impl Spectrum {
         }
     }
 
-    /// Returns the mean of one or more spectra of the same rate.
+    /// Returns the mean of one or more spectra whose signals have the same rate.
     fn mean(spectra: &[Self]) -> Self {
         let mut mean = spectra[0].clone();
         for (bin, power) in mean.power.iter_mut().enumerate() {
@@ -263,7 +265,7 @@ impl Spectrum {
     }
 }
 
-/// Converts a count to a float, saturating at 2^32 - 1.
+/// Converts a count to f64; it saturates at 2^32 - 1.
 fn real(count: usize) -> f64 {
     f64::from(u32::try_from(count).unwrap_or(u32::MAX))
 }
@@ -275,7 +277,7 @@ mod tests {
 
     #[test]
     fn rounding_every_output_to_a_count_measures_as_the_noise_of_rounding() {
-        // The twin itself, rounded to whole counts: a filter whose noise is known.
+        // A filter whose noise is known: the twin, with its output rounded to whole counts.
         let artifact = checked_in::artifact().expect("the artifact");
         let twin = Twin::new(&artifact.description.filters);
         let mut exact = twin.clone();
@@ -287,11 +289,11 @@ mod tests {
         };
         let error = error_nv(&counts(EEG, 0), twin, filter);
         let rms = Spectrum::new(&error, model::ADC_RATE_HZ.into()).rms(BAND_HZ);
-        // LSB / sqrt(12) rms is spread over all frequencies, up to half the rate.
+        // The noise of LSB / sqrt(12) rms is spread evenly from 0 Hz to half the rate.
         let width = (BAND_HZ[1] - BAND_HZ[0]) / (f64::from(model::ADC_RATE_HZ) / 2.0);
         let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * width.sqrt();
-        // The two values were measured 1 % apart. In this band, the rms of 64 s of white noise has
-        // a standard error of about 0.9 %.
+        // The measured and the expected value differ by 1 %. In this band, the rms of 64 s of white
+        // noise has a standard error of about 0.9 %.
         assert!(
             (rms / expected - 1.0).abs() < 0.05,
             "{rms} instead of {expected}"

@@ -1,4 +1,4 @@
-//! An acquisition: publishes frames of one hop in real time.
+//! A simulated amplifier, which publishes frames of one hop each in real time.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,18 +11,18 @@ use ros1::Publisher;
 use super::figures::{SharedTimes, Times};
 use super::wait_until;
 
-/// Samples per step of the encoder.
+/// Number of samples per time step of the encoder.
 const SAMPLES_PER_STEP: usize = (model::ADC_RATE_HZ / model::STEP_RATE_HZ) as usize;
-/// Samples of a frame: one hop.
+/// Number of samples in a published frame: one hop.
 const SAMPLES: usize = model::HOP * SAMPLES_PER_STEP;
-/// Number of the frame, counted from 1, that completes window 0.
+/// Number, counted from 1, of the frame that completes window 0.
 #[expect(clippy::cast_possible_truncation, reason = "some frames")]
 pub(super) const FIRST: u32 = ((model::STEPS - 1) * SAMPLES_PER_STEP / SAMPLES) as u32 + 1;
-/// Time from one frame to the next.
+/// Time from one published frame to the next.
 const PERIOD: Duration =
     Duration::from_nanos(1_000_000_000 * SAMPLES as u64 / model::ADC_RATE_HZ as u64);
 
-/// A thread that publishes the same numbers on two topics, on the second one half a period later.
+/// A thread that publishes each frame on two topics, on the second topic half a period later.
 #[derive(Debug)]
 pub(super) struct Amplifier {
     sent: [SharedTimes; 2],
@@ -59,7 +59,7 @@ impl Amplifier {
         }
     }
 
-    /// Returns when the frame was sent that completes each window, for both topics.
+    /// Returns, for both topics, the times at which the frames were sent that complete each window.
     pub(super) fn times(&self) -> [Times; 2] {
         self.sent.each_ref().map(SharedTimes::so_far)
     }
@@ -69,13 +69,13 @@ impl Drop for Amplifier {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // Fails if the thread has panicked, which has been printed.
+            // An error means that the thread has panicked, which was printed then.
             let _ = thread.join();
         }
     }
 }
 
-/// Returns frame `number` with the model's electrodes: noise of some microvolts.
+/// Returns frame `number`: a hop of noise at the model's electrodes, from 0 to 255 uV.
 fn frame(number: u32) -> NeuroFrame {
     let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
     let values = SAMPLES * labels.len();

@@ -26,16 +26,16 @@ use crate::report::figures::Report;
 
 const BOARD: &str = "host-sim";
 const BRIDGE: &str = "corticode-bridge";
-/// All programs that are measured.
+/// Names of the programs that the benchmark starts.
 const PROGRAMS: [&str; 2] = [BOARD, BRIDGE];
-/// Topic of the node in rospy.
+/// Topic on which the node in rospy publishes codes.
 const ROSPY_TOPIC: &str = "/rospy/encoded";
 
-/// Figures of both nodes, and what was subscribed to.
+/// Name of a part of the measurement, and the figures of both nodes in it.
 type Part = (&'static str, Pair);
 
-/// Measures both nodes in two parts of `seconds` each: with subscribers of the codes alone, and
-/// with one of the reconstructed signals too. Without rospy, the bridge is measured alone.
+/// Measures both nodes in two parts of `seconds` each: with subscribers of the codes alone, then
+/// with one of the reconstructed signals too. Without rospy, only the bridge is measured.
 ///
 /// # Errors
 /// A program is missing, does not start, or loses its connection.
@@ -47,7 +47,7 @@ pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
     report(&parts, seconds)
 }
 
-/// Starts everything and measures both parts.
+/// Starts all programs and returns the figures of both parts.
 async fn run(programs: &Programs, seconds: u32) -> anyhow::Result<[Part; 2]> {
     let ros = Ros::start().await?;
     let codes = [
@@ -65,14 +65,14 @@ async fn run(programs: &Programs, seconds: u32) -> anyhow::Result<[Part; 2]> {
     let rospy = super::find_rospy();
     let rospy = rospy.map(|python| ros.start_script(python, "rospy_bridge.py", &arguments));
     let rospy = rospy.transpose()?;
-    // The port is free again when the listener is dropped; host-sim then takes it.
+    // Find a free port: dropping the listener frees it again, and host-sim then takes it.
     let port = TcpListener::bind(ANY_PORT)?.local_addr()?.port();
     let signal = Duration::from_secs(2 * u64::from(seconds)) + START + 3 * WARM_UP;
     let duration = format!("--duration={}", signal.as_secs());
     let output = format!("--output=tcp:127.0.0.1:{port}");
     let arguments = ["run", "--input=synthetic", "--realtime", &duration, &output];
     let _board = ros.start_program(programs, BOARD, &arguments)?;
-    // The connections are made in another thread, because the master must answer meanwhile.
+    // Connect in another thread, because the ROS master must answer on this one meanwhile.
     let has_rospy = rospy.is_some();
     let relay = tokio::task::spawn_blocking(move || {
         Relay::start(port, &to_bridge, has_rospy.then_some(&to_rospy))
@@ -93,7 +93,7 @@ async fn run(programs: &Programs, seconds: u32) -> anyhow::Result<[Part; 2]> {
     Ok([("codes", codes), ("codes and signals", both)])
 }
 
-/// Builds the report. A figure of the whole run is that of the worse part.
+/// Builds the report. A figure of the whole run is that of the part in which it is worse.
 fn report(parts: &[Part], seconds: u32) -> anyhow::Result<Report> {
     let worst = |figure: &dyn Fn(&Figures) -> f64| {
         let figures = parts.iter().map(|(_, pair)| figure(&pair.own));
@@ -132,7 +132,7 @@ mod tests {
     use super::super::figures::{Times, Usage};
     use super::*;
 
-    /// Returns a node's figures if each code arrives `latency_ms` later than it was sent.
+    /// Returns the figures of a node if code i arrives `latency_ms[i]` after it was sent.
     fn figures(latency_ms: &[u64]) -> Figures {
         let start = Instant::now();
         let sent = |window: u64| {

@@ -1,5 +1,5 @@
-//! Figures of one node: intervals, latency and loss of the codes that it passed on, and what its
-//! process used.
+//! Figures of one node: intervals, latency and loss of its codes, and the processor time and memory
+//! of its process.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,20 +14,20 @@ use serde::Serialize;
 #[expect(clippy::cast_precision_loss, reason = "some steps")]
 const HOP_MS: f64 = 1_000.0 * model::HOP as f64 / model::STEP_RATE_HZ as f64;
 
-/// Times by the index of the code's window.
+/// Times of codes, by the indices of their windows.
 pub(super) type Times = BTreeMap<u64, Instant>;
 
-/// Times that one thread notes while others read them.
+/// Times of codes that one thread notes while others read them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SharedTimes(Arc<Mutex<Times>>);
 
 impl SharedTimes {
-    /// Notes the time of a code, unless it has one already.
+    /// Notes the time of a window's code, unless it has one already.
     pub(super) fn note(&self, window: u64, at: Instant) {
         self.locked().entry(window).or_insert(at);
     }
 
-    /// Returns the times so far.
+    /// Returns all times that have been noted so far.
     pub(super) fn so_far(&self) -> Times {
         self.locked().clone()
     }
@@ -37,28 +37,28 @@ impl SharedTimes {
     }
 }
 
-/// Figures of one node over a span of time. Times are in milliseconds of this PC's monotonic clock.
+/// Figures of one node over a span of time. Times are differences of this PC's monotonic clock, ms.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Figures {
-    /// Number of codes that arrived.
+    /// Number of codes that arrived from the node.
     pub(super) codes: u32,
-    /// Number of codes that were sent and did not arrive.
+    /// Number of codes that were sent to the node and did not arrive from it.
     pub(super) lost: u32,
-    /// Standard deviation of the intervals with which the codes were sent to the node.
+    /// Standard deviation of the intervals at which codes were sent to the node, ms.
     sent_sd_ms: f64,
     pub(super) interval_mean_ms: f64,
-    /// Standard deviation of the intervals between arrivals.
+    /// Standard deviation of the intervals between arrivals, ms.
     pub(super) interval_sd_ms: f64,
     interval_p99_ms: f64,
     interval_max_ms: f64,
-    /// 99th percentile of the intervals' distance from [`HOP_MS`].
+    /// 99th percentile of |interval - [`HOP_MS`]| over the arrivals, ms.
     pub(super) deviation_p99_ms: f64,
-    /// Median of the time from the sending of a code to its arrival.
+    /// Median time from the sending of a code to its arrival, ms.
     pub(super) latency_median_ms: f64,
     pub(super) latency_p99_ms: f64,
-    /// Processor time of the node relative to the time that passed.
+    /// Processor time of the node as a percentage of the time that passed.
     pub(super) cpu_percent: f64,
-    /// Resident memory of the node at the end, 10^6 bytes.
+    /// Resident memory of the node at the end of the measurement, 10^6 bytes.
     pub(super) rss_mb: f64,
     #[serde(skip)]
     pub(super) intervals_ms: Vec<f64>,
@@ -67,7 +67,7 @@ pub(super) struct Figures {
 }
 
 impl Figures {
-    /// Computes the figures of the codes that were sent between `start` and `end`.
+    /// Computes the figures from the codes that were sent between `start` and `end`.
     pub(super) fn new(
         sent: &Times,
         arrived: &Times,
@@ -110,8 +110,7 @@ impl Figures {
     }
 }
 
-/// Returns the times between the codes of successive windows. No interval begins or ends at a lost
-/// code.
+/// Returns the times between codes of successive windows, ms. Pairs with a lost code are left out.
 fn intervals(times: &Times) -> Vec<f64> {
     let pairs = times.iter().zip(times.iter().skip(1));
     let pairs = pairs.filter(|((window, _), (next, _))| *window + 1 == **next);
@@ -125,7 +124,7 @@ fn ms(duration: Duration) -> f64 {
 }
 
 /// Returns the smallest value that at least the fraction `part` of the values does not exceed; NaN
-/// without values.
+/// if there are no values.
 fn quantile(values: &[f64], part: f64) -> f64 {
     let mut values = values.to_vec();
     values.sort_by(f64::total_cmp);
@@ -136,20 +135,20 @@ fn quantile(values: &[f64], part: f64) -> f64 {
     below.map_or(f64::NAN, |(_, value)| *value)
 }
 
-/// Clock ticks per second of the times in `/proc`. Linux reports this value on every architecture.
+/// Unit of the times in `/proc`, as ticks per second: Linux reports 100 on every architecture.
 const TICKS_PER_SECOND: u32 = 100;
 
 /// Processor time and memory of a process.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Usage {
-    /// Time in user mode and in the kernel, of all threads.
+    /// Processor time of all threads, in user mode and in the kernel.
     pub(super) processor: Duration,
-    /// Resident memory, 10^6 bytes.
+    /// Resident memory of the process, 10^6 bytes.
     pub(super) resident_mb: f64,
 }
 
 impl Usage {
-    /// Reads the usage of the process `pid` since its start.
+    /// Reads the processor time since its start, and the memory, of the process `pid`.
     ///
     /// # Errors
     /// The process has ended.
@@ -161,7 +160,7 @@ impl Usage {
         Self::parse(&read("stat")?, &read("status")?).context("an unknown format of /proc")
     }
 
-    /// Returns the usage since `before`; the memory is that at the end.
+    /// Returns the processor time spent since `before`, and the memory as it is now.
     pub(super) fn since(self, before: &Self) -> Self {
         Self {
             processor: self.processor.saturating_sub(before.processor),
@@ -170,8 +169,8 @@ impl Usage {
     }
 
     fn parse(stat: &str, status: &str) -> Option<Self> {
-        // The second field, in parentheses, can contain any character. `utime` and `stime` are
-        // fields 14 and 15.
+        // Start after the second field: it stands in parentheses and can contain any character.
+        // `utime` and `stime` are fields 14 and 15.
         let fields = stat.rsplit_once(')')?.1.split_whitespace();
         let ticks = fields
             .skip(11)

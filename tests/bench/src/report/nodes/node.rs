@@ -27,15 +27,15 @@ use crate::report::checked_in;
 use crate::report::figures::Report;
 use crate::report::programs::{self, Python};
 
-/// Program that is measured.
+/// Name of the program that is measured.
 const NODE: &str = "corticode-node";
-/// Topics of `corticode-node` and of the node in rospy: frames and codes.
+/// Topics of `corticode-node` and of the node in rospy: that of the frames, then that of the codes.
 const TOPICS: [[&str; 2]; 2] = [
     ["/neurodata", "/encoded"],
     ["/rospy/neurodata", "/rospy/encoded"],
 ];
 
-/// Measures both nodes for `seconds`. Without rospy, `corticode-node` is measured alone.
+/// Measures both nodes for `seconds`. Without rospy, only `corticode-node` is measured.
 ///
 /// # Errors
 /// A program is missing, does not start, or loses its connection.
@@ -56,14 +56,14 @@ pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
     report(&pair, torch.is_some(), seconds)
 }
 
-/// Finds a Python interpreter that imports rospy, scipy and PyTorch.
+/// Finds a Python interpreter that can import rospy, scipy and PyTorch.
 fn find_rospy_with_torch() -> Option<Python> {
     let next = "`/usr/bin/python3 -m venv --system-site-packages torch-venv && torch-venv/bin/pip install torch \
                 scipy`, then again with torch-venv/bin first in PATH";
     Python::find("rospy, scipy, torch", next)
 }
 
-/// Starts both nodes with their acquisition, and measures them.
+/// Starts both nodes and the amplifier that sends them frames, and returns the nodes' figures.
 async fn run(programs: &Programs, torch: Option<Python>, seconds: u32) -> anyhow::Result<Pair> {
     let ros = Ros::start().await?;
     let codes = [
@@ -113,7 +113,7 @@ async fn wait_for_subscribers(publishers: &[Publisher]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Returns the name of the node in rospy.
+/// Returns the name of the node in rospy in reports; it tells whether the node `encodes`.
 fn rival_name(encodes: bool) -> &'static str {
     if encodes {
         "through rospy, scipy and PyTorch"

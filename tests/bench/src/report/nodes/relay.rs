@@ -1,6 +1,6 @@
-//! Forwards the bytes of the source to the bridge, and the codes among them to the node in rospy,
-//! and records the times. Codes leave one hop apart to some microseconds, so that the jitter at a
-//! subscriber is that of the node.
+//! Forwards the bytes of host-sim to the bridge, and the codes among them to the node in rospy, and
+//! notes the times. Codes leave exactly one hop apart, within some microseconds, so that the jitter
+//! at a subscriber is that of the node.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -14,33 +14,32 @@ use link::{Decoder, ToHost};
 use super::figures::{SharedTimes, Times};
 use super::wait_until;
 
-/// Time from one code to the next.
+/// Time from one code to the next in real time.
 const HOP: Duration =
     Duration::from_micros(model::HOP as u64 * 1_000_000 / model::STEP_RATE_HZ as u64);
-/// Time by which the node in rospy gets a code later than the bridge.
+/// Delay with which the node in rospy gets a code after the bridge.
 const OFFSET: Duration = HOP.checked_div(2).unwrap();
-/// Delay of every code in the relay, so that a code that the source sends late still leaves on
-/// time.
+/// Delay of every code in the relay, so that even a code that host-sim sends late leaves on time.
 const RESERVE: Duration = Duration::from_millis(15);
-/// Longest time in which the source opens its port, and in which each node connects.
+/// Longest permitted time until host-sim opens its port, and until each node connects.
 const START: Duration = Duration::from_secs(20);
-/// Time between two attempts to connect.
+/// Time between two attempts to connect or to accept.
 const RETRY: Duration = Duration::from_millis(20);
 
-/// Levels of the code of one window.
+/// Levels of a code's values, and the index of its window.
 struct Levels {
     window: u32,
     values: Vec<i32>,
 }
 
-/// Threads that pass on what the source sends; they end with its connection. Holds the times at
-/// which codes were sent to the bridge and to the node in rospy.
+/// Times at which each code was sent to the bridge and to the node in rospy. Threads note them
+/// while they pass on what host-sim sends; they end when it closes its connection.
 #[derive(Debug)]
 pub(super) struct Relay([SharedTimes; 2]);
 
 impl Relay {
-    /// Connects to the source at `port` of 127.0.0.1, accepts the bridge at `bridge` and the node
-    /// in rospy at `rospy`, and starts to pass on bytes.
+    /// Connects to host-sim at `port` of 127.0.0.1, accepts the bridge at the listener `bridge` and
+    /// the node in rospy at `rospy`, and starts to pass on bytes.
     ///
     /// # Errors
     /// A connection fails.
@@ -65,8 +64,7 @@ impl Relay {
         Ok(Self(sent))
     }
 
-    /// Returns when each code was sent to the bridge and to the node in rospy, by the index of its
-    /// window.
+    /// Returns the times at which each code was sent to the bridge and to the node in rospy.
     pub(super) fn times(&self) -> [Times; 2] {
         self.0.each_ref().map(SharedTimes::so_far)
     }
@@ -99,8 +97,8 @@ fn accept(listener: &TcpListener) -> io::Result<TcpStream> {
     }
 }
 
-/// Passes all bytes of the source on, and the codes among them to `codes`. Bytes with a code wait
-/// until it is due.
+/// Passes all bytes of host-sim on to the bridge, and the codes in them to `codes`. Bytes that
+/// complete a code wait until the code is due.
 fn forward(
     mut source: TcpStream,
     mut bridge: TcpStream,
@@ -129,15 +127,15 @@ fn forward(
                 window: code.window,
                 values: code.values.levels().collect(),
             };
-            // Fails where no node in rospy runs.
+            // An error means that no node in rospy runs.
             let _ = codes.send((now, levels));
         }
         bridge.write_all(bytes)?;
     }
 }
 
-/// Sends each code to the node in rospy after [`OFFSET`]: index of the window, then the levels as
-/// float32.
+/// Sends each code to the node in rospy, [`OFFSET`] later than to the bridge: index of the window
+/// (32 bits, little endian), then the levels as float32.
 fn delay(
     codes: &Receiver<(Instant, Levels)>,
     mut rospy: TcpStream,

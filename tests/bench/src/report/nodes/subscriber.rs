@@ -1,4 +1,4 @@
-//! A subscriber that records the time at which each code arrives.
+//! A subscriber that notes the time at which each code arrives.
 
 use std::time::{Duration, Instant};
 
@@ -11,10 +11,10 @@ use tokio::time::{sleep, timeout};
 
 use super::figures::{SharedTimes, Times};
 
-/// Number of messages that wait in the subscriber.
+/// Largest number of received messages that wait for the subscriber.
 const QUEUE: usize = 256;
 
-/// Subscription to a topic of NeuroFrames. Dropping the value ends it.
+/// Subscription to a topic with messages `NeuroFrame`. Dropping the value ends the subscription.
 #[derive(Debug)]
 pub(super) struct Subscriber {
     topic: &'static str,
@@ -23,10 +23,10 @@ pub(super) struct Subscriber {
 }
 
 impl Subscriber {
-    /// Subscribes to `topic`.
+    /// Subscribes to `topic` and starts to note the arrivals of codes.
     ///
     /// # Errors
-    /// The node has shut down.
+    /// The ROS node `node` has shut down.
     pub(super) async fn start(node: &Node, topic: &'static str) -> anyhow::Result<Self> {
         let mut subscription = node.subscribe(topic, NeuroFrame::TYPE, QUEUE).await?;
         let arrived = SharedTimes::default();
@@ -47,10 +47,10 @@ impl Subscriber {
         })
     }
 
-    /// Waits until a code has arrived.
+    /// Waits until at least one code has arrived.
     ///
     /// # Errors
-    /// None arrives within `limit`.
+    /// No code arrives within `limit`.
     pub(super) async fn wait_for_code(&self, limit: Duration) -> anyhow::Result<()> {
         let arrived = async {
             while self.times().is_empty() {
@@ -67,7 +67,7 @@ impl Subscriber {
         Ok(())
     }
 
-    /// Returns the times of arrival so far, by the index of the window. Fillers do not count.
+    /// Returns the times at which codes have arrived so far. Fillers do not count.
     pub(super) fn times(&self) -> Times {
         self.arrived.so_far()
     }
@@ -79,7 +79,7 @@ impl Drop for Subscriber {
     }
 }
 
-/// Returns the index of the window from the status words; `None` for a filler.
+/// Returns the index of the window from two of the frame's status words; `None` for a filler.
 fn window_of(frame: &NeuroFrame) -> Option<u64> {
     let word = |label: &str| {
         let place = frame
