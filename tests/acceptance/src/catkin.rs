@@ -53,8 +53,7 @@ pub fn package(name: &str) -> PathBuf {
     folder.canonicalize().expect("a catkin package")
 }
 
-/// A catkin workspace: a folder with the source folder `src` and, once built, `devel` and
-/// `install`.
+/// A catkin workspace: a folder with `src` and, once it is built, `devel` and `install`.
 #[derive(Debug)]
 pub struct CatkinWorkspace {
     folder: PathBuf,

@@ -1,5 +1,4 @@
-//! The chain of programs that a test runs: a board, the bridge, roscore, a rospy subscriber,
-//! rosbag.
+//! The programs that a test runs as a chain: a board, bridge, roscore, rospy subscriber and rosbag.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -146,8 +145,7 @@ impl<'a> Chain<'a> {
         Self::start_bridge(ros, folder, &port(folder).to_string_lossy(), &[])
     }
 
-    /// Like [`Self::start`], but the bridge connects to the board at `address`, in the format of
-    /// its option `--port`.
+    /// Like [`Self::start`], for a board at `address`, in the format of the bridge's `--port`.
     ///
     /// # Panics
     /// When a program does not start.

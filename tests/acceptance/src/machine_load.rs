@@ -5,8 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 static MACHINE: Mutex<()> = Mutex::new(());
 
-/// Waits until no other test holds the lock, and returns its guard; dropping the guard frees the
-/// lock.
+/// Waits until no other test holds the lock, and returns its guard, which frees it when dropped.
 pub fn exclusive() -> MutexGuard<'static, ()> {
     MACHINE.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -31,8 +31,7 @@ pub enum NpzError {
     /// The file is not a zip archive, or has no array of the requested name.
     #[error("no such array in the archive: {0}")]
     Zip(#[from] zip::result::ZipError),
-    /// The array's format is not supported; the text names the field of the `.npy` header
-    /// concerned.
+    /// The array's format is not supported; the text names the header field concerned.
     #[error("the array's {0} is not one that this reader knows: row-major `<f4` or `<f8`")]
     Format(&'static str),
 }

@@ -17,8 +17,7 @@ const SLACK: Duration = Duration::from_mins(1);
 /// Name in `NAME.out` and `NAME.err`, the output files of the bridge that [`print`] starts.
 const PRINTING: &str = "printing";
 
-/// Starts `host-sim run` in real time; the simulated board encodes `seconds` of synthetic EEG with
-/// seed 7.
+/// Starts `host-sim run` in real time with `seconds` of synthetic EEG with seed 7.
 ///
 /// # Panics
 /// When host-sim does not start.

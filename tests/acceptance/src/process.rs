@@ -120,8 +120,7 @@ impl Process {
     /// Waits until `condition` holds; `what` describes the condition in messages.
     ///
     /// # Panics
-    /// When the program ends before, or `timeout` passes; the message contains the program's
-    /// output.
+    /// When the program ends before, or `timeout` passes; the message contains its output.
     pub fn wait_until(
         &mut self,
         what: &str,
@@ -145,8 +144,7 @@ impl Process {
         }
     }
 
-    /// Returns the last lines of the program's standard output and standard error, for a test's
-    /// message.
+    /// Returns the last lines of the program's output and errors, for a test's message.
     pub fn log(&self) -> String {
         let (output, errors) = (self.output(), self.errors());
         format!(

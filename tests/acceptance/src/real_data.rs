@@ -10,8 +10,7 @@ use recordings::{AdcSpec, Missing, MontageMap, Recording, RecordingError, Virtua
 pub const GDF_I16: &str = "derived/s001r04_61ch_512hz_i16.gdf";
 /// GDF file with the signals of [`GDF_I16`] as float32, before rounding to integers.
 pub const GDF_F32: &str = "derived/s001r04_61ch_512hz_f32.gdf";
-/// numpy archive with windows of [`GDF_F32`] that scipy has filtered, and with scipy's filter
-/// coefficients.
+/// numpy archive with windows of [`GDF_F32`] filtered by scipy, and with scipy's coefficients.
 pub const SCIPY_WINDOWS: &str = "derived/ref_windows_128hz.npz";
 /// EDF file with 125 s of 64 electrodes at 160 Hz, which were not used to train the model.
 pub const EDF_R11: &str = "eegmmidb_S001/S001R11.edf";
@@ -68,8 +67,7 @@ pub fn samples(
     Ok(adc.map(|counts| counts.map(|counts| Sample { counts })))
 }
 
-/// Returns the labels of those `electrodes` that the recording lacks, so that they are
-/// interpolated.
+/// Returns the labels of those `electrodes` that the recording lacks, which are interpolated.
 ///
 /// # Errors
 /// As [`samples`].

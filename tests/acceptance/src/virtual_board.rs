@@ -55,8 +55,7 @@ impl Board {
         let package = format!("board-{name}");
         let image = Image::build(&package, &package, &[]);
         let image = image.unwrap_or_else(|error| panic!("{error}"));
-        // Share the target folder with `cargo xtask board`, so that cargo does not build the board
-        // twice.
+        // Share the target folder with `cargo xtask board`, so that the board is built once.
         let target = image.create_folder("virtual-board");
         let output = Command::new("rustup")
             .args(["run", toolchain(), "cargo", "build", "--release"])

@@ -16,8 +16,7 @@ pub struct Package {
     pub name: String,
     /// Folder that contains the package's `Cargo.toml`.
     pub folder: PathBuf,
-    /// Root source files of everything that cargo compiles: library, programs, tests, examples,
-    /// build script.
+    /// Root source files that cargo compiles: library, programs, tests, examples and build script.
     pub roots: BTreeSet<PathBuf>,
     /// Crates of this workspace on which the package depends.
     pub arrows: Arrows,

@@ -345,9 +345,8 @@ fn events_are_at_their_samples_while_frames_are_lost() {
     assert!(recorded.reports.contains(&0x7f01), "{:?}", recorded.reports);
 }
 
-/// Records what comes through a cable that loses `percent` of the frames, while `scenario` runs.
-/// Returns the recording and the largest error of an event's time in seconds; `None` if the test is
-/// skipped.
+/// Records through a cable that loses `percent` of the frames, while `scenario` runs. Returns the
+/// recording and the largest error of an event's time in seconds; `None` if the test is skipped.
 fn with_cable(
     test: &str,
     percent: u64,

@@ -1,5 +1,4 @@
-//! Simulated converters, their connections to the microcontroller's SPI and pins, and their input
-//! signal.
+//! Simulated converters, their input, and how they are connected to the microcontroller.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -23,8 +22,7 @@ pub(crate) struct Chain(Arc<Mutex<Wires>>);
 pub(crate) struct Wires {
     pub(crate) simulation: Simulation<CHIPS>,
     chain: SimulatedChain<CHIPS>,
-    /// Levels of the chip selects, of START and of RESET, in this order, as last passed to the
-    /// simulation.
+    /// Levels last passed to the simulation: chip selects, START and RESET, in this order.
     levels: [Option<bool>; CHIPS + 2],
     /// Frequency in Hz of the SPI's clock SCLK; 0 before the firmware has configured it.
     pub(crate) sclk_hz: u32,
@@ -111,8 +109,7 @@ impl Wires {
         }
     }
 
-    /// Advances the simulated converters to `now_ns` since power-on, and returns the state of DRDY
-    /// then.
+    /// Advances the simulated converters to `now_ns` and returns the state of DRDY then.
     pub(crate) fn advance_to(&mut self, now_ns: u64) -> DrdyState {
         self.simulation.advance_to(now_ns);
         let edges = self.simulation.ready_edges();
@@ -140,8 +137,7 @@ impl spi::Peer for Chain {
         let mut wires = self.wires();
         wires.non_byte_words += u64::from(bits != 8);
         wires.words += 1;
-        // DRDY returns to high with the first SCLK of a transfer (data sheet SBAS499C, section
-        // 9.4.4.1).
+        // DRDY returns to high with a transfer's first SCLK (data sheet SBAS499C, 9.4.4.1).
         wires.ready = false;
         let [byte, ..] = mosi.to_le_bytes();
         let miso = wires

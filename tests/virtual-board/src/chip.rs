@@ -94,8 +94,7 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Connects an external clock (HSE) with the frequency `hz`; 0 disconnects it.
     fn set_external_clock(&mut self, hz: u64);
 
-    /// Returns the bit of a register (HSERDY) that must read as 0 while no external clock is
-    /// connected.
+    /// Returns the bit of a register, HSERDY, that must read as 0 without an external clock.
     fn hse_ready_flag(&self) -> ClearedBits;
 
     /// Returns the ranges of addresses whose accesses go to other addresses, because the emulator's
@@ -105,11 +104,10 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Sets the frequency in Hz of the internal low-speed oscillator (LSI), the watchdog's clock.
     fn set_lsi_hz(&mut self, hz: u64);
 
-    /// Connects the converters to the chip's SPI that the board uses: SPI1 (STM32H743) or SPI2
-    /// (STM32F446).
+    /// Connects the converters to the board's SPI: SPI1 (STM32H743) or SPI2 (STM32F446).
     fn attach_spi(&mut self, chain: Chain);
 
-    /// Connects `peer` to the UART that the board uses: USART3 (STM32H743) or USART2 (STM32F446).
+    /// Connects `peer` to the board's UART: USART3 (STM32H743) or USART2 (STM32F446).
     fn attach_uart(&mut self, peer: Box<dyn uart::Peer>);
 
     /// Corrupts words that the UART receives: of each million, `per_million` get a framing error
@@ -123,16 +121,13 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Returns the frequency of the core clock in Hz to which the RCC registers are set.
     fn core_hz(&self) -> u64;
 
-    /// Returns whether the chip drives `pin` high; `None` if the pin is not a general-purpose
-    /// output.
+    /// Returns whether the chip drives `pin` high; `None` if the pin is no general-purpose output.
     fn driven_level(&self, pin: Pin) -> Option<bool>;
 
-    /// Sets the level of the timer input that captures the trigger, if `pin` is set to the timer's
-    /// alternate function.
+    /// Sets the level of the timer's trigger input, if `pin` has the timer's alternate function.
     fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
-    /// Sets the level of an input pin in the emulator's part and, if the pin leads there, of the
-    /// timer input.
+    /// Sets the level of a pin of the emulator's part and, if connected to it, of the timer input.
     fn drive_part(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
     /// Sets the level of an input pin from outside the chip, for all of the chip's models.

@@ -1,5 +1,4 @@
-//! A bus between the emulated core and the emulator that redirects some accesses and corrects
-//! others.
+//! A bus between the emulated core and the emulator that redirects or corrects some accesses.
 
 use std::ops::Range;
 

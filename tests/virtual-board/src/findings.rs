@@ -21,8 +21,7 @@ pub struct Findings {
     pub unimplemented: Vec<String>,
     /// Accesses to reserved addresses within the address block of a peripheral.
     pub undefined: Vec<String>,
-    /// Interrupts that a peripheral raised but that are not connected to the interrupt controller
-    /// (NVIC).
+    /// Interrupts that a peripheral raised but that are not connected to the NVIC.
     pub unrouted: Vec<String>,
     /// Violations of the reference manual: the register, the violated rule and the rule's section.
     pub manual_violations: Vec<String>,
@@ -149,8 +148,7 @@ impl fmt::Debug for BoardError {
     }
 }
 
-/// Formats a section of a snapshot: the title and the last of the `lines`; returns an empty text if
-/// there are none.
+/// Formats a section of a snapshot: the title and the last `lines`; empty without lines.
 pub(crate) fn section(title: &str, lines: &[String]) -> String {
     let last = &lines[lines.len().saturating_sub(LINES)..];
     let title = (!last.is_empty()).then(|| format!("  {title}:\n"));

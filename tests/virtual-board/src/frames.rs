@@ -21,8 +21,7 @@ pub struct Frame {
 pub struct ReceivedCode {
     /// Faults and other conditions that the device flagged in the code's window.
     pub flags: Flags,
-    /// The message, encoded again as a frame with number 0 at device time 0, so that tests can
-    /// compare codes.
+    /// The message, encoded again as frame 0 at device time 0, so that tests can compare codes.
     pub bytes: Vec<u8>,
 }
 
@@ -142,8 +141,7 @@ impl Kind {
     }
 }
 
-/// Encodes a message as a frame with number 0 at device time 0, so that equal messages give equal
-/// bytes.
+/// Encodes a message as frame 0 at device time 0, so that equal messages give equal bytes.
 fn encoded(message: &ToHost<'_>) -> Vec<u8> {
     let header = Header {
         version: link::VERSION,

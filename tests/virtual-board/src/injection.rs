@@ -14,8 +14,7 @@ pub enum Injection {
     HardFault,
     /// The stack pointer points outside the stack, and the firmware jumps to an unmapped address.
     WildStack,
-    /// The stack pointer is 16 bytes above the lowest address of the stack, so the stack soon
-    /// overflows.
+    /// The stack pointer is 16 bytes above the end of the stack, so the stack soon overflows.
     StackOverflow,
 }
 
@@ -57,7 +56,7 @@ impl Injection {
             Self::Panic => {
                 let spare = image.address("_kept")? + SPARE;
                 let file = b"injected.rs";
-                // Layout of `core::panic::Location`: pointer to the file's name, its length, line,
+                // Layout of `core::panic::Location`: pointer to the file name, its length, line,
                 // column.
                 let location = [word(spare) + 16, 11, 7, 3];
                 let mut bytes = location.map(u32::to_le_bytes).concat();

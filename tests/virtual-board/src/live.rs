@@ -160,8 +160,7 @@ fn exchange(host: &mut TcpStream, waiting: &mut Vec<u8>, port: &Port) -> io::Res
     }
     let mut bytes = [0; CHUNK];
     if !port.is_open() {
-        // Leave received bytes in the socket until the port is open, but detect the end of the
-        // connection.
+        // Leave bytes in the socket until the port is open, but detect the connection's end.
         let mut byte = [0];
         return match host.peek(&mut byte) {
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),

@@ -23,8 +23,7 @@ use crate::usb::host::{Command, UsbHost};
 
 mod driver;
 
-/// Longest wait, in real time, for the emulator to reach a requested stop; after it, it counts as
-/// hung.
+/// Longest real time until the emulator reaches a requested stop; after it, it counts as hung.
 const TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Virtual time in us between two checks whether a condition holds.
@@ -129,8 +128,7 @@ impl VirtualBoard {
         self.chain.wires().simulation.clone()
     }
 
-    /// Returns the host's end of the port, by which tests send and receive bytes, and open or close
-    /// it.
+    /// Returns the host's end of the port, by which a test sends, receives, opens and closes.
     pub const fn port(&self) -> &Port {
         &self.port
     }
@@ -160,8 +158,7 @@ impl VirtualBoard {
         self.chain.wires().words
     }
 
-    /// Returns how many of the words that the SPI has transferred since power-on were not 8 bits
-    /// wide.
+    /// Returns how many SPI words since power-on were not 8 bits wide, as the converters expect.
     pub fn non_byte_words(&self) -> u64 {
         self.chain.wires().non_byte_words
     }
@@ -284,8 +281,7 @@ impl VirtualBoard {
         }
     }
 
-    /// Runs the closure `inspection` on the emulator's session while virtual time is stopped, and
-    /// returns its result.
+    /// Runs a closure on the emulator's session while virtual time is stopped; returns its result.
     ///
     /// # Errors
     /// The emulator has ended.

@@ -88,8 +88,7 @@ struct IdleCore {
 
 static IDLE: Mutex<Vec<IdleCore>> = Mutex::new(Vec::new());
 
-/// Removes an idle core that has run `image` from the list and returns it in its initial state;
-/// `None` if there is none.
+/// Returns an idle core that has run `image`, in its initial state; `None` if there is none.
 fn take_idle(image: &str) -> Option<IdleCore> {
     let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
     let index = idle.iter().position(|core| core.image == image)?;

@@ -7,9 +7,8 @@ use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_continuous, rate};
 use acceptance::port::free_port;
 use acceptance::{ros, virtual_board};
 
-/// Number of codes that the test receives, 4 s of device time. It checks only that each code
-/// follows the one before; the scenarios of `tests/virtual-board` compare 256 codes with those of
-/// host-sim.
+/// Number of codes that the test receives, 4 s of device time. It checks that each follows the one
+/// before; the scenarios of `tests/virtual-board` compare 256 codes with those of host-sim.
 const CODES: usize = 64;
 /// Longest wall-clock wait for all codes: on a busy machine a board runs slower than in real time.
 const TIMEOUT: Duration = Duration::from_mins(4);

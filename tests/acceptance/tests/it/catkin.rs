@@ -1,6 +1,5 @@
 //! The catkin packages build in workspaces with and without ROS-Neuro's own `rosneuro_msgs`, and
-//! their launch files pass the arguments of the command line on to the bridge and to
-//! corticode-node.
+//! their launch files pass the command line's arguments on to the bridge and to corticode-node.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -17,9 +16,8 @@ use rustix::process::Signal;
 
 /// Longest time in which roslaunch must end its nodes after a signal.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(30);
-/// Options of the bridge that corticode.launch does not have as arguments: `sink`, because
-/// roslaunch does not show the JSON lines, and `topic_prefix`, because the argument `ns` replaces
-/// it.
+/// Options of the bridge that are not arguments of corticode.launch: `sink`, because roslaunch does
+/// not show the JSON lines, and `topic_prefix`, which the argument `ns` replaces.
 const NOT_ARGUMENTS: [&str; 2] = ["sink", "topic_prefix"];
 
 #[test]
@@ -71,8 +69,7 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     let workspace = CatkinWorkspace::new(folder.path().join("rosneuro"), &packages);
     text_of(&workspace.make(&ros, None, &[&bridge_option()]));
 
-    // A workspace on top of one that has `rosneuro_msgs` must not build the project's package of
-    // the same name, which would hide the other.
+    // The project's package would hide the one of the same name in the workspace below.
     let above = [catkin::package("rosneuro_msgs")];
     let above = CatkinWorkspace::new(folder.path().join("above"), &above);
     let refused = above.make(&ros, Some(&workspace), &[]);
@@ -172,8 +169,7 @@ fn a_build_without_the_program_says_where_to_get_it() {
     }
 }
 
-/// Checks that corticode.launch has an argument for every private parameter of the bridge except
-/// [`NOT_ARGUMENTS`].
+/// Checks that each private parameter of the bridge, but [`NOT_ARGUMENTS`], is in corticode.launch.
 fn assert_every_option_is_an_argument(workspace: &CatkinWorkspace, ros: &Ros<'_>) {
     // The bridge lists its private parameters when it refuses an unknown one.
     let refused = Command::new(&programs().bridge)

@@ -173,8 +173,7 @@ fn the_service_streams_under_systemd_and_stays_failed_after_wrong_usage() {
     }
     let user = result.lines().find_map(|line| line.strip_prefix("user="));
     let user: u32 = user.and_then(|user| user.parse().ok()).expect(&result);
-    // The service must have a user id that systemd assigns for DynamicUser (range from
-    // systemd.exec(5)).
+    // User ids that systemd assigns to a service with DynamicUser (systemd.exec(5)).
     assert!((61_184..=65_519).contains(&user), "{result}");
 }
 
@@ -210,8 +209,7 @@ impl CleanDebian {
         }
         let archive = folder.join(name).with_extension("tar");
         if !archive.exists() {
-            // Download under a temporary name, because mmdebstrap leaves an incomplete archive when
-            // it fails.
+            // Download under a temporary name: mmdebstrap leaves a broken archive when it fails.
             let part = folder.join(format!("{name}.part.tar"));
             let mut fetch = Command::new("mmdebstrap");
             fetch.args(["--quiet", "--variant=essential", "--include", packages]);
@@ -262,8 +260,7 @@ impl CleanDebian {
         String::from_utf8_lossy(&done.stdout).into_owned()
     }
 
-    /// Returns the paths of all files in this Debian except logs and those in which dpkg keeps its
-    /// records.
+    /// Returns the paths of all files in this Debian except logs and dpkg's own records.
     fn files(&self) -> BTreeSet<String> {
         let all = self.succeed("find / -xdev ! -path '/var/lib/dpkg/*' ! -path '/var/log/*'");
         all.lines().map(str::to_owned).collect()

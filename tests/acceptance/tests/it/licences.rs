@@ -7,8 +7,7 @@ use acceptance::workspace::{self, WorkspaceError};
 use emulator::skip::skipped;
 use spdx::{Expression, LicenseReq, ParseMode};
 
-/// How strictly licence expressions are parsed: as SPDX demands, but `/` may stand for `OR`, as in
-/// old manifests.
+/// How licence expressions are parsed: as SPDX, but with `/` for `OR`, as in old manifests.
 const MODE: ParseMode = ParseMode {
     allow_slash_as_or_operator: true,
     ..ParseMode::STRICT
@@ -104,8 +103,7 @@ fn dependencies(workspace: &str) -> BTreeMap<String, String> {
     packages
 }
 
-/// Returns the output of `cargo tree` in the form of lines `PACKAGE|LICENCE`; the arguments
-/// `choice` select the targets.
+/// Returns the lines `PACKAGE|LICENCE` of `cargo tree`; the arguments `choice` select targets.
 fn tree(workspace: &str, choice: &[&str]) -> Result<String, WorkspaceError> {
     let manifest = format!("--manifest-path={workspace}/Cargo.toml");
     let arguments = [

@@ -1,5 +1,4 @@
-//! Messages to the user consist of words, without Rust's debug output such as escaped quotes and
-//! names of enums.
+//! Messages to the user have words and none of Rust's debug output: escaped quotes, enum names.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -91,8 +91,7 @@ impl Eeg {
         }
     }
 
-    /// Writes the samples to a recording, and returns the dequantised codes that host-sim computes
-    /// from it.
+    /// Returns the dequantised codes that host-sim computes from a recording of the samples.
     fn codes_of_host_sim(&self, folder: &Path) -> Vec<Vec<f32>> {
         let recording = folder.join("eeg.gdf");
         let rate_hz = u32::try_from(self.rate_hz).expect("a small rate");
@@ -178,8 +177,7 @@ fn is_filler(frame: &NeuroFrame) -> bool {
     frame.tri.data[0] & i32::from(Flags::FILLER.bits()) != 0
 }
 
-/// Checks that corticode-node publishes on `/encoded` the codes that host-sim computes from a
-/// recording of `eeg`.
+/// Checks that corticode-node publishes the codes that host-sim computes from `eeg`.
 async fn passes(eeg: &Eeg) {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();

@@ -49,8 +49,7 @@ fn for_each_code(path: &Path, mut each: impl FnMut(u64, &Code)) {
     }
 }
 
-/// Returns a text for each code in a file, made of its time and levels, so that a test can compare
-/// two files.
+/// Returns a text with time and levels of each code in a file, to compare two files.
 fn codes(path: &Path) -> Vec<String> {
     let mut codes = Vec::new();
     for_each_code(path, |time_us, code| {

@@ -23,8 +23,7 @@ use serde_json::Value;
 const SECONDS: usize = 8;
 /// Longest wait for a program, which is slow on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
-/// Rate at which the blocks are encoded; it differs from the default, so that a test sees if the
-/// bridge does not set it.
+/// Rate of the blocks, not the default, so that a bridge that does not set it is noticed.
 const RATE: u8 = 3;
 /// Number of blocks that the board sends in [`SECONDS`].
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
@@ -79,8 +78,7 @@ fn expected(decoded: &[PackedBlock]) -> Vec<Vec<f32>> {
     smoothed.chain(last).cloned().collect()
 }
 
-/// Starts a bridge that prints the signals that it decodes from the packed blocks of the board at
-/// `port`.
+/// Starts a bridge that prints what it decodes from the packed blocks of the board at `port`.
 fn print_blocks(folder: &Path, port: &str, options: &[&str]) -> Process {
     let rate = format!("--packed-rate={RATE}");
     let options = [&["--streams=packed", &rate], options].concat();
@@ -101,8 +99,7 @@ fn printed(lines: &str) -> Vec<Frame> {
     frames.collect()
 }
 
-/// Returns the text with numbers of blocks and bytes that the bridge logs after a run without
-/// losses.
+/// Returns the numbers of blocks and bits that the bridge logs after a run without losses.
 fn counts(blocks: &[Vec<u8>]) -> String {
     let bytes: usize = blocks.iter().map(Vec::len).sum();
     format!(

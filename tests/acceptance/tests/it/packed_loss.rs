@@ -90,8 +90,7 @@ fn a_lost_block_heals_and_the_next_block_without_prediction_is_exact() {
                 *place += mean_square(&microvolts, &coded.microvolts[block]) / coded.power;
             }
         }
-        // The last decoded block has no prediction, so the decoder's state after it equals the
-        // encoder's.
+        // The last block has no prediction, so the decoder's state after it equals the encoder's.
         assert_eq!(decoder.state(), coded.states[start + RESET_BLOCKS]);
     }
     let after = after.map(|sum| sum / places);

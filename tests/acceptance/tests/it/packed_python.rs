@@ -20,8 +20,7 @@ use pipeline::{Acquisition, Mains, PackedEncoder, Sample, Step};
 /// Path of Debian's Python, which must be version 3.11 or later.
 const PYTHON: &str = "/usr/bin/python3";
 
-/// Number of blocks of each input at each rate, more than the 64 from one block without prediction
-/// to the next.
+/// Number of blocks of each input at each rate; every 64th block has no prediction.
 const BLOCKS: usize = 70;
 
 /// Rates that are compared: the default, the finest, two between, and the coarsest.

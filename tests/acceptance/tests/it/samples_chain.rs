@@ -31,8 +31,7 @@ fn samples_and_steps_reach_rospy_together_with_the_codes() {
     }
 }
 
-/// Streams samples in the given `form`, a value of the bridge's option `--raw-form`, and checks the
-/// values of all.
+/// Streams samples with `--raw-form` set to `form`, and checks the values of all samples.
 fn stream_samples(form: &str) {
     let folder = tempfile::tempdir().expect("a folder");
     let chain = Chain::start_with(folder.path(), &["--streams=codes,raw,filtered", form]);

@@ -20,8 +20,7 @@ fn systemd_accepts_the_unit_and_finds_it_confined() {
     }
     let unit = workspace::root().join("packaging/corticode-bridge.service");
     let unit = fs::read_to_string(unit).expect("the unit");
-    // systemd-analyze checks that the program exists, so replace its path by that of the built
-    // bridge.
+    // systemd-analyze checks that the program exists, so use the path of the built bridge.
     let installed = "ExecStart=/usr/bin/corticode-bridge\n";
     assert!(unit.contains(installed), "{unit}");
     let built = format!("ExecStart={}\n", programs().bridge.display());

@@ -1,5 +1,4 @@
-//! The default model, which was trained on recordings, decodes the synthetic EEG of host-sim almost
-//! as well.
+//! The default model, which was trained on recordings, can decode host-sim's synthetic EEG.
 
 use acceptance::workspace;
 use artifact::Artifact;

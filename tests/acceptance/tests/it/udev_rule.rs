@@ -12,10 +12,9 @@ const BOARD_SERIAL: &str = "3A0042001951333138363735";
 const USB_DEVICE: &str = "/devices/pci0000:00/0000:00:14.0/usb1/1-2";
 const TTY: &str = "/devices/pci0000:00/0000:00:14.0/usb1/1-2/1-2:1.0/tty/ttyACM7";
 
-/// Shell script that runs `udevadm test` for the device that the file `description` describes, with
-/// our rules added to those of the system. `/dev` and `/run` are temporary file systems of a
-/// separate namespace, because udevadm creates symbolic links there. umockdev needs
-/// pseudoterminals.
+/// Shell script that runs `udevadm test` for the device in the file `description`, with our rules
+/// added to those of the system. `/dev` and `/run` are temporary file systems of a namespace,
+/// because udevadm creates symbolic links there. umockdev needs pseudoterminals.
 const SCRIPT: &str = r#"
 set -e
 mount -t tmpfs run /run
@@ -66,8 +65,7 @@ fn in_namespace() -> Command {
     command
 }
 
-/// Returns the description of a USB device with a virtual serial port, in the format of
-/// `umockdev-record`.
+/// Describes a USB device with a virtual serial port, in the format of `umockdev-record`.
 fn description(ids: [&str; 2], product: &str) -> String {
     let [vendor, id] = ids;
     format!(

@@ -43,14 +43,12 @@ const PORTS: [&str; 8] = [
     "GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH",
 ];
 
-/// Address of the register RCC_CR, and its bit HSERDY, which reports a stable external clock
-/// (RM0390, 6.3.1).
+/// Address of RCC_CR, and its bit HSERDY: the external clock is stable (RM0390, 6.3.1).
 const RCC_CR: u64 = 0x4002_3800;
 const HSERDY: u64 = 1 << 17;
 
 /// Address of RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. The emulated register only
-/// stores what is written to it; this suffices, because the firmware keeps the clock selections of
-/// the reset.
+/// stores what is written, which suffices: the firmware keeps the clock selections of the reset.
 const DCKCFGR2: u64 = 0x4002_3894;
 /// Address at which the emulator serves accesses to DCKCFGR2; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
@@ -132,8 +130,7 @@ impl Mcu for F446 {
 }
 
 impl Chip for F446 {
-    /// Describes a Cortex-M4F (DS10693, 3.1) that boots from flash, which also appears at address 0
-    /// (RM0390, 2.4).
+    /// Describes a Cortex-M4F (DS10693, 3.1) that boots from flash (RM0390, 2.4).
     fn core(&self) -> CoreSpec {
         let facts = Model::F446.facts();
         let lines = u32::from(self.cpu().interrupt_lines);

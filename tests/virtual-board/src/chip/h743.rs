@@ -37,8 +37,7 @@ const TIMER: usize = 0;
 /// Number of the alternate function that connects TIM2 to pin PB10 (DS12110, table 10).
 const TIMER_FUNCTION: u8 = 1;
 
-/// Address of the register RCC_CR, and its bit HSERDY, which reports a stable external clock
-/// (RM0433, 8.7.2).
+/// Address of RCC_CR, and its bit HSERDY: the external clock is stable (RM0433, 8.7.2).
 const RCC_CR: u64 = 0x5802_4400;
 const HSERDY: u64 = 1 << 17;
 
@@ -107,8 +106,7 @@ impl Mcu for H743 {
     }
 
     fn poll(&mut self, now: VirtualNanos) {
-        // Of all models only the UART exchanges data with the outside. Ask it alone, because asking
-        // every model at each stop takes much time.
+        // Poll only the UART, which alone looks outside: polling every model takes much time.
         let (bus, uart) = self.part.split(self.uart_slot);
         let (registers, mut context) = bus.drive(now, self.uart_slot);
         if let Some(uart) = uart {
@@ -169,8 +167,7 @@ impl Chip for H743 {
         vec![self.otg.redirect()]
     }
 
-    /// Divides the SPI's kernel clock by 2^(MBR + 1), where MBR is a field of the register SPI_CFG1
-    /// (RM0433).
+    /// Divides the SPI's kernel clock by 2^(MBR + 1); MBR is a field of SPI_CFG1 (RM0433).
     fn sclk_hz(&self) -> u32 {
         let registers = self.bus().registers("SPI1").expect("the part has SPI1");
         let divider = spi1::cfg1::MBR.get(registers.get(spi1::Register::Cfg1)) + 1;

@@ -1,5 +1,4 @@
-//! What happens at each stop of the emulator: it drives the pins, advances the converters and
-//! serves requests.
+//! What happens at each stop of the emulator: pins are driven, converters advance, requests run.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender};
@@ -15,13 +14,11 @@ use crate::injection::Change;
 use crate::model::Pins;
 use crate::processor::Observer;
 
-/// Number of resets that, if they occur within [`RESET_LOOP_NS`], mean that the board resets in a
-/// loop.
+/// Number of resets within [`RESET_LOOP_NS`] that mean that the board resets in a loop.
 const RESET_LOOP: usize = 20;
 const RESET_LOOP_NS: u64 = 1_000_000_000;
 
-/// Longest virtual time between two stops, in ns. At each stop the UART fetches bytes that wait for
-/// it.
+/// Longest virtual time between two stops, in ns. At each stop the UART takes bytes that wait.
 const MAX_RUN_NS: u64 = 250_000;
 
 /// Request that a [`VirtualBoard`](crate::VirtualBoard) sends to the emulator's thread.
@@ -126,9 +123,8 @@ impl BoardDriver {
         self.driven = [Some(drdy.is_high), Some(self.trigger_is_high)];
     }
 
-    /// Passes the levels that the output pins have after a reset on to the converters. Stops a
-    /// board that resets in a loop, because the emulator takes far longer for a reset than the
-    /// chip.
+    /// Passes the levels of the output pins after a reset on to the converters. Stops a board that
+    /// resets in a loop, because emulating a reset takes far longer than the chip does.
     fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
         let chip = &session.board().chip;
         let mut wires = self.chain.wires();

@@ -14,8 +14,7 @@ use super::instance::Instance;
 use super::register::{MAX_ENDPOINTS, Register, bit, dctl, epint, gintsts, grstctl};
 use super::violation::Violations;
 
-/// Duration of a soft reset of the core, in ns: longer than the 3 PHY clocks for which software
-/// must wait.
+/// Duration of a soft reset, in ns: longer than the 3 PHY clocks for which software must wait.
 const SOFT_RESET_NS: u64 = 100;
 /// Time that flushing a FIFO takes, in ns: 8 clocks of the PHY at 48 MHz (RM0433 57.14.5).
 const FLUSH_NS: u64 = 167;
@@ -34,8 +33,7 @@ pub(super) struct Supply {
     pub(super) clocked: bool,
     /// Reason why the transceiver is not connected to the cable; `None` if it is connected.
     pub(super) unwired: Option<&'static str>,
-    /// Frequency of the core's kernel clock in Hz; `None` if the emulator's part does not report
-    /// it.
+    /// Frequency of the core's kernel clock in Hz; `None` if the emulated part does not report it.
     pub(super) kernel_hz: Option<u64>,
 }
 
@@ -94,8 +92,7 @@ struct BusState {
     in_reset: bool,
     /// USB address to which the device responds.
     address: u32,
-    /// True from a SET_ADDRESS request until its status stage, after which the new address takes
-    /// effect.
+    /// True from a SET_ADDRESS request to its status stage, when the new address takes effect.
     addressing: bool,
     /// True from a SETUP packet until the token that starts the next stage of the control transfer.
     in_setup_stage: bool,
@@ -193,8 +190,7 @@ impl Core {
         true
     }
 
-    /// Reads the register at an offset in bytes from the core's base address, with the side effects
-    /// of the read.
+    /// Reads the register at `offset` bytes from the core's base, with a read's side effects.
     pub(super) fn read(&mut self, offset: u64, width: Width) -> u32 {
         let Some(register) = Register::at(offset, self.instance.endpoints) else {
             let text = format!("OTG + {offset:#05x}: read of a reserved address (RM0433 57.14)");
@@ -275,8 +271,7 @@ impl Core {
         Extent::from_dieptxf(value).depth as usize
     }
 
-    /// Returns the field `INEPTFSAV`: the number of free words in the transmit FIFO of IN endpoint
-    /// `n`.
+    /// Returns `INEPTFSAV`: the number of free words in the transmit FIFO of IN endpoint `n`.
     fn dtxfsts(&self, n: usize) -> u32 {
         let free = self.tx_depth(n).saturating_sub(self.inputs[n].words());
         u32::try_from(free).unwrap_or_default()

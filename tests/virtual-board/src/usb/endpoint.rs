@@ -131,9 +131,8 @@ impl Endpoint {
         enables
     }
 
-    /// Applies a bus reset, which deactivates every endpoint but endpoint 0. `EPENA` keeps its
-    /// value, as driver authors have found on real chips (Zephyr pull 99958, TinyUSB pull 2607,
-    /// NuttX pull 4505).
+    /// Applies a bus reset, which deactivates every endpoint but 0. `EPENA` keeps its value, as
+    /// driver authors found on real chips (Zephyr pull 99958, TinyUSB pull 2607, NuttX pull 4505).
     pub(super) fn bus_reset(&mut self) {
         if self.number != 0 {
             self.set(epctl::USBAEP, false);
@@ -278,8 +277,7 @@ impl Endpoint {
         done
     }
 
-    /// Ends the transfer, when software reads the status word for its completion from the receive
-    /// FIFO.
+    /// Ends the transfer, once software has read its completion status from the receive FIFO.
     pub(super) fn complete(&mut self) {
         self.set(epctl::EPENA, false);
         self.flags |= epint::XFRC;
@@ -290,8 +288,7 @@ impl Endpoint {
         self.set(epctl::DPID, true);
         self.set(epctl::NAKSTS, true);
         self.set(epctl::STALL, false);
-        // Count down the SETUP packets that software allows; an IN endpoint does not have this
-        // field.
+        // Count down the SETUP packets that software allows; IN endpoints lack this field.
         let left = (self.size >> 29 & 3).saturating_sub(1);
         self.size = self.size & 0x1FFF_FFFF | left << 29;
     }

@@ -20,8 +20,7 @@ enum Entry {
     Data(u32),
 }
 
-/// The receive FIFO, which holds a status word for each packet, followed by the packet's data in
-/// words.
+/// The receive FIFO, which holds, for each packet, a status word and then its data in words.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RxFifo(VecDeque<Entry>);
 
@@ -68,8 +67,7 @@ impl RxFifo {
         }));
     }
 
-    /// Returns the status word at the front; `None` if the FIFO is empty or a data word is at the
-    /// front.
+    /// Returns the status word at the front; `None` if the front has data or the FIFO is empty.
     pub(super) fn peek_status(&self) -> Option<u32> {
         match self.0.front() {
             Some(&Entry::Status(word)) => Some(word),
@@ -77,8 +75,7 @@ impl RxFifo {
         }
     }
 
-    /// Removes the status word at the front; `None` if the FIFO is empty or a data word is at the
-    /// front.
+    /// Removes the status word at the front; `None` if the front has data or the FIFO is empty.
     pub(super) fn pop_status(&mut self) -> Option<u32> {
         let word = self.peek_status()?;
         self.0.pop_front();

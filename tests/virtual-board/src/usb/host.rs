@@ -65,14 +65,12 @@ impl UsbHost {
         self.host().state()
     }
 
-    /// Returns what the host has read from the device's descriptors; `None` until the device is
-    /// configured.
+    /// Returns the contents of the device's descriptors; `None` until the device is configured.
     pub fn device(&self) -> Option<Descriptors> {
         self.host().device.clone()
     }
 
-    /// Returns all violations of the reference manual and the USB specification that have occurred
-    /// so far.
+    /// Returns all violations of the reference manual and the USB specification so far.
     pub fn violations(&self) -> Vec<Violation> {
         self.host().violations.to_vec()
     }
@@ -155,8 +153,7 @@ struct Host {
     idle_since: Option<u64>,
     enumeration: Option<Enumeration>,
     attempts: u32,
-    /// Control transfer in progress; it belongs to the enumeration if there is one, otherwise to
-    /// the serial port.
+    /// Control transfer in progress, of the enumeration if there is one, else of the serial port.
     transfer: Option<Transfer>,
     address: u8,
     serial: Serial,

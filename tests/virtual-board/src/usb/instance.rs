@@ -26,9 +26,8 @@ pub(crate) struct Instance {
     pub(crate) fifo_words: u32,
     /// Value of the identification register `OTG_CID`.
     pub(crate) core_id: u32,
-    /// Function that returns whether the core's bus clock is on, and the reason why the transceiver
-    /// is not connected to the cable, which is a missing supply or pin setting; `None` if it is
-    /// connected.
+    /// Function that returns whether the core's bus clock is on, and why the transceiver is not
+    /// connected to the cable, for lack of supply or pin setting; `None` if it is connected.
     pub(crate) supply: fn(&Bus, &Slots) -> (bool, Option<&'static str>),
 }
 
@@ -88,8 +87,7 @@ pub(crate) const F446_OTG_FS: Instance = Instance {
     supply: f446_supply,
 };
 
-/// Returns whether the values of GPIOA's registers `MODER` and `AFRH` connect PA11 and PA12 to USB,
-/// alternate function 10.
+/// Returns whether GPIOA's `MODER` and `AFRH` connect PA11 and PA12 to USB (function 10).
 fn pins_are_usb(moder: u64, afrh: u64) -> bool {
     // MODER has two bits per pin, and 0b10 selects the alternate function; AFRH has four bits per
     // pin and starts with pin 8.
@@ -104,7 +102,7 @@ fn register_value<L: Layout>(bus: &Bus, slot: usize, register: L) -> u64 {
 }
 
 /// Implements [`Instance::supply`] by `RCC_AHB1ENR.USB2OTGEN` (RM0433 8.7.40), `PWR_CR3.USB33DEN`
-/// and the settings of the pins.
+/// and the pins' settings.
 fn h743_supply(bus: &Bus, slots: &Slots) -> (bool, Option<&'static str>) {
     use rigless::soc::stm32h743::generated::{gpioa, pwr, rcc};
 
@@ -118,8 +116,7 @@ fn h743_supply(bus: &Bus, slots: &Slots) -> (bool, Option<&'static str>) {
     (is_clocked, (!pins_are_usb(moder, afrh)).then_some(PINS))
 }
 
-/// Implements [`Instance::supply`] by `RCC_AHB2ENR.OTGFSEN` (RM0390 6.3.11) and the settings of the
-/// pins.
+/// Implements [`Instance::supply`] by `RCC_AHB2ENR.OTGFSEN` (RM0390 6.3.11) and the pins' settings.
 fn f446_supply(bus: &Bus, slots: &Slots) -> (bool, Option<&'static str>) {
     use rigless::soc::stm32f427::generated::{gpioa, rcc};
 

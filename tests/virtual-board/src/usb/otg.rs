@@ -65,8 +65,7 @@ fn lock(link: &Shared) -> MutexGuard<'_, CoreAndHost> {
     link.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The emulator's device for the window, through which the processor accesses the core's registers
-/// and FIFOs.
+/// The emulator's device for the window, by which the processor accesses registers and FIFOs.
 #[derive(Debug)]
 struct Registers {
     link: Shared,
@@ -235,8 +234,7 @@ impl Otg {
         }
     }
 
-    /// Lets the host do what is due; the chip's `poll` calls this method at each stop of the
-    /// emulator.
+    /// Lets the host do what is due; the chip's `poll` calls this at each stop of the emulator.
     pub(crate) fn poll(&mut self, now: VirtualNanos, bus: &mut Bus) {
         self.update_supply(bus);
         let (_, mut context) = bus.drive(now, self.window);

@@ -21,8 +21,7 @@ pub(super) enum Register {
     Gnptxsts,
     Gccfg,
     Cid,
-    /// Identification register at the given offset, which drivers read although ST's manuals omit
-    /// it.
+    /// Identification register at the given offset; drivers read it, but ST's manuals omit it.
     Undocumented(u32),
     Dcfg,
     Dctl,
@@ -221,8 +220,7 @@ pub(super) mod dctl {
 pub(super) mod bit {
     /// `OTG_GAHBCFG`: enables the core's global interrupt.
     pub(crate) const GINT: u32 = 1 << 0;
-    /// `OTG_GAHBCFG`: makes the flag `TXFE` mean that a FIFO is completely empty instead of half
-    /// empty.
+    /// `OTG_GAHBCFG`: makes the flag `TXFE` mean that a FIFO is empty instead of half empty.
     pub(crate) const TXFELVL: u32 = 1 << 7;
     /// `OTG_GUSBCFG`: forces device mode.
     pub(crate) const FDMOD: u32 = 1 << 30;
@@ -238,8 +236,7 @@ pub(super) mod bit {
     pub(crate) const BSVLD: u32 = 1 << 19;
     /// `OTG_GOTGINT`: the B-session has ended.
     pub(crate) const SEDET: u32 = 1 << 2;
-    /// `OTG_GCCFG`: switches the full-speed transceiver on, although the name suggests the
-    /// opposite.
+    /// `OTG_GCCFG`: switches the full-speed transceiver on, contrary to the bit's name.
     pub(crate) const PWRDWN: u32 = 1 << 16;
     /// `OTG_GCCFG`: lets the core sense VBUS.
     pub(crate) const VBDEN: u32 = 1 << 21;

@@ -41,8 +41,7 @@ impl Violations {
         }
     }
 
-    /// Records a violation of each of the `rules` that is false, with the section that states the
-    /// rule.
+    /// Records a violation of each of the `rules` that is false; `section` states the rules.
     pub(super) fn expect<const N: usize>(
         &mut self,
         at_ns: u64,

@@ -92,8 +92,7 @@ pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> 
         if status == Some(0) {
             break;
         }
-        // Wait until the self-test has ended whose result came too late; the device refuses another
-        // one until then.
+        // Wait until the self-test has ended: before, the device refuses another one.
         board.run_for_us(SELF_TEST_US)?;
     }
     assert_eq!(status, Some(0), "{table}");

@@ -32,8 +32,7 @@ fn frames_bad(board: &VirtualBoard) -> Vec<u32> {
     newest.expect("a status each second")
 }
 
-/// Gives a chip a fault while codes stream, and returns the indices of the chips that the device
-/// reports as bad.
+/// Gives a chip a fault while codes stream. Returns the chips that the device reports as bad.
 fn inject_fault(subject: Subject, fault: Fault) -> Result<Vec<usize>, BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 8)?;
@@ -64,8 +63,7 @@ pub(crate) fn a_dead_chip_is_reported(subject: Subject) -> Result<(), BoardError
     Ok(())
 }
 
-/// Scenario: the device reports a chip that sends one bit late; the data of the chips that send
-/// through it is shifted, too.
+/// Scenario: a chip sends one bit late and so shifts the data of others, and is reported.
 pub(crate) fn a_shifted_bit_is_reported(subject: Subject) -> Result<(), BoardError> {
     let named = inject_fault(subject, Fault::ShiftedBit)?;
     assert_eq!(named.first(), Some(&CHIP), "{named:?}");
@@ -96,8 +94,7 @@ pub(crate) fn a_silent_drdy_is_flagged(subject: Subject) -> Result<(), BoardErro
     Ok(())
 }
 
-/// Scenario: the device decodes the data of converters that send no don't-care bits between two
-/// chips.
+/// Scenario: the device decodes data of converters that send no don't-care bits between chips.
 pub(crate) fn a_packed_chain_is_decoded(subject: Subject) -> Result<(), BoardError> {
     let setup = Setup {
         alignment: Alignment::Packed,

@@ -1,5 +1,4 @@
-//! Scenarios in which the device restarts: after failures of the firmware, and on the host's
-//! command.
+//! Scenarios with restarts of the device: after failures of the firmware, and on command.
 
 use link::{ResetCause, ResetInto, Streams, ToDevice};
 use virtual_board::{BoardError, Injection, VirtualBoard};
@@ -91,8 +90,7 @@ fn assert_streams_after(board: &mut VirtualBoard, cause: ResetCause) -> Result<S
     Ok(fault)
 }
 
-/// Scenario: the device restarts on the command `Reset`, reports this as the cause, and streams
-/// again.
+/// Scenario: the device restarts on `Reset`, reports this as the cause, and streams again.
 pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;

@@ -1,5 +1,4 @@
-//! Images under test, whose paths environment variables name, and the figures that the tests
-//! measure.
+//! Images under test, whose paths are in environment variables, and figures measured on them.
 
 use std::env;
 use std::fmt::{self, Display};

@@ -1,5 +1,4 @@
-//! Scenarios in which a virtual board's packed blocks and compressed samples must equal those of
-//! host-sim.
+//! Scenarios in which packed blocks and compressed samples must equal those of host-sim.
 
 use link::{AckResult, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, ReceivedCode};

@@ -55,8 +55,7 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     }
     assert_eq!(board.core_hz()?, subject.model.facts().core_hz);
     // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz
-    // on the STM32F446 (docs/hardware.md). It must have the rate for samples now, because the
-    // converters run.
+    // on the STM32F446 (docs/hardware.md). The converters run, so it must be that for samples.
     let burst_hz = board.sclk_hz();
     assert!(
         (10_000_000..=20_000_000).contains(&burst_hz),
@@ -109,8 +108,7 @@ const COMMON: [Wanted; 6] = [
 /// An interrupt that must be enabled: source and task, line, priority.
 type Wanted = (&'static str, u16, u8);
 
-/// Returns the interrupts of the DMA streams for the converters' SPI (RM0433 rev 9, table 147;
-/// RM0390, table 38).
+/// Returns the DMA interrupts of the converters' SPI (RM0433 rev 9, table 147; RM0390, table 38).
 fn spi_interrupts(model: Model) -> [Wanted; 2] {
     match model {
         Model::H743 => [

@@ -8,8 +8,7 @@ use crate::commands::ping;
 use crate::images::Subject;
 use crate::session::{assert_no_findings, converters, run_codes, stats, streaming};
 
-/// Longest time until the host has opened the port, in us: debouncing, two bus resets and an
-/// enumeration.
+/// Longest time in us until the host has opened the port, with two bus resets and an enumeration.
 const ENUMERATION_US: u64 = 500_000;
 
 /// Longest time from a command to its acknowledgement over USB, in us.
@@ -95,9 +94,8 @@ pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), Boa
     Ok(())
 }
 
-/// Scenario: the device is enumerated again and answers after three kinds of interruption:
-/// unplugging while a packet waits to be read, unplugging at several points of the enumeration, and
-/// a bus reset.
+/// Scenario: the device is enumerated and answers after unplugging while a packet waits to be read,
+/// after unplugging at several points of the enumeration, and after a bus reset.
 pub(crate) fn reconnects_after_unplugging(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;

@@ -15,14 +15,12 @@ const fn range(model: Model) -> [u64; 2] {
     }
 }
 
-/// Returns the watchdog's timeout in us, which is 200 ms at 32 kHz, when its oscillator runs at
-/// `hz`.
+/// Returns the watchdog's timeout in us with its oscillator at `hz`; it is 200 ms at 32 kHz.
 const fn watchdog_us(hz: u64) -> u64 {
     200_000 * 32_000 / hz
 }
 
-/// Time in us between two checks of the firmware that its tasks make progress; each check reloads
-/// the watchdog.
+/// Time in us between two checks of the tasks' progress, each of which reloads the watchdog.
 const FED_US: u64 = 62_500;
 
 /// Longest time from a reset to `Hello` in us, which includes the enumeration of USB.
@@ -38,8 +36,7 @@ pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Resu
         };
         let mut board = running_with(subject, &setup)?;
         start(&mut board, Streams::CODES)?;
-        // Run for one second, several times the watchdog's timeout, as the start before it has also
-        // taken.
+        // Run for one second, several times the watchdog's timeout; the start has taken as long.
         board.run_for_us(1_000_000)?;
         assert_eq!(
             greetings(board.inbox().frames()).len(),

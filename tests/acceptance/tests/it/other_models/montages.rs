@@ -15,8 +15,7 @@ use link::{Decoder, MAX_FRAME, ToHost};
 
 /// Number of numbers in one code of each model with random weights.
 const NUMBERS: usize = 48;
-/// Name of the montage for which corticode-node is built; its model gets another gain than the
-/// others.
+/// Montage for which corticode-node is built; its model has another gain than the others.
 const NODE_MONTAGE: &str = "cyton-8";
 /// Gain of the ADC in the model for [`NODE_MONTAGE`].
 const NODE_GAIN: u32 = 6;

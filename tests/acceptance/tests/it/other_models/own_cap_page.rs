@@ -75,8 +75,7 @@ fn the_commands_of_the_page_decode_the_codes_of_a_cap_with_eight_electrodes() {
     assert!(script.contains(PORT), "{script}");
     let script = script.replace(PORT, &free);
     println!("{script}");
-    // Keep other tests from building meanwhile: a build would replace the host-sim that the page
-    // starts.
+    // Keep other tests from building: a build would replace the host-sim that the page starts.
     let _builds = exclusive();
     let output = Command::new("sh")
         .args(["-c", &script])
@@ -112,8 +111,7 @@ fn check(folder: &Path, printed: &str) {
     let electrodes = &description.montage.electrodes;
     assert!(names.ends_with(electrodes), "{names:?}");
     assert_eq!(steps.len(), codes.len() * description.window.hop);
-    // The synthetic sources have a standard deviation of tens of microvolts, so the last decoded
-    // electrode must have values of this size.
+    // The synthetic sources, and so the decoded signal, have tens of microvolts.
     let last = steps[steps.len() / 2..].iter().filter_map(|row| row.last());
     let largest = last.map(|value| value.parse::<f64>().expect("a number").abs());
     let largest = largest.fold(0.0, f64::max);
@@ -131,8 +129,7 @@ fn as_tested(command: &str, root: &Path) -> String {
         root.join("Cargo.toml").display(),
         options.join(" ")
     );
-    // Leave out the build of the bridge, which does not depend on the model: the tests have built
-    // it.
+    // Leave out the build of the bridge, which needs no model: the tests have built it.
     command
         .replace("cargo build --release", &build)
         .replace(" --bin corticode-bridge", "")
@@ -155,8 +152,7 @@ fn commands() -> Vec<String> {
 }
 
 /// Writes a recording of low-pass-filtered sources, which every recording mixes with the same
-/// weights. The file has the format GDF whatever its name: readers recognise formats by the
-/// content.
+/// weights. It is a GDF file whatever its name: readers recognise formats by the content.
 fn write_recording(path: &Path, seed: u32) {
     let mut noise = noise(seed);
     let mut sources = [0.0_f32; 3];

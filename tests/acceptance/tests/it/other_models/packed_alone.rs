@@ -10,8 +10,7 @@ use artifact::{Artifact, MontageFile};
 const SEED: u32 = 7;
 const SECONDS: u32 = 6;
 
-/// Returns a model that has only the packed code, with random integers, for the montage in
-/// `files/montages/cyton-8.toml`.
+/// Returns a random model for `files/montages/cyton-8.toml` that has only the packed code.
 fn model() -> Artifact {
     let montage = MontageFile::read(&workspace::root().join("files/montages/cyton-8.toml"));
     any_packed_alone(SEED, &montage.expect("the montage")).expect("a model")

@@ -83,8 +83,7 @@ fn streaming_equals_batch_with_every_variant() {
             });
             let mut artifact = artifact.expect("a model");
             artifact.description.code.format = format;
-            // The packed code does not depend on the network, so one model of each size needs to
-            // have it.
+            // The packed code does not depend on the network, so one model of each size has it.
             let has_packed = size.electrodes != 61 || size.hop == 16;
             let packed = has_packed.then(|| any_packed(seed, &artifact.description));
             let artifact = artifact.with_packed(packed).expect("a packed model");

@@ -23,8 +23,7 @@ const ROUTES: [(usize, u8, u8); 7] = [
     (7, 10, 15),
 ];
 
-/// Model of EXTI for the lines that belong to pins. It does not see edges of pins that the firmware
-/// drives.
+/// Model of EXTI for the lines of pins. It does not see edges of pins that the firmware drives.
 #[derive(Debug, Default)]
 pub(super) struct Exti {
     /// Pending lines, one bit each. The emulator's own register would store a value written to PR,

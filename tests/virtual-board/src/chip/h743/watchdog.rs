@@ -18,8 +18,7 @@ const RELOAD: u64 = 0xAAAA;
 /// (RM0433, 45.3).
 const RESET_RELOAD: u64 = 0xFFF;
 
-/// Number of LSI cycles that transferring PR and RLR to the counter's clock domain takes (RM0433,
-/// 45.4.4).
+/// Number of LSI cycles that PR and RLR take to the counter's clock domain (RM0433, 45.4.4).
 const CROSSING: u64 = 5;
 
 /// Model of the watchdog without the window of WINR: the firmware keeps the reset value of WINR,
@@ -65,8 +64,7 @@ impl Watchdog {
         }
     }
 
-    /// Starts the transfer of PR and RLR to the counter's clock domain; without a clock, only marks
-    /// it as pending.
+    /// Starts the transfer of PR and RLR to the counter's clock domain, if the counter has a clock.
     fn start_crossing(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         registers.set(Register::Sr, 0b011);
         if let Some(wait) = (CROSSING * 1_000_000_000).checked_div(self.clock_hz) {

@@ -5,15 +5,13 @@ use crate::usb::endpoint::{Handshake, Input};
 use crate::usb::fifo::{PacketStatus, RxFifo};
 use crate::usb::register::{bit, dctl, epctl, epint, gintsts};
 
-/// Number of words that must stay free in the receive FIFO, for status words of packets without
-/// data.
+/// Number of words that must stay free in the receive FIFO, for status words without data.
 const RESERVED_WORDS: usize = 2;
 /// Values of `bmRequestType` and `bRequest` in a SET_ADDRESS request (USB 2.0, 9.4).
 const SET_ADDRESS: [u8; 2] = [0x00, 0x05];
 
 impl Core {
-    /// Returns whether the device may connect (the B-session is valid): VBUS is present, or
-    /// software overrides it.
+    /// Returns whether the B-session is valid: VBUS is present, or software overrides it.
     pub(super) fn session_valid(&self) -> bool {
         let control = self.registers.gotgctl;
         if control & bit::BVALOEN != 0 {
@@ -23,8 +21,7 @@ impl Core {
         }
     }
 
-    /// Sets the flag for the start or the end of a session; `before` tells whether the session was
-    /// valid until now.
+    /// Sets the flag for the start or end of a session; `before` is whether it was valid until now.
     pub(super) fn session_changed(&mut self, before: bool) {
         match (before, self.session_valid()) {
             (false, true) => self.registers.gintsts |= gintsts::SRQINT,

@@ -65,8 +65,7 @@ impl Core {
     }
 }
 
-/// Enables the endpoint whose control register is at the offset `control`, for one packet of
-/// `bytes` bytes.
+/// Enables the endpoint whose control register is at `control`, for one packet of `bytes` bytes.
 fn enable(core: &mut Core, control: u64, bytes: u32) {
     core.put(control + 0x10, 1 << 19 | bytes);
     let before = core.get(control);

@@ -6,14 +6,13 @@ use super::{Core, FLUSH_NS, SOFT_RESET_NS};
 use crate::usb::fifo::{Extent, PacketStatus, layout_error};
 use crate::usb::register::{Register, bit, dctl, epctl, gintsts, grstctl};
 
-/// Range in Hz that USB permits for the kernel clock at full speed: 48 MHz +- 0.25 % (USB 2.0,
-/// 7.1.11).
+/// Kernel clock in Hz that USB permits at full speed: 48 MHz +- 0.25 % (USB 2.0, 7.1.11).
 const KERNEL_HZ: std::ops::RangeInclusive<u64> = 47_880_000..=48_120_000;
 /// Number of the section in RM0433 on programming the endpoints in device mode.
 const PROGRAMMING: &str = "57.15.6";
 
 impl Core {
-    /// Writes to the register at an offset in bytes from the core's base address.
+    /// Writes the register at `offset` bytes from the core's base address.
     pub(crate) fn write(&mut self, offset: u64, width: Width, value: u32) {
         let Some(register) = Register::at(offset, self.instance.endpoints) else {
             let text = format!("OTG + {offset:#05x}: write to a reserved address (RM0433 57.14)");

@@ -5,8 +5,7 @@ use crate::usb::core::Core;
 use crate::usb::endpoint::{Handshake, Input};
 use crate::usb::violation::Violations;
 
-/// Number of transactions without a response after which a control transfer fails (USB 2.0,
-/// 10.2.6).
+/// Number of transactions without response after which a transfer fails (USB 2.0, 10.2.6).
 const ATTEMPTS: u32 = 3;
 /// Longest duration of a control transfer in ns, as in Linux (`USB_CTRL_GET_TIMEOUT`).
 const TIMEOUT_NS: u64 = 5_000_000_000;
@@ -16,8 +15,7 @@ const DATA_NS: u64 = 500_000_000;
 /// status stage (USB 2.0, 9.2.6.4).
 const STATUS_NS: u64 = 50_000_000;
 
-/// What a transaction of the host needs: the device's core, its address, and where to record
-/// violations.
+/// What a transaction needs: the device's core, its address, and where to record violations.
 #[derive(Debug)]
 pub(super) struct Wire<'a> {
     pub(super) core: &'a mut Core,
@@ -137,8 +135,7 @@ impl Transfer {
         format!("{}, {:?} stage", self.setup, self.stage)
     }
 
-    /// Returns the length in bytes of the next packet; `None` while the device would respond with
-    /// NAK.
+    /// Returns the byte length of the next packet; `None` while the device would respond with NAK.
     pub(super) fn next_len(&self, core: &Core) -> Option<usize> {
         match self.stage {
             Stage::Setup => Some(8),

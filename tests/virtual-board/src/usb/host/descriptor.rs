@@ -37,8 +37,7 @@ pub struct Descriptors {
     pub(super) usb: u16,
     /// Maximum packet size of endpoint 0 in bytes.
     pub(super) max_packet_0: u8,
-    /// Indices of the strings with manufacturer, product and serial number; 0 for a string that
-    /// does not exist.
+    /// Indices of the strings for manufacturer, product and serial number; 0 for none.
     pub(super) strings: [u8; 3],
     /// Number by which the host selects the configuration (`bConfigurationValue`).
     pub(super) configuration: u8,
@@ -52,8 +51,7 @@ pub struct Descriptors {
 pub(super) struct Interface {
     /// Number of the interface (`bInterfaceNumber`).
     number: u8,
-    /// Class, subclass and protocol (`bInterfaceClass`, `bInterfaceSubClass`,
-    /// `bInterfaceProtocol`).
+    /// `bInterfaceClass`, `bInterfaceSubClass` and `bInterfaceProtocol`.
     class: [u8; 3],
     /// Endpoints of the interface; endpoint 0 belongs to none.
     endpoints: Vec<EndpointDescriptor>,

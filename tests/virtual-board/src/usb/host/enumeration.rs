@@ -1,5 +1,4 @@
-//! Enumeration of a device: the host reads the descriptors and configures the device, with requests
-//! in Linux's order.
+//! Enumeration: the host reads a device's descriptors and configures it, in Linux's order.
 
 use super::control::Setup;
 use super::descriptor::{Descriptors, SerialPort, kind, parse_string};
@@ -208,8 +207,7 @@ impl Enumeration {
         Next::Request
     }
 
-    /// Requests the first string with an index from `n` on that exists, or the configuration if
-    /// none does.
+    /// Requests the next string, from index `n` on, that exists, or the configuration if none does.
     fn request_string(&mut self, n: usize) -> Next {
         let next = (n..3).find(|&n| self.device.strings[n] != 0);
         self.request_next(next.map_or(Stage::SetConfiguration, Stage::String))

@@ -60,8 +60,7 @@ pub(super) struct Serial {
     pub(super) is_paused: bool,
     /// Whether the next data PID of each [`Pipe`] is DATA1.
     toggles: [bool; 3],
-    /// Whether the last transaction was an OUT; if both directions have data, an IN then comes
-    /// next.
+    /// Whether the last transaction was an OUT; if both directions have data, an IN is next.
     was_output: bool,
     /// Data in the driver's read buffer, which the program has not received yet.
     read: Vec<u8>,
@@ -132,8 +131,7 @@ impl Serial {
         }
     }
 
-    /// Ends the current request. `data` is what the device has sent in response, empty after a
-    /// failure.
+    /// Ends the current request. `data` is the device's response, empty after a failure.
     pub(super) fn complete_request(&mut self, data: &[u8], now: u64, violations: &mut Violations) {
         match self.requests.pop_front() {
             Some(Request::GetLineCoding(rate)) if data != line_coding(rate) => {

@@ -40,8 +40,7 @@ impl Device {
         };
         core.set_vbus(true);
         for (offset, value) in [
-            // Set device mode, transceiver, session, full speed and connection, and then the FIFOs'
-            // layout.
+            // Device mode, transceiver, session, full speed, connection; then the FIFOs' layout.
             (0x0C, 1 << 30 | 6 << 10),
             (0x38, 1 << 16),
             (0x00, 3 << 6),

@@ -17,8 +17,7 @@ fn wire_ns(len: usize) -> u64 {
 }
 
 impl Host {
-    /// Returns the time in ns at which the next transaction ends or the control transfer fails by
-    /// timeout.
+    /// Returns the time in ns at which the next transaction ends or the control transfer times out.
     pub(super) fn traffic_due(&mut self, now: u64, core: &Core) -> Option<u64> {
         if self.transfer.is_none() && self.has_request() {
             return Some(now);
