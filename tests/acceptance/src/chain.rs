@@ -109,7 +109,7 @@ impl Status {
 /// A bridge between a port and a ROS master, with a subscriber to its codes and a recorder of them.
 #[derive(Debug)]
 pub struct Chain<'a> {
-    /// The ROS master, which also gives ROS tools the environment in which they find it.
+    /// The ROS master; it also creates commands for ROS tools that connect to it.
     pub ros: Ros<'a>,
     folder: &'a Path,
     bridge: Process,
@@ -118,8 +118,8 @@ pub struct Chain<'a> {
 }
 
 impl<'a> Chain<'a> {
-    /// Starts roscore, the bridge, a subscriber and a recorder, and waits until both are connected.
-    /// The bridge waits for a board, which [`Self::board`] starts.
+    /// Starts roscore, the bridge, a subscriber and a recorder, and waits until subscriber and
+    /// recorder are connected. A board is started later, by [`Self::board`].
     ///
     /// # Panics
     /// When a program does not start.
@@ -136,7 +136,7 @@ impl<'a> Chain<'a> {
         Self::start_bridge(ros, folder, &port(folder).to_string_lossy(), options)
     }
 
-    /// Like [`Self::start`], with the master of `corticode-bridge` instead of roscore.
+    /// Like [`Self::start`], but `corticode-bridge` provides the ROS master instead of roscore.
     ///
     /// # Panics
     /// When a program does not start.

@@ -54,7 +54,7 @@ pub fn start(
     Process::start("qemu", &mut qemu.into_command(), folder).expect("QEMU starts")
 }
 
-/// Returns an iterator over the samples as bytes, which sleeps until the next sample is due.
+/// Returns an iterator that gives each sample as bytes, and sleeps until the sample is due.
 fn paced(samples: impl Iterator<Item = [i32; CHANNELS]>) -> impl Iterator<Item = Vec<u8>> {
     let mut start = None;
     (1..).zip(samples).map(move |(index, counts)| {

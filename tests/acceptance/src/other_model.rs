@@ -112,7 +112,7 @@ fn cargo(words: &str) -> Command {
     cargo
 }
 
-/// Returns the environment variables that make cargo build other models in folders of their own.
+/// Returns the environment variables that select cargo's folders for builds with other models.
 ///
 /// # Panics
 /// When this program is not in a target folder of cargo.

@@ -10,8 +10,7 @@ use crate::process::Process;
 use crate::programs::executable;
 use crate::workspace::root;
 
-/// Returns the Rust toolchain that builds the virtual boards, which `rust-toolchain.toml` in their
-/// workspace names.
+/// Returns the Rust toolchain of the virtual boards, from `rust-toolchain.toml` in their workspace.
 fn toolchain() -> &'static str {
     let file = include_str!("../../virtual-board/rust-toolchain.toml");
     let channel = file.split("channel = \"").nth(1).expect("a channel");

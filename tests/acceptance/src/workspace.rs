@@ -9,10 +9,10 @@ use serde_json::Value;
 /// Names of crates of this workspace.
 pub type Names = BTreeSet<String>;
 
-/// One package of a workspace.
+/// A package in a cargo workspace, as `cargo metadata` reports it.
 #[derive(Debug, Clone)]
 pub struct Package {
-    /// Name of the package.
+    /// Name in the package's `Cargo.toml`.
     pub name: String,
     /// Folder that contains the package's `Cargo.toml`.
     pub folder: PathBuf,

@@ -136,7 +136,7 @@ fn board(folder: &Path, output: &str, number: u32) -> Process {
 
 /// The contents of a recording that the tests check.
 struct Recorded {
-    /// Status words `flags`, one per sample.
+    /// Status words of each sample: flags, number of the frame, and level of the trigger input.
     flags: Vec<u16>,
     frames: Vec<u32>,
     trigger: Vec<u16>,

@@ -34,7 +34,7 @@ pub(crate) struct Wires {
     pub(crate) stuck: Option<bool>,
     /// Number of SPI words transferred so far.
     pub(crate) words: u64,
-    /// Number of SPI words transferred so far that were not 8 bits wide, as the converters expect.
+    /// Number of SPI words so far that were not 8 bits wide; the converters need 8 bits.
     pub(crate) non_byte_words: u64,
 }
 

@@ -123,7 +123,7 @@ const F446: &[Reason] = &[
     ),
 ];
 
-/// Largest number of lines that a section of a snapshot shows; it omits the first ones.
+/// Largest number of lines that a section of a snapshot shows; earlier lines are left out.
 const LINES: usize = 16;
 
 /// Error of a virtual board, with a description of the board's state at that time.
@@ -148,7 +148,7 @@ impl fmt::Debug for BoardError {
     }
 }
 
-/// Formats a section of a snapshot: the title and the last `lines`; empty without lines.
+/// Returns a section of a snapshot: the title and the last of the `lines`; empty without lines.
 pub(crate) fn section(title: &str, lines: &[String]) -> String {
     let last = &lines[lines.len().saturating_sub(LINES)..];
     let title = (!last.is_empty()).then(|| format!("  {title}:\n"));

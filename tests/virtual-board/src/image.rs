@@ -192,7 +192,7 @@ const HEADERS: u32 = 84;
 /// Returns the replacement of the boot loader as an image for the emulator.
 pub(crate) fn loader(model: Model) -> Option<rigless::image::Image> {
     let base = model.facts().loader_vectors;
-    // Initial stack pointer, address of the entry point, and twice the instruction [`LOOP`].
+    // Vector table of stack pointer and entry point, then twice the instruction [`LOOP`].
     let contents = [0x2000_1000, base + 9, 0xE7FE_E7FE]
         .map(u32::to_le_bytes)
         .concat();

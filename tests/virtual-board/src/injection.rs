@@ -2,8 +2,8 @@
 
 use crate::image::{Image, LOOP};
 
-/// A failure for a test to cause. It changes registers and memory that the firmware does not use,
-/// but not the image's code.
+/// A failure that a test can cause. Causing it changes registers and memory that the firmware does
+/// not use, but not the image's code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Injection {
     /// The firmware runs into an endless loop.
@@ -14,7 +14,7 @@ pub enum Injection {
     HardFault,
     /// The stack pointer points outside the stack, and the firmware jumps to an unmapped address.
     WildStack,
-    /// The stack pointer is 16 bytes above the end of the stack, so the stack soon overflows.
+    /// The stack pointer is 16 bytes above the lowest stack address, so the stack soon overflows.
     StackOverflow,
 }
 
@@ -27,16 +27,15 @@ pub(crate) struct Change {
     pub(crate) memory: Vec<(u64, Vec<u8>)>,
 }
 
-/// Offset, from the memory that keeps the failure record across a reset, of memory that the
-/// firmware does not use; in bytes.
+/// Offset in bytes of memory that the firmware does not use, from the start of the memory that
+/// keeps the failure record across a reset.
 const SPARE: u64 = 0x300;
 
 const SP: usize = 13;
 const PC: usize = 15;
 
 impl Injection {
-    /// Returns the changes that cause this failure; `None` if the image lacks a symbol or code for
-    /// it.
+    /// Returns the changes that cause this failure; `None` if the image lacks what they need.
     pub(crate) fn change(self, image: &Image) -> Option<Change> {
         let mut change = Change::default();
         match self {
@@ -56,7 +55,7 @@ impl Injection {
             Self::Panic => {
                 let spare = image.address("_kept")? + SPARE;
                 let file = b"injected.rs";
-                // Layout of `core::panic::Location`: pointer to the file name, its length, line,
+                // Layout of `core::panic::Location`: pointer and length of the file name, line,
                 // column.
                 let location = [word(spare) + 16, 11, 7, 3];
                 let mut bytes = location.map(u32::to_le_bytes).concat();

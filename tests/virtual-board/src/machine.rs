@@ -23,7 +23,7 @@ use crate::usb::host::{Command, UsbHost};
 
 mod driver;
 
-/// Longest real time until the emulator reaches a requested stop; after it, it counts as hung.
+/// Longest real time until the emulator reaches a requested stop; then it counts as hung.
 const TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Virtual time in us between two checks whether a condition holds.
@@ -128,7 +128,7 @@ impl VirtualBoard {
         self.chain.wires().simulation.clone()
     }
 
-    /// Returns the host's end of the port, by which a test sends, receives, opens and closes.
+    /// Returns the host's end of the port, through which a test communicates with the device.
     pub const fn port(&self) -> &Port {
         &self.port
     }
@@ -158,7 +158,7 @@ impl VirtualBoard {
         self.chain.wires().words
     }
 
-    /// Returns how many SPI words since power-on were not 8 bits wide, as the converters expect.
+    /// Returns how many SPI words since power-on were not 8 bits wide; the converters need 8 bits.
     pub fn non_byte_words(&self) -> u64 {
         self.chain.wires().non_byte_words
     }

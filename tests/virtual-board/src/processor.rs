@@ -98,8 +98,8 @@ fn take_idle(image: &str) -> Option<IdleCore> {
     Some(core)
 }
 
-/// Wraps a core so that `observer` has access to it and its bus corrects the `differences`. If
-/// possible, takes an idle core that has run `image` before.
+/// Wraps a core so that `observer` has access to it and its accesses are corrected for the
+/// `differences`. If possible, takes an idle core that has run `image` before.
 pub(crate) fn wrap_core(
     mut core: CoreSpec,
     image: &str,

@@ -69,7 +69,8 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     let workspace = CatkinWorkspace::new(folder.path().join("rosneuro"), &packages);
     text_of(&workspace.make(&ros, None, &[&bridge_option()]));
 
-    // The project's package would hide the one of the same name in the workspace below.
+    // The build must refuse the project's package, which would hide the one of the same name in the
+    // workspace below.
     let above = [catkin::package("rosneuro_msgs")];
     let above = CatkinWorkspace::new(folder.path().join("above"), &above);
     let refused = above.make(&ros, Some(&workspace), &[]);
@@ -169,7 +170,7 @@ fn a_build_without_the_program_says_where_to_get_it() {
     }
 }
 
-/// Checks that each private parameter of the bridge, but [`NOT_ARGUMENTS`], is in corticode.launch.
+/// Checks that corticode.launch has every private parameter of the bridge but [`NOT_ARGUMENTS`].
 fn assert_every_option_is_an_argument(workspace: &CatkinWorkspace, ros: &Ros<'_>) {
     // The bridge lists its private parameters when it refuses an unknown one.
     let refused = Command::new(&programs().bridge)

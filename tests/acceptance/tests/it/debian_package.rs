@@ -173,7 +173,7 @@ fn the_service_streams_under_systemd_and_stays_failed_after_wrong_usage() {
     }
     let user = result.lines().find_map(|line| line.strip_prefix("user="));
     let user: u32 = user.and_then(|user| user.parse().ok()).expect(&result);
-    // User ids that systemd assigns to a service with DynamicUser (systemd.exec(5)).
+    // Range of the user ids that systemd assigns for DynamicUser (systemd.exec(5)).
     assert!((61_184..=65_519).contains(&user), "{result}");
 }
 

@@ -25,7 +25,8 @@ const EVERY: usize = 5;
 /// Number of codes that the test decodes with each network.
 const CODES: usize = 3;
 
-/// Largest permitted ratio of difference to largest value; the Rust decoder computes in f32.
+/// Largest permitted difference between the two decoders, as a ratio to the largest decoded value;
+/// the Rust decoder computes in f32.
 const TOLERANCE: f64 = 1e-5;
 
 /// Networks with other sizes than the paper's: one row of electrodes, and the largest grid.

@@ -11,7 +11,7 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{HOP, STEPS};
 use pipeline::{Acquisition, CELLS, Encoder, Mains, Plane, Sample, Step};
 
-/// Number of windows that numpy encodes, over all inputs; `CORTICODE_WINDOWS` sets another one.
+/// Number of windows that numpy encodes in all, unless `CORTICODE_WINDOWS` sets another number.
 const WINDOWS: usize = 1_000;
 
 /// Formats of the compared codes; the network with seed n uses the format at index n modulo 3.
@@ -62,7 +62,8 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
         let quiet = windows
             .iter()
             .map(|window| any_model::quantised(&artifact, &model, window));
-        // Planes at the ends of the input's range drive activations and codes to their ends, too.
+        // Planes at the ends of the input's range drive activations and codes to the ends of their
+        // ranges.
         let dimensions = &model.geometry.dimensions;
         let step = |cell: usize| cell / dimensions.cells();
         let rail = |cell| if step(cell) % 5 < 3 { 127 } else { -128 };

@@ -13,9 +13,9 @@ const HALF_COUNT_UV: f64 = 0.5 * model::LSB_NV as f64 / 1000.0;
 const LEVELS_PER_COUNT: f64 = (1_u32 << model::GUARD_BITS) as f64;
 
 /// Compares the filters with scipy's `sosfilt`, started from zero states, with `iirnotch(50, 30,
-/// 512)` followed by `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')`. The archive holds
-/// every fourth sample of scipy's output as float32, and scipy's coefficients; its electrodes and
-/// grid are the paper's.
+/// 512)` followed by `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')`. The reference
+/// archive holds every fourth sample of scipy's output as float32, and scipy's coefficients; its
+/// electrodes and grid are the paper's.
 #[test]
 fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     let test = "filters against scipy";
@@ -61,8 +61,8 @@ fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
         }
     }
     let rms = (squares / (240.0 * 16.0 * 61.0)).sqrt();
-    // Bound of the error from rounding: half a count in every input sample, with the signs for
-    // which the filters add up all of it, plus rounding of the reference to float32.
+    // Bound of the error from rounding: half a count in every input sample, each with the sign that
+    // makes the output's error largest, plus rounding of the reference to float32.
     let rounding = worst_gain * HALF_COUNT_UV + largest * f64::from(f32::EPSILON);
     // Add one count for rounding inside the filters. The largest total error measured is 0.0177 uV.
     let bound = rounding + LEVELS_PER_COUNT * uv_per_level;

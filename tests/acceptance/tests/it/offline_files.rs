@@ -18,7 +18,7 @@ use recordings::Recording;
 /// Duration of the synthetic recording in seconds.
 const SECONDS: u32 = 12;
 
-/// Longest time in which the bridge must record a run, and in which it must end.
+/// Longest time that the bridge may take to record a run, and to end afterwards.
 const TIMEOUT: Duration = Duration::from_mins(2);
 
 /// Runs host-sim with `arguments` in `folder`, and returns what it printed and its exit status.

@@ -20,7 +20,8 @@ use pipeline::{Acquisition, Mains, PackedEncoder, Sample, Step};
 /// Path of Debian's Python, which must be version 3.11 or later.
 const PYTHON: &str = "/usr/bin/python3";
 
-/// Number of blocks of each input at each rate; every 64th block has no prediction.
+/// Number of blocks of each input at each rate, enough to include a second block without
+/// prediction, which is every 64th.
 const BLOCKS: usize = 70;
 
 /// Rates that are compared: the default, the finest, two between, and the coarsest.

@@ -35,7 +35,7 @@ fn expected() -> Vec<Vec<f32>> {
     generator.take(samples).map(row).collect()
 }
 
-/// Starts a bridge that prints the samples of the board at `port`, with `--raw-form` as `form`.
+/// Starts a bridge with `--raw-form` set to `form`; it prints the samples of the board at `port`.
 fn print_samples(folder: &Path, port: &str, form: &str) -> Process {
     let form = format!("--raw-form={form}");
     printing::print(folder, port, &["--streams=codes,raw", &form])

@@ -155,7 +155,7 @@ fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Ve
     codes.map(|code| dequantise(code.values.levels())).collect()
 }
 
-/// Checks that the messages have the form of those of ROS-Neuro's acquisition, and none is lost.
+/// Checks that the messages have the form that ROS-Neuro demands, and that no code is lost.
 fn assert_contract(messages: &[Message]) {
     let labels: Vec<String> = (0..128).map(|index| format!("z{index:03}")).collect();
     for (index, message) in messages.iter().enumerate() {

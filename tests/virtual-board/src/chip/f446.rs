@@ -43,7 +43,7 @@ const PORTS: [&str; 8] = [
     "GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH",
 ];
 
-/// Address of RCC_CR, and its bit HSERDY: the external clock is stable (RM0390, 6.3.1).
+/// Address of RCC_CR and its bit HSERDY, set once the external clock is stable (RM0390, 6.3.1).
 const RCC_CR: u64 = 0x4002_3800;
 const HSERDY: u64 = 1 << 17;
 

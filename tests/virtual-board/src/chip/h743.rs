@@ -37,7 +37,7 @@ const TIMER: usize = 0;
 /// Number of the alternate function that connects TIM2 to pin PB10 (DS12110, table 10).
 const TIMER_FUNCTION: u8 = 1;
 
-/// Address of RCC_CR, and its bit HSERDY: the external clock is stable (RM0433, 8.7.2).
+/// Address of RCC_CR and its bit HSERDY, set once the external clock is stable (RM0433, 8.7.2).
 const RCC_CR: u64 = 0x5802_4400;
 const HSERDY: u64 = 1 << 17;
 
@@ -106,7 +106,7 @@ impl Mcu for H743 {
     }
 
     fn poll(&mut self, now: VirtualNanos) {
-        // Poll only the UART, which alone looks outside: polling every model takes much time.
+        // Poll only the UART, which alone exchanges data with the host: polling all is slow.
         let (bus, uart) = self.part.split(self.uart_slot);
         let (registers, mut context) = bus.drive(now, self.uart_slot);
         if let Some(uart) = uart {

@@ -1,4 +1,4 @@
-//! What happens at each stop of the emulator: pins are driven, converters advance, requests run.
+//! Work at each stop of the emulator: drives pins, advances the converters, serves requests.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender};
@@ -18,7 +18,7 @@ use crate::processor::Observer;
 const RESET_LOOP: usize = 20;
 const RESET_LOOP_NS: u64 = 1_000_000_000;
 
-/// Longest virtual time between two stops, in ns. At each stop the UART takes bytes that wait.
+/// Longest virtual time in ns between two stops, at each of which the UART takes waiting bytes.
 const MAX_RUN_NS: u64 = 250_000;
 
 /// Request that a [`VirtualBoard`](crate::VirtualBoard) sends to the emulator's thread.
@@ -52,7 +52,7 @@ pub(super) struct BoardDriver {
     pins: &'static Pins,
     chain: Chain,
     observer: Observer,
-    /// Failure to cause: the address at which it applies, and the changes that cause it.
+    /// Pending failure: the address at which it applies, and the changes that cause it.
     injection: Option<(u64, Change)>,
     requests: Receiver<Request>,
     reached: Sender<Progress>,
@@ -124,7 +124,7 @@ impl BoardDriver {
     }
 
     /// Passes the levels of the output pins after a reset on to the converters. Stops a board that
-    /// resets in a loop, because emulating a reset takes far longer than the chip does.
+    /// resets in a loop, because a reset takes far longer to emulate than on the chip.
     fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
         let chip = &session.board().chip;
         let mut wires = self.chain.wires();
@@ -174,7 +174,7 @@ impl BoardDriver {
 
 impl Driver<Nucleo> for BoardDriver {
     /// Passes what the firmware writes to the pins and to the SPI's settings on to the converters,
-    /// and handles resets and failures to cause.
+    /// handles resets, and applies a pending failure.
     fn on_settled(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host, settled: Settled) {
         let access = match settled {
             Settled::Access { access, .. } => access,

@@ -44,7 +44,8 @@ struct Registers {
     gotgint: u32,
     gahbcfg: u32,
     gusbcfg: u32,
-    /// Fields `TXFNUM`, `TXFFLSH` and `RXFFLSH` as last written; after a flush, its bit reads as 0.
+    /// Fields `TXFNUM`, `TXFFLSH` and `RXFFLSH` as last written; the bit of an ended flush reads as
+    /// 0.
     grstctl: u32,
     /// Those flags of `OTG_GINTSTS` that stay set until software clears them.
     gintsts: u32,
@@ -113,7 +114,7 @@ pub(super) struct Core {
     outputs: Vec<Endpoint>,
     rx: RxFifo,
     bus: BusState,
-    /// Virtual time of the current call of a method, in ns.
+    /// Current virtual time, in ns.
     now: u64,
     soft_reset_until: u64,
     flush_until: u64,

@@ -50,7 +50,7 @@ impl UsbHost {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Gives the host a command, as its user does or a program that uses the serial port.
+    /// Gives the host a command, in the role of its user or of a program at the serial port.
     pub fn command(&self, command: Command) {
         self.host().commands.push_back(command);
     }

@@ -26,8 +26,8 @@ pub(crate) struct Instance {
     pub(crate) fifo_words: u32,
     /// Value of the identification register `OTG_CID`.
     pub(crate) core_id: u32,
-    /// Function that returns whether the core's bus clock is on, and why the transceiver is not
-    /// connected to the cable, for lack of supply or pin setting; `None` if it is connected.
+    /// Function that returns whether the core's bus clock is on, and the reason (supply or pins)
+    /// why the transceiver is not connected to the cable; `None` if it is connected.
     pub(crate) supply: fn(&Bus, &Slots) -> (bool, Option<&'static str>),
 }
 

@@ -46,7 +46,7 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     Ok(())
 }
 
-/// Number of bytes in a million that get a framing error, and of those that get a noise error.
+/// Number of bytes in a million that get a framing error; as many others get a noise error.
 /// Together, the errors damage about one command in twenty.
 const DAMAGED: u32 = 2_500;
 

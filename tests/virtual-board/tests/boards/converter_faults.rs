@@ -63,7 +63,7 @@ pub(crate) fn a_dead_chip_is_reported(subject: Subject) -> Result<(), BoardError
     Ok(())
 }
 
-/// Scenario: a chip sends one bit late and so shifts the data of others, and is reported.
+/// Scenario: the device reports a chip that sends one bit late and so shifts other chips' data.
 pub(crate) fn a_shifted_bit_is_reported(subject: Subject) -> Result<(), BoardError> {
     let named = inject_fault(subject, Fault::ShiftedBit)?;
     assert_eq!(named.first(), Some(&CHIP), "{named:?}");

@@ -141,8 +141,7 @@ fn port_interrupts(subject: Subject) -> &'static [Wanted] {
 }
 
 /// Asserts that every interrupt of the firmware has the priority that `firmware::deadlines`
-/// defines, and that no other interrupt that can occur is as urgent as the acquire task or more
-/// urgent.
+/// defines, and that no other interrupt that can occur is as urgent as the acquire task, or more.
 fn assert_interrupts_have_their_priorities(
     board: &mut VirtualBoard,
     subject: Subject,

@@ -13,7 +13,7 @@ use acceptance::{numpy_reference, workspace};
 use artifact::{Artifact, IntegerCode, Mode, MontageFile};
 use link::{Decoder, MAX_FRAME, ToHost};
 
-/// Number of numbers in one code of each model with random weights.
+/// How many numbers a code of each model with random weights has.
 const NUMBERS: usize = 48;
 /// Montage for which corticode-node is built; its model has another gain than the others.
 const NODE_MONTAGE: &str = "cyton-8";

@@ -111,7 +111,7 @@ fn check(folder: &Path, printed: &str) {
     let electrodes = &description.montage.electrodes;
     assert!(names.ends_with(electrodes), "{names:?}");
     assert_eq!(steps.len(), codes.len() * description.window.hop);
-    // The synthetic sources, and so the decoded signal, have tens of microvolts.
+    // The decoded signal must be as large as the synthetic sources, tens of microvolts.
     let last = steps[steps.len() / 2..].iter().filter_map(|row| row.last());
     let largest = last.map(|value| value.parse::<f64>().expect("a number").abs());
     let largest = largest.fold(0.0, f64::max);
@@ -129,7 +129,7 @@ fn as_tested(command: &str, root: &Path) -> String {
         root.join("Cargo.toml").display(),
         options.join(" ")
     );
-    // Leave out the build of the bridge, which needs no model: the tests have built it.
+    // Leave out the build of the bridge, which does not depend on the model and is built already.
     command
         .replace("cargo build --release", &build)
         .replace(" --bin corticode-bridge", "")

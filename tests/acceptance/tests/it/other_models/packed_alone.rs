@@ -10,7 +10,7 @@ use artifact::{Artifact, MontageFile};
 const SEED: u32 = 7;
 const SECONDS: u32 = 6;
 
-/// Returns a random model for `files/montages/cyton-8.toml` that has only the packed code.
+/// Returns a model with the packed code alone and random integers, for the montage `cyton-8`.
 fn model() -> Artifact {
     let montage = MontageFile::read(&workspace::root().join("files/montages/cyton-8.toml"));
     any_packed_alone(SEED, &montage.expect("the montage")).expect("a model")

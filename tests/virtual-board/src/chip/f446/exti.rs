@@ -12,7 +12,7 @@ const LINES: usize = 16;
 const PORTS: usize = 8;
 
 /// Interrupts of the EXTI lines of pins: index in the emulator's EXTI, first line and last line
-/// (RM0390, table 38). The interrupt with index 0 has no such line.
+/// (RM0390, table 38). The interrupt with index 0 belongs to no pin.
 const ROUTES: [(usize, u8, u8); 7] = [
     (1, 0, 0),
     (2, 1, 1),

@@ -18,7 +18,7 @@ const RELOAD: u64 = 0xAAAA;
 /// (RM0433, 45.3).
 const RESET_RELOAD: u64 = 0xFFF;
 
-/// Number of LSI cycles that PR and RLR take to the counter's clock domain (RM0433, 45.4.4).
+/// Number of LSI cycles until PR and RLR reach the counter's clock domain (RM0433, 45.4.4).
 const CROSSING: u64 = 5;
 
 /// Model of the watchdog without the window of WINR: the firmware keeps the reset value of WINR,
