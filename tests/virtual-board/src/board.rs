@@ -22,7 +22,7 @@ use crate::usb::host::UsbHost;
 /// Cable between a board and its host; each firmware image supports only one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Cable {
-    /// The USB cable of the debug probe ST-LINK, which passes the microcontroller's UART on.
+    /// The USB cable of the debug probe ST-LINK, which forwards the bytes of the UART.
     Uart,
     /// A cable to the microcontroller's own USB port.
     Usb,

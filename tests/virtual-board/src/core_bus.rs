@@ -26,7 +26,7 @@ pub(crate) struct ClearedBits {
     pub(crate) bits: u64,
 }
 
-/// Corrections of the core's accesses to what differs between the emulated part and the chip.
+/// How the emulated part differs from the chip, and what the core's accesses get instead.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,

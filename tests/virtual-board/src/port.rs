@@ -70,7 +70,7 @@ impl Port {
         }
     }
 
-    /// Returns the host's USB controller; `None` for a UART.
+    /// Returns the simulated USB host; `None` for a UART.
     pub const fn usb(&self) -> Option<&UsbHost> {
         match self {
             Self::Uart(_) => None,

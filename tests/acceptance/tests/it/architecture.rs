@@ -14,8 +14,8 @@ const MAX_FOLDERS: usize = 16;
 /// One row of the tables of crates in ARCHITECTURE.md, section "Crates and arrows".
 #[derive(Debug, PartialEq, Eq)]
 struct Row {
-    /// Position of the crate's group on the page, counted from the top. A crate may depend only on
-    /// crates at the same or a smaller position.
+    /// Position of the crate's group in ARCHITECTURE.md, counted from the top. A crate may depend
+    /// only on crates at the same or a smaller position.
     position: usize,
     /// Group of the crate, which is the first folder of its path.
     group: String,

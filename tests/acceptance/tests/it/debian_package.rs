@@ -252,7 +252,7 @@ impl CleanDebian {
         chroot.output().expect("chroot starts")
     }
 
-    /// Runs a command in this Debian that must succeed, and returns its standard output.
+    /// Runs a command in the unpacked Debian that must succeed, and returns its standard output.
     fn succeed(&self, words: &str) -> String {
         let done = self.run(words);
         let errors = String::from_utf8_lossy(&done.stderr);
@@ -260,7 +260,7 @@ impl CleanDebian {
         String::from_utf8_lossy(&done.stdout).into_owned()
     }
 
-    /// Returns the paths of all files in this Debian except logs and dpkg's own records.
+    /// Returns the paths of all files in the unpacked Debian except logs and dpkg's own records.
     fn files(&self) -> BTreeSet<String> {
         let all = self.succeed("find / -xdev ! -path '/var/lib/dpkg/*' ! -path '/var/log/*'");
         all.lines().map(str::to_owned).collect()

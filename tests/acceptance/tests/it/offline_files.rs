@@ -353,7 +353,7 @@ fn real_recordings_of_three_formats_are_encoded_and_decoded() {
     let text = printed(folder, &arguments);
     let _ = std::io::stdout().write_all(text.as_bytes());
     // Largest permitted PRD over the measured electrodes, as a multiple of the PRD in the model's
-    // card, which was measured on recordings like the first one here.
+    // card, which was measured on recordings like the EDF file.
     let artifact =
         Artifact::read(&workspace::root().join("signal/model/artifact")).expect("the artifact");
     let card = artifact.description.training.prd_percent.expect("figures");

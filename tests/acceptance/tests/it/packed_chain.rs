@@ -23,7 +23,7 @@ use serde_json::Value;
 const SECONDS: usize = 8;
 /// Longest wait for a program, which is slow on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
-/// Rate of the blocks, not the default, so that a bridge that does not set it is noticed.
+/// Rate at which blocks are encoded; not the default, so that the bridge must set it.
 const RATE: u8 = 3;
 /// Number of blocks that the board sends in [`SECONDS`].
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;

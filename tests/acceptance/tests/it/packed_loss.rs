@@ -136,9 +136,8 @@ fn a_decoder_that_starts_in_the_middle_of_a_run_heals_as_after_a_loss() {
     }
     let ratios = errors.map(|[late, whole]| late / whole);
     println!("error after a start in the middle, of that of the whole run: {ratios:.2?}");
-    // Measured ratios of the late decoder's error to that of the whole run's: 50 in the first
-    // block, 1.15 after eight blocks, then less. After a loss of 1 to 12 blocks they are 1.12 to
-    // 1.20.
+    // The measured ratio of the late decoder's error to the other's is 50 in the first block, 1.15
+    // after eight blocks, then less; after a loss of 1 to 12 blocks it is 1.12 to 1.20.
     assert!(ratios[0] > 10.0, "{ratios:?}");
     let healed = &ratios[HEALING_BLOCKS..];
     assert!(healed.iter().all(|ratio| *ratio < 1.2), "{ratios:?}");

@@ -106,7 +106,7 @@ impl Mcu for H743 {
     }
 
     fn poll(&mut self, now: VirtualNanos) {
-        // Poll only the UART, which alone exchanges data with the host: polling all is slow.
+        // Poll only the UART, which alone exchanges data with the host; polling all models is slow.
         let (bus, uart) = self.part.split(self.uart_slot);
         let (registers, mut context) = bus.drive(now, self.uart_slot);
         if let Some(uart) = uart {

@@ -13,15 +13,16 @@ use acceptance::programs::{programs, trainer};
 use acceptance::{other_model, workspace};
 use artifact::Artifact;
 
-/// Beginnings of those commands on the page that the test leaves out, because they take minutes or
-/// need a board. Other tests cover the cost of a model (`bench`) and boards (`cargo xtask board`).
+/// Beginnings of those commands in docs/your-own-cap.md that the test leaves out, because they take
+/// minutes or need a board. Other tests cover model costs (`bench`) and boards (`cargo xtask
+/// board`).
 const ELSEWHERE: [&str; 3] = [
     "cargo build --release --package trainer",
     "cargo xtask",
     "cargo flash",
 ];
 
-/// Address in the page's commands at which the bridge finds the simulator.
+/// Address of the simulator in the commands of docs/your-own-cap.md.
 const PORT: &str = "127.0.0.1:5555";
 
 /// Labels of the channels in the synthetic recordings: the cap's electrodes, and some others.
@@ -69,13 +70,13 @@ fn the_commands_of_the_page_decode_the_codes_of_a_cap_with_eight_electrodes() {
         }
     }
     script += "wait\n";
-    // Replace the page's TCP port by a free one, because another test or program may use it.
+    // Replace the TCP port in the commands by a free one, because another test may use it.
     let port = free_port().expect("a free port");
     let free = format!("127.0.0.1:{port}");
     assert!(script.contains(PORT), "{script}");
     let script = script.replace(PORT, &free);
     println!("{script}");
-    // Keep other tests from building: a build would replace the host-sim that the page starts.
+    // Keep other tests from building, because that would replace the host-sim used here.
     let _builds = exclusive();
     let output = Command::new("sh")
         .args(["-c", &script])
@@ -89,7 +90,7 @@ fn the_commands_of_the_page_decode_the_codes_of_a_cap_with_eight_electrodes() {
     check(folder, &printed);
 }
 
-/// Checks the output of the page's commands and the files that they have written.
+/// Checks what the commands of docs/your-own-cap.md have printed and written.
 fn check(folder: &Path, printed: &str) {
     let artifact = Artifact::read(&folder.join("my-model")).expect("a model");
     let description = &artifact.description;
@@ -121,7 +122,7 @@ fn check(folder: &Path, printed: &str) {
     assert!(folder.join("r11.decoded.gdf").exists());
 }
 
-/// Returns a command of the page, changed to build with the tests' profile and target folders.
+/// Returns a command of docs/your-own-cap.md, changed to the tests' profile and target folders.
 fn as_tested(command: &str, root: &Path) -> String {
     let options: Vec<String> = other_model::options().collect();
     let build = format!(
@@ -135,7 +136,7 @@ fn as_tested(command: &str, root: &Path) -> String {
         .replace(" --bin corticode-bridge", "")
 }
 
-/// Returns the commands in the page's code blocks that start with "```sh".
+/// Returns the commands in the code blocks of docs/your-own-cap.md that start with "```sh".
 fn commands() -> Vec<String> {
     let path = workspace::root().join("docs/your-own-cap.md");
     let page = fs::read_to_string(path).expect("the page");

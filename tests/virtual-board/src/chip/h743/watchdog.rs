@@ -14,8 +14,8 @@ const UNLOCK: u64 = 0x5555;
 const START: u64 = 0xCCCC;
 const RELOAD: u64 = 0xAAAA;
 
-/// Value from which the counter starts until RLR has been transferred to the counter's clock domain
-/// (RM0433, 45.3).
+/// Value from which the counter starts until the reload value in RLR has reached the counter's
+/// clock domain (RM0433, 45.3).
 const RESET_RELOAD: u64 = 0xFFF;
 
 /// Number of LSI cycles until PR and RLR reach the counter's clock domain (RM0433, 45.4.4).

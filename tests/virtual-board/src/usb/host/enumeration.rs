@@ -102,7 +102,7 @@ impl Enumeration {
     /// Returns what to do after the device has rejected the request with STALL.
     pub(super) fn on_stall(&mut self) -> Next {
         match self.stage {
-            // A device that supports only full speed must reject this request (USB 2.0, 9.6.2).
+            // A full-speed-only device must reject the request for its qualifier (USB 2.0, 9.6.2).
             Stage::Qualifier => self.after_qualifier(),
             Stage::BosHeader => self.request_next(Stage::ConfigurationHeader),
             _ => Next::Failed(format!("rejected with STALL: {}", self.request())),
