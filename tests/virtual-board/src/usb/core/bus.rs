@@ -21,8 +21,7 @@ impl Core {
         }
     }
 
-    /// Sets the flag for a session's start or end; `before` is whether the session was valid
-    /// before.
+    /// Sets the flag for a session's start or end; `before` tells whether it was valid until now.
     pub(super) fn session_changed(&mut self, before: bool) {
         match (before, self.session_valid()) {
             (false, true) => self.registers.gintsts |= gintsts::SRQINT,
