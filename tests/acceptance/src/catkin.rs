@@ -1,4 +1,4 @@
-//! Catkin workspaces, as a ROS Noetic user builds them.
+//! Catkin workspaces that tests make and build as a user of ROS Noetic does.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -29,7 +29,7 @@ const NEEDED: [(&str, &str); 5] = [
 /// Returns whether ROS and catkin are installed; reports `test` as skipped if they are not.
 ///
 /// # Panics
-/// When one of them is not installed and `CORTICODE_REQUIRE_ROS=1`.
+/// When ROS or catkin is not installed and `CORTICODE_REQUIRE_ROS=1`.
 pub fn available(test: &str) -> bool {
     let missing: Vec<&str> = NEEDED
         .into_iter()
@@ -53,14 +53,14 @@ pub fn package(name: &str) -> PathBuf {
     folder.canonicalize().expect("a catkin package")
 }
 
-/// A folder with the source folder `src` and, once built, `devel` and `install`.
+/// A catkin workspace: a folder with `src` and, once it is built, `devel` and `install`.
 #[derive(Debug)]
 pub struct CatkinWorkspace {
     folder: PathBuf,
 }
 
 impl CatkinWorkspace {
-    /// Makes a workspace in the new folder `folder` with links to the packages.
+    /// Makes a workspace in the new folder `folder`; its `src` links to the folders in `packages`.
     ///
     /// # Panics
     /// When the folder cannot be written.
@@ -74,8 +74,8 @@ impl CatkinWorkspace {
         Self { folder }
     }
 
-    /// Runs `catkin_make ARGUMENTS` in the environment of the workspace `below`, whose packages it
-    /// finds, or with Debian's packages alone.
+    /// Runs `catkin_make ARGUMENTS` in this workspace. The build finds Debian's packages and, if
+    /// `below` is given, also those built in that workspace.
     ///
     /// # Panics
     /// When catkin_make does not start.
@@ -90,8 +90,8 @@ impl CatkinWorkspace {
             .expect("catkin_make starts")
     }
 
-    /// Returns a command in the environment of this workspace's `space`, which is `devel` or
-    /// `install`.
+    /// Returns a command that runs `program` with the environment variables that this workspace
+    /// sets up in `space`, its folder `devel` or `install`.
     pub fn command(&self, ros: &Ros<'_>, space: &str, program: &str) -> Command {
         let setup = self.folder.join(space).join("setup.sh");
         let mut shell = ros.command("sh");
@@ -103,7 +103,8 @@ impl CatkinWorkspace {
         shell
     }
 
-    /// Runs a program in the environment of `space`, and returns its standard output.
+    /// Runs `words`, a program and its arguments, in the environment of `space`, which is `devel`
+    /// or `install`. Returns the program's standard output.
     ///
     /// # Panics
     /// When the program does not start or fails.
@@ -115,10 +116,10 @@ impl CatkinWorkspace {
     }
 }
 
-/// Returns the standard output of a program that has succeeded.
+/// Returns the standard output of a finished program, which must have succeeded.
 ///
 /// # Panics
-/// When it has failed; the message has its output.
+/// When the program has failed; the message contains its output.
 pub fn text_of(output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let errors = String::from_utf8_lossy(&output.stderr);

@@ -1,4 +1,4 @@
-//! The chain of programs that a test runs: board, bridge, roscore, rospy subscriber and rosbag.
+//! The programs that a test runs as a chain: a board, bridge, roscore, rospy subscriber and rosbag.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,95 +12,95 @@ use crate::programs::programs;
 use crate::ros::{Ros, TIMEOUT};
 use crate::workspace;
 
-/// MD5 sum of ROS-Neuro's definition of NeuroFrame.
+/// MD5 sum by which ROS identifies ROS-Neuro's definition of the message NeuroFrame.
 pub const NEURO_FRAME_MD5: &str = "797997e5036eb017437ce855856d3bad";
 
 /// Device time from one code to the next, in microseconds.
 const HOP_US: u64 = 62_500;
 
-/// Flags that no code of an undisturbed run may have: adc_status_bad, overrun, filler
+/// Flags that no code of an undisturbed run may have: `adc_status_bad`, `overrun` and `filler`
 /// (docs/wire-format.md).
 const BAD_FLAGS: u64 = 1 << 0 | 1 << 5 | 1 << 15;
 
-/// Interval at which the output of the subscriber is checked for new messages.
+/// Time between two checks of the subscriber's output for new messages.
 const POLL: Duration = Duration::from_millis(20);
 
-/// Longest time that a program may take to end after a signal.
+/// Longest time in which the bridge or the recorder must end after a signal.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// A NeuroFrame, as `tests/acceptance/ros/subscribe.py` prints it.
+/// A NeuroFrame that the subscriber `tests/acceptance/ros/subscribe.py` has received and printed.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Message {
-    /// Time of arrival in seconds of a monotonic clock.
+    /// Time at which the subscriber received the message, in seconds of a monotonic clock.
     pub arrival: f64,
-    /// MD5 sum in the publisher's connection header.
+    /// MD5 sum of the message's definition, from the header of the publisher's connection.
     pub md5: String,
-    /// Type in the publisher's connection header.
+    /// Name of the message's type, from the header of the publisher's connection.
     #[serde(rename = "type")]
     pub type_name: String,
     /// `header.seq`: number of the message, counted from 1.
     pub header_seq: u32,
-    /// `header.stamp` in seconds since 1970.
+    /// `header.stamp`: time stamp of the message, in seconds since 1970.
     pub stamp: f64,
     /// `neuroheader.seq`: number of the message, counted from 1.
     pub seq: u32,
-    /// `sr`, samples per second.
+    /// `sr`: samples per second.
     pub sr: u16,
-    /// `transducter` of the block `eeg`: what made its values, and the electrodes that were not
+    /// `transducter` of the block `eeg`: the source of its values, and the electrodes that were not
     /// recorded.
     pub transducter: String,
-    /// Shape of the block with the code, or with the EEG samples.
+    /// Shape of the block `eeg`, which holds the code or, on the topic of samples, the EEG samples.
     pub eeg: Block,
-    /// Shape of the block with the spare channels; empty for codes.
+    /// Shape of the block `exg`, which holds the samples of the spare channels; empty for codes.
     pub exg: Block,
-    /// Shape of the block with the status words.
+    /// Shape of the block `tri`, which holds the status words.
     pub tri: Block,
-    /// Status words of the frame's first sample, by label.
+    /// Status words of the frame's first sample, each under its label.
     pub status: Status,
-    /// Values of the code, or of the EEG samples, in the order of the message.
+    /// Values of the block `eeg`: the numbers of the code, or the EEG samples.
     pub values: Vec<f64>,
 }
 
-/// Shape of one block of a NeuroFrame, without its data.
+/// Shape of one block of a NeuroFrame, without the block's data.
 #[derive(Debug, Clone, Deserialize, PartialEq)]
 pub struct Block {
     /// Number of samples per channel.
     pub nsamples: u16,
     /// Number of channels; 0 if the block is empty.
     pub nchannels: u16,
-    /// Number of bytes per sample over all channels.
+    /// Number of bytes that one sample of all channels takes.
     pub stride: u16,
-    /// 1 for integers, 0 for floating point.
+    /// 1 if the values are integers, 0 if they are floating-point numbers.
     pub isint: u8,
-    /// Smallest and largest possible value of the block.
+    /// Smallest and largest value that the block can contain.
     pub minmax: Vec<f64>,
-    /// One label per channel, in the order of the data.
+    /// Label of each channel, in the order in which the data lists the channels.
     pub labels: Vec<String>,
     /// Number of values in the block.
     pub count: usize,
 }
 
-/// Status words of the block `tri`, 16 bits each.
+/// Status words, 16 bits each, that a NeuroFrame carries in its block `tri`.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Status {
-    /// Flags of the code (docs/wire-format.md).
+    /// Flags of the code, whose bits docs/wire-format.md defines.
     pub flags: u64,
     seq_lo: u64,
     seq_hi: u64,
     t_us_0: u64,
     t_us_1: u64,
     t_us_2: u64,
-    /// Number of codes lost since the start of the session.
+    /// Number of codes that the bridge has counted as lost since the start of the session.
     pub lost: u64,
 }
 
 impl Status {
-    /// Returns the index of the code's window, 0 for the first of the stream.
+    /// Returns the number of the code's window, counted from 0 at the start of the stream.
     pub fn window(&self) -> u64 {
         self.seq_lo | self.seq_hi << 16
     }
 
-    /// Returns the device time in microseconds.
+    /// Returns the device's time stamp of the code, in microseconds.
     pub fn device_us(&self) -> u64 {
         self.t_us_0 | self.t_us_1 << 16 | self.t_us_2 << 32
     }
@@ -109,7 +109,7 @@ impl Status {
 /// A bridge between a port and a ROS master, with a subscriber to its codes and a recorder of them.
 #[derive(Debug)]
 pub struct Chain<'a> {
-    /// The ROS master, and the environment of the ROS tools.
+    /// The ROS master; it also creates commands for ROS tools that connect to it.
     pub ros: Ros<'a>,
     folder: &'a Path,
     bridge: Process,
@@ -118,8 +118,8 @@ pub struct Chain<'a> {
 }
 
 impl<'a> Chain<'a> {
-    /// Starts everything but the board, and waits until the subscriber and the recorder are
-    /// connected. The board is started by [`Self::board`].
+    /// Starts roscore, the bridge, a subscriber and a recorder, and waits until subscriber and
+    /// recorder are connected. A board is started later, by [`Self::board`].
     ///
     /// # Panics
     /// When a program does not start.
@@ -127,7 +127,7 @@ impl<'a> Chain<'a> {
         Self::start_at(folder, &port(folder).to_string_lossy())
     }
 
-    /// Like [`Self::start`], with options for the bridge.
+    /// Like [`Self::start`], but the bridge gets `options` as further arguments.
     ///
     /// # Panics
     /// When a program does not start.
@@ -136,7 +136,7 @@ impl<'a> Chain<'a> {
         Self::start_bridge(ros, folder, &port(folder).to_string_lossy(), options)
     }
 
-    /// Like [`Self::start`], with the master of `corticode-bridge` instead of roscore.
+    /// Like [`Self::start`], but `corticode-bridge` provides the ROS master instead of roscore.
     ///
     /// # Panics
     /// When a program does not start.
@@ -145,7 +145,7 @@ impl<'a> Chain<'a> {
         Self::start_bridge(ros, folder, &port(folder).to_string_lossy(), &[])
     }
 
-    /// Like [`Self::start`], for a board at an address in the format of the bridge's `--port`.
+    /// Like [`Self::start`], for a board at `address`, in the format of the bridge's `--port`.
     ///
     /// # Panics
     /// When a program does not start.
@@ -178,7 +178,7 @@ impl<'a> Chain<'a> {
         chain
     }
 
-    /// Starts `host-sim run` with these arguments as the board.
+    /// Starts `host-sim run` with `arguments`; it simulates the board to which the bridge connects.
     ///
     /// # Panics
     /// When host-sim does not start.
@@ -189,12 +189,12 @@ impl<'a> Chain<'a> {
         Process::start("board", &mut board, self.folder).expect("host-sim starts")
     }
 
-    /// Starts another subscriber to the codes, topic `/encoded`.
+    /// Starts another subscriber to the topic `/encoded`, which carries the codes.
     pub fn another_subscriber(&self) -> Process {
         self.subscriber_of("/encoded")
     }
 
-    /// Starts a subscriber to a topic that carries NeuroFrames.
+    /// Starts a subscriber to `topic`, which must carry NeuroFrames.
     ///
     /// # Panics
     /// When the subscriber does not start.
@@ -203,12 +203,12 @@ impl<'a> Chain<'a> {
         subscribe(&self.ros, self.folder, &format!("of-{name}"), topic)
     }
 
-    /// Returns the messages that the first subscriber has received so far.
+    /// Returns the messages that the subscriber started with the chain has received so far.
     pub fn messages(&self) -> Vec<Message> {
         messages_of(&self.subscriber)
     }
 
-    /// Waits until the first subscriber has received `messages` messages.
+    /// Waits until the subscriber started with the chain has received `messages` messages.
     ///
     /// # Panics
     /// When they have not arrived within [`TIMEOUT`].
@@ -225,8 +225,8 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Stops the recorder and the bridge by signals, as a user does. Returns the output of
-    /// `rosbag info` for the recording.
+    /// Stops the recorder and the bridge by the signals that a user would send. Returns what
+    /// `rosbag info` prints about the recorded bag.
     ///
     /// # Panics
     /// When a program does not exit cleanly.
@@ -240,8 +240,8 @@ impl<'a> Chain<'a> {
         info
     }
 
-    /// Waits until the master lists the bridge, the subscriber and the recorder, and then 1 s for
-    /// their connections.
+    /// Waits until the master lists the bridge, the subscriber and the recorder as nodes, and then
+    /// 1 s more for them to connect to each other.
     fn wait_until_connected(&mut self) {
         let Self { ros, bridge, .. } = self;
         bridge.wait_until("both subscribers are known to the master", TIMEOUT, |_| {
@@ -253,12 +253,11 @@ impl<'a> Chain<'a> {
     }
 }
 
-/// Checks that the codes start at window 0, that no code is missing or repeated, and that the
-/// device time of code number n, counted from 0, is n hops after that of the first code, within
-/// `tolerance_us`.
+/// Checks that the codes start at window 0, and that none is missing or repeated. Code n, counted
+/// from 0, must have a device time of n hops after the first code's, within `tolerance_us`.
 ///
 /// # Panics
-/// When a code is missing, repeated or wrong.
+/// When a code is missing, repeated or has another device time.
 pub fn assert_continuous(messages: &[Message], tolerance_us: u64) {
     let start = messages[0].status.device_us();
     for (index, message) in (0..).zip(messages) {
@@ -280,8 +279,8 @@ pub fn assert_continuous(messages: &[Message], tolerance_us: u64) {
     }
 }
 
-/// Returns the number of codes per second, by the device times of the first and the last code; NaN
-/// for fewer than two codes.
+/// Returns the codes per second between the device times of the first and the last code; NaN for
+/// fewer than two codes.
 #[expect(clippy::cast_precision_loss, reason = "minutes in microseconds")]
 pub fn rate(messages: &[Message]) -> f64 {
     let time = |message: &Message| message.status.device_us() as f64 * 1e-6;
@@ -291,10 +290,10 @@ pub fn rate(messages: &[Message]) -> f64 {
     (messages.len() - 1) as f64 / (time(last) - time(first))
 }
 
-/// Returns the messages that a subscriber has received so far.
+/// Returns the messages that `subscriber` has received so far.
 ///
 /// # Panics
-/// When the subscriber's output does not have the format of `subscribe.py`.
+/// When its output does not have the format of `subscribe.py`.
 pub fn messages_of(subscriber: &Process) -> Vec<Message> {
     let output = subscriber.output();
     let complete = output.rfind('\n').map_or("", |end| &output[..end]);
@@ -309,8 +308,8 @@ fn port(folder: &Path) -> PathBuf {
     folder.join("board-port")
 }
 
-/// Starts a rospy subscriber to a topic, with the Python class that genpy generates from
-/// `ros/rosneuro_msgs`.
+/// Starts a rospy subscriber to `topic`. It uses the Python class that genpy generates from the
+/// definitions in `ros/rosneuro_msgs`.
 fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str, topic: &str) -> Process {
     let script = workspace::root().join("tests/acceptance/ros/subscribe.py");
     let script = script.canonicalize().expect("the script exists");

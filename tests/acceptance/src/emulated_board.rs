@@ -1,4 +1,4 @@
-//! The application on an emulated microcontroller in real time, as a board with a TCP port.
+//! The firmware on a microcontroller that QEMU emulates in real time, with a TCP port for its host.
 
 use std::path::Path;
 use std::thread;
@@ -9,20 +9,20 @@ use pipeline::CHANNELS;
 
 use crate::process::Process;
 
-/// Name of the package that contains the image, and of the image in it.
+/// Name of both the package that contains the firmware image and the image itself.
 const IMAGE: &str = "board-qemu";
 
-/// Name of the file, in the folder of the emulation, from which the image reads its samples: 32-bit
+/// Name of the file in the emulation's folder from which the image reads its samples as 32-bit
 /// counts, little endian.
 const SAMPLES: &str = "samples.i32";
 
 /// Sampling rate of the emulated converter, Hz.
 const RATE_HZ: u32 = 512;
 
-/// Value of QEMU's `-icount shift`: an instruction lasts 2^4 ns of virtual time.
+/// Value of QEMU's option `-icount shift`: each instruction takes 2^4 ns of virtual time.
 const INSTRUCTION_SHIFT: u8 = 4;
 
-/// Builds the image for a Cortex-M4F, with the profile of the boards.
+/// Builds the image for a Cortex-M4F with the build profile that real boards use.
 ///
 /// # Panics
 /// When the image does not build.
@@ -31,8 +31,8 @@ pub fn image() -> Image {
     Image::build(IMAGE, IMAGE, cortex_m4f.features).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Starts the image on a Cortex-M4F. The emulated UART is TCP port `port` of 127.0.0.1, and the
-/// emulated converter reads `samples`.
+/// Starts the image on an emulated Cortex-M4F. Its UART is connected to TCP port `port` of
+/// 127.0.0.1, and its converter reads `samples`.
 ///
 /// Virtual time counts instructions, but each sample arrives when it is due by the wall clock. If
 /// the PC is too slow for real time, the emulated board waits for the samples, and its virtual time
@@ -54,7 +54,7 @@ pub fn start(
     Process::start("qemu", &mut qemu.into_command(), folder).expect("QEMU starts")
 }
 
-/// Returns an iterator over the bytes of each sample, which sleeps until the sample is due.
+/// Returns an iterator that gives each sample as bytes, and sleeps until the sample is due.
 fn paced(samples: impl Iterator<Item = [i32; CHANNELS]>) -> impl Iterator<Item = Vec<u8>> {
     let mut start = None;
     (1..).zip(samples).map(move |(index, counts)| {

@@ -1,14 +1,14 @@
-//! Files that tests write and read: recordings and tables.
+//! Recordings and tables that tests write to files or read from them.
 
 use std::fs::{self, File};
 use std::path::Path;
 
 use recordings::{FileToWrite, GdfWriter, SignalToWrite};
 
-/// Writes a GDF file with one signal per label.
+/// Writes a GDF file with one signal for each label in `labels`.
 ///
-/// `values` are microvolts, sample by sample, with whole seconds; `events` are pairs of sample and
-/// code.
+/// `values` are in microvolts, sample by sample, and must fill whole seconds; each pair in `events`
+/// is the number of a sample and the code of an event.
 ///
 /// # Panics
 /// When the file cannot be written.
@@ -42,7 +42,8 @@ pub fn write_gdf<L: AsRef<str>>(
     writer.finish(events).expect("a whole file");
 }
 
-/// Returns pseudo-random numbers from -1 to 1 (a linear congruential generator, Numerical Recipes).
+/// Returns a source of pseudo-random numbers from -1 to 1: a linear congruential generator with the
+/// constants of Numerical Recipes.
 pub fn noise(seed: u32) -> impl FnMut() -> f32 {
     let mut state = seed;
     move || {
@@ -64,7 +65,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a CSV file; lines with `#` in front are comments.
+    /// Reads a CSV file with the names of its columns in the first line; skips lines that start
+    /// with `#`.
     ///
     /// # Panics
     /// When the file cannot be read, or has no names.
@@ -77,7 +79,7 @@ impl Table {
         Self { names, rows }
     }
 
-    /// Returns the numbers in the columns with these names, row by row.
+    /// Returns, row by row, the numbers in the columns called `names`.
     ///
     /// # Panics
     /// When a column is missing, or a cell is not a number.

@@ -1,4 +1,4 @@
-//! A cable between a board and its host that loses frames, or is unplugged.
+//! A simulated cable between a board and its host, which loses frames and can be unplugged.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -7,32 +7,32 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Time between two attempts to connect.
+/// Time between two attempts to connect to the board, and longest wait for its next bytes.
 const RETRY: Duration = Duration::from_millis(20);
-/// Longest time in which the board opens its port.
+/// Longest wait for the board to open its port.
 const START: Duration = Duration::from_secs(30);
 
-/// A TCP port whose bytes are passed on between its host and a board. It closes when the board
-/// closes its own port.
+/// A TCP port for the host that passes bytes on to a board and back, but loses some frames. It
+/// closes when the board closes its own port.
 #[derive(Debug)]
 pub struct LossyCable {
-    /// Address for the host, in the format of the bridge's `--port`.
+    /// Address to which the host connects, in the format of the bridge's option `--port`.
     pub port: String,
     unplugged: Arc<AtomicBool>,
 }
 
 impl LossyCable {
-    /// Connects to the board at `port` of 127.0.0.1, and loses `percent` of its frames.
+    /// Connects to the board at TCP port `port` of 127.0.0.1. The cable loses `percent` of the
+    /// frames that the board sends.
     ///
     /// # Errors
-    /// The board opens no port.
+    /// The board does not open its port in time.
     pub fn new(port: u16, percent: u64) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
         let address = listener.local_addr()?;
         let board = connect(port)?;
         let unplugged = Arc::<AtomicBool>::default();
         let is_unplugged = Arc::clone(&unplugged);
-        // Both threads end with an error when the test kills the board.
         thread::spawn(move || pass_on(board, &listener, percent, &is_unplugged));
         Ok(Self {
             port: format!("tcp:{address}"),
@@ -40,7 +40,7 @@ impl LossyCable {
         })
     }
 
-    /// Closes the host's connection, and loses what the board sends until [`Self::plug`].
+    /// Closes the host's connection and discards what the board sends, until [`Self::plug`].
     pub fn unplug(&self) {
         self.unplugged.store(true, Ordering::Relaxed);
     }
@@ -93,14 +93,14 @@ fn pass_on(
             if *byte != 0 {
                 continue;
             }
-            // A linear congruential generator with Knuth's multiplier. Its upper bits decide about
-            // the loss, because the lower bits have short periods.
+            // A linear congruential generator with Knuth's multiplier decides by its upper bits
+            // which frames are lost, because its lower bits repeat after short periods.
             random = random
                 .wrapping_mul(6_364_136_223_846_793_005)
                 .wrapping_add(1);
             let is_lost = (random >> 33) % 100 < percent;
             if let (Some(host), false) = (&mut host, is_lost) {
-                // Fails when the host has closed the connection.
+                // Ignore the error that occurs when the host has closed the connection.
                 let _ = host.write_all(&frame);
             }
             frame.clear();

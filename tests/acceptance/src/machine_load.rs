@@ -1,11 +1,11 @@
-//! Keeps tests of one executable apart that disturb each other through the load of the machine:
-//! builds, which take all cores, and tests that judge times by the wall clock.
+//! A lock for tests of one executable that would disturb each other by the load that they put on
+//! the machine: builds, which use all cores, and tests that judge wall-clock times.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 static MACHINE: Mutex<()> = Mutex::new(());
 
-/// Waits until no other test holds the returned guard; later callers wait until it is dropped.
+/// Waits until no other test holds the lock, and returns its guard, which frees it when dropped.
 pub fn exclusive() -> MutexGuard<'static, ()> {
     MACHINE.lock().unwrap_or_else(PoisonError::into_inner)
 }

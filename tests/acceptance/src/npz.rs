@@ -13,31 +13,31 @@ use zip::ZipArchive;
 #[derive(Debug)]
 pub struct Npz(ZipArchive<File>);
 
-/// An array in row-major order.
+/// A numeric array read from a `.npz` file, in row-major order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Array {
-    /// Length of each axis.
+    /// Length of each axis, the slowest-varying axis first.
     pub shape: Vec<usize>,
-    /// Values; the index of the last axis varies fastest. float32 values are widened to f64.
+    /// Values as f64, also of float32 arrays; the index of the last axis varies fastest.
     pub values: Vec<f64>,
 }
 
-/// The file cannot be read, or an array in it has an unsupported format.
+/// Reason why a `.npz` file or an array in it cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum NpzError {
     /// The file cannot be opened or read.
     #[error("cannot be read: {0}")]
     Io(#[from] io::Error),
-    /// The file is not a zip archive, or has no array of that name.
+    /// The file is not a zip archive, or has no array of the requested name.
     #[error("no such array in the archive: {0}")]
     Zip(#[from] zip::result::ZipError),
-    /// An array's format is not supported; the text names the part of the `.npy` file concerned.
+    /// The array's format is not supported; the text names the header field concerned.
     #[error("the array's {0} is not one that this reader knows: row-major `<f4` or `<f8`")]
     Format(&'static str),
 }
 
 impl Npz {
-    /// Opens the archive and reads its directory.
+    /// Opens a `.npz` file and reads the directory of its zip archive.
     ///
     /// # Errors
     /// The file does not exist, or is not a zip archive.
@@ -45,7 +45,7 @@ impl Npz {
         Ok(Self(ZipArchive::new(File::open(path)?)?))
     }
 
-    /// Reads one array of float32 or float64.
+    /// Reads the array `name`, whose elements must be float32 or float64.
     ///
     /// # Errors
     /// The archive has no array of that name, or the array has an unsupported format.
@@ -88,8 +88,8 @@ fn parse(bytes: &[u8]) -> Result<Array, NpzError> {
     Ok(Array { shape, values })
 }
 
-/// Splits the header from the values. The field with the header's length has two bytes in version 1
-/// and four in later versions.
+/// Splits a `.npy` file into its header and its values. The header's length is stored in two bytes
+/// in version 1 of the format, and in four bytes in later versions.
 fn split_header(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let rest = bytes.strip_prefix(b"\x93NUMPY")?;
     let (version, rest) = rest.split_at_checked(2)?;
@@ -103,7 +103,7 @@ fn split_header(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     rest.split_at_checked(length)
 }
 
-/// Parses the numbers of the dictionary's entry for the shape, such as `'shape': (240, 16, 10, 9)`.
+/// Returns the axis lengths in a `.npy` header's entry `'shape': (240, 16, 10, 9)` or the like.
 fn shape_in(dictionary: &str) -> Option<Vec<usize>> {
     let (_, rest) = dictionary.split_once("'shape': (")?;
     let (numbers, _) = rest.split_once(')')?;
@@ -118,7 +118,7 @@ fn shape_in(dictionary: &str) -> Option<Vec<usize>> {
 mod tests {
     use super::*;
 
-    /// Contents of the file that `np.save` writes for `np.array([[1, 2, 3], [4, 5, -6]], '<f4')`.
+    /// Returns the bytes that `np.save` writes for `np.array([[1, 2, 3], [4, 5, -6]], '<f4')`.
     fn two_by_three() -> Vec<u8> {
         let header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }          \n";
         let mut bytes = b"\x93NUMPY\x01\x00".to_vec();

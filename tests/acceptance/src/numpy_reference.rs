@@ -1,5 +1,5 @@
-//! Runs the numpy implementations of the networks, `tests/acceptance/tests/it/*.py`, which share no
-//! code with the Rust implementations.
+//! Runs the networks' numpy implementations, `tests/acceptance/tests/it/*.py`, which share no code
+//! with the Rust implementations.
 
 use std::fs;
 use std::io;
@@ -13,21 +13,21 @@ use emulator::skip::skip_unless_required;
 
 use crate::workspace;
 
-/// Debian's Python. Another Python on the PATH can lack numpy.
+/// Path of Debian's Python. Another Python on the PATH may lack numpy.
 const PYTHON: &str = "/usr/bin/python3";
 
-/// A numpy program did not start, or failed.
+/// Reason why a numpy program gave no result.
 #[derive(Debug, thiserror::Error)]
 pub enum NumpyError {
-    /// Python does not start, or an exchanged file cannot be written or read.
+    /// Python does not start, or a file that is exchanged with it cannot be written or read.
     #[error("{0}: does {PYTHON} exist, and is the temporary folder writable?")]
     Io(#[from] io::Error),
-    /// Python ended with an error.
+    /// The Python program ended with an error.
     #[error("{PYTHON} {script} failed:\n{message}")]
     Failed {
-        /// File name of the program.
+        /// File name of the Python program.
         script: String,
-        /// Standard error of the program.
+        /// What the program wrote to its standard error.
         message: String,
     },
 }
@@ -46,7 +46,7 @@ pub fn available(test: &str) -> bool {
     false
 }
 
-/// Returns the codes that `encoder_numpy.py` computes with the integers of a model.
+/// Returns the codes that `encoder_numpy.py` computes for `windows` from the integers of `model`.
 ///
 /// # Errors
 /// When Python fails, or an exchanged file cannot be written or read.
@@ -79,8 +79,8 @@ pub fn integer_codes<'w>(
         .collect())
 }
 
-/// Runs a program of `tests/acceptance/tests/it` with `folder` as its argument, and prints the
-/// program's output.
+/// Runs the program `script` in `tests/acceptance/tests/it` with `folder` as its argument, and
+/// prints what the program prints.
 ///
 /// # Errors
 /// When Python does not start or the program fails.
@@ -99,7 +99,7 @@ pub fn run(script: &str, folder: &Path) -> Result<(), NumpyError> {
     })
 }
 
-/// Writes a model as the files that `encoder_numpy.py` reads.
+/// Writes `model` to `folder` as the files that `encoder_numpy.py` reads.
 fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
     let geometry = &model.geometry;
     let parts = [model.mode.has_convolutions(), model.mode.has_shortcut()];
@@ -134,7 +134,7 @@ fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
     write(folder, "code.range", [least, greatest, exponent.into()])
 }
 
-/// Writes integers of any width to the file `NAME.i64`, as 64 bits each, little endian.
+/// Writes integers to the file `NAME.i64` in `folder`, each as 64 bits, little endian.
 fn write(folder: &Path, name: &str, values: impl IntoIterator<Item: Into<i64>>) -> io::Result<()> {
     let values = values.into_iter().map(Into::<i64>::into);
     let bytes: Vec<u8> = values.flat_map(i64::to_le_bytes).collect();

@@ -1,4 +1,4 @@
-//! Programs and tests that are built with another model than the checked-in one.
+//! Programs and tests built with another model than the one in the repository.
 
 use std::env;
 use std::fs;
@@ -11,8 +11,7 @@ use tempfile::TempDir;
 use crate::machine_load::exclusive;
 use crate::workspace;
 
-/// Crates that contain the model or depend on it, which each build with another model compiles
-/// again.
+/// Crates that contain the model or depend on it; cargo compiles them again for each other model.
 const DEPENDENTS: [&str; 9] = [
     "model",
     "pipeline",
@@ -28,7 +27,7 @@ const DEPENDENTS: [&str; 9] = [
 /// Programs and tests that cargo has built with one model.
 #[derive(Debug)]
 pub struct OtherModel {
-    /// Copies of the executables.
+    /// Folder with copies of the built executables.
     folder: TempDir,
     tests: Vec<PathBuf>,
 }
@@ -40,7 +39,7 @@ impl OtherModel {
     /// # Panics
     /// When cargo fails or reports a warning.
     pub fn build(artifact: &Path, commands: &[&str]) -> Self {
-        // The next build replaces the executables, so they are copied before it starts.
+        // Hold the lock until the executables are copied: the next build replaces them.
         let _builds = exclusive();
         let folder = tempfile::tempdir().expect("a folder");
         let mut tests = Vec::new();
@@ -64,7 +63,7 @@ impl OtherModel {
         Self { folder, tests }
     }
 
-    /// Returns a command that starts the program `name`.
+    /// Returns a command that starts the built program `name`.
     pub fn program(&self, name: &str) -> Command {
         Command::new(self.folder.path().join(name))
     }
@@ -96,12 +95,12 @@ impl OtherModel {
     }
 }
 
-/// Returns cargo in the root folder, for another model.
+/// Returns `cargo WORDS`, set up to build in the root folder with another model.
 ///
-/// Other models use the target folder of this program, so that only the crates that depend on the
-/// model are compiled again. These have another profile there, and therefore other file names:
-/// builds with the checked-in model stay as they are. Programs, whose file names do not depend on
-/// the profile, go to the folder `variants`.
+/// Builds with another model use the target folder of this program, so that cargo compiles only the
+/// crates that depend on the model again. These crates get a changed profile and thereby other file
+/// names, so that the builds with the checked-in model remain. Programs, whose file names do not
+/// depend on the profile, go to the folder `variants`.
 fn cargo(words: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
@@ -113,7 +112,7 @@ fn cargo(words: &str) -> Command {
     cargo
 }
 
-/// Returns the environment variables of cargo that select the folders of builds with other models.
+/// Returns the environment variables that select cargo's folders for builds with other models.
 ///
 /// # Panics
 /// When this program is not in a target folder of cargo.
@@ -127,26 +126,26 @@ pub fn environment() -> [(&'static str, PathBuf); 2] {
     ]
 }
 
-/// Returns the options of cargo that change the profile of the crates that depend on the model.
+/// Returns cargo's options that give the crates that depend on the model a profile of their own.
 pub fn options() -> impl Iterator<Item = String> {
     let option = |name| format!("--config=profile.dev.package.{name}.debug=false");
     DEPENDENTS.into_iter().map(option)
 }
 
-/// Runs a command, and returns what it has printed.
+/// Runs a command that must succeed, and returns its standard output and standard error.
 ///
 /// # Panics
-/// When it fails.
+/// When the command fails.
 pub fn succeed(command: &mut Command) -> String {
     let (succeeded, printed) = run(command);
     assert!(succeeded, "{command:?}:\n{printed}");
     printed
 }
 
-/// Runs a command that must fail, and returns what it has printed.
+/// Runs a command that must fail, and returns its standard output and standard error.
 ///
 /// # Panics
-/// When it succeeds.
+/// When the command succeeds.
 pub fn fail(command: &mut Command) -> String {
     let (succeeded, printed) = run(command);
     assert!(!succeeded, "{command:?}:\n{printed}");

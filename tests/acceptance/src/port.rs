@@ -1,23 +1,24 @@
-//! TCP ports for programs that listen.
+//! Free TCP ports for programs that tests start.
 
 use std::io;
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::atomic::{AtomicU16, Ordering::Relaxed};
 
-/// Range of the ports: below those that the system assigns to connections (from 32768 on). A
-/// program that waits for one of those could be assigned the port itself and connect to itself.
+/// First port that a test may use, and number of such ports. All are below 32768, from where the
+/// system takes ports for outgoing connections: a program that tries to connect to such a port
+/// could be given the port itself and connect to itself.
 const FIRST: u16 = 20_000;
 const COUNT: u16 = 12_000;
 
-/// Ports that this process has returned or found in use.
+/// Number of ports that this process has tried so far.
 static TRIED: AtomicU16 = AtomicU16::new(0);
 
-/// Returns a TCP port of 127.0.0.1 that is currently free, another one in each call.
+/// Returns a TCP port of 127.0.0.1 that is free; each call of a process returns another one.
 ///
 /// # Errors
 /// No port of the range is free.
 pub fn free_port() -> io::Result<u16> {
-    // Tests in other processes start elsewhere.
+    // Start at a port that depends on the process, so that other tests try other ports first.
     let start = std::process::id().wrapping_mul(0x9e37_79b9) >> 16;
     let start = u16::try_from(start).unwrap_or_default() % COUNT;
     loop {

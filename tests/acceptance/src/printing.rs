@@ -1,4 +1,4 @@
-//! A board and a bridge without ROS: the bridge prints its messages as lines of JSON.
+//! Runs of a board and a bridge without ROS, in which the bridge prints its messages as JSON lines.
 
 use std::fs;
 use std::path::Path;
@@ -11,13 +11,13 @@ use serde_json::Value;
 use crate::process::Process;
 use crate::programs::programs;
 
-/// Longest wait for a program on a busy machine.
+/// Longest wait for a program, which is slow on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
-/// Name of the bridge in [`print`] among the files of its output.
+/// Name in `NAME.out` and `NAME.err`, the output files of the bridge that [`print`] starts.
 const PRINTING: &str = "printing";
 
-/// Starts `host-sim run` in real time with synthetic EEG of the seed 7.
+/// Starts `host-sim run` in real time with `seconds` of synthetic EEG with seed 7.
 ///
 /// # Panics
 /// When host-sim does not start.
@@ -30,7 +30,7 @@ pub fn board(folder: &Path, seconds: usize, output: &str) -> Process {
     Process::start("board", &mut board, folder).expect("host-sim starts")
 }
 
-/// Starts `corticode-bridge`, whose output goes to the files `NAME.out` and `NAME.err`.
+/// Starts `corticode-bridge`; its output goes to the files `NAME.out` and `NAME.err` in `folder`.
 ///
 /// # Panics
 /// When the bridge does not start.
@@ -40,16 +40,16 @@ pub fn bridge(folder: &Path, name: &str, arguments: &[&str]) -> Process {
     Process::start(name, &mut bridge, folder).expect("the bridge starts")
 }
 
-/// Starts a bridge that prints the messages of the device at `port`.
+/// Starts a bridge with further `options` that prints the messages of the board at `port`.
 pub fn print(folder: &Path, port: &str, options: &[&str]) -> Process {
     let arguments = [&["--sink=ndjson", "--port", port], options].concat();
     bridge(folder, PRINTING, &arguments)
 }
 
-/// Ends a bridge that [`print`] has started. Returns its standard output and its standard error.
+/// Ends a bridge that [`print`] has started. Returns its standard output and standard error.
 ///
 /// # Panics
-/// When it does not end cleanly.
+/// When the bridge does not end cleanly.
 pub fn stop(bridge: Process, folder: &Path) -> [String; 2] {
     let log = bridge.errors();
     let status = bridge.stop(Signal::TERM, SLACK);
@@ -60,7 +60,7 @@ pub fn stop(bridge: Process, folder: &Path) -> [String; 2] {
     })
 }
 
-/// Returns the messages of a topic in lines of JSON.
+/// Returns the messages of `topic` among the JSON lines that a bridge has printed.
 ///
 /// # Panics
 /// When a line with the topic's name is not JSON.
@@ -70,9 +70,9 @@ pub fn messages<'l>(lines: &'l str, topic: &str) -> impl Iterator<Item = Value> 
     lines.map(|line| serde_json::from_str::<Value>(line).expect("JSON")["message"].take())
 }
 
-/// Records a run of `seconds` with the bridge's options, plays the recording to another bridge that
-/// prints, and converts it to tables. Returns the bridge's log of the recording, that of the
-/// replay, and what was printed.
+/// Records a board's run of `seconds` by a bridge with `options`, replays the recording to a bridge
+/// that prints, and converts it to tables. Returns the first bridge's log, the second's log, and
+/// what the second printed.
 ///
 /// # Panics
 /// When a program fails.

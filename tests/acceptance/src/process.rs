@@ -1,4 +1,4 @@
-//! Programs that a test starts, and that are killed when the test ends.
+//! Programs that a test starts; they are killed when the test ends.
 
 use std::fs::{self, File};
 use std::io;
@@ -9,13 +9,14 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group, test_kill_process_group};
 
-/// Interval between two checks of a condition.
+/// Time between two checks whether a program has ended or a condition holds.
 const POLL: Duration = Duration::from_millis(20);
 
-/// A running program with a process group of its own, whose output goes to two files.
+/// A running program in a process group of its own; its standard output and standard error go to
+/// files.
 ///
-/// Dropping the value kills the group and every descendant of the program; descendants can be
-/// outside the group, because roscore's children have separate sessions.
+/// Dropping the value kills the group and every descendant of the program. A descendant can be
+/// outside the group: roscore starts its children in sessions of their own.
 #[derive(Debug)]
 pub struct Process {
     name: String,
@@ -25,7 +26,7 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts a command. Its standard output goes to `NAME.out` and its standard error to
+    /// Starts `command`. Its standard output goes to `NAME.out` and its standard error to
     /// `NAME.err` in `folder`.
     ///
     /// # Errors
@@ -62,13 +63,12 @@ impl Process {
         matches!(self.child.try_wait(), Ok(None))
     }
 
-    /// Sends a signal to the group, waits for the program, and then for the rest of the group. The
-    /// second wait is for `rosbag record`, which ends before the recorder that it has started
-    /// closes the bag.
+    /// Sends a signal to the group, and waits until the program and then every other process of the
+    /// group has ended: `rosbag record` ends before the process that it has started to write the
+    /// bag.
     ///
     /// # Panics
-    /// When the program still runs after `timeout`: a test fails if a program does not exit
-    /// cleanly.
+    /// When the program still runs after `timeout`: a test fails if a program does not end cleanly.
     pub fn stop(mut self, signal: Signal, timeout: Duration) -> ExitStatus {
         self.signal(signal);
         let status = self.wait(timeout);
@@ -86,15 +86,15 @@ impl Process {
 
     /// Kills the group and every descendant with SIGKILL.
     pub fn kill(&mut self) {
-        // Collect the descendants before the kill: when a process ends, its children get another
-        // parent.
+        // List the descendants before the kill, because those of a process that has ended get
+        // another parent.
         let descendants = descendants(self.child.id());
         self.signal(Signal::KILL);
         for pid in descendants.into_iter().filter_map(pid_of) {
-            // Ignore the error for a process that has already ended.
+            // Ignore the error that a descendant which has already ended causes.
             let _ = kill_process(pid, Signal::KILL);
         }
-        // Wait for the killed child, so that it does not remain as a zombie.
+        // Wait for the killed program, so that it does not remain as a zombie.
         let _ = self.child.wait();
     }
 
@@ -120,7 +120,7 @@ impl Process {
     /// Waits until `condition` holds; `what` describes the condition in messages.
     ///
     /// # Panics
-    /// When the program ends first, or `timeout` passes; the message contains the program's output.
+    /// When the program ends before, or `timeout` passes; the message contains its output.
     pub fn wait_until(
         &mut self,
         what: &str,
@@ -144,7 +144,7 @@ impl Process {
         }
     }
 
-    /// Returns the last lines of the standard output and of the standard error, for a message.
+    /// Returns the last lines of the program's output and errors, for a test's message.
     pub fn log(&self) -> String {
         let (output, errors) = (self.output(), self.errors());
         format!(
@@ -157,7 +157,7 @@ impl Process {
 
     /// Sends a signal to the program's group.
     pub fn signal(&self, signal: Signal) {
-        // Fails when the whole group has ended, which is fine.
+        // Ignore the error that occurs when the whole group has already ended.
         let _ = kill_process_group(Pid::from_child(&self.child), signal);
     }
 }
@@ -168,7 +168,7 @@ impl Drop for Process {
     }
 }
 
-/// Returns the process ids of all descendants, from `/proc`.
+/// Returns the ids of all descendants of the process `root`, as `/proc` lists them.
 fn descendants(root: u32) -> Vec<u32> {
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let parents: Vec<(u32, u32)> = entries
@@ -189,8 +189,8 @@ fn descendants(root: u32) -> Vec<u32> {
     found.split_off(1)
 }
 
-/// Returns the id of a process's parent, the fourth field of `/proc/PID/stat`. The second field, in
-/// parentheses, can contain any character.
+/// Returns the id of a process's parent, the fourth field of `/proc/PID/stat`. The search starts
+/// after the second field, whose parentheses can enclose any characters.
 fn parent(pid: u32) -> Option<u32> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     let (_, rest) = stat.rsplit_once(')')?;
@@ -201,8 +201,8 @@ fn pid_of(id: u32) -> Option<Pid> {
     Pid::from_raw(id.cast_signed())
 }
 
-/// Returns the last 20 lines, each cut to 400 characters: a subscriber prints one long line per
-/// frame.
+/// Returns the last 20 lines of `text`, each cut to 400 characters, because a subscriber prints one
+/// long line per frame.
 fn tail(text: &str) -> String {
     let lines: Vec<&str> = text.lines().collect();
     let last = lines.len().saturating_sub(20);
@@ -223,14 +223,14 @@ mod tests {
     }
 
     fn runs(pid: i32) -> bool {
-        // A zombie has already ended.
+        // A process whose state is Z, a zombie, has already ended.
         fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|stat| !stat.contains(") Z "))
     }
 
     #[test]
     fn dropping_a_process_kills_its_children() {
         let folder = tempfile::tempdir().expect("a folder");
-        // The child gets a separate session, as roscore's master does.
+        // The shell's child gets a session of its own, as the master that roscore starts does.
         let mut process = shell(
             "setsid sleep 600 & sleep 0.2; pgrep -P $$ sleep; wait",
             folder.path(),

@@ -1,4 +1,4 @@
-//! Programs of the workspace that tests start as a user does.
+//! The workspace's programs, which tests start as a user does.
 
 use std::env;
 use std::path::PathBuf;
@@ -8,24 +8,24 @@ use emulator::skip::skip_unless_required;
 
 use crate::workspace::cargo;
 
-/// Paths of the programs that tests start.
+/// Paths of the workspace's programs that tests start.
 #[derive(Debug, Clone)]
 pub struct Programs {
     /// Path of `host-sim`, which simulates a board.
     pub host_sim: PathBuf,
-    /// Path of `corticode-bridge`, the bridge from a board to ROS.
+    /// Path of `corticode-bridge`, which publishes on ROS what a board sends.
     pub bridge: PathBuf,
-    /// Path of `corticode-node`, which encodes the frames of another acquisition.
+    /// Path of `corticode-node`, which encodes EEG frames that another ROS node publishes.
     pub node: PathBuf,
-    /// Path of `xtask`, the verbs of `cargo xtask`.
+    /// Path of `xtask`, which carries out `cargo xtask`.
     pub xtask: PathBuf,
 }
 
-/// Environment variable that names the folder with built programs.
+/// Environment variable that names the folder in which tests find built programs.
 const FOLDER: &str = "CORTICODE_PROGRAMS";
 
-/// Returns the programs in the folder that `CORTICODE_PROGRAMS` names. Without this variable,
-/// builds them with the profile of the tests, once per test program.
+/// Returns the programs in the folder that `CORTICODE_PROGRAMS` names. Without this variable, the
+/// first call builds them with the profile of the tests.
 ///
 /// # Panics
 /// When a program does not build.
@@ -40,8 +40,8 @@ pub fn programs() -> &'static Programs {
                 xtask: folder.join("xtask"),
             };
         }
-        // Build all default members, as `cargo test` does. For another choice of packages,
-        // dependencies can have other features, and everything would be compiled a second time.
+        // Build all default members, as `cargo test` does: for a smaller choice of packages, cargo
+        // may enable other features and compile everything again.
         let mut arguments = vec!["build", "--bins", "--message-format=json"];
         if !cfg!(debug_assertions) {
             arguments.push("--release");
@@ -56,12 +56,12 @@ pub fn programs() -> &'static Programs {
     })
 }
 
-/// Returns the path of `trainer`, which is no default member and takes minutes to build: in the
-/// folder that `CORTICODE_PROGRAMS` names, or where cargo has built it with the profile of the
-/// tests. Reports the test `what` as skipped if it is in neither place.
+/// Returns the path of the program `trainer` in the folder that `CORTICODE_PROGRAMS` names or where
+/// cargo has built it with the tests' profile. It is not built here, because that takes minutes; if
+/// it is missing, reports the test `what` as skipped.
 ///
 /// # Panics
-/// When it is missing and `CORTICODE_REQUIRE_ROS=1`.
+/// When the program is missing and `CORTICODE_REQUIRE_ROS=1`.
 pub fn trainer(what: &str) -> Option<PathBuf> {
     let folder = env::var_os(FOLDER).map(PathBuf::from).or_else(|| {
         let this = env::current_exe().ok()?;
@@ -78,7 +78,7 @@ pub fn trainer(what: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// Returns the path of a program, from the JSON messages of cargo's build.
+/// Returns the path of the program `name`, as the JSON messages of cargo's build report it.
 pub(crate) fn executable(messages: &str, name: &str) -> PathBuf {
     let mut built = messages.lines().filter_map(|line| {
         let message: serde_json::Value = serde_json::from_str(line).ok()?;

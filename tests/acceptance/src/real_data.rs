@@ -1,4 +1,4 @@
-//! Real EEG, from the folder that `CORTICODE_DATA` names; the files are not part of the project.
+//! Real EEG from the folder that `CORTICODE_DATA` names; its files are not part of the project.
 
 use std::path::PathBuf;
 
@@ -6,31 +6,31 @@ use emulator::skip::skipped;
 use pipeline::Sample;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, RecordingError, VirtualAdc};
 
-/// GDF file: 61 electrodes at 512 Hz, int16, 30 s.
+/// GDF file with 30 s of 61 electrodes at 512 Hz, as int16.
 pub const GDF_I16: &str = "derived/s001r04_61ch_512hz_i16.gdf";
-/// GDF file: the signals of [`GDF_I16`] as float32, not rounded.
+/// GDF file with the signals of [`GDF_I16`] as float32, before rounding to integers.
 pub const GDF_F32: &str = "derived/s001r04_61ch_512hz_f32.gdf";
-/// numpy archive: windows of [`GDF_F32`] after filtering by scipy, with scipy's coefficients.
+/// numpy archive with windows of [`GDF_F32`] filtered by scipy, and with scipy's coefficients.
 pub const SCIPY_WINDOWS: &str = "derived/ref_windows_128hz.npz";
-/// EDF file: 64 electrodes at 160 Hz, 125 s; not used for training.
+/// EDF file with 125 s of 64 electrodes at 160 Hz, which were not used to train the model.
 pub const EDF_R11: &str = "eegmmidb_S001/S001R11.edf";
-/// EDF file: another recording with the format and the length of [`EDF_R11`]; not used for training
-/// either.
+/// EDF file with another recording of the same length and format as [`EDF_R11`], also not used for
+/// training.
 pub const EDF_R12: &str = "eegmmidb_S001/S001R12.edf";
 
-/// A recording cannot be converted to samples.
+/// Reason why a recording cannot be converted to samples.
 #[derive(Debug, thiserror::Error)]
 pub enum SamplesError {
     /// The file cannot be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// An electrode is missing and cannot be interpolated.
+    /// The recording lacks an electrode that cannot be interpolated.
     #[error(transparent)]
     Montage(#[from] recordings::MontageMapError),
 }
 
-/// Returns the path of a file under `CORTICODE_DATA`. Without this variable, reports `test` as
-/// skipped and returns `None`.
+/// Returns the path of `file` in the folder `CORTICODE_DATA`. Without this variable, reports `test`
+/// as skipped and returns `None`.
 ///
 /// # Panics
 /// When the variable is set and the file does not exist: a wrong path must not look like a skip.
@@ -52,8 +52,8 @@ pub fn path(test: &str, file: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// Returns the samples of a recording as the virtual ADC delivers them, at 512 Hz, with the
-/// channels in the order of `electrodes`.
+/// Returns the samples of a recording at 512 Hz as the virtual ADC delivers them, with the channels
+/// in the order of `electrodes`.
 ///
 /// # Errors
 /// The file cannot be read, or lacks electrodes that cannot be interpolated.
@@ -67,7 +67,7 @@ pub fn samples(
     Ok(adc.map(|counts| counts.map(|counts| Sample { counts })))
 }
 
-/// Returns the labels of the electrodes that a recording lacks, in the order of `electrodes`.
+/// Returns the labels of those `electrodes` that the recording lacks, which are interpolated.
 ///
 /// # Errors
 /// As [`samples`].

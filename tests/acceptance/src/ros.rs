@@ -1,4 +1,4 @@
-//! Debian's ROS 1: the master and the tools, each as a separate process.
+//! Debian's ROS 1: its master and its command-line tools, each run as a separate process.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};
@@ -12,12 +12,11 @@ use crate::port::free_port;
 use crate::process::Process;
 use crate::ros_messages;
 
-/// Search path with only Debian's programs: another Python can lack rospy.
+/// Search path with Debian's programs only, because another Python on the PATH may lack rospy.
 const PATH: &str = "/usr/bin:/bin:/usr/sbin:/sbin";
 
-/// Longest time for an action such as a start or a run of 20 s, after which it counts as hung.
-/// Other tests build programs at the same time, so an action can take many times as long as it does
-/// alone.
+/// Longest wait for an action such as a start or a run of 20 s, after which it counts as hung.
+/// Other tests build programs meanwhile, so an action can take many times its usual time.
 pub const TIMEOUT: Duration = Duration::from_mins(3);
 
 /// Returns whether ROS is installed; reports `test` as skipped if it is not.
@@ -44,7 +43,7 @@ fn installed(tool: &str) -> bool {
     Path::new("/usr/bin").join(tool).exists()
 }
 
-/// A roscore on a free port, and the environment of commands that use it.
+/// A ROS master on a free port, and the environment of commands that use it.
 #[derive(Debug)]
 pub struct Ros<'a> {
     port: u16,
@@ -54,8 +53,8 @@ pub struct Ros<'a> {
 }
 
 impl<'a> Ros<'a> {
-    /// Generates the Python message classes in `folder` and starts roscore, whose logs also go
-    /// there.
+    /// Generates the Python message classes in `folder` and starts roscore, which also writes its
+    /// logs to `folder`.
     ///
     /// # Errors
     /// There is no free port, or roscore does not start.
@@ -71,8 +70,8 @@ impl<'a> Ros<'a> {
         })
     }
 
-    /// Like [`Self::start`], but with the master of `corticode-bridge` at the path `bridge` instead
-    /// of roscore.
+    /// Like [`Self::start`], but starts the ROS master of `corticode-bridge`, the program at the
+    /// path `bridge`, instead of roscore.
     ///
     /// # Errors
     /// There is no free port, or the master does not start.
@@ -94,7 +93,7 @@ impl<'a> Ros<'a> {
         })
     }
 
-    /// Returns the master's address, for `ROS_MASTER_URI`.
+    /// Returns the master's address in the format of the environment variable `ROS_MASTER_URI`.
     pub fn master_uri(&self) -> String {
         master_uri(self.port)
     }
@@ -104,7 +103,7 @@ impl<'a> Ros<'a> {
         self.core.kill();
     }
 
-    /// Replaces the master by a new one on the same port.
+    /// Kills the master and starts a new roscore on the same port.
     ///
     /// # Errors
     /// The new master does not start.
@@ -115,16 +114,16 @@ impl<'a> Ros<'a> {
         Ok(())
     }
 
-    /// Returns a command for one of Debian's programs, with the environment that connects it to
-    /// this master.
+    /// Returns a command that runs one of Debian's programs in an environment that names this
+    /// master.
     pub fn command(&self, program: &str) -> Command {
         command(program, self.port, self.folder)
     }
 
-    /// Runs a tool, waits until it ends, and returns its standard output.
+    /// Runs one of Debian's programs until it ends, and returns its standard output.
     ///
     /// # Panics
-    /// When the tool does not start or fails.
+    /// When the program does not start or fails.
     pub fn tool(&self, program: &str, arguments: &[&str]) -> String {
         let output: Output = self
             .command(program)
@@ -147,15 +146,15 @@ fn start_core(port: u16, folder: &Path, number: u32) -> io::Result<Process> {
     let mut core = Process::start(&format!("roscore{number}"), &mut roscore, folder)?;
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
     core.wait_until("roscore has started its log node", TIMEOUT, |core| {
-        // Wait for the log node, rosout, which roscore starts last; the port is open earlier.
+        // Wait for the log node, rosout, which starts last; the port is already open before.
         core.output().contains("started core service") && TcpStream::connect(address).is_ok()
     });
     Ok(core)
 }
 
 fn command(program: &str, port: u16, folder: &Path) -> Command {
-    // Restore the default action of SIGINT. A shell starts background jobs with SIGINT ignored,
-    // which their children inherit; `rosbag record` would then not close its bag.
+    // Restore the default action of SIGINT. A shell starts background jobs with SIGINT ignored, and
+    // their children inherit this; `rosbag record` would then not close its bag.
     let mut command = Command::new("env");
     command
         .args(["--default-signal=INT", program])

@@ -1,4 +1,4 @@
-//! Python classes of ROS-Neuro's messages, generated as in a ROS workspace.
+//! Python classes of ROS-Neuro's messages, generated as the build of a ROS workspace does.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,12 +6,12 @@ use std::process::Command;
 
 use crate::workspace;
 
-/// Folder with the code generators of Debian's genpy.
+/// Folder with genpy's code generators, as Debian installs them.
 const GENERATORS: &str = "/usr/lib/genpy";
 
 /// Generates the Python package `rosneuro_msgs` from the definitions in `ros/rosneuro_msgs/`, and
-/// returns the folder for `PYTHONPATH`. rostopic and rosservice find a type only in the package
-/// that defines it.
+/// returns the folder for `PYTHONPATH`. The package needs this name, because rostopic and
+/// rosservice look for a type only in the package that defines it.
 ///
 /// # Panics
 /// When genpy is missing or refuses a definition.
@@ -44,7 +44,7 @@ pub fn generate(folder: &Path) -> PathBuf {
     python_path
 }
 
-/// Command line of one of genpy's generators.
+/// Command line under construction of one of genpy's generators.
 struct Generator(Command);
 
 fn generator(kind: &str, output: &Path) -> Generator {

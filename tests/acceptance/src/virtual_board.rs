@@ -1,4 +1,4 @@
-//! Virtual boards that run the images for the NUCLEO boards and have a TCP port.
+//! Virtual boards with a TCP port, which run the firmware images of the NUCLEO boards.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -10,8 +10,7 @@ use crate::process::Process;
 use crate::programs::executable;
 use crate::workspace::root;
 
-/// Returns the toolchain that builds the virtual boards: the channel in `rust-toolchain.toml` of
-/// their workspace.
+/// Returns the Rust toolchain of the virtual boards, from `rust-toolchain.toml` in their workspace.
 fn toolchain() -> &'static str {
     let file = include_str!("../../virtual-board/rust-toolchain.toml");
     let channel = file.split("channel = \"").nth(1).expect("a channel");
@@ -36,7 +35,7 @@ pub fn available(test: &str) -> bool {
     false
 }
 
-/// A built virtual board with its default image.
+/// A built virtual board and the image that it runs.
 #[derive(Debug, Clone)]
 pub struct Board {
     /// Name of the board: `h743` or `f446`.
@@ -46,7 +45,8 @@ pub struct Board {
 }
 
 impl Board {
-    /// Builds the board `h743` or `f446` and its image, with the profile of `cargo flash`.
+    /// Builds the virtual board `name`, which is `h743` or `f446`, and its default image, with the
+    /// profile of `cargo flash`.
     ///
     /// # Panics
     /// When the board or its image does not build.
@@ -54,7 +54,7 @@ impl Board {
         let package = format!("board-{name}");
         let image = Image::build(&package, &package, &[]);
         let image = image.unwrap_or_else(|error| panic!("{error}"));
-        // Build in the folder that `cargo xtask board` uses for the virtual boards.
+        // Share the target folder with `cargo xtask board`, so that the board is built once.
         let target = image.create_folder("virtual-board");
         let output = Command::new("rustup")
             .args(["run", toolchain(), "cargo", "build", "--release"])
@@ -73,7 +73,7 @@ impl Board {
         }
     }
 
-    /// Starts the board with a TCP port on 127.0.0.1. It runs in real time, or slower if this
+    /// Starts the board with TCP port `port` on 127.0.0.1. It runs in real time, or slower if this
     /// machine is not fast enough.
     ///
     /// # Panics

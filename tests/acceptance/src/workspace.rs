@@ -9,58 +9,58 @@ use serde_json::Value;
 /// Names of crates of this workspace.
 pub type Names = BTreeSet<String>;
 
-/// One member of a workspace.
+/// A package in a cargo workspace, as `cargo metadata` reports it.
 #[derive(Debug, Clone)]
 pub struct Package {
-    /// Name of the crate.
+    /// Name in the package's `Cargo.toml`.
     pub name: String,
-    /// Folder of the manifest.
+    /// Folder that contains the package's `Cargo.toml`.
     pub folder: PathBuf,
-    /// Root files that cargo compiles: library, programs, tests, examples and build script.
+    /// Root source files that cargo compiles: library, programs, tests, examples and build script.
     pub roots: BTreeSet<PathBuf>,
-    /// Crates of this workspace on which the crate depends.
+    /// Crates of this workspace on which the package depends.
     pub arrows: Arrows,
 }
 
-/// Crates of this workspace on which one member depends, by kind of dependency.
+/// Crates of this workspace on which one package depends, by the kind of dependency.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Arrows {
-    /// Dependencies of the crate itself.
+    /// Crates on which the library and the programs depend.
     pub normal: Names,
-    /// Dependencies of the crate's `build.rs`.
+    /// Crates on which the build script depends.
     pub build: Names,
-    /// Dependencies that only the crate's tests use.
+    /// Crates on which only the tests depend.
     pub tests: Names,
 }
 
-/// Cargo failed, or its output does not have the expected format.
+/// Reason why cargo did not describe the workspace.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkspaceError {
     /// Cargo is not on the PATH, or the system refuses to start it.
     #[error("cargo does not start: {0}; is it on PATH?")]
     Start(#[from] std::io::Error),
-    /// Cargo ended with another exit status than 0.
+    /// Cargo ended with an exit status other than 0.
     #[error("`cargo {arguments}` failed:\n{message}\n  next: run it by hand")]
     Failed {
-        /// Arguments of the failed command.
+        /// Arguments of the failed call of cargo.
         arguments: String,
-        /// Standard error of the failed command.
+        /// What cargo wrote to its standard error.
         message: String,
     },
     /// The output of `cargo metadata` is not JSON.
     #[error("`cargo metadata` printed no JSON: {0}; has its format changed?")]
     Json(#[from] serde_json::Error),
-    /// A field is missing in the output of `cargo metadata`.
+    /// The output of `cargo metadata` lacks the named field.
     #[error("`cargo metadata` printed no `{0}`; has its format changed?")]
     Field(&'static str),
 }
 
-/// Returns the folder of the workspace's root manifest.
+/// Returns the root folder of the workspace.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// Runs the cargo of this toolchain in the root folder and returns the standard output.
+/// Runs cargo with `arguments` in the root folder and returns its standard output.
 ///
 /// # Errors
 /// Cargo is missing or fails.
@@ -79,8 +79,8 @@ pub fn cargo(arguments: &[&str]) -> Result<String, WorkspaceError> {
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// Returns the members of the workspace whose manifest is at the path `manifest`, relative to the
-/// root folder.
+/// Returns the members of the workspace whose root manifest is at the path `manifest`, relative to
+/// the root folder.
 ///
 /// # Errors
 /// Cargo is missing, fails, or its output has another format.
@@ -103,7 +103,7 @@ fn package(package: &Value) -> Result<Package, WorkspaceError> {
     let roots = targets.map(|target| text(target, "src_path").map(PathBuf::from));
     let mut arrows = Arrows::default();
     for dependency in list(package, "dependencies")? {
-        // A dependency with a path is a crate of this workspace; skip the others.
+        // Only a dependency on a crate of this workspace has a path; skip all others.
         if dependency["path"].is_null() {
             continue;
         }

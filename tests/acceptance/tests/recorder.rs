@@ -1,10 +1,10 @@
-//! A recording of `/neurodata` in ROS-Neuro's format shows every event at its sample, also after
-//! the device restarted, the bridge was suspended, the cable was unplugged, or while frames are
-//! lost, and every status word as it was published. `CORTICODE_RECORDER_SECONDS` sets the length of
-//! each run; 12 s in CI.
+//! A recording of `/neurodata` in ROS-Neuro's format has every event at its sample, and every
+//! status word as it was published. This holds after a restart of the device, a suspension of the
+//! bridge or an unplugged cable, and while frames are lost. `CORTICODE_RECORDER_SECONDS` sets the
+//! duration of each run, 12 s by default.
 //!
-//! These tests are a binary of their own: they judge times by the wall clock, so no other test may
-//! run at the same time.
+//! These tests are an executable of their own, because they judge times by the wall clock and no
+//! other test may run at the same time.
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_possible_truncation,
@@ -30,14 +30,14 @@ use rustix::process::Signal;
 /// Sampling rate of the recording, Hz.
 const RATE: f64 = 512.0;
 /// Largest permitted error of an event's time in the recording, seconds. On a busy machine, the
-/// first frame reaches the recorder late by up to this time.
+/// first frame reaches the recorder late by up to this time, which shifts all events.
 const TOLERANCE_S: f64 = 0.03;
-/// Longest time for a program to end.
+/// Longest time in which a program must end after a signal.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
-/// Event code of a rising edge of the trigger input, as GDF stores it.
+/// Event code that marks a rising edge of the trigger input in the GDF file.
 const TRIGGER_HIGH: u16 = 1;
 
-/// A board, a bridge and a recorder of the topic `/neurodata`.
+/// A running board, a bridge, and a recorder of the bridge's topic `/neurodata`.
 struct Session<'a> {
     folder: &'a Path,
     board: Process,
@@ -52,7 +52,7 @@ impl<'a> Session<'a> {
         Self::with_board(folder, board, &port)
     }
 
-    /// Starts the bridge at `port`, which leads to the board.
+    /// Starts the bridge, which reaches `board` at the address `port`, and the recorder.
     fn with_board(folder: &'a Path, board: Process, port: &str) -> Self {
         let mut bridge = Command::new(&programs().bridge);
         bridge.args([
@@ -63,7 +63,7 @@ impl<'a> Session<'a> {
         ]);
         bridge.arg(port);
         bridge.env("CORTICODE_CONFIG", "/dev/null");
-        // The recorder reads what the bridge writes: a named pipe between them.
+        // A named pipe takes to the recorder what the bridge prints.
         let pipe = folder.join("lines");
         let made = Command::new("mkfifo")
             .arg(&pipe)
@@ -93,7 +93,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Kills the board and starts another one after `outage`.
+    /// Kills the board and starts a new one after the time `outage`.
     fn restart_board(&mut self, outage: Duration) {
         self.board.kill();
         sleep(outage);
@@ -101,7 +101,7 @@ impl<'a> Session<'a> {
         self.board = board(self.folder, &format!("pty:{}", port.display()), 1);
     }
 
-    /// Ends the recording and returns it with the last line of the bridge.
+    /// Ends the recording, and returns it together with what the bridge has logged.
     fn stop(mut self) -> (Recording, String) {
         let log = self.bridge.errors();
         let exit = self.bridge.stop(Signal::TERM, EXIT_TIMEOUT);
@@ -120,7 +120,7 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Starts host-sim at `output` as board number `number` of the test.
+/// Starts host-sim, which sends to `output`, as board number `number` of the test.
 fn board(folder: &Path, output: &str, number: u32) -> Process {
     let mut board = Command::new(&programs().host_sim);
     board.args([
@@ -134,15 +134,15 @@ fn board(folder: &Path, output: &str, number: u32) -> Process {
     Process::start(&format!("board{number}"), &mut board, folder).expect("host-sim starts")
 }
 
-/// Contents of a recording that the tests check.
+/// The contents of a recording that the tests check.
 struct Recorded {
-    /// Status words by label, one per sample.
+    /// Status words of each sample: flags, number of the frame, and level of the trigger input.
     flags: Vec<u16>,
     frames: Vec<u32>,
     trigger: Vec<u16>,
-    /// Samples at which the recorder has placed rising edges.
+    /// Positions of the rising edges that the recorder has stored as events, in samples.
     rises: Vec<f64>,
-    /// Codes of all other events, without falling edges.
+    /// Codes of the events that are neither rising nor falling edges.
     reports: Vec<u16>,
 }
 
@@ -163,8 +163,8 @@ impl Recorded {
                 values.extend(block.samples[place].iter().map(|&value| word(value)));
             }
         }
-        // The library fills the last record of 1 s with zeros; only the first frame has the index
-        // 0.
+        // The recorder's library fills the last record of 1 s with zeros. Cut them off: only the
+        // first frame has sequence number 0.
         let written = values[1]
             .iter()
             .zip(&values[2])
@@ -194,8 +194,8 @@ impl Recorded {
         recorded
     }
 
-    /// Checks that the words are those of consecutive frames, that each edge that the status words
-    /// show is an event at its sample, and returns the largest error, seconds.
+    /// Checks that the frames' numbers have no gap and that each rising edge in the status words
+    /// has an event. Returns the largest distance of such an event from its edge, in seconds.
     fn largest_error_s(&self) -> f64 {
         for (sample, frame) in self.frames.iter().enumerate() {
             assert_eq!(*frame as usize, sample / 32, "sample {sample}");
@@ -205,7 +205,7 @@ impl Recorded {
             .filter(|(_, pair)| *pair == [0, 1])
             .map(|(sample, _)| sample + 1);
         let errors = rises.map(|sample| {
-            // The edge happened before this sample and after the one before.
+            // The trigger input rose between the sample before and this one.
             let errors = self.rises.iter().map(|rise| rise - (sample as f64 - 0.5));
             let nearest = errors.min_by(|a, b| a.abs().total_cmp(&b.abs()));
             nearest.expect("an event") / RATE
@@ -225,7 +225,7 @@ impl Recorded {
     }
 }
 
-/// Returns a status word as an integer.
+/// Returns a recorded status word as the integer that was published.
 fn word(value: f64) -> u16 {
     assert!(
         value.is_finite() && (value - value.round()).abs() < 0.01,
@@ -238,7 +238,7 @@ fn word(value: f64) -> u16 {
     word
 }
 
-/// Returns half the length of a run.
+/// Returns half the duration of a run.
 fn half() -> Duration {
     let seconds = std::env::var("CORTICODE_RECORDER_SECONDS");
     let seconds = seconds.map_or(12, |seconds| seconds.parse().expect("a number of seconds"));
@@ -321,7 +321,8 @@ fn events_are_at_their_samples_after_the_cable_was_unplugged() {
         return;
     };
     assert!(error_s < TOLERANCE_S, "{error_s} s");
-    // The cable is unplugged for 2 s, and the bridge tries again every quarter of a second.
+    // The cable is unplugged for 2 s, and fillers replace the samples of this time. The bridge
+    // tries to connect again every quarter of a second.
     assert!(
         recorded.fillers() as f64 > 1.9 * RATE,
         "{} fillers",
@@ -345,7 +346,7 @@ fn events_are_at_their_samples_while_frames_are_lost() {
 }
 
 /// Records through a cable that loses `percent` of the frames, while `scenario` runs. Returns the
-/// recording and the largest error of an event, seconds; `None` if the test is skipped.
+/// recording and the largest error of an event's time in seconds; `None` if the test is skipped.
 fn with_cable(
     test: &str,
     percent: u64,

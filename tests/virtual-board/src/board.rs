@@ -1,5 +1,5 @@
-//! The NUCLEO board, as an implementation of the emulator's `Board` trait, and its settings at
-//! power-on.
+//! The virtual NUCLEO board: its settings at power-on, and its implementation of the emulator's
+//! trait `Board`.
 
 use ads1299::Alignment;
 use clap::ValueEnum;
@@ -19,31 +19,31 @@ use crate::port::Serial;
 use crate::processor::{Observer, wrap_core};
 use crate::usb::host::UsbHost;
 
-/// Cable between a board and its host; each image supports only one of them.
+/// Cable between a board and its host; each firmware image supports only one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Cable {
-    /// The ST-LINK's cable, which carries the UART.
+    /// The USB cable of the debug probe ST-LINK, which forwards the bytes of the UART.
     Uart,
     /// A cable to the microcontroller's own USB port.
     Usb,
 }
 
-/// Configuration of a virtual board at power-on.
+/// Settings of a virtual board and its surroundings at power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup {
-    /// Frequency of the external clock from the ST-LINK, in Hz; 0 for none.
+    /// Frequency in Hz of the external clock that the ST-LINK supplies; 0 for no clock.
     pub clock_hz: u64,
-    /// Frequency of the internal low-speed oscillator, in Hz; `None` for the typical frequency. The
-    /// range of the chip is 17 to 47 kHz (STM32F446) or 29.4 to 33.6 kHz (STM32H743; DS10693 and
-    /// DS12110, LSI characteristics).
+    /// Frequency in Hz of the internal low-speed oscillator (LSI); `None` for the typical
+    /// frequency. It can be 17 to 47 kHz in the STM32F446 and 29.4 to 33.6 kHz in the STM32H743
+    /// (DS10693 and DS12110, LSI characteristics).
     pub lsi_hz: Option<u64>,
-    /// Whether the chips send a don't-care bit between the data of two chips (`Spaced`) or not
+    /// Whether the converters send a don't-care bit between the data of two chips (`Spaced`) or not
     /// (`Packed`).
     pub alignment: Alignment,
-    /// Cable to the host; must be the one that the image uses.
+    /// Cable that connects the host; must be the one that the image supports.
     pub cable: Cable,
-    /// True if the converters have power from the start. Otherwise they have none until
-    /// `Simulation::power_on` is called.
+    /// Whether the converters have power from the start. If not, they have none until a test calls
+    /// `Simulation::power_on`.
     pub converters_on: bool,
 }
 
@@ -59,12 +59,12 @@ impl Default for Setup {
     }
 }
 
-/// A NUCLEO board with the converter board on its headers.
+/// A NUCLEO board with the converter board plugged onto its headers.
 #[derive(Debug)]
 pub(crate) struct Nucleo {
     pub(crate) chip: Box<dyn Chip>,
     model: Model,
-    /// Name of the image that the board runs.
+    /// File name of the firmware image that the board runs.
     image: String,
     observer: Observer,
     cleared: Option<ClearedBits>,
@@ -85,7 +85,7 @@ impl Nucleo {
         if let Some(hz) = setup.lsi_hz {
             chip.set_lsi_hz(hz);
         }
-        // Without an external clock, HSERDY must stay 0, but the emulator sets it.
+        // Without an external clock, the bit HSERDY must read as 0, but the emulator sets it.
         let cleared = (setup.clock_hz == 0).then(|| chip.hse_ready_flag());
         chip.attach_spi(chain);
         chip.attach_uart(Box::new(serial));
@@ -99,7 +99,7 @@ impl Nucleo {
     }
 }
 
-/// Creates the microcontroller of a board, with `host` at the other end of its USB cable.
+/// Returns the board's microcontroller, with `host` at the other end of its USB cable.
 fn chip(model: Model, host: &UsbHost) -> Box<dyn Chip> {
     match model {
         Model::H743 => Box::new(H743::new(host)),

@@ -1,4 +1,4 @@
-//! Simulated converters, connected to the microcontroller's SPI and pins, and their input.
+//! Simulated converters, their input, and how they are connected to the microcontroller.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -13,35 +13,35 @@ use crate::model::{Pin, Pins};
 /// Number of ADS1299 chips in the daisy chain.
 pub(crate) const CHIPS: usize = 8;
 
-/// Handle of the simulated chain and its wires; clones share one state.
+/// Handle of the simulated converters and their wires; all clones share one state.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain(Arc<Mutex<Wires>>);
 
-/// The simulated chain, with the state of the signals between chain and microcontroller.
+/// The simulated converters, and the state of the signals between them and the microcontroller.
 #[derive(Debug)]
 pub(crate) struct Wires {
     pub(crate) simulation: Simulation<CHIPS>,
     chain: SimulatedChain<CHIPS>,
-    /// Levels of the chip selects, START and RESET, in this order, as last passed to the chain.
+    /// Levels last passed to the simulation: chip selects, START and RESET, in this order.
     levels: [Option<bool>; CHIPS + 2],
-    /// Frequency of SCLK in Hz; 0 before the firmware has configured it.
+    /// Frequency in Hz of the SPI's clock SCLK; 0 before the firmware has configured it.
     pub(crate) sclk_hz: u32,
-    /// Number of DRDY edges that were already passed to the microcontroller.
+    /// Number of edges of DRDY that have been passed on to the microcontroller.
     edges: u64,
-    /// A sample is ready and none of its bits have been clocked out: DRDY is low.
+    /// True if a sample is ready and none of its bits have been clocked out; DRDY is low then.
     ready: bool,
-    /// Level at which a test holds DRDY; `None` lets the converters drive it.
+    /// Level at which a test holds DRDY; `None` if the converters drive it.
     pub(crate) stuck: Option<bool>,
-    /// Number of SPI words clocked so far.
+    /// Number of SPI words transferred so far.
     pub(crate) words: u64,
-    /// Number of SPI words clocked so far that were not 8 bits wide.
+    /// Number of SPI words so far that were not 8 bits wide; the converters need 8 bits.
     pub(crate) non_byte_words: u64,
 }
 
-/// State of DRDY at one instant: whether it falls, and its level.
+/// State of the signal DRDY at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct DrdyState {
-    /// DRDY falls now; if it was low already, it pulses high first.
+    /// DRDY falls at this instant; if it was low before, it is high for a short pulse first.
     pub(crate) falls: bool,
     pub(crate) is_high: bool,
 }
@@ -49,7 +49,7 @@ pub(crate) struct DrdyState {
 impl Chain {
     pub(crate) fn new(setup: &Setup) -> Self {
         let options = Options {
-            // Frequency of the quartz that docs/hardware.md demands for the model's sampling rate.
+            // Frequency of the quartz that docs/hardware.md requires for the model's sampling rate.
             clock_hz: device::CONVERTER_SETTINGS.clock.hz(),
             alignment: setup.alignment,
             ..Options::default()
@@ -75,16 +75,16 @@ impl Chain {
     }
 
     pub(crate) fn wires(&self) -> MutexGuard<'_, Wires> {
-        // A lock that a panicking thread has poisoned is used: the state is still useful for the
+        // Ignore that a thread has panicked while it held the lock: the state still helps a
         // diagnosis.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Wires {
-    /// Applies the levels that the microcontroller drives now. If a pin is not an output, a
-    /// resistor on the converter board sets its level: selects and RESET high, START low
-    /// (docs/hardware.md).
+    /// Passes the levels that the microcontroller drives now on to the converters. The level of a
+    /// pin that is not an output comes from a resistor on the converter board: high for selects and
+    /// RESET, low for START (docs/hardware.md).
     pub(crate) fn set_outputs(
         &mut self,
         now_ns: u64,
@@ -109,7 +109,7 @@ impl Wires {
         }
     }
 
-    /// Advances the simulation to `now_ns` and returns the state of DRDY.
+    /// Advances the simulated converters to `now_ns` and returns the state of DRDY then.
     pub(crate) fn advance_to(&mut self, now_ns: u64) -> DrdyState {
         self.simulation.advance_to(now_ns);
         let edges = self.simulation.ready_edges();
@@ -123,8 +123,8 @@ impl Wires {
         DrdyState { falls, is_high }
     }
 
-    /// Returns the time at which the next conversion ends, in ns since power-on; `None` while the
-    /// chips are stopped.
+    /// Returns the time at which the next conversion ends, in ns since power-on; `None` while no
+    /// conversions run.
     pub(crate) fn next_edge_ns(&self) -> Option<u64> {
         self.simulation.next_edge_ns()
     }
@@ -137,7 +137,7 @@ impl spi::Peer for Chain {
         let mut wires = self.wires();
         wires.non_byte_words += u64::from(bits != 8);
         wires.words += 1;
-        // The first SCLK of a transfer sets DRDY high (data sheet SBAS499C, section 9.4.4.1).
+        // DRDY returns to high with a transfer's first SCLK (data sheet SBAS499C, 9.4.4.1).
         wires.ready = false;
         let [byte, ..] = mosi.to_le_bytes();
         let miso = wires
@@ -148,9 +148,8 @@ impl spi::Peer for Chain {
 }
 
 /// Returns the ADC count of `channel` (0 to 63) at `sample`: the sum of two sine waves between 9
-/// and 28 Hz, an offset that depends on the channel, and noise. The magnitude is below 2^13. The
-/// signal does not resemble EEG. All channels and samples differ, so a comparison detects exchanged
-/// channels or samples.
+/// and 28 Hz, an offset that depends on the channel, and noise. Its magnitude is below 2^13, and it
+/// does not resemble EEG. All channels and samples differ, so a comparison detects exchanged ones.
 #[expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -166,8 +165,8 @@ pub fn electrode_count(sample: u64, channel: usize) -> i32 {
     wave as i32 + noise(sample, channel)
 }
 
-/// Returns noise from -128 to 127: a hash of sample and channel (the finaliser of `splitmix64`,
-/// Steele, Lea and Flood 2014).
+/// Returns noise from -128 to 127 that depends only on sample and channel. It is a hash of both,
+/// the last stage of `splitmix64` (Steele, Lea and Flood 2014).
 fn noise(sample: u64, channel: usize) -> i32 {
     let seed = sample << 6 | channel as u64 & 63;
     let mut mixed = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);

@@ -1,4 +1,4 @@
-//! Interface between a board and its emulated microcontroller.
+//! Interface between a virtual board and its emulated microcontroller.
 
 use std::fmt;
 
@@ -11,9 +11,9 @@ use crate::chain::Chain;
 use crate::core_bus::{ClearedBits, Redirect};
 use crate::model::Pin;
 
-/// Defines the methods of [`Chip`] that read the same for both chips. Each chip has its own types
-/// for `part`, for the registers and for the indices that the methods use. `spare_timer` takes the
-/// place of TIM2 while TIM2 is moved out of the part.
+/// Defines the methods of [`Chip`] whose source text is the same for both chips. In each chip, the
+/// text uses other types for `part` and the registers, and other indices. `spare_timer` replaces
+/// TIM2 while a method has moved TIM2 out of the part.
 macro_rules! common_to_both_chips {
     ($spare_timer:expr) => {
         fn set_external_clock(&mut self, hz: u64) {
@@ -62,8 +62,8 @@ macro_rules! common_to_both_chips {
             let channel = Channel::new(3).expect("TIM2 has four channels");
             let slot = self.part.bus().slot(TIMERS[TIMER].instance);
             let slot = slot.expect("the part has TIM2");
-            // The timer is moved out of the part during the call, because the part's registers are
-            // borrowed at the same time.
+            // Move the timer out of the part during the call, which needs the part's registers as
+            // well.
             let mut timer = mem::replace(&mut self.part.tim[TIMER], $spare_timer);
             let (registers, mut context) = self.part.bus_mut().drive(at, slot);
             timer.drive_input(channel, Level::from(is_high), registers, &mut context);
@@ -85,52 +85,51 @@ macro_rules! common_to_both_chips {
 pub(crate) mod f446;
 pub(crate) mod h743;
 
-/// An emulated microcontroller: the emulator's model of the part, extended with peripherals that
-/// the emulator lacks.
+/// An emulated microcontroller: the emulator's model of the part, with added models of peripherals
+/// that the emulator lacks.
 pub(crate) trait Chip: Mcu + fmt::Debug + Send {
-    /// Returns the configuration of the processor core for the emulator.
+    /// Returns the processor core's configuration, in the emulator's form.
     fn core(&self) -> CoreSpec;
 
-    /// Connects an external clock (HSE) of this frequency, in Hz; 0 disconnects it.
+    /// Connects an external clock (HSE) with the frequency `hz`; 0 disconnects it.
     fn set_external_clock(&mut self, hz: u64);
 
-    /// Returns the register bit (HSERDY) that must read as 0 while no external clock is connected.
+    /// Returns the bit of a register, HSERDY, that must read as 0 without an external clock.
     fn hse_ready_flag(&self) -> ClearedBits;
 
-    /// Returns the address ranges whose accesses are redirected, because the emulator's part does
-    /// not model the chip's registers there.
+    /// Returns the ranges of addresses whose accesses go to other addresses, because the emulator's
+    /// part lacks the chip's registers there.
     fn redirects(&self) -> Vec<Redirect>;
 
-    /// Sets the frequency, in Hz, of the internal low-speed oscillator (LSI), which clocks the
-    /// watchdog.
+    /// Sets the frequency in Hz of the internal low-speed oscillator (LSI), the watchdog's clock.
     fn set_lsi_hz(&mut self, hz: u64);
 
-    /// Connects the converters to SPI1 (STM32H743) or SPI2 (STM32F446).
+    /// Connects the converters to the board's SPI: SPI1 (STM32H743) or SPI2 (STM32F446).
     fn attach_spi(&mut self, chain: Chain);
 
-    /// Connects `peer` to USART3 (STM32H743) or USART2 (STM32F446).
+    /// Connects `peer` to the board's UART: USART3 (STM32H743) or USART2 (STM32F446).
     fn attach_uart(&mut self, peer: Box<dyn uart::Peer>);
 
-    /// Corrupts words that the UART receives: of each million, `per_million` have a framing error
-    /// and another `per_million` have noise. At least one data bit of each corrupted word is
-    /// inverted.
+    /// Corrupts words that the UART receives: of each million, `per_million` get a framing error
+    /// and as many others a noise error. Each corrupted word also has at least one inverted data
+    /// bit.
     fn damage_uart(&mut self, per_million: u32);
 
-    /// Returns the frequency of SCLK that the SPI registers configure, in Hz.
+    /// Returns the frequency of SCLK in Hz to which the SPI registers are set.
     fn sclk_hz(&self) -> u32;
 
-    /// Returns the core clock that the RCC registers configure, in Hz.
+    /// Returns the frequency of the core clock in Hz to which the RCC registers are set.
     fn core_hz(&self) -> u64;
 
-    /// Returns whether an output pin is high; `None` if the pin is not a general-purpose output.
+    /// Returns whether the chip drives `pin` high; `None` if the pin is no general-purpose output.
     fn driven_level(&self, pin: Pin) -> Option<bool>;
 
-    /// Drives the trigger's input of the timer, if the pin has the timer's alternate function.
+    /// Sets the level of the timer's trigger input, if `pin` has the timer's alternate function.
     fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
-    /// Drives an input pin of the emulator's part, and the timer's input.
+    /// Sets the level of a pin of the emulated part and, if it leads there, of the timer input.
     fn drive_part(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
-    /// Drives an input pin from outside the chip.
+    /// Sets the level of an input pin from outside the chip, for all of the chip's models.
     fn drive(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 }

@@ -1,24 +1,24 @@
-//! Bus adapter that redirects or patches accesses of the emulated core.
+//! A bus between the emulated core and the emulator that redirects or corrects some accesses.
 
 use std::ops::Range;
 
 use rigless::emulator::{Access, AccessKind, Checked, CoreBus, InterruptLine, Queued};
 use rigless::time::VirtualNanos;
 
-/// Address range whose accesses are redirected.
+/// A range of addresses whose accesses the bus sends to other addresses.
 ///
 /// A register that the emulator's part lacks can be modelled only at a free address, because the
 /// part's register tables cover the whole address block of a peripheral. The firmware still uses
 /// the register's address on the chip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Redirect {
-    /// Addresses that the firmware uses.
+    /// Addresses on the chip, which the firmware uses.
     pub(crate) from: Range<u64>,
-    /// Address that replaces the first one of `from`.
+    /// Address in the emulator that replaces the first address of `from`.
     pub(crate) to: u64,
 }
 
-/// Register bits that always read as 0, whatever the emulator's model returns.
+/// Bits of a register that always read as 0, whatever the emulator's model returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ClearedBits {
     /// Address of the 32-bit register.
@@ -26,26 +26,26 @@ pub(crate) struct ClearedBits {
     pub(crate) bits: u64,
 }
 
-/// Corrections to the core's accesses where the emulator's part differs from the chip.
+/// How the emulated part differs from the chip, and what the core's accesses get instead.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,
     pub(crate) cleared: Option<ClearedBits>,
 }
 
-/// First address above the code and SRAM regions of the address map (ARM DDI 0403, B3.1). An access
-/// below this address reaches this bus only if there is no memory at the accessed address.
+/// First address above the regions for code and SRAM in the address map (ARM DDI 0403, B3.1). An
+/// access below it comes to this bus only if there is no memory at its address.
 const MEMORY_END: u64 = 0x4000_0000;
 
-/// Bus that the core uses during one call of `Processor::run`.
+/// Bus between the core and the emulator during one call of `Processor::run`.
 pub(crate) struct Bus<'a> {
     pub(crate) inner: &'a mut dyn CoreBus,
     pub(crate) differences: &'a Differences,
-    /// Failed accesses below [`MEMORY_END`]: the address, and the program counter if known.
+    /// Accesses below [`MEMORY_END`], all of which fail: address, and program counter if known.
     pub(crate) failed: &'a mut Vec<(u64, Option<u64>)>,
 }
 
-/// Defines methods that only forward their call to the field `inner`.
+/// Defines methods that forward their call unchanged to the field `inner`.
 macro_rules! forward {
     (
         &self: $(fn $shared:ident($($s:ident: $S:ty),*) $(-> $R:ty)?;)*
@@ -72,11 +72,11 @@ impl Bus<'_> {
 }
 
 impl CoreBus for Bus<'_> {
-    /// Refuses accesses below [`MEMORY_END`], for which the emulator's own bus would return 0. The
-    /// core accesses existing memory directly, without this method.
+    /// Refuses accesses below [`MEMORY_END`], where the emulator's own bus would return 0. The core
+    /// accesses memory that exists without this method.
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
         let reads = access.kind == AccessKind::Read;
-        // Reads by the core itself, such as vector fetches, are passed on to the emulator.
+        // Pass reads that the core makes on its own, such as vector fetches, on to the emulator.
         if access.address < MEMORY_END && (from_code || !reads) {
             self.failed.push((access.address, access.program_counter));
             return None;

@@ -1,5 +1,5 @@
-//! Problems that the emulator detects in a session, the list of those that are allowed, each with
-//! its reason, and the error that a board returns.
+//! Problems that the emulator detects, the list of allowed ones with their reasons, and the error
+//! type of virtual boards.
 
 use std::fmt;
 
@@ -8,24 +8,24 @@ use rigless::session::Session;
 use crate::board::Nucleo;
 use crate::model::Model;
 
-/// Problems that the emulator has detected since power-on, one text for each.
+/// Problems that the emulator has detected since power-on, with one text for each problem.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Findings {
-    /// Accesses to addresses at which the chip has nothing.
+    /// Accesses to addresses at which the chip has no memory or peripheral.
     pub unmapped: Vec<String>,
-    /// Accesses that the bus refused, for example to a peripheral without a clock or with a wrong
-    /// width.
+    /// Accesses that the bus refused, for example because the peripheral has no clock or the access
+    /// has a wrong width.
     pub refused: Vec<String>,
-    /// Accessed registers that no model implements: they store the written value and have no
+    /// Accessed registers that the emulator does not model: they store what is written and have no
     /// effect.
     pub unimplemented: Vec<String>,
-    /// Accesses to reserved addresses within a peripheral.
+    /// Accesses to reserved addresses within the address block of a peripheral.
     pub undefined: Vec<String>,
-    /// Interrupts that were raised but are not connected to the NVIC.
+    /// Interrupts that a peripheral raised but that are not connected to the NVIC.
     pub unrouted: Vec<String>,
-    /// Violations of the reference manual: the register, and the violated rule with its section.
+    /// Violations of the reference manual: the register, the violated rule and the rule's section.
     pub manual_violations: Vec<String>,
-    /// Resets: the time in us since power-on, and the cause.
+    /// Resets of the chip: time in us since power-on, and cause.
     pub resets: Vec<(u64, String)>,
 }
 
@@ -58,8 +58,8 @@ impl Findings {
         }
     }
 
-    /// Returns the manual violations, unimplemented registers and undefined addresses that are not
-    /// allowed for `model`. Other kinds of findings are ignored.
+    /// Returns those manual violations, unimplemented registers and undefined addresses that are
+    /// not allowed for the board `model`. Ignores findings of other kinds.
     pub fn unexpected(&self, model: Model) -> Vec<String> {
         let list = match model {
             Model::H743 => H743,
@@ -79,12 +79,12 @@ impl Findings {
     }
 }
 
-/// Returns the text of each item.
+/// Returns the result of `text` for each item.
 fn texts<T>(items: impl IntoIterator<Item = T>, text: impl Fn(T) -> String) -> Vec<String> {
     items.into_iter().map(text).collect()
 }
 
-/// Prefix of an allowed finding, and why it is allowed.
+/// First part of the text of an allowed finding, and the reason why it is allowed.
 type Reason = (&'static str, &'static str);
 
 /// Findings that are allowed on the STM32H743.
@@ -111,7 +111,7 @@ const H743: &[Reason] = &[
     ),
 ];
 
-/// Findings that are allowed on the STM32F446, which is emulated as an STM32F427.
+/// Findings that are allowed on the STM32F446, which the emulator runs as an STM32F427.
 const F446: &[Reason] = &[
     (
         "SYSCFG.EXTICR",
@@ -123,10 +123,10 @@ const F446: &[Reason] = &[
     ),
 ];
 
-/// Largest number of lines that a section of a snapshot shows: the last ones.
+/// Largest number of lines that a section of a snapshot shows; earlier lines are left out.
 const LINES: usize = 16;
 
-/// An error of a board, with a snapshot of the board at the time of the error.
+/// Error of a virtual board, with a description of the board's state at that time.
 #[derive(Clone, thiserror::Error)]
 #[error("{what}\n{snapshot}")]
 pub struct BoardError {
@@ -140,7 +140,7 @@ impl BoardError {
     }
 }
 
-// `Debug` prints the same text as `Display`, because a test that returns this error prints it with
+// `Debug` prints the same text as `Display`, because Rust prints the error that a test returns with
 // `Debug`.
 impl fmt::Debug for BoardError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -148,7 +148,7 @@ impl fmt::Debug for BoardError {
     }
 }
 
-/// Formats a section of a snapshot: a title and a line for each of `lines`; empty without lines.
+/// Returns a section of a snapshot: the title and the last of the `lines`; empty without lines.
 pub(crate) fn section(title: &str, lines: &[String]) -> String {
     let last = &lines[lines.len().saturating_sub(LINES)..];
     let title = (!last.is_empty()).then(|| format!("  {title}:\n"));

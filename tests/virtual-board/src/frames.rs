@@ -1,31 +1,31 @@
-//! Decoding of the frames that the device sends.
+//! Decodes the frames that the virtual board sends, into data that tests can keep.
 
 use link::{
     Ack, Converters, Decoder, Event, Flags, Header, MAX_FRAME, ResetCause, SelfTest, Stats, Timing,
     ToHost,
 };
 
-/// Frame that was decoded from the device's byte stream.
+/// A decoded frame that the device has sent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Frame number, counted by the device.
+    /// Number of the frame, which the device counts up.
     pub seq: u32,
-    /// Device time when the frame was made, in us since boot.
+    /// Device time at which the frame was made, in us since boot.
     pub device_us: u64,
-    /// Message type, with the data that tests use.
+    /// Message in the frame, with the data that tests use.
     pub kind: Kind,
 }
 
-/// A code of the network or a packed code, as the device has sent it.
+/// A code that the device has sent, of the network or packed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReceivedCode {
-    /// Faults and conditions of the window.
+    /// Faults and other conditions that the device flagged in the code's window.
     pub flags: Flags,
-    /// The whole message, encoded as a frame with a header that is the same for all.
+    /// The message, encoded again as frame 0 at device time 0, so that tests can compare codes.
     pub bytes: Vec<u8>,
 }
 
-/// Message of a frame, as owned data: the variants of [`ToHost`] that tests use.
+/// A message to the host as owned data; only those variants of [`ToHost`] that tests use.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(missing_docs, reason = "the variants are documented in `link`")]
 pub enum Kind {
@@ -37,7 +37,7 @@ pub enum Kind {
     Capabilities,
     Code(ReceivedCode),
     PackedCode(ReceivedCode),
-    /// The whole message, encoded as that of a [`ReceivedCode`].
+    /// The message, encoded again as in [`ReceivedCode::bytes`].
     CompressedRaw(Vec<u8>),
     Stats(Box<Stats>),
     Ack(Ack),
@@ -45,17 +45,17 @@ pub enum Kind {
     Event(Event),
     Converters(Box<Converters>),
     SelfTest(Box<SelfTest>),
-    /// `values` is the number of values of the code.
+    /// `values` is the number of values in the audited code.
     Audit {
         window: u32,
         planes: Vec<u8>,
         values: usize,
     },
-    /// Any message that is not listed above.
+    /// Any message that has no variant here.
     Other,
 }
 
-/// Decodes the bytes from the device and stores the frames.
+/// Decodes the bytes that the device sends and keeps the frames.
 #[derive(Debug)]
 pub struct Inbox {
     decoder: Decoder<MAX_FRAME>,
@@ -74,7 +74,7 @@ impl Default for Inbox {
 }
 
 impl Inbox {
-    /// Decodes the next bytes of the stream; a frame can be split across calls.
+    /// Decodes the next bytes from the device; a frame may be split across calls.
     pub fn decode(&mut self, mut bytes: &[u8]) {
         while let Some(outcome) = self.decoder.next::<ToHost<'_>>(&mut bytes) {
             match outcome {
@@ -93,12 +93,12 @@ impl Inbox {
         &self.frames
     }
 
-    /// Returns the decoding error of each frame that could not be decoded.
+    /// Returns the errors of all frames that could not be decoded.
     pub fn decode_errors(&self) -> &[String] {
         &self.errors
     }
 
-    /// Iterates over all codes received so far, in order.
+    /// Returns an iterator over the network's codes received so far, in order.
     pub fn codes(&self) -> impl Iterator<Item = (&Frame, &ReceivedCode)> {
         self.frames.iter().filter_map(|frame| match &frame.kind {
             Kind::Code(code) => Some((frame, code)),
@@ -141,7 +141,7 @@ impl Kind {
     }
 }
 
-/// Encodes a message as a frame with number 0 at device time 0.
+/// Encodes a message as frame 0 at device time 0, so that equal messages give equal bytes.
 fn encoded(message: &ToHost<'_>) -> Vec<u8> {
     let header = Header {
         version: link::VERSION,

@@ -1,5 +1,5 @@
-//! Firmware images: the ELF files that `cargo flash` writes. Also a replacement for the boot loader
-//! in the chip's ROM: a vector table and an endless loop.
+//! Firmware images, which are the ELF files that `cargo flash` writes, and an image that replaces
+//! the boot loader in the chip's ROM by a vector table and an endless loop.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,25 +9,25 @@ use thiserror::Error;
 
 use crate::model::Model;
 
-/// A firmware image that was checked for its board.
+/// A firmware image that has been checked to fit its board.
 #[derive(Clone, Debug)]
 pub struct Image {
     path: PathBuf,
     bytes: Vec<u8>,
-    /// Address, size and mangled name of each function, sorted by address.
+    /// Address, size in bytes and mangled name of each function, sorted by address.
     functions: Vec<(u64, u64, String)>,
     symbols: Vec<(String, u64)>,
 }
 
-/// Reason why an image cannot run on a board, with the command that builds the right one.
+/// Reason why an image cannot run on a board, and the command that builds the right image.
 #[derive(Debug, Error)]
 #[error("{0}")]
 pub struct ImageError(String);
 
-/// Thumb instruction `b .`, a branch to itself.
+/// Machine code of the Thumb instruction `b .`, a branch to itself.
 pub(crate) const LOOP: u16 = 0xE7FE;
 
-/// Returns the command that builds the image of a board.
+/// Returns the command by which a user builds the image for a board.
 fn build_command(model: Model) -> String {
     format!(
         "cargo build --package board-{} --profile firmware --target thumbv7em-none-eabihf",
@@ -36,11 +36,11 @@ fn build_command(model: Model) -> String {
 }
 
 impl Image {
-    /// Reads an image and checks it for a board.
+    /// Reads an image and checks that it fits the board `model`.
     ///
     /// # Errors
-    /// The file cannot be read, is older than one of its sources, is not an ELF file for
-    /// ARM, or has a segment outside the memories of the chip.
+    /// The file cannot be read, is older than one of its sources, is not an ELF file for ARM, or
+    /// has a segment outside the memories of the chip.
     pub fn read(path: &Path, model: Model) -> Result<Self, ImageError> {
         let (name, build) = (path.display(), build_command(model));
         let bytes = fs::read(path).map_err(|error| {
@@ -96,7 +96,7 @@ impl Image {
         })
     }
 
-    /// Returns the path that the image was read from.
+    /// Returns the path from which the image was read.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -106,7 +106,7 @@ impl Image {
         &self.bytes
     }
 
-    /// Returns the address of a symbol; for a function, without the Thumb bit.
+    /// Returns the address of the symbol `name`; that of a function comes without the Thumb bit.
     pub fn address(&self, name: &str) -> Option<u64> {
         let found = self.symbols.iter().find(|(symbol, _)| symbol == name);
         found.map(|(_, address)| address & !1)
@@ -119,7 +119,7 @@ impl Image {
         found.map(|(address, _, _)| *address)
     }
 
-    /// Returns the address of the first halfword of `.text` with this value.
+    /// Returns the address of the first halfword in the section `.text` that has the value `code`.
     pub(crate) fn find_instruction(&self, code: u16) -> Option<u64> {
         let file = object::File::parse(&*self.bytes).ok()?;
         let text = file.section_by_name(".text")?;
@@ -129,9 +129,9 @@ impl Image {
         Some(text.address() + 2 * place as u64)
     }
 
-    /// Returns the address of a panic function of `core`, and the number of the register that holds
-    /// its `&Location` argument. An image that unwraps an `Option` contains at least one such
-    /// function.
+    /// Returns the address of a function in `core` that panics, and the number of the register in
+    /// which it expects its argument of type `&Location`. Every image that unwraps an `Option`
+    /// contains one.
     pub(crate) fn panic_function(&self) -> Option<(u64, usize)> {
         let functions: [(&[&str], usize); 3] = [
             (&["4core", "6option", "13unwrap_failed"], 0),
@@ -142,8 +142,8 @@ impl Image {
         found.find_map(|(words, register)| Some((self.find_function(words)?, *register)))
     }
 
-    /// Formats an address with its function and the offset from the function's start; only the
-    /// address if it is in no function.
+    /// Formats an address with the function that contains it and the offset from the function's
+    /// start; only the address if no function does.
     pub fn describe(&self, address: u64) -> String {
         let after = self
             .functions
@@ -160,8 +160,8 @@ impl Image {
     }
 }
 
-/// Returns the first source that is newer than the image, if any. The sources are those in the `.d`
-/// file that cargo writes next to the image; without that file the result is `None`.
+/// Returns the first source file that is newer than the image, if any. Cargo lists the sources in a
+/// `.d` file next to the image; without that file, returns `None`.
 fn newer_source(image: &Path) -> Option<PathBuf> {
     let built = fs::metadata(image).and_then(|file| file.modified()).ok()?;
     let list = fs::read_to_string(image.with_extension("d")).ok()?;
@@ -173,7 +173,7 @@ fn newer_source(image: &Path) -> Option<PathBuf> {
     sources.split(' ').find(is_newer).map(PathBuf::from)
 }
 
-/// Demangles a function name and removes the hash.
+/// Demangles a function's name and removes the hash at its end.
 fn readable(name: &str) -> String {
     rustc_demangle::demangle(name)
         .to_string()
@@ -183,16 +183,16 @@ fn readable(name: &str) -> String {
         .to_owned()
 }
 
-/// Machine number of ARM in an ELF header.
+/// Number of ARM in the field `e_machine` of an ELF header.
 const ARM: u16 = 40;
 
-/// Size of an ELF header and one program header, in bytes.
+/// Length in bytes of an ELF header followed by one program header.
 const HEADERS: u32 = 84;
 
-/// Returns the replacement loader as an image for the emulator.
+/// Returns the replacement of the boot loader as an image for the emulator.
 pub(crate) fn loader(model: Model) -> Option<rigless::image::Image> {
     let base = model.facts().loader_vectors;
-    // Initial stack pointer, entry point, and [`LOOP`] twice.
+    // Vector table of stack pointer and entry point, then twice the instruction [`LOOP`].
     let contents = [0x2000_1000, base + 9, 0xE7FE_E7FE]
         .map(u32::to_le_bytes)
         .concat();
@@ -200,17 +200,17 @@ pub(crate) fn loader(model: Model) -> Option<rigless::image::Image> {
     rigless::image::Image::new(Path::new("loader"), file, None).ok()
 }
 
-/// Builds an ELF file with one segment of `contents` at address `base`. The entry point is the
-/// third word of the segment (System V ABI, chapters 4 and 5). `machine` is 40 for ARM.
+/// Returns an ELF file with one segment of `contents` at the address `base`, whose third word is
+/// the entry point (System V ABI, chapters 4 and 5). `machine` is the processor type, 40 for ARM.
 pub fn elf(machine: u16, base: u32, contents: &[u8]) -> Vec<u8> {
     let mut file = b"\x7fELF\x01\x01\x01".to_vec();
     file.resize(16, 0);
-    // Type: executable. The program header follows this ELF header.
+    // The type of the file is 2, an executable; the program header follows this ELF header.
     file.extend([2, machine].map(u16::to_le_bytes).concat());
     let header = [1, base + 9, 52, 0, 0x0500_0400];
     file.extend(header.map(u32::to_le_bytes).concat());
     file.extend([52_u16, 32, 1, 40, 0, 0].map(u16::to_le_bytes).concat());
-    // One segment: loadable, readable and executable.
+    // The program header describes one segment that can be loaded, read and executed.
     let length = u32::try_from(contents.len()).unwrap_or(0);
     let segment = [1, HEADERS, base, base, length, length, 5, 4];
     file.extend(segment.map(u32::to_le_bytes).concat());

@@ -1,33 +1,33 @@
-//! Failures that a test injects into a running image.
+//! Failures that a test can cause in a running firmware image.
 
 use crate::image::{Image, LOOP};
 
-/// Failure that a test injects. The injection changes registers and unused memory, not the code of
-/// the image.
+/// A failure that a test can cause. Causing it changes registers and memory that the firmware does
+/// not use, but not the image's code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Injection {
-    /// An endless loop.
+    /// The firmware runs into an endless loop.
     Hang,
-    /// A panic at `injected.rs:7:3`.
+    /// The firmware panics; the panic names the source location `injected.rs:7:3`.
     Panic,
-    /// A jump to an unmapped address.
+    /// The firmware jumps to an unmapped address.
     HardFault,
-    /// A stack pointer outside the stack, and a jump to an unmapped address.
+    /// The stack pointer points outside the stack, and the firmware jumps to an unmapped address.
     WildStack,
-    /// A stack pointer 16 bytes above the lowest address of the stack, so the stack soon overflows.
+    /// The stack pointer is 16 bytes above the lowest stack address, so the stack soon overflows.
     StackOverflow,
 }
 
-/// Values to set in the core and its memory.
+/// Values to write to the core's registers and its memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Change {
-    /// Register number and value: 0 to 12 are r0 to r12, 13 is sp, 15 is pc.
+    /// Number and new value of each register: 0 to 12 are r0 to r12, 13 is sp, 15 is pc.
     pub(crate) registers: Vec<(usize, u32)>,
-    /// First address, and the bytes to write there.
+    /// Address and contents of each range of bytes to write.
     pub(crate) memory: Vec<(u64, Vec<u8>)>,
 }
 
-/// Offset in bytes of memory that the firmware does not use, from the start of the region that
+/// Offset in bytes of memory that the firmware does not use, from the start of the memory that
 /// keeps the failure record across a reset.
 const SPARE: u64 = 0x300;
 
@@ -35,8 +35,7 @@ const SP: usize = 13;
 const PC: usize = 15;
 
 impl Injection {
-    /// Returns the changes that cause this failure; `None` if the image lacks a symbol or code that
-    /// they need.
+    /// Returns the changes that cause this failure; `None` if the image lacks what they need.
     pub(crate) fn change(self, image: &Image) -> Option<Change> {
         let mut change = Change::default();
         match self {
@@ -45,7 +44,7 @@ impl Injection {
                 .push((PC, word(image.find_instruction(LOOP)?))),
             Self::HardFault => change.registers.push((PC, 0x5FFF_FF00)),
             Self::WildStack => {
-                // Unused memory after the failure record.
+                // Let the stack pointer point into the unused memory behind the failure record.
                 let spare = word(image.address("_kept")? + SPARE + 0xF0);
                 change.registers.extend([(SP, spare), (PC, 0x5FFF_FF00)]);
             }
@@ -56,7 +55,8 @@ impl Injection {
             Self::Panic => {
                 let spare = image.address("_kept")? + SPARE;
                 let file = b"injected.rs";
-                // Layout of core::panic::Location: file (pointer, length), line, column.
+                // Layout of `core::panic::Location`: pointer and length of the file name, line,
+                // column.
                 let location = [word(spare) + 16, 11, 7, 3];
                 let mut bytes = location.map(u32::to_le_bytes).concat();
                 bytes.extend(file);
@@ -70,7 +70,7 @@ impl Injection {
     }
 }
 
-/// Converts an address to 32 bits.
+/// Returns an address as the 32-bit value of a register.
 fn word(address: u64) -> u32 {
     u32::try_from(address).unwrap_or(u32::MAX)
 }

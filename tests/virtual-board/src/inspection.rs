@@ -7,28 +7,28 @@ use rigless::time::VirtualNanos;
 use crate::findings::BoardError;
 use crate::machine::VirtualBoard;
 
-/// Word that cortex-m-rt fills the stack with.
+/// Word with which the start-up code (cortex-m-rt) fills the stack.
 const PAINT: u64 = 0xCCCC_CCCC;
 
-/// Addresses of the first set-enable and the first priority register of the NVIC (ARM DDI 0403,
-/// B3.4.3).
+/// Addresses of the NVIC's first set-enable register and of its first priority register (ARM DDI
+/// 0403, B3.4.3).
 const ISER: u64 = 0xE000_E100;
 const IPR: u64 = 0xE000_E400;
 
-/// Number of interrupt lines to inspect, a multiple of 32; the STM32H743 has 150 lines.
+/// Number of interrupt lines that are inspected, a multiple of 32; the STM32H743 has 150 lines.
 const LINES: u16 = 160;
 
-/// Number of streams of a DMA controller, and the distance in bytes between the registers of two
+/// Number of streams in a DMA controller, and distance in bytes between the registers of two
 /// streams (RM0433, 15.5; RM0390, 9.5).
 const STREAMS: u64 = 8;
 const STREAM_BYTES: u64 = 0x18;
-/// Offsets of SxNDTR, SxPAR and SxM0AR of stream 0.
+/// Offsets of stream 0's registers SxNDTR, SxPAR and SxM0AR in a DMA controller.
 const LEFT: u64 = 0x10 + 0x04;
 const PERIPHERAL: u64 = 0x10 + 0x08;
 const MEMORY: u64 = 0x10 + 0x0C;
 
 impl VirtualBoard {
-    /// Returns the core clock that the firmware has configured, in Hz.
+    /// Returns the frequency in Hz of the core clock that the firmware has configured.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -36,15 +36,15 @@ impl VirtualBoard {
         self.inspect(|session, _| session.board().chip.core_hz())
     }
 
-    /// Returns whether the core is running the replacement of the boot loader.
+    /// Returns whether the core is running the code that replaces the boot loader.
     pub fn is_in_loader(&self) -> bool {
         let vectors = u64::from(self.model().facts().loader_vectors);
         let last = self.observer().recent_program_counters().pop();
         last.is_some_and(|place| (vectors..vectors + 16).contains(&place))
     }
 
-    /// Returns the peak stack use since power-on or reset, in bytes. The stack grows downwards from
-    /// its start, so the peak is the distance from the lowest overwritten word up to the start.
+    /// Returns the most stack that has been in use since the last power-on or reset, in bytes: the
+    /// distance from the lowest overwritten word up to the stack's start.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -59,8 +59,8 @@ impl VirtualBoard {
         })
     }
 
-    /// Returns the line and priority of each enabled interrupt; priority 0 is the most urgent of
-    /// 16.
+    /// Returns the line number and the priority of each enabled interrupt; priority 0 is the most
+    /// urgent of 16.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -83,8 +83,8 @@ impl VirtualBoard {
             .collect())
     }
 
-    /// Returns, for each stream of DMA1 that has a peripheral address, the memory address and the
-    /// number of bytes left to transfer. The number is 0 between transfers.
+    /// Returns the memory address and the number of bytes left to transfer, 0 between transfers,
+    /// for each stream of DMA1 that has a peripheral address.
     ///
     /// # Errors
     /// The emulator has ended.

@@ -1,4 +1,4 @@
-//! Runs a board for a host at a TCP port, in real time or slower, one host at a time.
+//! Runs a virtual board, in real time or slower, for one host at a time at a TCP port.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -10,23 +10,23 @@ use crate::findings::BoardError;
 use crate::machine::VirtualBoard;
 use crate::port::Port;
 
-/// Interval at which bytes are transferred between board and host, in us of virtual time.
+/// Virtual time in us between two transfers of bytes between board and host.
 const SLICE_US: u64 = 1_000;
 
-/// Time without SPI or port traffic after which a board counts as stopped, in us of virtual time.
-/// The firmware retries a failed start of the converters at shorter intervals, so such a board does
-/// not count as stopped.
+/// Virtual time in us without SPI or port traffic after which a board counts as stopped. A board
+/// that cannot start its converters does not count as stopped, because the firmware tries again
+/// more often.
 const IDLE_US: u64 = 10_000_000;
 
-/// Interval between two status lines on the console, in us of virtual time.
+/// Virtual time in us between two status lines on the console.
 const REPORT_US: u64 = 10_000_000;
 
-/// Runs a board for a host that connects to the TCP port, never faster than real time, until `stop`
-/// is true or `seconds` of virtual time since power-on have passed.
+/// Runs a board until `stop` is true or `seconds` of virtual time since power-on have passed, never
+/// faster than real time, for a host that connects to the TCP port.
 ///
 /// # Errors
-/// The emulator fails, or the board has had no SPI or port traffic for 10 s of virtual
-/// time. The error contains a diagnosis.
+/// The emulator fails, or the board has had no SPI or port traffic for 10 s of virtual time. The
+/// error contains a diagnosis.
 pub fn run(
     board: &mut VirtualBoard,
     tcp: &mut TcpPort,
@@ -62,7 +62,7 @@ pub fn run(
             } else {
                 "no host is connected"
             };
-            // The board keeps running even if the console is closed.
+            // Ignore errors, so that the board keeps running when the console is closed.
             let _ = writeln!(
                 console,
                 "{} s of virtual time in {real:.0} s, {sent} bytes to the host, {count} resets, {state}",
@@ -70,8 +70,8 @@ pub fn run(
             );
         }
         let ahead = Duration::from_micros(now - first_us).saturating_sub(start.elapsed());
-        // Sleeps only when more than 5 ms ahead of real time, to avoid a thousand wake-ups per
-        // second.
+        // Sleep only when the board is more than 5 ms ahead of real time; otherwise this thread
+        // would wake up a thousand times per second.
         if ahead > Duration::from_millis(5) {
             thread::sleep(ahead);
         }
@@ -79,20 +79,20 @@ pub fn run(
     Ok(())
 }
 
-/// Largest number of bytes read from the socket per call.
+/// Largest number of bytes that one call reads from the socket.
 const CHUNK: usize = 4096;
 
-/// A TCP port that exchanges bytes with the host's end of a board's port.
+/// A TCP port that exchanges bytes with the host's end of a virtual board's port.
 #[derive(Debug)]
 pub struct TcpPort {
     listener: TcpListener,
     host: Option<TcpStream>,
-    /// Bytes from the device that the socket has not accepted yet.
+    /// Bytes from the device that still have to be written to the socket.
     waiting: Vec<u8>,
 }
 
 impl TcpPort {
-    /// Listens on 127.0.0.1. If `port` is 0, the operating system chooses a free port.
+    /// Listens at TCP port `port` of 127.0.0.1; 0 lets the operating system choose a free port.
     ///
     /// # Errors
     /// The port is occupied, or listening on it is not permitted.
@@ -106,8 +106,8 @@ impl TcpPort {
         })
     }
 
-    /// Returns the number of the TCP port. If 0 was requested, this is the number that the
-    /// operating system has chosen.
+    /// Returns the number of the TCP port, which the operating system has chosen if 0 was
+    /// requested.
     ///
     /// # Errors
     /// The operating system does not return the local address.
@@ -115,20 +115,20 @@ impl TcpPort {
         Ok(self.listener.local_addr()?.port())
     }
 
-    /// Returns whether a host was connected at the last call of [`serve`](Self::serve).
+    /// Returns whether a host was connected at the end of the last call of [`serve`](Self::serve).
     pub const fn is_connected(&self) -> bool {
         self.host.is_some()
     }
 
-    /// Transfers bytes in both directions without blocking, and returns the number of bytes that
-    /// the device has sent since the last call. Bytes that it sends while no host is connected are
-    /// lost, as on a serial line.
+    /// Transfers bytes in both directions without blocking, and returns how many bytes the device
+    /// has sent since the last call. Those that it sends while no host is connected are lost, as on
+    /// a serial line.
     pub fn serve(&mut self, port: &Port) -> usize {
         if self.host.is_none()
             && let Ok((host, _)) = self.listener.accept()
             && host.set_nonblocking(true).is_ok()
         {
-            // Frames are short and must be sent without waiting for more data.
+            // Send each frame at once, although it is short, instead of waiting for more data.
             let _ = host.set_nodelay(true);
             self.host = Some(host);
             self.waiting.clear();
@@ -137,8 +137,8 @@ impl TcpPort {
         let Some(host) = &mut self.host else {
             return sent.len();
         };
-        // The port of a device that has just been configured, for example after a restart, is still
-        // closed.
+        // Open the port again in case the device has just been configured, for example after a
+        // restart.
         port.keep_open();
         self.waiting.extend_from_slice(&sent);
         if exchange(host, &mut self.waiting, port).is_err() {
@@ -149,7 +149,7 @@ impl TcpPort {
     }
 }
 
-/// Transfers bytes between socket and port. An error means that the connection has ended.
+/// Transfers bytes between socket and port. Returns an error if the connection has ended.
 fn exchange(host: &mut TcpStream, waiting: &mut Vec<u8>, port: &Port) -> io::Result<()> {
     if !waiting.is_empty() {
         match host.write(waiting) {
@@ -160,7 +160,7 @@ fn exchange(host: &mut TcpStream, waiting: &mut Vec<u8>, port: &Port) -> io::Res
     }
     let mut bytes = [0; CHUNK];
     if !port.is_open() {
-        // Leave received bytes in the socket, but detect the end of the connection.
+        // Leave bytes in the socket until the port is open, but detect the connection's end.
         let mut byte = [0];
         return match host.peek(&mut byte) {
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),

@@ -1,4 +1,4 @@
-//! A powered board whose virtual time advances only on request.
+//! A powered virtual board whose virtual time advances only when a test asks for it.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::{self, JoinHandle};
@@ -23,14 +23,14 @@ use crate::usb::host::{Command, UsbHost};
 
 mod driver;
 
-/// Real time within which the emulator must reach a requested stop; otherwise it counts as hung.
+/// Longest real time until the emulator reaches a requested stop; then it counts as hung.
 const TIMEOUT: Duration = Duration::from_secs(300);
 
-/// Interval between two checks of a condition, in us of virtual time.
+/// Virtual time in us between two checks whether a condition holds.
 const POLL_US: u64 = 500;
 
-/// A board that runs an image. Virtual time advances only within
-/// [`run_until_us`](Self::run_until_us) and the methods that call it, and within
+/// A virtual board that runs an image. Its virtual time advances only in
+/// [`run_until_us`](Self::run_until_us) and the methods that call it, and in
 /// [`advance_us`](Self::advance_us).
 #[derive(Debug)]
 pub struct VirtualBoard {
@@ -41,19 +41,19 @@ pub struct VirtualBoard {
     inbox: Inbox,
     observer: Observer,
     requests: Sender<Request>,
-    /// Receives one message for each [`Request::Run`].
+    /// Receives one message when the emulator has carried out a [`Request::Run`].
     reached: Receiver<Progress>,
     thread: Option<JoinHandle<Result<(), String>>>,
     now_ns: u64,
     encoder: link::Encoder,
-    /// Progress of the emulator at its last requested stop.
+    /// Progress of the emulator when it last reached a requested stop.
     progress: Progress,
     keep_open: bool,
 }
 
 impl VirtualBoard {
-    /// Powers a board on; its core has not executed an instruction yet. If the emulator refuses the
-    /// image or the board, the first run returns the error.
+    /// Powers a board on; its core executes no instruction before the first run. If the emulator
+    /// refuses the image or the board, the first run returns the error.
     pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Self {
         let chain = Chain::new(setup);
         if !setup.converters_on {
@@ -113,27 +113,27 @@ impl VirtualBoard {
         }
     }
 
-    /// Returns the board type given at power-on.
+    /// Returns the type of board that was given to [`power_on`](Self::power_on).
     pub const fn model(&self) -> Model {
         self.model
     }
 
-    /// Returns the image given at power-on.
+    /// Returns the image that was given to [`power_on`](Self::power_on).
     pub const fn image(&self) -> &Image {
         &self.image
     }
 
-    /// Returns a handle of the simulated converters.
+    /// Returns a handle by which tests control the simulated converters.
     pub fn converters(&self) -> Simulation<CHIPS> {
         self.chain.wires().simulation.clone()
     }
 
-    /// Returns the host's end of the port, to send, receive, open or close.
+    /// Returns the host's end of the port, through which a test communicates with the device.
     pub const fn port(&self) -> &Port {
         &self.port
     }
 
-    /// Returns the frames that were decoded during the runs so far.
+    /// Returns the frames that were decoded in all runs so far.
     pub const fn inbox(&self) -> &Inbox {
         &self.inbox
     }
@@ -143,12 +143,12 @@ impl VirtualBoard {
         self.now_ns / 1000
     }
 
-    /// Returns the number of instructions that the core has retired since power-on.
+    /// Returns the number of instructions that the core has completed since power-on.
     pub const fn instructions(&self) -> u64 {
         self.progress.instructions
     }
 
-    /// Returns the configured frequency of SCLK in Hz; 0 before the firmware has configured it.
+    /// Returns the frequency of SCLK in Hz; 0 before the firmware has configured it.
     pub fn sclk_hz(&self) -> u32 {
         self.chain.wires().sclk_hz
     }
@@ -158,18 +158,18 @@ impl VirtualBoard {
         self.chain.wires().words
     }
 
-    /// Returns the number of SPI words since power-on that were not 8 bits wide.
+    /// Returns how many SPI words since power-on were not 8 bits wide; the converters need 8 bits.
     pub fn non_byte_words(&self) -> u64 {
         self.chain.wires().non_byte_words
     }
 
-    /// Holds DRDY at a level (`true` is high); `None` lets the converters drive it.
+    /// Holds DRDY at a level (`true` is high); with `None`, the converters drive it again.
     pub fn hold_drdy(&self, level: Option<bool>) {
         self.chain.wires().stuck = level;
     }
 
-    /// Corrupts bytes that the UART receives: of each million, `per_million` have a framing error
-    /// and another `per_million` have noise.
+    /// Corrupts bytes that the UART receives: of each million, `per_million` get a framing error
+    /// and as many others a noise error.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -177,21 +177,21 @@ impl VirtualBoard {
         self.inspect(move |session, _| session.board_mut().chip.damage_uart(per_million))
     }
 
-    /// Schedules edges of the trigger line: ascending times in us since power-on, and levels
-    /// (`true` is high).
+    /// Schedules edges of the trigger input: each has a time in us since power-on and the level
+    /// after it (`true` is high), and the times ascend.
     pub fn plan_trigger(&self, edges: &[(u64, bool)]) {
         let edges = edges.iter().map(|&(us, is_high)| (us * 1000, is_high));
-        // If the emulator has ended, the next run reports it.
+        // Ignore the error that occurs if the emulator has ended: the next run reports it.
         let _ = self.requests.send(Request::Trigger(edges.collect()));
     }
 
-    /// Sets whether the host opens the USB port of a configured device after each run; initially
-    /// true.
+    /// Sets whether the host opens the USB port after each run if the device is configured; at
+    /// first it does.
     pub const fn keep_open(&mut self, keep_open: bool) {
         self.keep_open = keep_open;
     }
 
-    /// Sends a command to the device.
+    /// Sends a command from the host to the device.
     ///
     /// # Panics
     /// Never: every command fits into a frame.
@@ -201,10 +201,10 @@ impl VirtualBoard {
         self.port.send(bytes.expect("commands are short"));
     }
 
-    /// Injects a failure when the core next reaches the address of `symbol`.
+    /// Causes a failure when the core next reaches the address of `symbol`.
     ///
     /// # Errors
-    /// The image has no such symbol or lacks the code for this failure, or the emulator has ended.
+    /// The image lacks the symbol or code that the failure needs, or the emulator has ended.
     pub fn inject_at(&mut self, symbol: &str, injection: Injection) -> Result<(), BoardError> {
         let change = injection.change(&self.image);
         let (Some(address), Some(change)) = (self.image.address(symbol), change) else {
@@ -225,7 +225,8 @@ impl VirtualBoard {
         &self.observer
     }
 
-    /// Runs until the virtual time `us`, in us since power-on, and decodes received frames.
+    /// Runs until the virtual time `us` since power-on, in us, and decodes the frames received from
+    /// the device.
     ///
     /// # Errors
     /// The emulator fails or hangs, or the board resets in a loop.
@@ -239,7 +240,7 @@ impl VirtualBoard {
         Ok(())
     }
 
-    /// Runs for `us` microseconds of virtual time, and decodes the frames that the device sends.
+    /// Runs for `us` microseconds of virtual time, and decodes the frames received from the device.
     ///
     /// # Errors
     /// Those of [`run_until_us`](Self::run_until_us).
@@ -247,8 +248,8 @@ impl VirtualBoard {
         self.run_until_us(self.now_us() + us)
     }
 
-    /// Runs for `us` microseconds of virtual time without reading the port, which is left to the
-    /// caller.
+    /// Runs for `us` microseconds of virtual time, but leaves the bytes from the device in the port
+    /// for the caller to read.
     ///
     /// # Errors
     /// Those of [`run_until_us`](Self::run_until_us).
@@ -256,8 +257,8 @@ impl VirtualBoard {
         self.advance(self.now_ns + us * 1000)
     }
 
-    /// Runs until `holds` returns true for the received frames; `what` names the condition in the
-    /// error.
+    /// Runs until `holds` returns true for the frames received so far; `what` names this condition
+    /// in the error.
     ///
     /// # Errors
     /// The condition does not hold within `limit_us` of virtual time, or the emulator fails.
@@ -280,7 +281,7 @@ impl VirtualBoard {
         }
     }
 
-    /// Runs a closure on the emulator's session while virtual time is stopped.
+    /// Runs a closure on the emulator's session while virtual time is stopped; returns its result.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -290,7 +291,7 @@ impl VirtualBoard {
     ) -> Result<T, BoardError> {
         let (sender, receiver) = channel();
         let request = Request::Inspect(Box::new(move |session, host| {
-            // Fails only if the caller has stopped waiting for the result.
+            // Ignore the error that occurs if the caller no longer waits for the result.
             let _ = sender.send(inspection(session, host));
         }));
         if self.requests.send(request).is_err() {
@@ -315,13 +316,13 @@ impl VirtualBoard {
         Ok(findings)
     }
 
-    /// Returns an error with a diagnosis of the current state.
+    /// Returns the error `what` with a diagnosis of the board's current state.
     pub fn error(&mut self, what: String) -> BoardError {
         let diagnosis = self.diagnosis();
         BoardError::new(what, diagnosis)
     }
 
-    /// Returns a snapshot for error messages.
+    /// Returns a description of the board's current state for error messages.
     pub fn diagnosis(&mut self) -> String {
         let findings = self.findings().unwrap_or_default();
         let resets = findings.resets.iter();
@@ -338,7 +339,7 @@ impl VirtualBoard {
         self.position() + &sections.concat()
     }
 
-    /// Returns the part of the snapshot that is known without a request to the emulator.
+    /// Returns the part of the diagnosis that needs no answer from the emulator.
     fn position(&self) -> String {
         let (now, instructions) = (self.now_us(), self.progress.instructions);
         let (frames, errors) = (self.inbox.frames().len(), self.inbox.decode_errors());
@@ -375,7 +376,7 @@ impl VirtualBoard {
             }
             Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
             Err(RecvTimeoutError::Timeout) => {
-                // Joining the hung thread would block; the thread ends with the process.
+                // Do not join the hung thread, which would block; it ends with the process.
                 self.thread = None;
                 Err(BoardError::new(
                     format!(
@@ -388,7 +389,7 @@ impl VirtualBoard {
         }
     }
 
-    /// Returns an error that states why the emulator has ended.
+    /// Returns an error that tells why the emulator has ended.
     fn ended(&mut self) -> BoardError {
         let result = self.thread.take().map(JoinHandle::join);
         let why = match result {
@@ -402,7 +403,7 @@ impl VirtualBoard {
 
 impl Drop for VirtualBoard {
     fn drop(&mut self) {
-        // Fails if the emulator has already ended.
+        // Ignore the error that occurs if the emulator has already ended.
         let _ = self.requests.send(Request::PowerOff);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

@@ -15,7 +15,7 @@ use virtual_board::{Cable, Image, Model, Setup, TcpPort, VirtualBoard, live};
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Options {
-    /// The board that the image is for.
+    /// The board for which the image was built.
     board: Model,
     /// The image: the ELF file that `cargo flash` writes.
     #[arg(long)]
@@ -33,7 +33,7 @@ struct Options {
     seconds: Option<u64>,
 }
 
-/// Exit status for a wrong argument, a missing image or an occupied port.
+/// Exit status after a wrong argument, for a missing image or for an occupied port.
 const USAGE: u8 = 2;
 
 fn main() -> ExitCode {

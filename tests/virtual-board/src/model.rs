@@ -1,4 +1,4 @@
-//! The two boards: names, memories, clocks, pins, and which signal is on each pin.
+//! Facts about the two boards: names, memories, clocks, and which signal is on which pin.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use clap::ValueEnum;
 
 use crate::board::Cable;
 
-/// Type of NUCLEO board to emulate.
+/// Type of the emulated NUCLEO board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Model {
     /// NUCLEO-H743ZI2 with an STM32H743ZI, the default board.
@@ -16,7 +16,7 @@ pub enum Model {
 }
 
 impl Model {
-    /// Returns the facts about the board.
+    /// Returns the facts about this type of board.
     pub const fn facts(self) -> &'static Facts {
         match self {
             Self::H743 => &H743,
@@ -24,8 +24,8 @@ impl Model {
         }
     }
 
-    /// Returns whether DMA1 can access an address (RM0433, 2.1; RM0390, 2.1). On the STM32H743 DMA1
-    /// cannot access the tightly coupled memories (TCM).
+    /// Returns whether DMA1 can access the memory at `address` (RM0433, 2.1; RM0390, 2.1). On the
+    /// STM32H743 it cannot access the tightly coupled memories (TCM).
     pub fn dma_reaches(self, address: u64) -> bool {
         let srams = self.facts().memories.iter();
         let mut srams = srams.filter(|(name, ..)| name.contains("SRAM"));
@@ -33,30 +33,30 @@ impl Model {
     }
 }
 
-/// Facts about a board and its microcontroller.
+/// Facts about a type of board and its microcontroller.
 #[derive(Debug)]
 pub struct Facts {
-    /// Name of the board on the command line.
+    /// Name by which the command line selects the board.
     pub key: &'static str,
-    /// Name of the board as the device reports it in `Hello`.
+    /// Name of the board in the device's message `Hello`.
     pub name: &'static str,
-    /// Cable that the default image of the board uses.
+    /// Cable that the board's default image supports.
     pub default_cable: Cable,
-    /// Core clock that the firmware must configure, in Hz.
+    /// Frequency in Hz to which the firmware must set the core clock.
     pub core_hz: u64,
-    /// Core clock after a reset, in Hz: the frequency of the internal oscillator (RM0433, 8.5.2;
-    /// RM0390, 6.2.2).
+    /// Frequency in Hz of the core clock after a reset, when the internal oscillator supplies it
+    /// (RM0433, 8.5.2; RM0390, 6.2.2).
     pub reset_hz: u64,
-    /// Number of instructions that the emulated core retires per second of virtual time, above 0.
-    /// The rate is an assumption, not a measurement: about half an instruction per cycle, from
-    /// flash with caches enabled. The rate affects how late the firmware is, not what it computes.
+    /// Number of instructions that the emulated core completes per second of virtual time, above 0.
+    /// It is assumed, not measured: about half an instruction per cycle, for code in flash with
+    /// caches enabled. It affects how late the firmware is, not what it computes.
     pub instructions_per_second: u64,
-    /// Name, first address and size in bytes of each memory of the chip (DS12110 and DS10693,
+    /// Name, first address and size in bytes of each of the chip's memories (DS12110 and DS10693,
     /// memory mapping). The STM32F446 is emulated as an STM32F427, which has more flash and RAM.
     pub(crate) memories: &'static [(&'static str, u64, u64)],
     /// Address of the boot loader's vector table (AN2606).
     pub(crate) loader_vectors: u32,
-    /// Address of DMA1's registers.
+    /// Address of the registers of DMA1.
     pub(crate) dma: u64,
     pub(crate) pins: Pins,
 }
@@ -118,7 +118,7 @@ impl fmt::Display for Model {
     }
 }
 
-/// A pin: index of its port (0 is port A) and its number in the port.
+/// A pin: the index of its port, 0 for port A, and its number in the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Pin(pub(crate) u8, pub(crate) u8);
 
@@ -128,7 +128,7 @@ impl Pin {
     }
 }
 
-/// Returns the pins with these numbers of one port.
+/// Returns the pins of one port that have these numbers.
 const fn pins(port: u8, numbers: [u8; 8]) -> [Pin; 8] {
     let mut pins = [Pin(port, 0); 8];
     let mut index = 0;
@@ -145,23 +145,23 @@ impl fmt::Display for Pin {
     }
 }
 
-/// Pins that a board connects to the converters and the trigger. The list is a copy from
-/// `docs/hardware.md`, not from the firmware, and a test compares it with that document.
+/// Pins that connect a board to the converters and the trigger. They are copied from
+/// `docs/hardware.md` and not from the firmware; a test compares them with that document.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pins {
-    /// Chip selects, chip 0 first.
+    /// Chip selects of the converters, in the order of the daisy chain.
     pub(crate) selects: [Pin; 8],
     pub(crate) start: Pin,
     pub(crate) reset: Pin,
     pub(crate) drdy: Pin,
     pub(crate) trigger: Pin,
-    /// Base address of the GPIO port to which the selects, START and RESET are connected.
+    /// Base address of the GPIO port that drives the chip selects, START and RESET.
     pub(crate) select_port: u64,
-    /// Base address of the SPI to which the converters are connected.
+    /// Base address of the SPI that the converters are connected to.
     pub(crate) spi: u64,
 }
 
-/// Indices of the GPIO ports that the converters and the trigger use.
+/// Indices of the GPIO ports with pins for the converters or the trigger.
 const B: u8 = 1;
 const C: u8 = 2;
 const E: u8 = 4;
@@ -170,7 +170,7 @@ const E: u8 = 4;
 mod tests {
     use super::*;
 
-    /// Returns signal and pin of each row of a board's table in docs/hardware.md.
+    /// Returns the signal and the pin in each row of a board's table in docs/hardware.md.
     fn documented(model: Model) -> Vec<(String, String)> {
         let text = include_str!("../../../docs/hardware.md");
         let heading = format!("### {model}");

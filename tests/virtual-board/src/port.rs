@@ -1,4 +1,4 @@
-//! The host's end of a board's port: serial line or USB.
+//! The host's end of a virtual board's port: a serial line or USB.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -9,18 +9,18 @@ use rigless::time::VirtualNanos;
 
 use crate::usb::host::{Command, State, UsbHost};
 
-/// The host's end of a board's port; clones share one connection.
+/// The host's end of a virtual board's port; all clones share one connection.
 #[derive(Clone, Debug)]
 pub enum Port {
-    /// The ST-LINK's serial port.
+    /// The serial port that the ST-LINK provides.
     Uart(Serial),
     /// A host at the board's USB connector.
     Usb(UsbHost),
 }
 
 impl Port {
-    /// Sends bytes to the device. Over USB, the bytes wait until the port is open, and are dropped
-    /// if no device is configured.
+    /// Sends bytes to the device. Over USB, they wait until the port is open; without a configured
+    /// device, they are discarded.
     pub fn send(&self, bytes: &[u8]) {
         match self {
             Self::Uart(serial) => serial.line().send(bytes),
@@ -36,8 +36,8 @@ impl Port {
         }
     }
 
-    /// Opens a closed USB port if the device is configured, like a program that waits for the
-    /// device.
+    /// Opens a closed USB port once the device is configured, like a host program that waits for
+    /// the device.
     pub(crate) fn keep_open(&self) {
         if let Self::Usb(host) = self
             && host.state() == State::Configured
@@ -46,7 +46,7 @@ impl Port {
         }
     }
 
-    /// Returns whether bytes sent now reach the device.
+    /// Returns whether bytes that are sent now reach the device.
     pub fn is_open(&self) -> bool {
         match self {
             Self::Uart(_) => true,
@@ -54,15 +54,15 @@ impl Port {
         }
     }
 
-    /// Closes the port. This has no effect on a UART.
+    /// Closes a USB port; has no effect on a UART.
     pub fn close(&self) {
         if let Self::Usb(host) = self {
             host.command(Command::Open(false));
         }
     }
 
-    /// Returns the device's baud rate, calculated from the shortest interval between two bytes that
-    /// the device has sent; `None` over USB or before the first byte.
+    /// Returns the device's baud rate, which follows from the shortest time between two bytes that
+    /// it has sent; `None` over USB or before the first byte.
     pub fn baud(&self) -> Option<u64> {
         match self {
             Self::Uart(serial) => serial.line().baud(),
@@ -70,7 +70,7 @@ impl Port {
         }
     }
 
-    /// Returns the USB host; `None` for a UART.
+    /// Returns the simulated USB host; `None` for a UART.
     pub const fn usb(&self) -> Option<&UsbHost> {
         match self {
             Self::Uart(_) => None,
@@ -79,18 +79,18 @@ impl Port {
     }
 }
 
-/// The serial line between device and host; clones share one state.
+/// The serial line between device and host; all clones share one state.
 #[derive(Clone, Debug, Default)]
 pub struct Serial(Arc<Mutex<Line>>);
 
-/// Bytes in transit in both directions, and the timing of those from the device.
+/// Bytes in transit in both directions, and the times of those that the device sends.
 #[derive(Debug, Default)]
 pub(crate) struct Line {
     to_host: Vec<u8>,
     to_device: VecDeque<u8>,
-    /// Shortest time between two bytes from the device, in ns.
+    /// Shortest time between two consecutive bytes from the device, in ns.
     shortest_ns: Option<u64>,
-    /// Time of arrival of the last byte from the device, in ns.
+    /// Time at which the last byte from the device arrived, in ns.
     last_ns: u64,
 }
 
@@ -109,7 +109,7 @@ impl Line {
         std::mem::take(&mut self.to_host)
     }
 
-    /// Returns the baud rate of the device: ten bits per shortest time between two bytes.
+    /// Returns the device's baud rate: ten bits in the shortest time between two bytes.
     pub(crate) fn baud(&self) -> Option<u64> {
         self.shortest_ns.map(|ns| 10_000_000_000 / ns.max(1))
     }

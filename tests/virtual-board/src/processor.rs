@@ -1,5 +1,5 @@
-//! Wrapper of the emulated core that records program counters and accesses registers and private
-//! memory.
+//! Wrapper of the emulator's core that records program counters, sets registers and reads memory
+//! that only the core can access.
 #![expect(unsafe_code, reason = "passes memory from the emulator to its core")]
 
 use std::collections::VecDeque;
@@ -15,27 +15,27 @@ use rigless::time::VirtualNanos;
 
 use crate::core_bus::{Bus, Differences, forward};
 
-/// Number of program counters that are kept. Once this number of failed accesses is known, no more
-/// are recorded.
+/// Number of program counters that are kept. When this number of failed accesses is reached, no
+/// more of them are recorded.
 const KEPT: usize = 16;
 
-/// Access to the running core: records its state, and queues changes to apply before the next call
-/// of [`Processor::run`]. Clones share one state.
+/// Handle of the running core: shows what was recorded, and takes changes, which are applied before
+/// the next call of [`Processor::run`]. All clones share one state.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Observer(Arc<Mutex<Observed>>);
 
 #[derive(Debug, Default)]
 struct Observed {
-    /// Program counter after each of the last calls of [`Processor::run`], the newest last.
+    /// Program counters after the last calls of [`Processor::run`], the newest last.
     program_counters: VecDeque<u64>,
-    /// Registers to set before the next call of [`Processor::run`]: GDB's register number and
-    /// value.
+    /// Registers to set before the next call of [`Processor::run`]: GDB's number of the register,
+    /// and value.
     set: Vec<(usize, u32)>,
-    /// Addresses to read before the next call of [`Processor::run`].
+    /// Addresses of words to read before the next call of [`Processor::run`].
     wanted: Vec<u64>,
-    /// Addresses that were read, with the words found there.
+    /// Address and value of each word that was read.
     read: Vec<(u64, u32)>,
-    /// Accesses to unmapped memory: address, and program counter if known.
+    /// Accesses to unmapped memory: address, and program counter if it is known.
     failed: Vec<(u64, Option<u64>)>,
 }
 
@@ -49,46 +49,46 @@ impl Observer {
         self.state().program_counters.iter().copied().collect()
     }
 
-    /// Returns the first accesses to unmapped memory: address, and program counter if known.
+    /// Returns the first accesses to unmapped memory: address, and program counter if it is known.
     pub(crate) fn failed_accesses(&self) -> Vec<(u64, Option<u64>)> {
         self.state().failed.clone()
     }
 
-    /// Sets registers before the core next runs: 0 to 12 are r0 to r12, 13 is sp, 14 is lr, 15 is
+    /// Sets registers before the core runs again: 0 to 12 are r0 to r12, 13 is sp, 14 is lr, 15 is
     /// pc.
     pub(crate) fn set_registers(&self, registers: &[(usize, u32)]) {
         self.state().set.extend(registers);
     }
 
-    /// Requests words of the core's private address space, for example of the NVIC. They are read
-    /// before the core next runs.
+    /// Requests the words at `addresses` in the core's private address space, for example of the
+    /// NVIC. They are read before the core runs again.
     pub(crate) fn request_words(&self, addresses: &[u64]) {
         let mut state = self.state();
         state.wanted = addresses.to_vec();
         state.read.clear();
     }
 
-    /// Returns address and value of the words of the last [`Self::request_words`]; empty until they
-    /// have been read.
+    /// Returns address and value of each word of the last [`Self::request_words`]; empty until the
+    /// core has run again.
     pub(crate) fn words_read(&self) -> Vec<(u64, u32)> {
         self.state().read.clone()
     }
 }
 
-/// A core that no run uses. It keeps the host code that it has translated from the image's
-/// instructions, which takes longer than most scenarios.
+/// A core that no board uses at present. It is kept for the host code into which it has translated
+/// the image's instructions, because translating takes longer than most scenarios.
 #[derive(Debug)]
 struct IdleCore {
-    /// Name of the image that the core has run.
+    /// Name of the image whose instructions the core has translated.
     image: String,
     inner: Box<dyn Processor>,
-    /// State of the core before it has run.
+    /// State of the core before it first ran.
     initial: Vec<u8>,
 }
 
 static IDLE: Mutex<Vec<IdleCore>> = Mutex::new(Vec::new());
 
-/// Takes an idle core that has run `image`, if there is one, and puts it into its initial state.
+/// Returns an idle core that has run `image`, in its initial state; `None` if there is none.
 fn take_idle(image: &str) -> Option<IdleCore> {
     let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
     let index = idle.iter().position(|core| core.image == image)?;
@@ -98,8 +98,8 @@ fn take_idle(image: &str) -> Option<IdleCore> {
     Some(core)
 }
 
-/// Wraps a core so that `observer` has access to it and `differences` apply to its accesses. The
-/// core is one that has run `image` before, if possible.
+/// Wraps a core so that `observer` has access to it and its accesses are corrected for the
+/// `differences`. If possible, takes an idle core that has run `image` before.
 pub(crate) fn wrap_core(
     mut core: CoreSpec,
     image: &str,
@@ -128,7 +128,7 @@ pub(crate) fn wrap_core(
     core
 }
 
-/// The emulator's core, wrapped.
+/// The emulator's core and the data of its wrapper.
 #[derive(Debug)]
 struct Core {
     inner: ManuallyDrop<Box<dyn Processor>>,
@@ -140,12 +140,12 @@ struct Core {
 }
 
 impl Drop for Core {
-    /// Keeps the inner core for the next run of its image.
+    /// Keeps the wrapped core for the next board that runs the image.
     fn drop(&mut self) {
         let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
         idle.push(IdleCore {
             image: std::mem::take(&mut self.image),
-            // SAFETY: `inner` is not used again, because `self` is being dropped.
+            // SAFETY: nothing uses `inner` again, because `self` is being dropped.
             inner: unsafe { ManuallyDrop::take(&mut self.inner) },
             initial: std::mem::take(&mut self.initial),
         });
@@ -178,7 +178,7 @@ impl Processor for Core {
         };
         let ran = self.inner.run(budget, &mut bus);
         let mut state = self.observer.state();
-        // Later failed accesses are dropped: the first ones show the cause best.
+        // Keep only the first failed accesses, which show the cause best.
         if state.failed.len() < KEPT {
             state.failed.extend(failed);
         }
@@ -197,8 +197,8 @@ impl Processor for Core {
         unsafe { self.inner.map(start, length, host, writable) }
     }
 
-    /// Ignores that the image is written to memory before the core runs: the translations of an
-    /// idle core are those of the same image.
+    /// Ignores that the emulator writes the image to memory before the core runs, because an idle
+    /// core's translations come from the same image.
     fn ask(&mut self, queued: Queued) {
         if self.has_run || !matches!(queued, Queued::Invalidate(..)) {
             self.inner.ask(queued);

@@ -1,12 +1,12 @@
-//! Error messages and exit status of the `virtual-board` program.
+//! Tests the error messages and the exit status of the program `virtual-board`.
 
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::{fs, io};
 
-/// Builds an ELF file whose segment at address `flash` holds a vector table (stack pointer, entry
-/// point) and then `code`.
+/// Returns an ELF file whose segment at the address `flash` holds a vector table (stack pointer,
+/// entry point) and then `code`.
 fn program(machine: u16, flash: u32, code: &[u16]) -> Vec<u8> {
     let table = [0x2000_1000, flash + 9].map(u32::to_le_bytes).concat();
     let code = code.iter().flat_map(|half| half.to_le_bytes());
@@ -19,10 +19,10 @@ fn program(machine: u16, flash: u32, code: &[u16]) -> Vec<u8> {
 
 const ARM: u16 = 40;
 const FLASH: u32 = 0x0800_0000;
-/// Thumb code that loops on `wfi`.
+/// Thumb code of an endless loop around the instruction `wfi`.
 const SLEEP: [u16; 2] = [0xBF30, 0xE7FD];
-/// Thumb code that requests a reset: `ldr r0, =AIRCR; ldr r1, =VECTKEY | SYSRESETREQ; str r1, [r0];
-/// b .`, then the two literals.
+/// Thumb code that resets the chip: `ldr r0, =AIRCR; ldr r1, =VECTKEY | SYSRESETREQ; str r1, [r0];
+/// b .`, then the two constants that it loads.
 const RESET: [u16; 8] = [
     0x4801, 0x4902, 0x6001, 0xE7FE, 0xED0C, 0xE000, 0x0004, 0x05FA,
 ];
@@ -42,7 +42,8 @@ fn run(arguments: &[&str]) -> (Option<i32>, String) {
     (status.code(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
-/// Runs an image on the NUCLEO-H743ZI2, at a TCP port that the operating system chooses.
+/// Runs an image on the NUCLEO-H743ZI2 with a TCP port that the operating system chooses. Returns
+/// exit status and messages.
 fn run_image(path: &Path) -> (Option<i32>, String) {
     run(&["h743", "--port", "0", "--image", &path.to_string_lossy()])
 }

@@ -1,5 +1,5 @@
-//! Checks that groups and crates depend on each other as ARCHITECTURE.md states, that only the
-//! listed files contain unsafe code, and that every source file is compiled.
+//! Checks that crates and their groups depend on each other only as ARCHITECTURE.md states, that
+//! only the files listed there contain unsafe code, and that cargo compiles every source file.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,16 +8,16 @@ use std::process::Command;
 
 use acceptance::workspace::{self, Arrows, Names, Package};
 
-/// Largest number of folders in the root, hidden ones included.
+/// Largest number of folders, hidden ones included, that the root folder may have.
 const MAX_FOLDERS: usize = 16;
 
-/// A row of the tables in "Crates and arrows".
+/// One row of the tables of crates in ARCHITECTURE.md, section "Crates and arrows".
 #[derive(Debug, PartialEq, Eq)]
 struct Row {
-    /// Position of the row's group on the page, from the top. A crate may depend only on crates at
-    /// the same or a smaller position.
+    /// Position of the crate's group in ARCHITECTURE.md, counted from the top. A crate may depend
+    /// only on crates at the same or a smaller position.
     position: usize,
-    /// First folder of the crate's path.
+    /// Group of the crate, which is the first folder of its path.
     group: String,
     arrows: Arrows,
 }
@@ -117,8 +117,8 @@ fn only_the_files_that_architecture_md_lists_contain_unsafe_code() {
     );
 }
 
-/// Checks that every `.rs` file is a target of its crate, or is declared by another file with `mod`
-/// or `#[path]`.
+/// Checks that cargo compiles every `.rs` file: it must be the root of a target, or another file
+/// must declare it with `mod` or `#[path]`.
 #[test]
 fn every_source_file_is_declared_by_a_module() {
     let packages = packages();
@@ -146,8 +146,8 @@ fn every_source_file_is_declared_by_a_module() {
     );
 }
 
-/// Returns the path of `file` relative to the root folder if the file permits unsafe code;
-/// otherwise `None`.
+/// Returns the path of `file` relative to the root folder if an attribute in it permits unsafe
+/// code; otherwise `None`.
 fn unsafe_place(file: &Path) -> Option<String> {
     let text = fs::read_to_string(file).expect("a source file");
     let expects = ["expect(", "allow("].iter().any(|attribute| {
@@ -159,7 +159,7 @@ fn unsafe_place(file: &Path) -> Option<String> {
     expects.then(|| below.to_string_lossy().into_owned())
 }
 
-/// Returns the files that the section "Unsafe code" of ARCHITECTURE.md lists in backticks.
+/// Returns the files that ARCHITECTURE.md lists in backticks in its section "Unsafe code".
 fn written_unsafe_places() -> Names {
     let section = section("Unsafe code");
     let quoted = section.split('`').skip(1).step_by(2);
@@ -169,8 +169,8 @@ fn written_unsafe_places() -> Names {
         .collect()
 }
 
-/// Returns the rows of the tables in the section "Crates and arrows" of ARCHITECTURE.md, by crate
-/// name.
+/// Returns, by the name of the crate, the rows of the tables in the section "Crates and arrows" of
+/// ARCHITECTURE.md.
 fn rows() -> BTreeMap<String, Row> {
     let mut table = BTreeMap::new();
     let section = section("Crates and arrows");
@@ -203,7 +203,7 @@ fn rows() -> BTreeMap<String, Row> {
     table
 }
 
-/// Returns the section of ARCHITECTURE.md with this heading.
+/// Returns the section of ARCHITECTURE.md that has the given heading.
 fn section(heading: &str) -> String {
     let text = fs::read_to_string(workspace::root().join("ARCHITECTURE.md")).expect("the document");
     let (_, section) = text
@@ -212,7 +212,7 @@ fn section(heading: &str) -> String {
     section.split("\n## ").next().unwrap_or(section).to_owned()
 }
 
-/// Returns the words that are in backticks in a cell of a table.
+/// Returns the names in backticks in a table's cell.
 fn names_in(cell: &str) -> Names {
     cell.split('`')
         .skip(1)
@@ -221,7 +221,7 @@ fn names_in(cell: &str) -> Names {
         .collect()
 }
 
-/// Returns the first folder below the root in the path of a crate.
+/// Returns the first folder, counted from the root folder, in the path of a crate.
 fn first_folder(folder: &Path) -> String {
     let root = workspace::root().canonicalize().expect("the root");
     let below = folder
@@ -231,15 +231,15 @@ fn first_folder(folder: &Path) -> String {
     first.to_string_lossy().into_owned()
 }
 
-/// Returns every member of the workspace, and the virtual boards, which are a separate workspace.
+/// Returns all members of the main workspace and of the virtual boards' separate workspace.
 fn packages() -> Vec<Package> {
     let mut packages = workspace::packages("Cargo.toml").expect("cargo metadata");
     packages.extend(workspace::packages("tests/virtual-board/Cargo.toml").expect("cargo metadata"));
     packages
 }
 
-/// Returns every `.rs` file below a member's folder. Skips `target`, and folders with a manifest of
-/// their own, which are other members.
+/// Returns every `.rs` file below the folder of a member. Skips `target` and folders with a
+/// manifest of their own, which belong to other members.
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_owned()];

@@ -1,5 +1,5 @@
-//! The images for the NUCLEO boards run on virtual boards and stream to a rospy subscriber of a
-//! real roscore.
+//! Virtual boards run the images for the NUCLEO boards and stream to a rospy subscriber of a real
+//! roscore.
 
 use std::time::{Duration, Instant};
 
@@ -7,11 +7,10 @@ use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_continuous, rate};
 use acceptance::port::free_port;
 use acceptance::{ros, virtual_board};
 
-/// Number of codes to receive, which are 4 s of device time. Each is checked against the one before
-/// it. The scenarios of `tests/virtual-board` compare 256 codes with host-sim's.
+/// Number of codes that the test receives, 4 s of device time. It checks that each follows the one
+/// before; the scenarios of `tests/virtual-board` compare 256 codes with those of host-sim.
 const CODES: usize = 64;
-/// Longest wall-clock time in which all codes must arrive: on a busy machine a board runs slower
-/// than in real time.
+/// Longest wall-clock wait for all codes: on a busy machine a board runs slower than in real time.
 const TIMEOUT: Duration = Duration::from_mins(4);
 
 #[test]
@@ -46,8 +45,8 @@ fn streams_to_rospy(name: &'static str, test: &str) {
         messages.len(),
         board.log()
     );
-    // The tolerance is 1 us, because device times are rounded to whole microseconds of the board's
-    // own clock.
+    // The tolerance is 1 us, because the board rounds device times to whole microseconds of its
+    // clock.
     assert_continuous(&messages, 1);
     println!(
         "{test}: {} codes in {:.1} s of wall time, none lost, {:.3} Hz by device time",

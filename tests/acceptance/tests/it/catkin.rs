@@ -1,5 +1,5 @@
-//! The catkin packages build in workspaces with and without ROS-Neuro's `rosneuro_msgs`, and their
-//! launch files start the bridge with the arguments of the command line.
+//! The catkin packages build in workspaces with and without ROS-Neuro's own `rosneuro_msgs`, and
+//! their launch files pass the command line's arguments on to the bridge and to corticode-node.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,10 +14,10 @@ use acceptance::ros::{Ros, TIMEOUT};
 use neuro_ros::{GET_ACQUISITION_INFO, NeuroEvent, NeuroFrame, RosMessage};
 use rustix::process::Signal;
 
-/// Longest time that roslaunch may take to end its nodes.
+/// Longest time in which roslaunch must end its nodes after a signal.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(30);
-/// Options of the bridge that are no arguments of corticode.launch: `sink`, because roslaunch shows
-/// no lines of JSON, and `topic_prefix`, which the argument `ns` replaces.
+/// Options of the bridge that are not arguments of corticode.launch: `sink`, because roslaunch does
+/// not show the JSON lines, and `topic_prefix`, which the argument `ns` replaces.
 const NOT_ARGUMENTS: [&str; 2] = ["sink", "topic_prefix"];
 
 #[test]
@@ -30,8 +30,8 @@ fn built_messages_have_the_md5_sums_that_the_bridge_publishes() {
     let packages = ["corticode", "rosneuro_msgs"].map(catkin::package);
     let workspace = CatkinWorkspace::new(folder.path().join("alone"), &packages);
     text_of(&workspace.make(&ros, None, &[&bridge_option()]));
-    // Build again in the workspace's own environment, as a user does: the workspace's messages must
-    // not be taken for those of another workspace.
+    // Build again in the environment of the built workspace, as a user does: the build must not
+    // take the workspace's own messages for those of another workspace.
     text_of(&workspace.make(&ros, Some(&workspace), &["install"]));
 
     for space in ["devel", "install"] {
@@ -69,7 +69,8 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     let workspace = CatkinWorkspace::new(folder.path().join("rosneuro"), &packages);
     text_of(&workspace.make(&ros, None, &[&bridge_option()]));
 
-    // The project's messages would hide those of the workspace below.
+    // The build must refuse the project's package, which would hide the one of the same name in the
+    // workspace below.
     let above = [catkin::package("rosneuro_msgs")];
     let above = CatkinWorkspace::new(folder.path().join("above"), &above);
     let refused = above.make(&ros, Some(&workspace), &[]);
@@ -128,7 +129,7 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     }
 }
 
-/// Starts corticode-node by its launch file, with the acquisition at `topic`.
+/// Starts corticode-node by its launch file with EEG frames on `topic`, and checks that it encodes.
 fn assert_node_encodes(workspace: &CatkinWorkspace, ros: &Ros<'_>, folder: &Path, topic: &str) {
     let input = format!("input:={topic}");
     let launched = launch(
@@ -169,9 +170,9 @@ fn a_build_without_the_program_says_where_to_get_it() {
     }
 }
 
-/// Compares the arguments of corticode.launch with the private parameters of the bridge.
+/// Checks that corticode.launch has every private parameter of the bridge but [`NOT_ARGUMENTS`].
 fn assert_every_option_is_an_argument(workspace: &CatkinWorkspace, ros: &Ros<'_>) {
-    // The bridge lists its private parameters when one is unknown.
+    // The bridge lists its private parameters when it refuses an unknown one.
     let refused = Command::new(&programs().bridge)
         .arg("_no_such_parameter:=1")
         .output()
@@ -202,8 +203,8 @@ fn assert_every_option_is_an_argument(workspace: &CatkinWorkspace, ros: &Ros<'_>
     );
 }
 
-/// Returns a package `rosneuro_msgs` that stands for ROS-Neuro's: the same definitions and a
-/// message more.
+/// Returns a package `rosneuro_msgs` that stands for ROS-Neuro's own: it has the project's
+/// definitions and one more message.
 fn other_messages(folder: &Path) -> PathBuf {
     let ours = catkin::package("rosneuro_msgs");
     let other = folder.join("ros-neuro/rosneuro_msgs");
@@ -243,8 +244,8 @@ fn launch(
     Process::start(arguments[0], &mut roslaunch, folder).expect("roslaunch starts")
 }
 
-/// Waits until rostopic, with the message classes of the workspace, has received 2 s of
-/// NeuroFrames: by then rosbag has a status of /diagnostics as well.
+/// Waits until rostopic, which uses the workspace's message classes, has received 32 NeuroFrames of
+/// `topic`, 2 s: by then the recorded bag also contains a status on /diagnostics.
 fn wait_for_frames(workspace: &CatkinWorkspace, ros: &Ros<'_>, folder: &Path, topic: &str) {
     let mut echo = workspace.command(ros, "devel", "rostopic");
     echo.args(["echo", "-n32", topic]);

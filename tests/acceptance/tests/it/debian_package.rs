@@ -1,8 +1,8 @@
-//! The Debian package installs in a clean Debian 12, starts there, and leaves nothing when it is
-//! purged; its service streams under systemd.
+//! The Debian package installs in a clean Debian 12, its programs start there, and purging it
+//! leaves no files; the service that it installs streams under systemd.
 //!
-//! The first test starts the command of the service in a chroot. The second boots a container, for
-//! `cargo xtask deb --check` alone: fetching and booting it takes two minutes.
+//! The first test starts the service's command in a chroot. The second runs only in `cargo xtask
+//! deb --check`, because it boots a container, which takes two minutes with the download.
 
 use std::collections::BTreeSet;
 use std::env;
@@ -16,16 +16,16 @@ use acceptance::process::Process;
 use acceptance::programs::programs;
 use emulator::skip::{skip_unless_required, skipped};
 
-/// Environment variable with the path of the package to check. Without it, the test packs the
-/// program that the other tests start.
+/// Environment variable with the path of the package to check. Without it, the test makes a package
+/// of the bridge that the other tests start.
 const PACKAGE: &str = "CORTICODE_DEB";
-/// Lines in the log of a bridge that waits for a board and a ROS master.
+/// Lines that the bridge must log while it waits for a board and a ROS master.
 const WAITING: [&str; 3] = [
     "options from /etc/corticode/bridge.toml",
     "no Corticode board is on USB",
     "no ROS master answers",
 ];
-/// Files that the package must install.
+/// Paths of files that the package must install.
 const INSTALLED: [&str; 8] = [
     "/usr/bin/corticode-bridge",
     "/usr/bin/corticode-node",
@@ -37,8 +37,8 @@ const INSTALLED: [&str; 8] = [
     "/usr/share/doc/corticode-bridge/copyright",
 ];
 
-/// Systemd unit in the container that reports the service's state after 8 s, and again after a
-/// start with a wrong option, and then ends the container.
+/// Systemd unit in the container. It reports the state of the service after 8 s and again after a
+/// start with an unknown option, and then ends the container.
 const OBSERVER: &str = "[Unit]
 After=corticode-bridge.service
 [Service]
@@ -51,8 +51,8 @@ ExecStopPost=systemctl poweroff
 [Install]
 WantedBy=multi-user.target
 ";
-/// Lines that [`OBSERVER`] must report: the service streams, its group is dialout, which has the
-/// number 20 in every Debian, and systemd does not start it again after status 2.
+/// Lines that [`OBSERVER`] must report: the service streams, its group is dialout, which has number
+/// 20 in every Debian, and systemd does not restart it after exit status 2.
 const OBSERVED: [&str; 5] = [
     "streaming codes",
     "registered with the ROS master",
@@ -96,7 +96,7 @@ fn the_package_starts_in_a_clean_debian_and_purge_leaves_nothing() {
     for line in WAITING {
         assert!(log.contains(line), "no {line:?} in {log}");
     }
-    // Wrong usage has status 2, with which systemd does not try again.
+    // An unknown option gives exit status 2, after which systemd does not restart the service.
     debian.succeed("echo 'prot = 1' >> /etc/corticode/bridge.toml");
     let refused = debian.run(start);
     let errors = String::from_utf8_lossy(&refused.stderr).into_owned();
@@ -173,11 +173,11 @@ fn the_service_streams_under_systemd_and_stays_failed_after_wrong_usage() {
     }
     let user = result.lines().find_map(|line| line.strip_prefix("user="));
     let user: u32 = user.and_then(|user| user.parse().ok()).expect(&result);
-    // systemd.exec(5): range of the user ids that DynamicUser assigns.
+    // Range of the user ids that systemd assigns for DynamicUser (systemd.exec(5)).
     assert!((61_184..=65_519).contains(&user), "{result}");
 }
 
-/// Packs the program that the tests start, and returns the path of the package.
+/// Makes a Debian package of the bridge that the tests start, and returns the package's path.
 fn pack() -> PathBuf {
     let mut xtask = Command::new(&programs().xtask);
     xtask.args(["deb", "--program"]).arg(&programs().bridge);
@@ -192,16 +192,16 @@ fn pack() -> PathBuf {
         .into()
 }
 
-/// A Debian 12 with the essential packages and those that a test names.
+/// An unpacked Debian 12 with the essential packages and those that a test asks for.
 struct CleanDebian {
     root: PathBuf,
     _folder: tempfile::TempDir,
 }
 
 impl CleanDebian {
-    /// Unpacks a clean Debian, which is fetched once and kept as an archive in `folder`. Returns
-    /// `None`, and reports the test as skipped, if Debian's servers do not answer. An error is the
-    /// reason why this machine cannot have a clean Debian.
+    /// Unpacks a clean Debian with `packages` from an archive in `folder`, which the first call
+    /// downloads. If Debian's servers do not answer, reports the test as skipped and returns
+    /// `None`. An error tells why this machine cannot have a clean Debian.
     fn unpack(folder: &Path, name: &str, packages: &str) -> Result<Option<Self>, String> {
         let id = Command::new("id").arg("-u").output();
         if !id.is_ok_and(|output| output.stdout == b"0\n") {
@@ -209,7 +209,7 @@ impl CleanDebian {
         }
         let archive = folder.join(name).with_extension("tar");
         if !archive.exists() {
-            // mmdebstrap leaves a broken archive when it fails.
+            // Download under a temporary name: mmdebstrap leaves a broken archive when it fails.
             let part = folder.join(format!("{name}.part.tar"));
             let mut fetch = Command::new("mmdebstrap");
             fetch.args(["--quiet", "--variant=essential", "--include", packages]);
@@ -252,7 +252,7 @@ impl CleanDebian {
         chroot.output().expect("chroot starts")
     }
 
-    /// Runs a command that must succeed, and returns its standard output.
+    /// Runs a command in the unpacked Debian that must succeed, and returns its standard output.
     fn succeed(&self, words: &str) -> String {
         let done = self.run(words);
         let errors = String::from_utf8_lossy(&done.stderr);
@@ -260,7 +260,7 @@ impl CleanDebian {
         String::from_utf8_lossy(&done.stdout).into_owned()
     }
 
-    /// Returns the paths of all files except those in which dpkg keeps its records.
+    /// Returns the paths of all files in the unpacked Debian except logs and dpkg's own records.
     fn files(&self) -> BTreeSet<String> {
         let all = self.succeed("find / -xdev ! -path '/var/lib/dpkg/*' ! -path '/var/log/*'");
         all.lines().map(str::to_owned).collect()

@@ -1,5 +1,5 @@
-//! The Python program of docs/decoding.md decodes codes to the microvolts of the crate
-//! `reconstruction`.
+//! The Python program that docs/decoding.md prints decodes codes to the same microvolts as the
+//! crate `reconstruction`.
 
 use std::fs;
 use std::process::Command;
@@ -9,8 +9,8 @@ use any_model::{Size, any_artifact_with, every_variant};
 use artifact::reconstruction::WindowDecoder;
 use artifact::{Artifact, Mode, NetworkShape, Padding};
 
-/// Main program, appended to that of the page: reads the codes `z.f32` from the model's folder,
-/// which is its argument, decodes them, and writes the windows.
+/// Main program that the test appends to the program in docs/decoding.md: it decodes the codes in
+/// `z.f32` in the model's folder, its argument, and writes the decoded windows there.
 const MAIN: &str = r#"
 folder = Path(sys.argv[1])
 decoder = Decoder(folder)
@@ -18,17 +18,18 @@ codes = np.fromfile(folder / "z.f32", "<f4").reshape(-1, decoder.model["code"]["
 np.array([decoder.window(z) for z in codes.astype(float)]).tofile(folder / "windows.f64")
 "#;
 
-/// Distance between the variants that are decoded: to save time, only every fifth is. These have
+/// Of all variants of the network, the test decodes every fifth, to save time. These still include
 /// each padding and each mode.
 const EVERY: usize = 5;
 
-/// Number of codes of each network.
+/// Number of codes that the test decodes with each network.
 const CODES: usize = 3;
 
-/// Largest permitted difference as a ratio to the largest value: the Rust decoder computes in f32.
+/// Largest permitted difference between the two decoders, as a ratio to the largest decoded value;
+/// the Rust decoder computes in f32.
 const TOLERANCE: f64 = 1e-5;
 
-/// Sizes other than the paper's: one row of electrodes, and the largest grid.
+/// Networks with other sizes than the paper's: one row of electrodes, and the largest grid.
 const SIZES: [(Size, Padding, [usize; 3]); 2] = [
     (
         Size {
@@ -79,7 +80,8 @@ fn the_program_of_the_page_decodes_as_the_bridge_does() {
     }
 }
 
-/// Decodes some codes with both programs; returns the largest difference over the largest value.
+/// Decodes [`CODES`] codes with both decoders. Returns the ratio of their largest difference to the
+/// largest value.
 fn compare(artifact: &Artifact) -> f64 {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
@@ -117,7 +119,7 @@ fn compare(artifact: &Artifact) -> f64 {
     differences.fold(0.0, f64::max) / largest
 }
 
-/// Returns the Python program of the page.
+/// Returns the Python program in docs/decoding.md.
 fn program() -> String {
     let page = fs::read_to_string(workspace::root().join("docs/decoding.md")).expect("the page");
     let (_, text) = page.split_once("```python\n").expect("a program");

@@ -1,5 +1,5 @@
-//! The streaming encoder computes the codes of the batch reference, on every window of EEG that was
-//! not used for training.
+//! The streaming encoder computes the same codes as the batch reference, on every window of EEG
+//! recordings that were not used for training.
 
 use acceptance::{real_data, workspace};
 use artifact::Artifact;
@@ -18,8 +18,8 @@ fn streaming_equals_batch_on_every_window_of_r12() {
     compare(real_data::EDF_R12);
 }
 
-/// Compares the codes of the pipeline with those that model-gen's plain loops compute from the same
-/// quantised planes.
+/// Compares the codes of the pipeline with those of model-gen's simple loops on the same quantised
+/// planes.
 fn compare(file: &str) {
     let test = format!("streaming equals batch on {file}");
     let Some(path) = real_data::path(&test, file) else {
@@ -31,7 +31,7 @@ fn compare(file: &str) {
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let samples = real_data::samples(&path, &electrodes).expect("samples");
 
-    // The recordings come from a country with 60 Hz mains.
+    // The recordings come from a country where the mains frequency is 60 Hz.
     let mut pipeline = Pipeline::new(Mains::Hz60);
     let mut front_end = FrontEnd::new(Mains::Hz60, &model::RESAMPLER);
     let mut planes: Vec<Plane> = Vec::new();
@@ -49,8 +49,8 @@ fn compare(file: &str) {
     let different = different(&batch, &planes, &codes);
     println!("{file}: {} windows, {different} different", codes.len());
     assert_eq!(different, 0);
-    // 125 s of EEG are about 2,000 windows. Most codes must differ from the code before: they are
-    // neither constant nor all clipped.
+    // 125 s of EEG give about 2,000 codes. Most must differ from the code before them: equal codes
+    // would agree even if both encoders gave a constant or clipped every value.
     assert!(codes.len() > 1900);
     assert!(
         codes

@@ -1,5 +1,5 @@
-//! The streaming encoder computes the codes that numpy computes from the integer model, byte for
-//! byte. So does the integer reference, for networks of every mode, padding and pool.
+//! The streaming encoder computes the same codes, byte for byte, as numpy does from the integer
+//! model. So does the integer reference, for networks of every mode, padding and pool.
 //!
 //! The numpy implementation, `encoder_numpy.py`, shares no code with the Rust implementations. It
 //! reads the integers that model-gen computes from the weights, in PyTorch's order.
@@ -11,10 +11,10 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{HOP, STEPS};
 use pipeline::{Acquisition, CELLS, Encoder, Mains, Plane, Sample, Step};
 
-/// Number of windows over all inputs, unless `CORTICODE_WINDOWS` sets another number.
+/// Number of windows that numpy encodes in all, unless `CORTICODE_WINDOWS` sets another number.
 const WINDOWS: usize = 1_000;
 
-/// Formats of codes; the network with seed n has the format at index n modulo 3.
+/// Formats of the compared codes; the network with seed n uses the format at index n modulo 3.
 const FORMATS: [CodeFormat; 3] = [
     CodeFormat::Int8,
     CodeFormat::Int8Exponent,
@@ -42,8 +42,8 @@ fn numpy_computes_the_codes_of_the_streaming_encoder() {
     let different = pairs.filter(|(ours, theirs)| ours != theirs).count();
     println!("{} windows, {different} different", codes.len());
     assert_eq!((theirs.len(), different), (codes.len(), 0));
-    // Consecutive codes are equal only if the input is silent, and fewer than half of the inputs
-    // are.
+    // Consecutive codes are equal only if the input is silent, and it is silent in fewer than half
+    // of the windows.
     let changes = codes.windows(2).filter(|pair| pair[0] != pair[1]).count();
     assert!(changes > codes.len() / 2, "{changes} of {}", codes.len());
 }
@@ -62,7 +62,8 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
         let quiet = windows
             .iter()
             .map(|window| any_model::quantised(&artifact, &model, window));
-        // A window of extreme planes drives activations and codes to the ends of their ranges.
+        // Planes at the ends of the input's range drive activations and codes to the ends of their
+        // ranges.
         let dimensions = &model.geometry.dimensions;
         let step = |cell: usize| cell / dimensions.cells();
         let rail = |cell| if step(cell) % 5 < 3 { 127 } else { -128 };
@@ -91,7 +92,7 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
     }
 }
 
-/// Returns the planes of each input: extreme ones, synthetic EEG, and real EEG if it is available.
+/// Returns the planes of each input: extreme values, synthetic EEG and, if available, real EEG.
 fn inputs(test: &str) -> Vec<Vec<Plane>> {
     let requested = std::env::var("CORTICODE_WINDOWS").ok();
     let windows = requested.map_or(WINDOWS, |text| text.parse().expect("a number of windows"));

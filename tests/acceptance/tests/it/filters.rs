@@ -1,21 +1,21 @@
-//! The output of the fixed-point filters equals that of scipy's floating-point filters, on real
-//! EEG.
+//! On real EEG, the output of the fixed-point filters equals that of scipy's floating-point filters
+//! within the ADC's rounding.
 
 use acceptance::npz::{Array, Npz};
 use acceptance::{real_data, workspace};
 use artifact::MontageFile;
 use pipeline::{FrontEnd, Mains};
 
-/// Largest error from rounding a sample to counts, which is half a count, in uV.
+/// Largest error from rounding a sample to whole counts: half a count, in uV.
 const HALF_COUNT_UV: f64 = 0.5 * model::LSB_NV as f64 / 1000.0;
 
-/// Number of levels of a filtered sample per count.
+/// Number of a filtered sample's levels that make one count.
 const LEVELS_PER_COUNT: f64 = (1_u32 << model::GUARD_BITS) as f64;
 
-/// Compares the filters with the output of scipy's `sosfilt`, from zero states, with `iirnotch(50,
-/// 30, 512)` followed by `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')`: every fourth
-/// sample, float32. The archive with this output also contains scipy's coefficients. Its electrodes
-/// and grid are the paper's.
+/// Compares the filters with scipy's `sosfilt`, started from zero states, with `iirnotch(50, 30,
+/// 512)` followed by `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')`. The reference
+/// archive holds every fourth sample of scipy's output as float32, and scipy's coefficients; its
+/// electrodes and grid are the paper's.
 #[test]
 fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     let test = "filters against scipy";
@@ -61,22 +61,22 @@ fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
         }
     }
     let rms = (squares / (240.0 * 16.0 * 61.0)).sqrt();
-    // Rounding of the input to counts, at worst half a count with the sign of the impulse response
-    // in every sample, plus rounding of the reference to float32.
+    // Bound of the error from rounding: half a count in every input sample, each with the sign that
+    // makes the output's error largest, plus rounding of the reference to float32.
     let rounding = worst_gain * HALF_COUNT_UV + largest * f64::from(f32::EPSILON);
-    // Add one count for the filters' own rounding. The largest total error measured is 0.0177 uV.
+    // Add one count for rounding inside the filters. The largest total error measured is 0.0177 uV.
     let bound = rounding + LEVELS_PER_COUNT * uv_per_level;
     println!(
         "filters against scipy: max error {worst:.4} uV (bound {bound:.4}), rms {rms:.4} uV, of \
          at most {largest:.1} uV; worst-case gain {worst_gain:.3}"
     );
     assert!(worst <= bound);
-    // The signal must not be zero, because two zero signals would also be equal.
+    // The output must not be zero, because then any two filters would agree.
     assert!(largest > 50.0);
 }
 
-/// Returns scipy's filter sections, first the notch, then those of the band-pass. Each has b0, b1,
-/// b2, a0, a1, a2; a0 is 1.
+/// Returns scipy's filter sections, the notch before those of the band-pass. Each consists of b0,
+/// b1, b2, a0, a1 and a2, and a0 is 1.
 fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
     let band_pass: Array = reference.array("sos").expect("sos");
     let notch = reference.array("notch").expect("notch");
@@ -88,12 +88,12 @@ fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
     values.as_chunks().0.to_vec()
 }
 
-/// Returns the sum of the magnitudes of the sections' impulse response, which is the gain for the
-/// worst input.
+/// Returns the sum of the magnitudes of the filters' impulse response, which is the largest gain
+/// that any bounded input can have.
 fn l1_norm(sections: &[[f64; 6]]) -> f64 {
     let mut states = vec![[0.0; 2]; sections.len()];
-    // 20 s are enough: the slowest poles decay at 0.96 / s, so the response has decayed by about
-    // e^-19.
+    // Sum over 20 s: the slowest poles decay at 0.96 / s, so the response has by then decayed by
+    // about e^-19.
     let impulse = std::iter::once(1.0).chain(std::iter::repeat_n(0.0, 20 * 512));
     impulse
         .map(|input| {

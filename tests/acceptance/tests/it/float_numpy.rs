@@ -7,12 +7,12 @@ use std::path::Path;
 use acceptance::numpy_reference;
 use artifact::{ArtifactError, FloatDecoder, FloatEncoder, Mode};
 
-/// Number of windows per variant.
+/// Number of windows that are compared for each variant of the network.
 const WINDOWS: usize = 2;
 
 /// Largest permitted difference, as a ratio to the largest magnitude. The Rust code adds up to
-/// 10,368 products in f32, whose relative rounding error is 6e-8. The largest ratio measured is
-/// 1.5e-6.
+/// 10,368 products in f32, each with a relative rounding error of 6e-8. The largest ratio measured
+/// is 1.5e-6.
 const TOLERANCE: f64 = 1e-5;
 
 #[test]
@@ -60,8 +60,8 @@ fn numpy_computes_the_float_codes_and_windows_of_every_variant() {
     println!("largest difference {worst:.1e} of the largest magnitude");
 }
 
-/// Checks that `ours` and `theirs` are equal within [`TOLERANCE`]. Returns the ratio of the largest
-/// difference to the largest magnitude.
+/// Checks that the Rust results `ours` and numpy's `theirs` are equal within [`TOLERANCE`]. Returns
+/// the ratio of the largest difference to the largest magnitude.
 fn difference(ours: &[f32], theirs: &[f64], what: &str) -> f64 {
     assert_eq!(ours.len(), theirs.len(), "{what}");
     let pairs = ours.iter().zip(theirs);

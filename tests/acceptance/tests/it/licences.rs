@@ -1,4 +1,4 @@
-//! Every linked package has a licence that deny.toml allows.
+//! Every package that the project links has a licence that deny.toml allows.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -7,14 +7,14 @@ use acceptance::workspace::{self, WorkspaceError};
 use emulator::skip::skipped;
 use spdx::{Expression, LicenseReq, ParseMode};
 
-/// Accepts `/` for `OR`, which old manifests contain. Every other deviation from SPDX is an error.
+/// How licence expressions are parsed: as SPDX, but with `/` for `OR`, as in old manifests.
 const MODE: ParseMode = ParseMode {
     allow_slash_as_or_operator: true,
     ..ParseMode::STRICT
 };
 
-/// Folders of the workspaces with a deny.toml: the main one, and that of the virtual boards, which
-/// only tests run.
+/// Folders of the two workspaces that have a deny.toml: the main one, and that of the virtual
+/// boards, on which only tests depend.
 const WORKSPACES: [&str; 2] = [".", "tests/virtual-board"];
 
 #[test]
@@ -66,7 +66,7 @@ fn a_copyleft_licence_and_a_missing_one_are_refused() {
     assert!(!accepts(&allowed, ""));
 }
 
-/// Returns the list `allow` of the table `[licenses]` in the workspace's deny.toml.
+/// Returns the licences that the workspace's deny.toml lists as `allow` in its table `[licenses]`.
 fn allowed(workspace: &str) -> BTreeSet<String> {
     let file = workspace::root().join(workspace).join("deny.toml");
     let text = fs::read_to_string(file).expect("deny.toml");
@@ -77,15 +77,15 @@ fn allowed(workspace: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// Returns, by package, the licence expression of every package that a target, build script or test
-/// of the workspace links.
+/// Returns the licence expression of every package that a target, build script or test of the
+/// workspace links, by the package's name.
 ///
-/// The list is that of `cargo tree`, because `cargo metadata` also lists packages that no enabled
-/// feature reaches.
+/// The list comes from `cargo tree`, because `cargo metadata` also lists packages that no enabled
+/// feature needs.
 fn dependencies(workspace: &str) -> BTreeMap<String, String> {
     let all = tree(workspace, &["--target=all"]).or_else(|error| {
-        // Packages for other operating systems are missing on this machine until cargo fetches
-        // them.
+        // Without a network, cargo lists only the packages that this machine has, and those for
+        // other operating systems are missing.
         skipped("licences of other systems' packages", error);
         tree(workspace, &["--offline"])
     });
@@ -103,7 +103,7 @@ fn dependencies(workspace: &str) -> BTreeMap<String, String> {
     packages
 }
 
-/// Returns the output of `cargo tree`, with lines `PACKAGE|LICENCE`; `choice` selects the targets.
+/// Returns the lines `PACKAGE|LICENCE` of `cargo tree`; the arguments `choice` select targets.
 fn tree(workspace: &str, choice: &[&str]) -> Result<String, WorkspaceError> {
     let manifest = format!("--manifest-path={workspace}/Cargo.toml");
     let arguments = [
@@ -118,7 +118,7 @@ fn tree(workspace: &str, choice: &[&str]) -> Result<String, WorkspaceError> {
     workspace::cargo(&[&arguments, choice].concat())
 }
 
-/// Returns whether the allowed licences satisfy a licence expression.
+/// Returns whether the expression `licence` can be satisfied with the licences in `allowed`.
 fn accepts(allowed: &BTreeSet<String>, licence: &str) -> bool {
     let on_list = |required: &LicenseReq| allowed.contains(&required.to_string());
     Expression::parse_mode(licence, MODE).is_ok_and(|expression| expression.evaluate(on_list))

@@ -1,4 +1,4 @@
-//! What the whole promises, with one module for each promise.
+//! Tests of the whole product, with one module for each promise to its users.
 #![forbid(unsafe_code)]
 
 mod architecture;

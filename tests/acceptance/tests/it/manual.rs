@@ -1,4 +1,4 @@
-//! The manual pages of `corticode-bridge` are correct input for the formatter of `man`.
+//! The formatter of `man` accepts the manual pages of `corticode-bridge` without a warning.
 
 use std::path::Path;
 use std::process::Command;
@@ -27,7 +27,7 @@ fn groff_formats_every_page_without_a_warning() {
         assert!(output.status.success(), "{page:?}: {warnings}");
         assert!(warnings.is_empty(), "{page:?}: {warnings}");
         let text = String::from_utf8_lossy(&output.stdout);
-        // The footer of each page has the name of the manual.
+        // The footer of each formatted page contains the name of the manual.
         assert!(text.contains("Corticode"), "{page:?}: {text}");
         count += 1;
     }

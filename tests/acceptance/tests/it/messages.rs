@@ -1,11 +1,11 @@
-//! Messages to the user have words, not Rust's debug output: no escaped quotes, no names of enums.
+//! Messages to the user have words and none of Rust's debug output: escaped quotes, enum names.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use acceptance::workspace;
 
-/// Crates whose messages a user of the programs sees.
+/// Crates that contain messages which a user of the programs sees.
 const CRATES: [&str; 14] = [
     "artifact",
     "bench",
@@ -23,7 +23,7 @@ const CRATES: [&str; 14] = [
     "trainer",
 ];
 
-/// Beginnings of a message, each with its end.
+/// Text with which a message begins in the source code, and text with which it ends.
 const MESSAGES: [(&str, &str); 9] = [
     ("#[error(", ")]"),
     ("println!(", ");"),
@@ -52,9 +52,9 @@ fn no_message_to_the_user_has_debug_output() {
         collect(&package.folder.join("src"), &mut files);
         for file in files {
             let text = fs::read_to_string(&file).expect("a source file");
-            // Leave out the unit tests, which are at the end of a file.
+            // Leave out the file's unit tests, which come last in it.
             let text = text.split("#[cfg(test)]").next().unwrap_or_default();
-            // Leave out what an emulated microcontroller prints: only programs read it.
+            // Leave out what the emulated microcontroller prints, because only programs read it.
             let text = text.replace("hprintln!(", "");
             for (start, end) in MESSAGES {
                 for rest in text.split(start).skip(1) {
@@ -71,7 +71,7 @@ fn no_message_to_the_user_has_debug_output() {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
-/// Returns whether a message has a `{:?}`, or a field `?name` of the log.
+/// Returns whether a message formats a value with `{:?}`, or with `?` as a field of the log.
 fn is_debug(message: &str) -> bool {
     let has_field = message.split(['(', ',', ' ']).any(|word| {
         let field = word.trim().strip_prefix('?');
@@ -80,7 +80,7 @@ fn is_debug(message: &str) -> bool {
     message.contains(":?}") || has_field
 }
 
-/// Collects the Rust files of a folder, without those that hold only tests.
+/// Adds to `files` the Rust files below a folder, except those that contain only tests.
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).expect("a folder").flatten() {
         let path = entry.path();

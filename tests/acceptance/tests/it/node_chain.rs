@@ -1,6 +1,6 @@
-//! `corticode-node` with a real roscore: the frames of a rospy acquisition become the codes of
-//! host-sim for the same samples, bit for bit; the services answer, and roscore and the acquisition
-//! can start again.
+//! `corticode-node` with a real roscore: it turns the frames of a rospy acquisition into the same
+//! codes, bit for bit, as host-sim does from the same samples; its services answer, and it works on
+//! after a restart of roscore or of the acquisition.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,12 +21,12 @@ use rustix::process::Signal;
 
 /// Duration of the EEG in each test, in seconds.
 const SECONDS: usize = 12;
-/// Samples per frame of the acquisition, as in the paper: 62.5 ms.
+/// Number of samples that each frame of the acquisition carries, 62.5 ms as in the paper.
 const SAMPLES: usize = 32;
-/// Longest time for a program to end.
+/// Longest time in which a program must end after a signal.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Samples of an acquisition: values in uV, sample by sample.
+/// EEG that a test publishes as an acquisition: values in uV, sample by sample.
 struct Eeg {
     rate_hz: usize,
     labels: Vec<String>,
@@ -57,7 +57,7 @@ impl Eeg {
         }
     }
 
-    /// Reads the samples of the first [`SECONDS`] of a recording.
+    /// Reads the samples of a recording's first [`SECONDS`] seconds.
     fn read(path: &Path) -> Eeg {
         let mut recording = Recording::open(path).expect("a recording");
         let rate = recording.signals()[0].rate.expect("samples").value();
@@ -91,7 +91,7 @@ impl Eeg {
         }
     }
 
-    /// Returns the dequantised codes that host-sim makes of a recording of these samples.
+    /// Returns the dequantised codes that host-sim computes from a recording of the samples.
     fn codes_of_host_sim(&self, folder: &Path) -> Vec<Vec<f32>> {
         let recording = folder.join("eeg.gdf");
         let rate_hz = u32::try_from(self.rate_hz).expect("a small rate");
@@ -110,7 +110,7 @@ impl Eeg {
         dequantised_codes(&fs::read(codes).expect("the codes"))
     }
 
-    /// Starts a rospy node that publishes the samples in real time.
+    /// Starts a rospy node that publishes the samples as NeuroFrames in real time.
     fn publish(&self, ros: &Ros<'_>, folder: &Path, number: u32) -> Process {
         let path = folder.join("values.f32");
         let bytes: Vec<u8> = self.values.iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -177,7 +177,7 @@ fn is_filler(frame: &NeuroFrame) -> bool {
     frame.tri.data[0] & i32::from(Flags::FILLER.bits()) != 0
 }
 
-/// Checks that the codes on `/encoded` are those of host-sim for a recording of `eeg`.
+/// Checks that corticode-node publishes the codes that host-sim computes from `eeg`.
 async fn passes(eeg: &Eeg) {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();

@@ -1,5 +1,6 @@
-//! `host-sim encode` and `host-sim decode` as a user runs them: the codes of `host-sim run`, the
-//! microvolts of the bridge, whole folders, and recordings of several formats, rates and caps.
+//! `host-sim encode` and `host-sim decode`, run as a user does: they give the codes of `host-sim
+//! run` and the microvolts of the bridge, and accept whole folders and recordings of several
+//! formats, rates and caps.
 
 use std::fs;
 use std::io::Write as _;
@@ -14,20 +15,20 @@ use artifact::Artifact;
 use link::{Code, Decoder, MAX_FRAME, ToHost};
 use recordings::Recording;
 
-/// Length of the synthetic recording, seconds.
+/// Duration of the synthetic recording in seconds.
 const SECONDS: u32 = 12;
 
-/// Longest time that the bridge takes to record a run, and to end.
+/// Longest time that the bridge may take to record a run, and to end afterwards.
 const TIMEOUT: Duration = Duration::from_mins(2);
 
-/// Runs host-sim with arguments in a folder.
+/// Runs host-sim with `arguments` in `folder`, and returns what it printed and its exit status.
 fn host_sim(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(&programs().host_sim);
     let output = command.current_dir(folder).args(arguments).output();
     output.expect("host-sim starts")
 }
 
-/// Runs host-sim and returns what it prints.
+/// Runs host-sim, which must succeed, and returns what it prints.
 fn printed(folder: &Path, arguments: &[&str]) -> String {
     let output = host_sim(folder, arguments);
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -35,7 +36,7 @@ fn printed(folder: &Path, arguments: &[&str]) -> String {
     text
 }
 
-/// Calls `each` with every code of a file of frames.
+/// Calls `each` with the device time and the levels of every code in a file of frames.
 fn for_each_code(path: &Path, mut each: impl FnMut(u64, &Code)) {
     let bytes = fs::read(path).expect("frames");
     let mut rest = &bytes[..];
@@ -48,7 +49,7 @@ fn for_each_code(path: &Path, mut each: impl FnMut(u64, &Code)) {
     }
 }
 
-/// Returns a text for each code of a file, with its time and levels, to compare two files.
+/// Returns a text with time and levels of each code in a file, to compare two files.
 fn codes(path: &Path) -> Vec<String> {
     let mut codes = Vec::new();
     for_each_code(path, |time_us, code| {
@@ -58,8 +59,8 @@ fn codes(path: &Path) -> Vec<String> {
     codes
 }
 
-/// Writes a GDF file of the model's electrodes at 250 Hz, which is resampled, with one event a
-/// second.
+/// Writes a GDF file with the model's electrodes and one event per second. Its rate is 250 Hz, so
+/// that host-sim must resample it.
 fn write_recording(path: &Path) {
     let rate_hz = 250;
     let labels: Vec<&str> = model::LABELS.split(' ').collect();
@@ -98,8 +99,8 @@ fn codes_are_those_of_run_and_microvolts_those_of_the_bridge() {
     compare_with_the_bridge(folder, "in.gdf", "encoded.codes");
 }
 
-/// Records the wire of `host-sim run` with the bridge, converts the recording, and compares the
-/// decoded signal with that of `host-sim decode`.
+/// Records with the bridge what `host-sim run` sends, converts the recording, and compares the
+/// decoded signal in it with that of `host-sim decode`.
 fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
     let port = free_port().expect("a free port");
     let port = format!("tcp:127.0.0.1:{port}");
@@ -318,8 +319,8 @@ fn real_recordings_of_three_formats_are_encoded_and_decoded() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     fs::create_dir_all(folder.join("in")).expect("a folder");
-    // EDF at 160 Hz with a 10-10 cap, and GDF at 512 Hz with the paper's electrodes, 31 of which
-    // were recorded.
+    // An EDF file at 160 Hz from a cap with 10-10 names, and a GDF file at 512 Hz with the paper's
+    // electrodes, of which 31 were recorded and the others interpolated.
     for (name, source) in [
         ("r11.edf", r11.clone()),
         ("paper.gdf", data.join("derived/s001r04_61ch_512hz_i16.gdf")),
@@ -327,7 +328,7 @@ fn real_recordings_of_three_formats_are_encoded_and_decoded() {
         fs::copy(source, folder.join("in").join(name)).expect("a copy");
     }
     printed(folder, &["encode", "in", "codes"]);
-    // BDF at 128 Hz with the model's electrodes: the decoded file is encoded again.
+    // Encode the decoded file, a BDF file at 128 Hz with the model's electrodes, once more.
     printed(
         folder,
         &[
@@ -351,8 +352,8 @@ fn real_recordings_of_three_formats_are_encoded_and_decoded() {
     ];
     let text = printed(folder, &arguments);
     let _ = std::io::stdout().write_all(text.as_bytes());
-    // Largest permitted PRD over the measured electrodes, relative to the figure in the model's
-    // card. That figure was measured on recordings like the first of these.
+    // Largest permitted PRD over the measured electrodes, as a multiple of the PRD in the model's
+    // card, which was measured on recordings like the EDF file.
     let artifact =
         Artifact::read(&workspace::root().join("signal/model/artifact")).expect("the artifact");
     let card = artifact.description.training.prd_percent.expect("figures");

@@ -1,5 +1,5 @@
-//! Models of other shapes, caps and codes than the checked-in one. Each builds the crates that
-//! depend on the model again, which `cargo xtask test --fast` leaves out.
+//! Models that differ from the checked-in one in shape, cap or code. Each test compiles the crates
+//! that depend on the model again, so `cargo xtask test --fast` leaves these tests out.
 
 mod montages;
 mod own_cap_page;

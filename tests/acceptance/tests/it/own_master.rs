@@ -5,11 +5,11 @@ use std::time::Duration;
 use acceptance::chain::{Chain, NEURO_FRAME_MD5};
 use acceptance::ros;
 
-/// Duration of the EEG, in seconds.
+/// Duration of the EEG that the board encodes, in seconds.
 const SECONDS: usize = 5;
-/// Codes per second.
+/// Number of codes that the board sends per second.
 const RATE: usize = 16;
-/// Longest wait for a program on a busy machine.
+/// Longest wait for a program, which is slow on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
@@ -35,7 +35,7 @@ fn rospy_rosbag_and_rostopic_receive_every_code_at_the_programs_own_master() {
 
     let ended = board.wait(SLACK);
     assert!(ended.success(), "{}", board.log());
-    // The first window takes two hops, so n hops make n - 1 codes.
+    // The first window takes two hops, so n hops of EEG give n - 1 codes.
     let codes = SECONDS * RATE - 1;
     chain.wait_for(codes);
     assert_eq!(chain.messages().len(), codes);

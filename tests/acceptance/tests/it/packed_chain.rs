@@ -1,4 +1,4 @@
-//! Packed blocks reach a user as the electrode signals that the library decodes: live at a real
+//! A user gets packed blocks as the electrode signals that the library decodes: live from a real
 //! roscore, printed, recorded, replayed, converted, and after losses.
 
 use std::path::Path;
@@ -19,19 +19,19 @@ use model::{ADC_RATE_HZ, ELECTRODES, HOP, STEP_RATE_HZ};
 use pipeline::{Acquisition, Mains, PackedEncoder, Rate, Sample};
 use serde_json::Value;
 
-/// Duration of the EEG in seconds.
+/// Duration of the EEG that the board encodes, in seconds.
 const SECONDS: usize = 8;
-/// Longest wait for a program on a busy machine.
+/// Longest wait for a program, which is slow on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
-/// Rate of the blocks, which differs from the model's default.
+/// Rate at which blocks are encoded; not the default, so that the bridge must set it.
 const RATE: u8 = 3;
-/// Number of blocks in a run.
+/// Number of blocks that the board sends in [`SECONDS`].
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
 
-/// A frame of `/neurodata_reconstructed`: its values, and the flags of its block.
+/// One frame of `/neurodata_reconstructed`: the decoded values, and the flags of the block.
 type Frame = (Vec<f32>, u64);
 
-/// Returns the blocks of the synthetic EEG.
+/// Returns the packed blocks that the pipeline computes from the board's synthetic EEG.
 fn blocks() -> Vec<Vec<u8>> {
     let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
     let generator = Generator::new(&spec).expect("the model's electrodes");
@@ -47,7 +47,7 @@ fn blocks() -> Vec<Vec<u8>> {
     blocks
 }
 
-/// Decodes blocks as the library does: `None` for a lost one.
+/// Decodes blocks with the library; `None` stands for a lost block.
 fn decode(blocks: &[Option<&Vec<u8>>]) -> Vec<PackedBlock> {
     let artifact = Artifact::from_bytes(
         model::artifact_files::MODEL_TOML,
@@ -69,8 +69,8 @@ fn decode(blocks: &[Option<&Vec<u8>>]) -> Vec<PackedBlock> {
     decoded.collect()
 }
 
-/// Returns the frames that a bridge without the option for low latency publishes: each block is
-/// corrected by the next one, the last block is left as it is.
+/// Returns the frames that the bridge publishes without its option for low latency: the next block
+/// corrects each block, except the last.
 fn expected(decoded: &[PackedBlock]) -> Vec<Vec<f32>> {
     let pairs = decoded.windows(2);
     let smoothed = pairs.map(|pair| pair[1].smoothed.as_ref().unwrap_or(&pair[0].microvolts));
@@ -78,14 +78,14 @@ fn expected(decoded: &[PackedBlock]) -> Vec<Vec<f32>> {
     smoothed.chain(last).cloned().collect()
 }
 
-/// Starts a bridge that prints what it decodes from the packed blocks of the device at `port`.
+/// Starts a bridge that prints what it decodes from the packed blocks of the board at `port`.
 fn print_blocks(folder: &Path, port: &str, options: &[&str]) -> Process {
     let rate = format!("--packed-rate={RATE}");
     let options = [&["--streams=packed", &rate], options].concat();
     printing::print(folder, port, &options)
 }
 
-/// Returns the frames of the reconstruction in lines of JSON.
+/// Returns the reconstructed frames among the JSON lines that a bridge has printed.
 fn printed(lines: &str) -> Vec<Frame> {
     let frames = messages(lines, "/neurodata_reconstructed").map(|message| {
         let data = message["eeg"]["data"].as_array().expect("a list");
@@ -99,7 +99,7 @@ fn printed(lines: &str) -> Vec<Frame> {
     frames.collect()
 }
 
-/// Returns the counts of a run without losses, as the bridge prints them.
+/// Returns the numbers of blocks and bits that the bridge logs after a run without losses.
 fn counts(blocks: &[Vec<u8>]) -> String {
     let bytes: usize = blocks.iter().map(Vec::len).sum();
     format!(
@@ -108,7 +108,7 @@ fn counts(blocks: &[Vec<u8>]) -> String {
     )
 }
 
-/// Returns the value of a key in a report of the bridge; `None` without that key.
+/// Returns the value of `key` in a diagnostic status of the bridge; `None` without that key.
 fn value(status: &Value, key: &str) -> Option<f64> {
     let values = status["values"].as_array()?;
     let found = values.iter().find(|value| value["key"] == key)?;
@@ -129,7 +129,7 @@ fn packed_blocks_alone_reach_rospy_as_the_library_decodes_them() {
     let duration = SECONDS.to_string();
     let mut board = chain.board(&["--input=synthetic", "--seed=7", "--duration", &duration]);
     assert!(board.wait(SLACK).success(), "{}", board.log());
-    // The last block is published only once another block or the end of the run comes.
+    // The bridge publishes the last block only when another block or the end of the run comes.
     let due = BLOCKS - 1;
     subscriber.wait_until("all frames", SLACK, |subscriber| {
         subscriber.output().lines().count() > due
@@ -146,7 +146,7 @@ fn packed_blocks_alone_reach_rospy_as_the_library_decodes_them() {
         let lost = Flags::FILLER | Flags::HEALING | Flags::OVERRUN | Flags::ADC_STATUS_BAD;
         assert_eq!(message.status.flags & u64::from(lost.bits()), 0);
         assert_eq!(message.eeg.count, HOP * ELECTRODES);
-        // The subscriber prints six decimals.
+        // Allow for the six decimals that the subscriber prints.
         for (value, expected) in message.values.iter().zip(expected) {
             let expected = f64::from(*expected);
             let difference = (value - expected).abs();
@@ -185,7 +185,7 @@ fn blocks_are_decoded_at_once_or_corrected_and_take_few_bits_on_the_wire() {
         let ended = board(folder, SECONDS, &format!("pty:{port}")).wait(SLACK);
         assert!(ended.success());
         printing.wait_until("all frames", SLACK, |bridge| {
-            // The frame of the last block is printed only when the run ends.
+            // The bridge prints the frame of the last block only when the run ends.
             printed(&bridge.output()).len() + 1 >= expected.len()
         });
         let [lines, log] = printing::stop(printing, folder);
@@ -200,8 +200,8 @@ fn blocks_are_decoded_at_once_or_corrected_and_take_few_bits_on_the_wire() {
     }
 }
 
-/// Prints the bits of blocks and of everything on the wire in one second of settled signals, from
-/// the bridge's report.
+/// Prints how many bits the packed blocks, and all bytes on the wire, take in the last second of
+/// the run, as the bridge's diagnostics report.
 fn report_bits(lines: &str) {
     let reports: Vec<Value> = messages(lines, "/diagnostics").collect();
     let values = |status: &str, key: &str| {
@@ -221,7 +221,7 @@ fn report_bits(lines: &str) {
     );
     let bits = values("packed code", "bits per second");
     let wire = values("link", "bytes");
-    // The newest reports come after the end of the run.
+    // Count the reports made during the run; the newest ones come after its end.
     let streaming = bits.iter().filter(|bits| **bits > 0.0).count();
     assert!(streaming >= SECONDS - 2, "{bits:?}");
     let place = wire.len() - bits.len() + streaming - 1;

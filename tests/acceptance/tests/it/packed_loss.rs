@@ -1,5 +1,5 @@
-//! The packed code on a lossy link: what a lost block costs, how soon the decoder recovers, and
-//! that it says so.
+//! The packed code on a lossy link: how large the error after a lost block is, how soon the decoder
+//! recovers, and that it marks blocks until then as not sound.
 #![expect(clippy::cast_precision_loss, reason = "a few thousand blocks")]
 
 use acceptance::{real_data, workspace};
@@ -9,23 +9,23 @@ use model::{ELECTRODES, GUARD_BITS, HOP, LABELS, LSB_NV};
 use packed::Rate;
 use pipeline::{Acquisition, Mains, PackedEncoder, Step};
 
-/// Number of blocks from one without prediction to the next.
+/// Number of blocks from one that is coded without prediction to the next such block.
 const RESET_BLOCKS: usize = 64;
 
-/// Steps at the start in which the filters settle: 10 s.
+/// Number of steps at the start that the tests leave out while the filters settle: 10 s.
 const SETTLING_STEPS: usize = 1_280;
 
-/// Blocks of a recording of 115 s.
+/// Number of blocks that a recording of 115 s gives.
 const BLOCKS: usize = 1_800;
 
 const RATE: Rate = PackedEncoder::DEFAULT_RATE;
 
-/// A recording as it was coded: signals and bytes of each block, and the encoder's state after it.
+/// A coded recording: the signals and the bytes of each block, and the encoder's state after it.
 struct Coded {
     microvolts: Vec<Vec<f32>>,
     bytes: Vec<Vec<u8>>,
     states: Vec<Vec<i16>>,
-    /// Mean square of the signals, microvolts squared.
+    /// Mean square of all signals, in microvolts squared.
     power: f64,
     misfits: usize,
 }
@@ -35,14 +35,14 @@ fn lost_blocks_cost_little_and_the_decoder_says_until_when() {
     let Some(coded) = coded("packed code with loss") else {
         return;
     };
-    // Measured: one misfit, a block in which one electrode jumps.
+    // The recording has one misfit, measured: a block in which one electrode jumps.
     assert!(coded.misfits <= 2, "{} misfits", coded.misfits);
     let model = model();
     let (whole, sound) = error(&model, &coded, |_| false);
     println!("no loss: error {whole:.5} of the power");
     assert_eq!(sound, BLOCKS);
     assert!((0.005..0.012).contains(&whole), "{whole}");
-    // The limits are a quarter above the measured values: 0.0167 with 14 blocks lost, 0.0923 with
+    // The limits are a quarter above the errors measured: 0.0167 with 14 lost blocks, 0.0923 with
     // 168.
     for (percent, most) in [(1, 0.021), (10, 0.115)] {
         let mut state = 3_u32;
@@ -66,7 +66,7 @@ fn a_lost_block_heals_and_the_next_block_without_prediction_is_exact() {
         return;
     };
     let model = model();
-    // Mean squared error by the number of blocks since a loss, over losses at many places.
+    // Mean squared error by the number of blocks since a loss, summed over losses at many places.
     let mut after = [0.0; 20];
     let mut places = 0.0;
     for lost in (70..BLOCKS - 70)
@@ -90,7 +90,7 @@ fn a_lost_block_heals_and_the_next_block_without_prediction_is_exact() {
                 *place += mean_square(&microvolts, &coded.microvolts[block]) / coded.power;
             }
         }
-        // The last block had no prediction, so the decoder is exact after it.
+        // The last block has no prediction, so the decoder's state after it equals the encoder's.
         assert_eq!(decoder.state(), coded.states[start + RESET_BLOCKS]);
     }
     let after = after.map(|sum| sum / places);
@@ -115,8 +115,8 @@ fn a_decoder_that_starts_in_the_middle_of_a_run_heals_as_after_a_loss() {
         .iter()
         .map(|bytes| whole.decode(bytes, RATE).expect("a block").microvolts)
         .collect();
-    // Mean squared error by the number of blocks since the start, and that of a decoder of the
-    // whole run.
+    // For each number of blocks since the start, the mean squared errors of a decoder that starts
+    // in the middle and of one that has decoded the whole run.
     let mut errors = [[0.0; 2]; 20];
     let starts = (70..BLOCKS - 70).step_by(37);
     for start in starts.filter(|block| block % RESET_BLOCKS < 40 && block % RESET_BLOCKS > 0) {
@@ -136,15 +136,15 @@ fn a_decoder_that_starts_in_the_middle_of_a_run_heals_as_after_a_loss() {
     }
     let ratios = errors.map(|[late, whole]| late / whole);
     println!("error after a start in the middle, of that of the whole run: {ratios:.2?}");
-    // Measured: 50 times the error in the first block, 1.15 times after eight of them, and less
-    // from then on. After a loss of 1 to 12 blocks it is 1.12 to 1.20 times.
+    // The measured ratio of the late decoder's error to the other's is 50 in the first block, 1.15
+    // after eight blocks, then less; after a loss of 1 to 12 blocks it is 1.12 to 1.20.
     assert!(ratios[0] > 10.0, "{ratios:?}");
     let healed = &ratios[HEALING_BLOCKS..];
     assert!(healed.iter().all(|ratio| *ratio < 1.2), "{ratios:?}");
 }
 
-/// Decodes a recording of which some blocks are lost. Returns the mean squared error over the power
-/// of the signals, and the number of sound blocks.
+/// Decodes a recording without the blocks for which `is_lost` is true. Returns the mean squared
+/// error divided by the power of the signals, and the number of sound blocks.
 fn error(model: &PackedModel, coded: &Coded, is_lost: impl Fn(usize) -> bool) -> (f64, usize) {
     let mut decoder = PackedDecoder::new(model);
     let (mut error, mut sound) = (0.0, 0);
@@ -172,7 +172,7 @@ fn model() -> PackedModel {
     artifact.packed.expect("a packed model")
 }
 
-/// Encodes the recording R11; `None` without `CORTICODE_DATA`.
+/// Encodes the recording R11; returns `None` without `CORTICODE_DATA`.
 fn coded(test: &str) -> Option<Coded> {
     let path = real_data::path(test, real_data::EDF_R11)?;
     let electrodes: Vec<&str> = LABELS.split(' ').collect();

@@ -1,7 +1,7 @@
-//! The packed encoder writes the bytes that `packed_python.py` computes from the artifact's files,
-//! and a decoder has the state that it computes.
+//! The packed encoder writes the same bytes as `packed_python.py` computes from the artifact's
+//! files, and a decoder reaches the state that it computes.
 //!
-//! The Python program shares no code with the Rust implementations: it reads docs/packed.md's
+//! The Python program shares no code with the Rust implementations: it follows docs/packed.md's
 //! formulas literally.
 
 use std::fmt::Write as _;
@@ -17,13 +17,14 @@ use model::{CHANNELS, HOP, LABELS};
 use packed::Rate;
 use pipeline::{Acquisition, Mains, PackedEncoder, Sample, Step};
 
-/// Debian's Python, 3.11 or later.
+/// Path of Debian's Python, which must be version 3.11 or later.
 const PYTHON: &str = "/usr/bin/python3";
 
-/// Blocks of each input at each rate; more than the 64 from one reset to the next.
+/// Number of blocks of each input at each rate, enough to include a second block without
+/// prediction, which is every 64th.
 const BLOCKS: usize = 70;
 
-/// Rates of the comparison: the default, the ends, one with an odd step, and one between.
+/// Rates that are compared: the default, the finest, two between, and the coarsest.
 const RATES: [u8; 5] = [4, 0, 5, 9, 15];
 
 #[test]
@@ -45,8 +46,8 @@ fn python_computes_the_bytes_of_the_packed_encoder_and_the_decoders_state() {
     }
 }
 
-/// Returns each block's bytes and the CRC-32 of the decoder's state after it, as the Python program
-/// prints them.
+/// Returns, as the Python program prints them, each block's bytes and the CRC-32 of the decoder's
+/// state after the block.
 fn coded(steps: &[Step], rate: u8) -> Vec<String> {
     let folder = workspace::root().join("signal/model/artifact");
     let artifact = Artifact::read(&folder).expect("the artifact");
@@ -90,8 +91,8 @@ fn python(steps: &[Step]) -> Vec<String> {
     text.lines().map(str::to_owned).collect()
 }
 
-/// Returns the steps of each input: silence, noise over all 24 bits, synthetic EEG, and real EEG if
-/// it is available.
+/// Returns the steps of each input: silence, noise over all 24 bits, synthetic EEG and, if
+/// available, real EEG.
 fn inputs(test: &str) -> Vec<(&'static str, Vec<Step>)> {
     let electrodes: Vec<&str> = LABELS.split(' ').collect();
     let synthetic = Generator::new(&SyntheticSpec::new(5, electrodes.iter().copied()));

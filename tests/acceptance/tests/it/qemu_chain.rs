@@ -1,4 +1,4 @@
-//! The application runs on an emulated microcontroller and streams to a rospy subscriber of a real
+//! An emulated microcontroller runs the firmware and streams to a rospy subscriber of a real
 //! roscore.
 
 use std::time::{Duration, Instant};
@@ -9,10 +9,10 @@ use acceptance::{emulated_board, ros};
 use emulator::installed;
 use host_sim::synthetic::{Generator, SyntheticSpec};
 
-/// Duration of the EEG whose codes must arrive, in seconds, unless `CORTICODE_QEMU_SECONDS` sets
-/// another one.
+/// Duration in seconds of the EEG whose codes must arrive, unless `CORTICODE_QEMU_SECONDS` sets
+/// another.
 const SECONDS: u32 = 12;
-/// Number of codes per second.
+/// Number of codes that the board sends per second.
 const RATE: u32 = 16;
 
 #[test]

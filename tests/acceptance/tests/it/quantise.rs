@@ -1,15 +1,15 @@
-//! The codes of the integer encoder are close to those of the float encoder, for networks in which
-//! every layer, every padding and every sign of a batch norm matters.
+//! The integer encoder's codes are close to the float encoder's, for networks in which every layer,
+//! every padding and every sign of a batch norm's scale matters.
 
 use any_model::{any_artifact, every_variant, quantised, windows};
 use artifact::{Artifact, CodeFormat, FloatEncoder, Mode, Padding};
 use model_gen::{IntegerModel, ModelGenError, quantise};
 
-/// Number of windows per variant, none of which was used for the variant's calibration.
+/// Number of windows that each variant encodes, none of which was used to calibrate it.
 const WINDOWS: usize = 6;
 
-/// Returns two lists of codes for the same windows: those of the float encoder, and those of the
-/// integer encoder after dequantisation.
+/// Returns the codes of the same windows by the float encoder and, dequantised, by the integer
+/// encoder.
 fn codes(artifact: &Artifact, model: &IntegerModel, seed: u32) -> (Vec<Vec<f32>>, Vec<Vec<f32>>) {
     let encoder = FloatEncoder::new(artifact).expect("a complete network");
     windows(seed, artifact, WINDOWS)
@@ -21,8 +21,8 @@ fn codes(artifact: &Artifact, model: &IntegerModel, seed: u32) -> (Vec<Vec<f32>>
         .unzip()
 }
 
-/// Returns the ratio of signal to quantisation noise over all codes, in dB. The signal is a code
-/// minus the mean of each dimension.
+/// Returns the ratio of signal to quantisation noise over all codes, in dB. The signal is the
+/// difference of each dimension of a code from the mean of this dimension.
 fn sqnr_db((float, integer): &(Vec<Vec<f32>>, Vec<Vec<f32>>)) -> f32 {
     let (mut signal, mut noise) = (0.0, 0.0);
     for j in 0..float[0].len() {
@@ -43,7 +43,7 @@ fn integer_codes_follow_the_float_codes_in_every_variant() {
         let model = quantise(&artifact).expect("a quantisable network");
         let sqnr = sqnr_db(&codes(&artifact, &model, seed));
         println!("{mode:?}, {padding:?}, {pool:?}: {sqnr:.1} dB");
-        // The lowest ratios measured are 29.5 dB with a shortcut and 22.2 dB without.
+        // The lowest ratios measured are 29.5 dB for modes with a shortcut and 22.2 dB for others.
         let floor_db = if mode.has_shortcut() { 27.0 } else { 21.0 };
         assert!(
             sqnr > floor_db,
@@ -62,7 +62,7 @@ fn zeros_in_place_of_the_padding_degrade_the_codes() {
         model.hidden_padding.fill(0);
         let wrong = sqnr_db(&codes(&artifact, &model, 7));
         println!("{padding:?}: {right:.1} dB, with zeros {wrong:.1} dB");
-        // With zeros, the ratio was measured 26 dB lower than with the right padding.
+        // With padding by zeros, the measured ratio was 26 dB lower than with the right padding.
         assert!(wrong < right - 20.0, "{padding:?}: {right:.1}, {wrong:.1}");
     }
 }
@@ -104,7 +104,7 @@ fn a_padding_beyond_16_bits_is_refused_naming_its_channel() {
 fn a_dimension_far_from_zero_keeps_its_resolution() {
     let mut artifact =
         any_artifact(4, Mode::Shortcut, Padding::None, [2, 2, 2], 8).expect("an artifact");
-    // Only this format has a zero point.
+    // Of the three formats, only Int8 has a zero point.
     artifact.description.code.format = CodeFormat::Int8;
     let raise = |name: &str, by: f32| {
         let values = artifact.calibration.tensor(name, &[128]);

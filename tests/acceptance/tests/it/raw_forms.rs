@@ -1,5 +1,5 @@
-//! Compressed samples reach a user as the samples themselves do: live, recorded, replayed,
-//! converted, and after losses.
+//! A user gets compressed samples with the same values as uncompressed ones: live, recorded,
+//! replayed, converted, and after losses.
 
 use std::path::Path;
 use std::time::Duration;
@@ -12,19 +12,19 @@ use acceptance::process::Process;
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{ADC_RATE_HZ, CHANNELS, LSB_NV};
 
-/// Duration of the EEG in seconds.
+/// Duration of the EEG that the board samples, in seconds.
 const SECONDS: usize = 6;
-/// Longest wait for a program on a busy machine.
+/// Longest wait for a program, which is slow on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
-/// Value of the status word `flags` from which on its highest bit is set, which marks a row that
-/// replaces a lost sample.
+/// Smallest value of the status word `flags` in which the highest bit is set; this bit marks a
+/// filler, which replaces a lost sample.
 const FILLER: f64 = 32_768.0;
 
-/// A sample as a user gets it: its values, those of the spare channels last, and whether it is a
-/// filler.
+/// One sample as the bridge prints it: its values, with the spare channels last, and whether it is
+/// a filler.
 type Row = (Vec<f32>, bool);
 
-/// Returns the samples of the synthetic EEG, uV.
+/// Returns the samples of the board's synthetic EEG, in uV.
 fn expected() -> Vec<Vec<f32>> {
     let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
     let generator = Generator::new(&spec).expect("the model's electrodes");
@@ -35,13 +35,13 @@ fn expected() -> Vec<Vec<f32>> {
     generator.take(samples).map(row).collect()
 }
 
-/// Starts a bridge that prints the samples of the device at `port`.
+/// Starts a bridge with `--raw-form` set to `form`; it prints the samples of the board at `port`.
 fn print_samples(folder: &Path, port: &str, form: &str) -> Process {
     let form = format!("--raw-form={form}");
     printing::print(folder, port, &["--streams=codes,raw", &form])
 }
 
-/// Returns the samples in lines of JSON.
+/// Returns the samples in the JSON lines that a bridge has printed.
 fn printed(lines: &str) -> Vec<Row> {
     let mut rows = Vec::new();
     for message in printing::messages(lines, "/neurodata") {

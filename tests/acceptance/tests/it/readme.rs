@@ -1,4 +1,4 @@
-//! The job for CI in the README runs word by word.
+//! The commands in the README's example of a CI job run exactly as they are printed there.
 
 use std::fs;
 use std::process::Command;

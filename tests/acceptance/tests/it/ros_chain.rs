@@ -9,9 +9,9 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use pipeline::{Mains, Pipeline, Sample};
 
-/// Duration of the EEG in each test, in seconds.
+/// Duration of the EEG that the board encodes in each test, in seconds.
 const SECONDS: u32 = 20;
-/// Longest wait for a program on a busy machine.
+/// Longest wait for a program, which is slow on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
@@ -65,8 +65,9 @@ fn recording_passes(test: &str, file: &str) {
     );
 }
 
-/// Runs the chain on `input`, and compares the messages that rospy receives with the codes of the
-/// pipeline in this process. They must name the `interpolated` electrodes.
+/// Runs the chain with EEG that the arguments `input` of host-sim select, and compares the messages
+/// that rospy receives with the codes that the pipeline computes in this process. The messages must
+/// name the `interpolated` electrodes.
 fn passes(
     test: &str,
     input: &[&str],
@@ -79,7 +80,7 @@ fn passes(
     let duration = SECONDS.to_string();
     let mut board = chain.board(&[input, &["--duration", &duration]].concat());
 
-    // While the chain runs, call the commands that a user is likely to type first.
+    // While the chain runs, call the commands that a user would probably type first.
     chain.wait_for(16);
     let echo = chain.ros.tool("rostopic", &["echo", "-n1", "/encoded"]);
     assert!(
@@ -119,7 +120,7 @@ fn passes(
             .zip(values)
             .map(|(x, y)| (x - y).abs())
             .fold(0.0, f64::max);
-        // The tolerance covers the subscriber's lines, which have six decimals of a float32.
+        // The tolerance allows for the subscriber's output, which has six decimals of each float32.
         assert!(
             largest < 2e-5 * values.iter().fold(1.0, |m: f64, x| m.max(x.abs())),
             "{largest}"
@@ -136,8 +137,8 @@ fn passes(
     );
 }
 
-/// Returns the dequantised codes that the pipeline computes for the first [`SECONDS`] of the
-/// samples.
+/// Returns the dequantised codes that the pipeline computes from the first [`SECONDS`] seconds of
+/// `samples`.
 fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Vec<f64>> {
     let mut pipeline = Pipeline::new(mains);
     let count = usize::from(model::ADC_RATE_HZ) * usize::try_from(SECONDS).expect("small");
@@ -154,7 +155,7 @@ fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Ve
     codes.map(|code| dequantise(code.values.levels())).collect()
 }
 
-/// Checks that the messages keep the contract of ROS-Neuro's acquisition, and that no code is lost.
+/// Checks that the messages have the form that ROS-Neuro demands, and that no code is lost.
 fn assert_contract(messages: &[Message]) {
     let labels: Vec<String> = (0..128).map(|index| format!("z{index:03}")).collect();
     for (index, message) in messages.iter().enumerate() {
@@ -190,7 +191,7 @@ fn assert_contract(messages: &[Message]) {
                 .all(|value| (low..=high).contains(value))
         );
     }
-    // The device times of consecutive codes are exactly a hop apart: 32 samples at 512 Hz.
+    // By device time, consecutive codes are exactly one hop apart: 32 samples at 512 Hz.
     for pair in messages.windows(2) {
         assert_eq!(
             pair[1].status.device_us() - pair[0].status.device_us(),
@@ -200,8 +201,8 @@ fn assert_contract(messages: &[Message]) {
     }
 }
 
-/// Prints the intervals between arrivals, which depend on the load of the machine and are not
-/// checked.
+/// Prints the intervals between arrivals, which the test does not check because they depend on the
+/// load of the machine.
 fn report(test: &str, messages: &[Message]) {
     let intervals: Vec<f64> = messages
         .windows(2)
@@ -227,8 +228,8 @@ fn a_restart_of_roscore_loses_no_code() {
     chain.wait_for(48);
     chain.ros.restart_core().expect("a new roscore");
     let start = Instant::now();
-    // A new subscriber knows only the new master, so it receives codes only after the bridge has
-    // registered there.
+    // A new subscriber registers only with the new master, so it receives codes only after the
+    // bridge has registered there, too.
     let mut another = chain.another_subscriber();
     another.wait_until(
         "the bridge is registered at the new master",

@@ -10,13 +10,13 @@ use link::Flags;
 use model::{ADC_RATE_HZ, CHANNELS, ELECTRODES, HOP, LSB_NV, STEP_RATE_HZ};
 use pipeline::{Acquisition, Mains, Sample};
 
-/// Duration of the EEG in seconds.
+/// Duration of the EEG that the board samples, in seconds.
 const SECONDS: usize = 8;
-/// Number of samples per frame of `/neurodata`, which are the samples of one hop.
+/// Number of samples in each frame of `/neurodata`: those of one hop.
 const SAMPLES: usize = HOP * ADC_RATE_HZ as usize / STEP_RATE_HZ as usize;
-/// Levels per count of a filtered step: 2^5, because it has 5 fraction bits.
+/// Number of levels of a filtered step per count: 2^5, because the step has 5 fraction bits.
 const FRACTION: f64 = 32.0;
-/// Longest wait for a program on a busy machine.
+/// Longest wait for a program, which is slow on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
@@ -31,7 +31,7 @@ fn samples_and_steps_reach_rospy_together_with_the_codes() {
     }
 }
 
-/// Streams samples in one form, and checks all of them.
+/// Streams samples with `--raw-form` set to `form`, and checks the values of all samples.
 fn stream_samples(form: &str) {
     let folder = tempfile::tempdir().expect("a folder");
     let chain = Chain::start_with(folder.path(), &["--streams=codes,raw,filtered", form]);
@@ -99,8 +99,8 @@ fn all(subscriber: &mut Process, count: usize) -> Vec<Message> {
     messages
 }
 
-/// Checks ROS-Neuro's contract: the shape of each frame, one label per channel, numbers and times
-/// without a gap, and no filler.
+/// Checks that the frames have the form that ROS-Neuro demands: shape, one label per channel, no
+/// gap in numbers and times, and no filler.
 fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
     let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
     for (index, message) in (0..).zip(messages) {
@@ -123,15 +123,15 @@ fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
     }
     for pair in messages.windows(2) {
         let period_us = pair[1].status.device_us() - pair[0].status.device_us();
-        // The device times are rounded to microseconds, and the sampling period is not a whole
-        // number of microseconds.
+        // Allow 1 us, because the sampling period is not a whole number of microseconds and device
+        // times are rounded to microseconds.
         assert!(period_us.abs_diff(62_500) <= 1, "{period_us} us");
         assert!(pair[1].stamp > pair[0].stamp);
     }
 }
 
-/// Checks that the values are the expected ones, within the rounding to float32 and to the six
-/// decimals of the subscriber's lines.
+/// Checks that the values equal `expected` within the rounding to float32 and to the six decimals
+/// that the subscriber prints.
 fn assert_values(messages: &[Message], expected: &[f64]) {
     let values = messages.iter().flat_map(|message| &message.values);
     let mut count = 0;

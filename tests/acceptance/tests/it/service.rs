@@ -1,4 +1,4 @@
-//! The systemd service is valid and confined.
+//! The systemd service has a valid unit file, and the unit confines the program.
 
 use std::fs;
 use std::path::Path;
@@ -7,8 +7,8 @@ use std::process::{Command, Output};
 use acceptance::{programs::programs, workspace};
 use emulator::skip::skip_unless_required;
 
-/// Largest exposure that `systemd-analyze security` may report, in tenths; measured: 19, "OK".
-/// Without the lines of the unit after `DynamicUser`, 84.
+/// Largest exposure that `systemd-analyze security` may report, in tenths; 19 was measured, which
+/// it rates "OK". Without the unit's lines after `DynamicUser`, it is 84.
 const EXPOSURE_TENTHS: &str = "25";
 
 #[test]
@@ -20,7 +20,7 @@ fn systemd_accepts_the_unit_and_finds_it_confined() {
     }
     let unit = workspace::root().join("packaging/corticode-bridge.service");
     let unit = fs::read_to_string(unit).expect("the unit");
-    // systemd-analyze checks that the program exists. It is not installed on this machine.
+    // systemd-analyze checks that the program exists, so use the path of the built bridge.
     let installed = "ExecStart=/usr/bin/corticode-bridge\n";
     assert!(unit.contains(installed), "{unit}");
     let built = format!("ExecStart={}\n", programs().bridge.display());

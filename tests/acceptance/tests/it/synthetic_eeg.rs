@@ -1,4 +1,4 @@
-//! The default model, which was trained on recordings, decodes host-sim's synthetic EEG.
+//! The default model, which was trained on recordings, can decode host-sim's synthetic EEG.
 
 use acceptance::workspace;
 use artifact::Artifact;
@@ -6,15 +6,15 @@ use artifact::reconstruction::WindowDecoder;
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use pipeline::{FrontEnd, Mains, Plane, Sample, quantise};
 
-/// Number of steps until the filters have settled on offsets of 20 mV: 9.5 s.
+/// Number of steps that the test skips until the filters have settled on offsets of 20 mV: 9.5 s.
 const SETTLING: usize = 19 * model::STEP_RATE_HZ as usize / 2;
-/// Number of steps that are compared, from [`SETTLING`] on: 20 s.
+/// Number of steps after [`SETTLING`] that the test compares: 20 s.
 const STEPS: usize = 20 * model::STEP_RATE_HZ as usize;
-/// Number of windows that contain a step.
+/// Number of windows that contain any one step.
 #[expect(clippy::cast_precision_loss, reason = "at most 32 steps")]
 const OVERLAP: f64 = model::STEPS as f64 / model::HOP as f64;
-/// Largest error (PRD), percent. Measured with seeds 1 to 3: 13.4, 13.2, 14.1. With a drift that
-/// reaches into the band of the EEG it was 39 to 40.
+/// Largest permitted error (PRD), percent. With seeds 1 to 3 the error was 13.4, 13.2 and 14.1;
+/// with a drift that reached into the band of the EEG, 39 to 40.
 const LIMIT: f64 = 15.0;
 
 #[test]
@@ -36,7 +36,7 @@ fn synthetic_eeg_is_decoded_almost_as_well_as_a_recording() {
 
         let levels_per_count = f64::from(1_u16 << model::GUARD_BITS);
         let uv_per_level = f64::from(model::LSB_NV) / 1_000.0 / levels_per_count;
-        // A step is the mean of all windows that contain it, as the bridge decodes.
+        // Each decoded step is the mean of all windows that contain it, as in the bridge.
         let mut decoded = vec![[0.0; model::ELECTRODES]; filtered.len()];
         for start in (0..=filtered.len() - model::STEPS).step_by(model::HOP) {
             let window = planes[start..start + model::STEPS].as_flattened();

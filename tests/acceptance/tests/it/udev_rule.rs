@@ -1,4 +1,4 @@
-//! Debian's udev applies `packaging/60-corticode.rules` to simulated USB devices.
+//! Debian's udev applies the rules in `packaging/60-corticode.rules` to simulated USB devices.
 
 use std::fs;
 use std::path::Path;
@@ -12,9 +12,9 @@ const BOARD_SERIAL: &str = "3A0042001951333138363735";
 const USB_DEVICE: &str = "/devices/pci0000:00/0000:00:14.0/usb1/1-2";
 const TTY: &str = "/devices/pci0000:00/0000:00:14.0/usb1/1-2/1-2:1.0/tty/ttyACM7";
 
-/// Runs `udevadm test` for the device in `description`, with `rules` added to those of the system.
-/// `/dev` and `/run` are temporary file systems of a separate namespace, because udevadm
-/// creates the symbolic links. umockdev needs pseudoterminals.
+/// Shell script that runs `udevadm test` for the device in the file `description`, with our rules
+/// added to those of the system. `/dev` and `/run` are temporary file systems of a namespace,
+/// because udevadm creates symbolic links there. umockdev needs pseudoterminals.
 const SCRIPT: &str = r#"
 set -e
 mount -t tmpfs run /run
@@ -31,7 +31,7 @@ cp "$2" /run/udev/rules.d/
 umockdev-run --device "$1/description" -- udevadm test "$3"
 "#;
 
-/// Returns whether udev, umockdev and namespaces are available; reports `test` as skipped if not.
+/// Returns whether udev, umockdev and namespaces can be used; reports `test` as skipped if not.
 fn available(test: &str) -> bool {
     let runs = |program: &str, argument: &str| {
         let output = Command::new(program).arg(argument).output();
@@ -65,7 +65,7 @@ fn in_namespace() -> Command {
     command
 }
 
-/// Describes a USB device with a virtual serial port in the format of `umockdev-record`.
+/// Describes a USB device with a virtual serial port, in the format of `umockdev-record`.
 fn description(ids: [&str; 2], product: &str) -> String {
     let [vendor, id] = ids;
     format!(
@@ -102,11 +102,11 @@ E: SUBSYSTEM=tty
     )
 }
 
-/// What udev decided about a device.
+/// What udev has decided about a simulated device.
 struct Decision {
-    /// Lines `NAME=VALUE`, and the commands that udev would run.
+    /// Properties as lines `NAME=VALUE`, and the commands that udev would run.
     properties: String,
-    /// Assignments with the rule that made each.
+    /// Log that names, for each assignment, the rule that made it.
     log: String,
 }
 
@@ -115,7 +115,7 @@ impl Decision {
         self.properties.lines().any(|line| line == property)
     }
 
-    /// Returns the value of a property, or an empty string.
+    /// Returns the value of the property `name`, or an empty string if there is none.
     fn value(&self, name: &str) -> &str {
         let mut lines = self.properties.lines();
         lines
@@ -169,9 +169,9 @@ fn a_board_gets_a_name_with_its_serial_number_access_and_no_modem_manager() {
     let id = dialout.split(':').nth(2).expect("a group id");
     assert!(log.contains(&format!("GROUP {id}")), "{log}");
     assert!(log.contains("MODE 0660"), "{log}");
-    // The rule of systemd that runs `uaccess` has the number 73, so ours must have a smaller one.
+    // systemd runs `uaccess` in a rule with the number 73, so our rule must have a smaller number.
     assert!(port.has("run: 'uaccess'"), "{}", port.properties);
-    // ModemManager probes a port also if only its USB device is not excluded.
+    // ModemManager leaves a port alone only if its USB device is excluded as well.
     let usb = decide(&board, USB_DEVICE);
     assert!(usb.has("ID_MM_DEVICE_IGNORE=1"), "{}", usb.properties);
 }
@@ -187,7 +187,7 @@ fn a_device_with_another_product_is_left_alone() {
     ] {
         for device in [TTY, USB_DEVICE] {
             let decision = decide(&description(ids, product), device);
-            // This property shows that udev has read the simulated device.
+            // This property shows that udev has indeed read the simulated device.
             assert_eq!(decision.value("ID_MODEL"), product, "{}", decision.log);
             let ours = decision.assignments_of_our_rules();
             assert!(ours.is_empty(), "{ours:?}");

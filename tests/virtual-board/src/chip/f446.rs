@@ -1,4 +1,4 @@
-//! The STM32F446: the emulator's STM32F427, extended with models of EXTI, USB and the register
+//! The STM32F446: the emulator's STM32F427, with added models of EXTI, USB and the register
 //! RCC_DCKCFGR2.
 
 mod exti;
@@ -30,30 +30,30 @@ use crate::usb::otg::Otg;
 
 use exti::Exti;
 
-/// Index of SPI2, which is connected to the converters, in the emulator's array of SPIs.
+/// Index, in the emulator's array of SPIs, of SPI2, which is connected to the converters.
 const SPI: usize = 1;
-/// Index of USART2, which is connected to the ST-LINK, in the emulator's array of USARTs.
+/// Index, in the emulator's array of USARTs, of USART2, which is connected to the ST-LINK.
 const UART: usize = 1;
-/// Index of TIM2, whose channel 3 captures the trigger, in the emulator's array of timers.
+/// Index, in the emulator's array of timers, of TIM2, whose channel 3 captures the trigger.
 const TIMER: usize = 0;
-/// TIM2's alternate function on PB10 (DS10693, table 11).
+/// Number of the alternate function that connects TIM2 to pin PB10 (DS10693, table 11).
 const TIMER_FUNCTION: u8 = 1;
-/// Instance names of the GPIO ports, in the order of [`Pin`].
+/// Names of the GPIO ports in the emulator; the port index in a [`Pin`] selects one.
 const PORTS: [&str; 8] = [
     "GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH",
 ];
 
-/// Address of RCC_CR, and its bit HSERDY (RM0390, 6.3.1).
+/// Address of RCC_CR and its bit HSERDY, set once the external clock is stable (RM0390, 6.3.1).
 const RCC_CR: u64 = 0x4002_3800;
 const HSERDY: u64 = 1 << 17;
 
 /// Address of RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. The emulated register only
-/// stores the written value, which is sufficient: the firmware keeps the reset clock selections.
+/// stores what is written, which suffices: the firmware keeps the clock selections of the reset.
 const DCKCFGR2: u64 = 0x4002_3894;
-/// Free address at which accesses to DCKCFGR2 are served; the chip has nothing there.
+/// Address at which the emulator serves accesses to DCKCFGR2; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
 
-/// Emulated STM32F446: the emulator's part, EXTI and the USB core.
+/// An emulated STM32F446: the emulator's part, the model of EXTI and the model of the USB core.
 #[derive(Debug)]
 pub(crate) struct F446 {
     part: Stm32f427,
@@ -67,7 +67,7 @@ impl F446 {
     /// cable.
     ///
     /// # Panics
-    /// When the emulator's description of the part is inconsistent.
+    /// When the emulator's description of the part contradicts itself.
     pub(crate) fn new(host: &UsbHost) -> Self {
         let mut part = Stm32f427::new().expect("the emulator's own part");
         part.set_supply(3300);
@@ -83,7 +83,7 @@ impl F446 {
         }
     }
 
-    /// Returns the index of the GPIO port that SYSCFG routes to an EXTI line (RM0390,
+    /// Returns the index of the GPIO port that SYSCFG connects to the EXTI line `line` (RM0390,
     /// SYSCFG_EXTICR1 to 4).
     fn routed_port(&self, line: u8) -> u64 {
         let registers = self.bus().registers("SYSCFG").expect("the part has SYSCFG");
@@ -130,7 +130,7 @@ impl Mcu for F446 {
 }
 
 impl Chip for F446 {
-    /// Configures a Cortex-M4F (DS10693, 3.1) that boots from flash, aliased to 0 (RM0390, 2.4).
+    /// Describes a Cortex-M4F (DS10693, 3.1) that boots from flash (RM0390, 2.4).
     fn core(&self) -> CoreSpec {
         let facts = Model::F446.facts();
         let lines = u32::from(self.cpu().interrupt_lines);
@@ -160,7 +160,7 @@ impl Chip for F446 {
         vec![spare, self.otg.redirect()]
     }
 
-    /// SCLK is PCLK1 / 2^(BR + 1) (RM0390, SPI_CR1).
+    /// Divides PCLK1 by 2^(BR + 1), where BR is a field of the register SPI_CR1 (RM0390).
     fn sclk_hz(&self) -> u32 {
         let spi = self.bus().registers("SPI2").expect("the part has SPI2");
         let rcc = self.bus().registers("RCC").expect("the part has an RCC");

@@ -1,4 +1,4 @@
-//! The STM32H743: the emulator's part, extended with models of the watchdog and USB.
+//! The STM32H743: the emulator's part, with added models of the watchdog and of USB.
 
 mod watchdog;
 
@@ -28,29 +28,29 @@ use crate::usb::otg::Otg;
 
 use watchdog::Watchdog;
 
-/// Index of SPI1, which is connected to the converters, in the emulator's array of SPIs.
+/// Index, in the emulator's array of SPIs, of SPI1, which is connected to the converters.
 const SPI: usize = 0;
-/// Index of USART3, which is connected to the ST-LINK, in the emulator's array of USARTs.
+/// Index, in the emulator's array of USARTs, of USART3, which is connected to the ST-LINK.
 const UART: usize = 2;
-/// Index of TIM2, whose channel 3 captures the trigger, in the emulator's array of timers.
+/// Index, in the emulator's array of timers, of TIM2, whose channel 3 captures the trigger.
 const TIMER: usize = 0;
-/// TIM2's alternate function on PB10 (DS12110, table 10).
+/// Number of the alternate function that connects TIM2 to pin PB10 (DS12110, table 10).
 const TIMER_FUNCTION: u8 = 1;
 
-/// Address of RCC_CR, and its bit HSERDY (RM0433, 8.7.2).
+/// Address of RCC_CR and its bit HSERDY, set once the external clock is stable (RM0433, 8.7.2).
 const RCC_CR: u64 = 0x5802_4400;
 const HSERDY: u64 = 1 << 17;
 
 /// Names of peripherals, separated by blanks, whose models are removed because the firmware does
-/// not use them. The emulator polls every model for every byte of a DMA transfer; with these
-/// models, polling would take half of the emulation's time. Accesses to these peripherals are
-/// listed in [`Findings::unimplemented`](crate::findings::Findings).
+/// not use them. The emulator polls every model for every byte of a DMA transfer, which would take
+/// half of the emulation's time. [`Findings::unimplemented`](crate::findings::Findings) lists
+/// accesses to these peripherals.
 const REMOVED_MODELS: &str = "SPI2 SPI3 SPI4 SPI5 SPI6 I2C1 I2C2 I2C3 I2C4 ADC1 ADC2 ADC3 ADC12_COMMON ADC3_COMMON \
     SDMMC1 SDMMC2 TIM1 TIM3 TIM4 TIM5 TIM6 TIM7 TIM8 TIM12 TIM13 TIM14 TIM15 TIM16 TIM17 \
     USART1 USART2 USART6 UART4 UART5 UART7 UART8 DMA2 DMAMUX2 BDMA OTG1_HS_GLOBAL GPIOC \
     GPIOF GPIOG GPIOI GPIOJ GPIOK GPIOH LPUART1";
 
-/// Emulated STM32H743: the emulator's part, the watchdog and the USB core.
+/// An emulated STM32H743: the emulator's part, the model of the watchdog and that of the USB core.
 #[derive(Debug)]
 pub(crate) struct H743 {
     part: Stm32h743,
@@ -58,7 +58,7 @@ pub(crate) struct H743 {
     watchdog_slot: usize,
     uart_slot: usize,
     otg: Otg,
-    /// For each slot of the emulator, whether its peripheral model has been removed.
+    /// Whether the peripheral model in each slot of the emulator has been removed.
     removed: Box<[bool]>,
 }
 
@@ -67,7 +67,7 @@ impl H743 {
     /// cable.
     ///
     /// # Panics
-    /// When the emulator's description of the part is inconsistent.
+    /// When the emulator's description of the part contradicts itself.
     pub(crate) fn new(host: &UsbHost) -> Self {
         let mut part = Stm32h743::new().expect("the emulator's own part");
         part.set_supply(3300);
@@ -106,7 +106,7 @@ impl Mcu for H743 {
     }
 
     fn poll(&mut self, now: VirtualNanos) {
-        // Only the UART looks outside; to ask every model of the part at each stop costs much time.
+        // Poll only the UART, which alone exchanges data with the host; polling all models is slow.
         let (bus, uart) = self.part.split(self.uart_slot);
         let (registers, mut context) = bus.drive(now, self.uart_slot);
         if let Some(uart) = uart {
@@ -129,7 +129,7 @@ impl Mcu for H743 {
 }
 
 impl Chip for H743 {
-    /// Configures a Cortex-M7 r1p1 with 16 KiB each of instruction and data cache (DS12110, 3.1;
+    /// Describes a Cortex-M7 r1p1 with 16 KiB each of instruction and data cache (DS12110, 3.1;
     /// PM0253, tables 52, 77 and 81) that boots from flash (RM0433, 2.6).
     fn core(&self) -> CoreSpec {
         let facts = Model::H743.facts();
@@ -146,9 +146,9 @@ impl Chip for H743 {
         };
         let mut config = Config::new(core, &windows(self.bus()));
         config.fpu = Fpu::FpV5Dp;
-        // With an MPU in use, the emulator checks every access, which takes a quarter of its time.
-        // The firmware only sets the attributes of the DMA's memory for the caches, which have no
-        // effect here.
+        // Leave out the MPU, because checking every access against it takes a quarter of the
+        // emulator's time. The firmware uses it only to set cache attributes for the DMA's memory,
+        // and caches have no effect in the emulator.
         config.mpu_regions = MpuRegions::None;
         config.cpuid = 0x411F_C271;
         config.caches = Some(Caches {
@@ -167,7 +167,7 @@ impl Chip for H743 {
         vec![self.otg.redirect()]
     }
 
-    /// SCLK is the kernel clock / 2^(MBR + 1) (RM0433, SPI_CFG1).
+    /// Divides the SPI's kernel clock by 2^(MBR + 1); MBR is a field of SPI_CFG1 (RM0433).
     fn sclk_hz(&self) -> u32 {
         let registers = self.bus().registers("SPI1").expect("the part has SPI1");
         let divider = spi1::cfg1::MBR.get(registers.get(spi1::Register::Cfg1)) + 1;

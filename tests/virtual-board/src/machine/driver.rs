@@ -1,4 +1,4 @@
-//! Work at each stop of the emulator: drives the pins, advances the converters, serves requests.
+//! Work at each stop of the emulator: drives pins, advances the converters, serves requests.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender};
@@ -14,56 +14,56 @@ use crate::injection::Change;
 use crate::model::Pins;
 use crate::processor::Observer;
 
-/// Number of resets within [`RESET_LOOP_NS`] at which the board counts as resetting in a loop.
+/// Number of resets within [`RESET_LOOP_NS`] that mean that the board resets in a loop.
 const RESET_LOOP: usize = 20;
 const RESET_LOOP_NS: u64 = 1_000_000_000;
 
-/// Longest time between two stops, in ns. Bytes that wait for the UART are fetched at each stop.
+/// Longest virtual time in ns between two stops, at each of which the UART takes waiting bytes.
 const MAX_RUN_NS: u64 = 250_000;
 
-/// Request from the owner of the [`VirtualBoard`](crate::VirtualBoard) to the emulator's thread.
+/// Request that a [`VirtualBoard`](crate::VirtualBoard) sends to the emulator's thread.
 pub(super) enum Request {
-    /// Run until this virtual time, in ns, then send the [`Progress`].
+    /// Run until this virtual time, in ns, then report the [`Progress`].
     Run(u64),
-    /// Times in ns and levels of trigger edges to schedule.
+    /// Schedule edges of the trigger input, each with its time in ns and the level after it.
     Trigger(Vec<(u64, bool)>),
-    /// Change registers and memory when the core reaches this address.
+    /// Apply the change to registers and memory when the core reaches this address.
     Inject(u64, Change),
-    /// Run a closure on the session.
+    /// Run the closure on the emulator's session.
     Inspect(Inspection),
     /// End the emulation.
     PowerOff,
 }
 
-/// Closure that runs on the session while virtual time is stopped.
+/// Closure that runs on the emulator's session while virtual time is stopped.
 pub(super) type Inspection = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host) + Send>;
 
 /// Progress of the emulator when it reaches a requested stop.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Progress {
-    /// Number of instructions retired since power-on.
+    /// Number of instructions completed since power-on.
     pub(super) instructions: u64,
-    /// The run ended early because the board resets in a loop.
+    /// True if the run ended early because the board resets in a loop.
     pub(super) is_reset_loop: bool,
 }
 
-/// Drives the board's pins and serves requests; the emulator calls it at each stop.
+/// Drives the board's pins and serves requests whenever the emulator stops and calls it.
 pub(super) struct BoardDriver {
     pins: &'static Pins,
     chain: Chain,
     observer: Observer,
-    /// Pending injection: the address at which it applies, and the change.
+    /// Pending failure: the address at which it applies, and the changes that cause it.
     injection: Option<(u64, Change)>,
     requests: Receiver<Request>,
     reached: Sender<Progress>,
-    /// Virtual time of the stop that the owner has requested, in ns; 0 before the first request.
+    /// Virtual time in ns at which the owner has requested a stop; 0 before the first request.
     until_ns: u64,
-    /// Scheduled trigger edges: time in ns and level.
+    /// Edges of the trigger input still to come: time in ns, and level after the edge.
     trigger: VecDeque<(u64, bool)>,
     trigger_is_high: bool,
-    /// Levels last driven on the pins DRDY and trigger; `None` after a reset.
+    /// Levels to which DRDY and the trigger pin were last driven; `None` after a reset.
     driven: [Option<bool>; 2],
-    /// Number of resets handled so far.
+    /// Number of resets of the chip that `drive` has seen.
     resets: usize,
     is_reset_loop: bool,
 }
@@ -92,19 +92,19 @@ impl BoardDriver {
         }
     }
 
-    /// Drives DRDY and the trigger pin to their current levels.
+    /// Drives the pins DRDY and trigger to the levels that they have at the time `now`.
     fn drive(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
         let resets = session.resets().len();
         if resets != self.resets {
-            // A reset clears the levels that the emulator stores for the pins.
+            // The emulator forgets the pins' levels at a reset, so drive them all again.
             self.resets = resets;
             self.driven = [None; 2];
         }
         let drdy = self.chain.wires().advance_to(now.0);
         let chip = &mut session.board_mut().chip;
         if drdy.falls && self.driven[0] == Some(false) {
-            // The previous sample was not read, so DRDY pulses high before it falls (data sheet
-            // SBAS499C, section 9.4.1).
+            // The firmware has not read the previous sample, so DRDY is high for a pulse before it
+            // falls (data sheet SBAS499C, section 9.4.1).
             chip.drive(now, self.pins.drdy, true);
             chip.drive(now, self.pins.drdy, false);
         }
@@ -124,7 +124,7 @@ impl BoardDriver {
     }
 
     /// Passes the levels of the output pins after a reset on to the converters. Stops a board that
-    /// resets in a loop, because emulating a reset takes far longer than the reset itself.
+    /// resets in a loop, because a reset takes far longer to emulate than on the chip.
     fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
         let chip = &session.board().chip;
         let mut wires = self.chain.wires();
@@ -157,8 +157,8 @@ impl BoardDriver {
         self.observer.set_registers(&change.registers);
     }
 
-    /// Returns the time of the next DRDY edge, trigger edge or requested stop, whichever is first,
-    /// at the latest [`MAX_RUN_NS`] after `now`.
+    /// Returns the time of the next edge of DRDY or the trigger, or of the requested stop,
+    /// whichever is first, but at the latest [`MAX_RUN_NS`] after `now`.
     fn next_stop(&self, now: VirtualNanos) -> VirtualNanos {
         let mut next = (now.0 + MAX_RUN_NS).min(self.until_ns);
         let trigger = self.trigger.front().map(|&(at, _)| at);
@@ -173,8 +173,8 @@ impl BoardDriver {
 }
 
 impl Driver<Nucleo> for BoardDriver {
-    /// Passes the firmware's writes to pins and SPI on to the converters, and handles resets and
-    /// injections.
+    /// Passes what the firmware writes to the pins and to the SPI's settings on to the converters,
+    /// handles resets, and applies a pending failure.
     fn on_settled(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host, settled: Settled) {
         let access = match settled {
             Settled::Access { access, .. } => access,

@@ -1,7 +1,7 @@
 //! Model of the USB core in device mode, with FIFO access by the processor.
 //!
-//! This file contains the state of the core, the register reads and the interrupt flags. [`write`]
-//! contains the register writes, and [`bus`] the packets and signals from the host.
+//! This file contains the state of the core, the reads of registers and the interrupt flags.
+//! [`write`] contains the writes of registers, and [`bus`] the packets and signals from the host.
 
 mod bus;
 mod write;
@@ -14,47 +14,47 @@ use super::instance::Instance;
 use super::register::{MAX_ENDPOINTS, Register, bit, dctl, epint, gintsts, grstctl};
 use super::violation::Violations;
 
-/// Duration of a core soft reset, in ns: longer than the 3 PHY clocks that software must wait.
+/// Duration of a soft reset, in ns: longer than the 3 PHY clocks for which software must wait.
 const SOFT_RESET_NS: u64 = 100;
-/// Duration of a FIFO flush, in ns: 8 clocks of the PHY at 48 MHz (RM0433 57.14.5).
+/// Time that flushing a FIFO takes, in ns: 8 clocks of the PHY at 48 MHz (RM0433 57.14.5).
 const FLUSH_NS: u64 = 167;
-/// Duration of a frame at full speed, in ns.
+/// Duration of a USB frame at full speed, in ns.
 const FRAME_NS: u64 = 1_000_000;
-/// Time from the start of a frame to the end of the periodic frame, in ns: 80 % of the frame
-/// (`PFIVL` = 0b00).
+/// Time in ns from the start of a frame until the flag `EOPF` is set: 80 % of the frame (`PFIVL` =
+/// 0b00).
 const EOPF_NS: u64 = 800_000;
-/// Depth of every FIFO after reset, in words.
+/// Depth of every FIFO after a reset, in words.
 const RESET_FIFO_WORDS: u32 = 0x200;
 
-/// Clocks and connections that the rest of the microcontroller provides to the core.
+/// What the rest of the microcontroller provides to the USB core: clocks and connections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Supply {
-    /// True if the clock controller enables the core's bus clock.
+    /// True if the microcontroller's clock controller enables the core's bus clock.
     pub(super) clocked: bool,
     /// Reason why the transceiver is not connected to the cable; `None` if it is connected.
     pub(super) unwired: Option<&'static str>,
-    /// Frequency of the kernel clock in Hz; `None` if the part's model does not report it.
+    /// Frequency of the core's kernel clock in Hz; `None` if the emulated part does not report it.
     pub(super) kernel_hz: Option<u64>,
 }
 
-/// Registers that do not belong to an endpoint, as last written.
+/// Values last written to the registers that do not belong to one endpoint.
 #[derive(Clone, Debug, Default)]
 struct Registers {
     gotgctl: u32,
     gotgint: u32,
     gahbcfg: u32,
     gusbcfg: u32,
-    /// `TXFNUM`, `TXFFLSH` and `RXFFLSH` as last written; the flush bits read as 0 when the flush
-    /// has ended.
+    /// Fields `TXFNUM`, `TXFFLSH` and `RXFFLSH` as last written; the bit of an ended flush reads as
+    /// 0.
     grstctl: u32,
-    /// Latched bits of `OTG_GINTSTS`.
+    /// Those flags of `OTG_GINTSTS` that stay set until software clears them.
     gintsts: u32,
     gintmsk: u32,
     rx_depth: u32,
     tx: Vec<u32>,
     gccfg: u32,
     dcfg: u32,
-    /// `RWUSIG`, `SDIS`, `GINSTS`, `GONSTS`, `TCTL` and `POPRGDNE` of `OTG_DCTL`.
+    /// Fields `RWUSIG`, `SDIS`, `GINSTS`, `GONSTS`, `TCTL` and `POPRGDNE` of `OTG_DCTL`.
     dctl: u32,
     diepmsk: u32,
     doepmsk: u32,
@@ -64,7 +64,7 @@ struct Registers {
 }
 
 impl Registers {
-    /// Returns the reset values (RM0433 57.14) for a core with this number of endpoints per
+    /// Returns the registers' reset values (RM0433 57.14) for a core with `endpoints` endpoints per
     /// direction.
     fn new(endpoints: usize) -> Self {
         let tx = (0..endpoints).map(|_| RESET_FIFO_WORDS << 16 | RESET_FIFO_WORDS);
@@ -79,24 +79,23 @@ impl Registers {
     }
 }
 
-/// State of the bus as the core sees it.
+/// State of the USB bus as the device's core sees it.
 #[expect(clippy::struct_excessive_bools, reason = "independent signals")]
 #[derive(Clone, Debug, Default)]
 struct BusState {
-    /// True if VBUS is present.
+    /// True if the cable's supply voltage VBUS is present.
     vbus: bool,
-    /// Start of the first frame since the host last started to send frames, in ns; `None` while the
-    /// host sends no frames.
+    /// Time in ns when the host last began to send frames; `None` while it sends none.
     frames_from: Option<u64>,
-    /// Number of the frame that starts at `frames_from`.
+    /// Number of the frame that starts at the time `frames_from`.
     first_frame: u64,
     suspended: bool,
     in_reset: bool,
-    /// Address to which the device responds.
+    /// USB address to which the device responds.
     address: u32,
-    /// A SET_ADDRESS request is in progress: the new address takes effect after its status stage.
+    /// True from a SET_ADDRESS request to its status stage, when the new address takes effect.
     addressing: bool,
-    /// A SETUP packet was received, but not yet the token that starts the next stage.
+    /// True from a SETUP packet until the token that starts the next stage of the control transfer.
     in_setup_stage: bool,
 }
 
@@ -105,7 +104,7 @@ const fn flag(bit: u32, on: bool) -> u32 {
     if on { bit } else { 0 }
 }
 
-/// USB core: registers, endpoints, receive FIFO and state of the bus.
+/// The USB core: registers, endpoints, receive FIFO and state of the bus.
 #[derive(Debug)]
 pub(super) struct Core {
     instance: &'static Instance,
@@ -115,18 +114,18 @@ pub(super) struct Core {
     outputs: Vec<Endpoint>,
     rx: RxFifo,
     bus: BusState,
-    /// Virtual time of the current call, in ns.
+    /// Current virtual time, in ns.
     now: u64,
     soft_reset_until: u64,
     flush_until: u64,
-    /// Times at which software last cleared `SOF` and `EOPF`, in ns.
+    /// Times in ns at which software last cleared the flags `SOF` and `EOPF`.
     sof_cleared: u64,
     eopf_cleared: u64,
     pub(super) violations: Violations,
 }
 
 impl Core {
-    /// Creates the core after reset, with the cable unplugged.
+    /// Creates a core in its state after reset, with the cable unplugged.
     pub(super) fn new(instance: &'static Instance) -> Self {
         debug_assert!(instance.endpoints <= MAX_ENDPOINTS);
         Self {
@@ -146,7 +145,7 @@ impl Core {
         }
     }
 
-    /// Sets every register to its reset value; the state of the cable remains.
+    /// Sets all registers to their reset values; the state of the cable remains.
     pub(super) fn reset(&mut self) {
         let violations = std::mem::take(&mut self.violations);
         let bus = BusState {
@@ -168,13 +167,13 @@ impl Core {
         self.now = now;
     }
 
-    /// Records a violation of `section` of RM0433.
+    /// Records that software has violated the given section of RM0433.
     fn report(&mut self, register: Register, what: &str, section: &str) {
         let text = format!("{register}: {what} (RM0433 {section})");
         self.violations.record(self.now, text);
     }
 
-    /// Returns whether an access to `register` is possible now; if not, records why.
+    /// Returns whether software may access `register` now; if not, records the violated rule.
     fn is_reachable(&mut self, register: Register, width: Width) -> bool {
         if !self.supply.clocked {
             let what = "access while the core's bus clock is off";
@@ -192,7 +191,7 @@ impl Core {
         true
     }
 
-    /// Reads the register at `offset` bytes from the base, with the side effects of the read.
+    /// Reads the register at `offset` bytes from the core's base, with a read's side effects.
     pub(super) fn read(&mut self, offset: u64, width: Width) -> u32 {
         let Some(register) = Register::at(offset, self.instance.endpoints) else {
             let text = format!("OTG + {offset:#05x}: read of a reserved address (RM0433 57.14)");
@@ -210,7 +209,7 @@ impl Core {
         }
     }
 
-    /// Returns the value of a register without the side effects of a read.
+    /// Returns the value of a register, without the side effects of a read by software.
     pub(super) fn peek(&self, register: Register) -> u32 {
         let held = &self.registers;
         match register {
@@ -266,20 +265,21 @@ impl Core {
         bit::FULL_SPEED | flag(bit::SUSPSTS, self.bus.suspended) | self.frame() << 8
     }
 
-    /// Returns the depth of the transmit FIFO of IN endpoint `n`, in words.
+    /// Returns the depth in words of the transmit FIFO that IN endpoint `n` uses.
     fn tx_depth(&self, n: usize) -> usize {
         let fifo = self.inputs[n].fifo();
         let value = self.registers.tx.get(fifo).copied().unwrap_or_default();
         Extent::from_dieptxf(value).depth as usize
     }
 
-    /// Returns `INEPTFSAV`: the free words in the transmit FIFO of endpoint `n`.
+    /// Returns `INEPTFSAV`: the number of free words in the transmit FIFO of IN endpoint `n`.
     fn dtxfsts(&self, n: usize) -> u32 {
         let free = self.tx_depth(n).saturating_sub(self.inputs[n].words());
         u32::try_from(free).unwrap_or_default()
     }
 
-    /// Returns `TXFE`: the transmit FIFO is empty, or at least half empty, depending on `TXFELVL`.
+    /// Returns the flag `TXFE` of IN endpoint `n`: its transmit FIFO is empty if `TXFELVL` is set,
+    /// otherwise at least half empty.
     fn tx_fifo_has_room(&self, n: usize) -> bool {
         let words = self.inputs[n].words();
         if self.registers.gahbcfg & bit::TXFELVL != 0 {
@@ -329,28 +329,28 @@ impl Core {
         })
     }
 
-    /// Returns the number of the current frame: 11 bits at full speed.
+    /// Returns the number of the current USB frame, which has 11 bits.
     pub(super) fn frame(&self) -> u32 {
         let started = self.bus.frames_from.unwrap_or(self.now);
         let passed = self.now.saturating_sub(started) / FRAME_NS;
         u32::try_from((self.bus.first_frame + passed) & 0x7FF).unwrap_or_default()
     }
 
-    /// Returns the number of frames that have reached the point `offset` ns after their start by
-    /// the time `at`, in ns.
+    /// Returns how many frames have reached the point `offset` ns after their start by the time
+    /// `at`, in ns.
     fn frames_at(&self, at: u64, offset: u64) -> u64 {
         let first = self.bus.frames_from.map(|from| from + offset);
         let since = first.and_then(|first| at.checked_sub(first));
         since.map_or(0, |since| since / FRAME_NS + 1)
     }
 
-    /// Returns whether, since the time `cleared` in ns, any frame has reached the point `offset` ns
-    /// after its start.
+    /// Returns whether a frame has reached the point `offset` ns after its start since the time
+    /// `cleared`, in ns.
     fn frame_instant_since(&self, cleared: u64, offset: u64) -> bool {
         self.frames_at(self.now, offset) > self.frames_at(cleared, offset)
     }
 
-    /// Returns the next time at which a frame sets an unmasked interrupt flag, in ns.
+    /// Returns the time in ns at which a frame next sets a flag whose interrupt is not masked.
     pub(super) fn next_frame_interrupt(&self) -> Option<u64> {
         let from = self.bus.frames_from?;
         let flags = [(gintsts::SOF, 0), (gintsts::EOPF, EOPF_NS)];
@@ -362,7 +362,7 @@ impl Core {
         times.min()
     }
 
-    /// Returns the value of `OTG_GINTSTS`: the latched flags and those derived from the current
+    /// Returns the value of `OTG_GINTSTS`: the stored flags and those that follow from the current
     /// state.
     pub(super) fn gintsts(&self) -> u32 {
         let endpoints = self.daint() & self.registers.daintmsk;
@@ -385,8 +385,8 @@ impl Core {
             })
     }
 
-    /// Returns the value of `OTG_DAINT`: endpoints with an unmasked flag, IN in bits 15:0, OUT in
-    /// bits 31:16.
+    /// Returns the value of `OTG_DAINT`, which has a bit for each endpoint with an unmasked flag:
+    /// IN endpoints in bits 15:0, OUT endpoints in bits 31:16.
     pub(super) fn daint(&self) -> u32 {
         let held = &self.registers;
         let inputs = (0..self.inputs.len()).filter(|&n| {
@@ -398,8 +398,8 @@ impl Core {
         inputs.fold(0, |all, n| all | 1 << n) | outputs.fold(0, |all, n| all | 1 << (16 + n))
     }
 
-    /// Returns the level of the interrupt line: high if the core is clocked, `GINT` is set and an
-    /// unmasked flag is set.
+    /// Returns the level of the core's interrupt line: high if the core has a clock, `GINT` enables
+    /// the line, and an unmasked flag is set.
     pub(super) fn interrupt(&self) -> bool {
         self.supply.clocked
             && self.registers.gahbcfg & bit::GINT != 0

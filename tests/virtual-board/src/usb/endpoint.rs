@@ -1,43 +1,43 @@
-//! Endpoints of the core: their registers, transfers and transmit FIFOs.
+//! Endpoints of the USB core: their registers, transfers and transmit FIFOs.
 
 use std::collections::VecDeque;
 
 use super::register::{epctl, epint};
 
-/// Response of the device to a SETUP or OUT packet.
+/// How the device responds to a SETUP or OUT packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Handshake {
     Ack,
     Nak,
     Stall,
-    /// No response, for example because the token is for another device or the device is not on the
-    /// bus.
+    /// No response, for example because the packet has another device's address or the device is
+    /// not attached.
     Silent,
 }
 
-/// Response of the device to an IN token.
+/// How the device responds to an IN token.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Input {
     Packet {
         bytes: Vec<u8>,
-        /// True if the data PID is DATA1.
+        /// True if the packet's data PID is DATA1, false if it is DATA0.
         data1: bool,
     },
     Nak,
     Stall,
-    /// No response, for example because the token is for another device or the device is not on the
-    /// bus.
+    /// No response, for example because the token has another device's address or the device is not
+    /// attached.
     Silent,
 }
 
-/// Registers of an endpoint of either direction.
+/// Registers that an IN endpoint and an OUT endpoint both have.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Endpoint {
-    /// `DIEPCTLx` or `DOEPCTLx` without the write-only bits.
+    /// Register `DIEPCTLx` or `DOEPCTLx`, without the bits that always read as 0.
     pub(super) control: u32,
-    /// The latched bits of `DIEPINTx` or `DOEPINTx`.
+    /// Those flags of `DIEPINTx` or `DOEPINTx` that stay set until software clears them.
     pub(super) flags: u32,
-    /// `DIEPTSIZx` or `DOEPTSIZx`.
+    /// Register `DIEPTSIZx` or `DOEPTSIZx`, which counts the bytes and packets of a transfer.
     pub(super) size: u32,
     number: usize,
 }
@@ -45,7 +45,7 @@ pub(super) struct Endpoint {
 impl Endpoint {
     pub(super) fn new(number: usize) -> Self {
         Self {
-            // Endpoint 0 is always active.
+            // Only endpoint 0 is active from the start.
             control: if number == 0 { epctl::USBAEP } else { 0 },
             number,
             ..Self::default()
@@ -64,8 +64,8 @@ impl Endpoint {
         }
     }
 
-    /// Returns the maximum packet size in bytes. Endpoint 0 has a two-bit code for 64, 32, 16 and 8
-    /// bytes.
+    /// Returns the maximum packet size in bytes, which endpoint 0 stores as a two-bit code for 64,
+    /// 32, 16 or 8.
     pub(super) fn max_packet(&self) -> usize {
         let field = self.control & epctl::MPSIZ;
         if self.number == 0 {
@@ -75,12 +75,12 @@ impl Endpoint {
         }
     }
 
-    /// Returns the number of bytes left in the transfer.
+    /// Returns how many bytes the transfer still has to move.
     pub(super) fn transfer_size(&self) -> u32 {
         self.size & 0x7_FFFF
     }
 
-    /// Returns the number of packets left in the transfer.
+    /// Returns how many packets the transfer still has to move.
     pub(super) fn packet_count(&self) -> u32 {
         self.size >> 19 & 0x3FF
     }
@@ -96,9 +96,9 @@ impl Endpoint {
         self.number == 0 || self.control & epctl::EPTYP == 0
     }
 
-    /// Applies a write to the control register, whose fields in the mask `writable` can be written
-    /// in this direction. Returns whether the write has enabled the endpoint. The caller has
-    /// checked whether the endpoint may be enabled or disabled.
+    /// Applies a write to the control register; the mask `writable` selects the fields that
+    /// software may write in the endpoint's direction. Returns whether the write has enabled the
+    /// endpoint. The caller has checked whether the endpoint may be enabled or disabled.
     fn write(&mut self, value: u32, writable: u32) -> bool {
         let (value, writable) = if self.number == 0 {
             let fixed = epctl::USBAEP | epctl::EPTYP | epctl::MPSIZ & !3;
@@ -106,7 +106,7 @@ impl Endpoint {
         } else {
             (value, writable)
         };
-        // Only the next SETUP clears STALL of a control endpoint.
+        // STALL of a control endpoint stays set until the next SETUP packet.
         let stall = epctl::STALL & self.control;
         self.control = self.control & !writable | value & writable;
         if self.is_control() {
@@ -131,8 +131,8 @@ impl Endpoint {
         enables
     }
 
-    /// Applies a USB reset, which deactivates every endpoint but 0. `EPENA` keeps its value, as
-    /// driver authors found on silicon (Zephyr pull 99958, TinyUSB pull 2607, NuttX pull 4505).
+    /// Applies a bus reset, which deactivates every endpoint but 0. `EPENA` keeps its value, as
+    /// driver authors found on real chips (Zephyr pull 99958, TinyUSB pull 2607, NuttX pull 4505).
     pub(super) fn bus_reset(&mut self) {
         if self.number != 0 {
             self.set(epctl::USBAEP, false);
@@ -140,14 +140,14 @@ impl Endpoint {
     }
 }
 
-/// An IN endpoint with the contents of its transmit FIFO.
+/// An IN endpoint and the contents of its transmit FIFO.
 #[derive(Clone, Debug)]
 pub(super) struct InEndpoint {
     pub(super) registers: Endpoint,
     words: VecDeque<u32>,
-    /// Number of words written for the enabled transfer.
+    /// Number of words that software has written to the FIFO for the current transfer.
     written: u32,
-    /// Total number of words in the enabled transfer.
+    /// Number of words that the current transfer needs in all.
     needed: u32,
 }
 
@@ -161,12 +161,12 @@ impl InEndpoint {
         }
     }
 
-    /// Returns the number of the transmit FIFO (`TXFNUM`).
+    /// Returns the number of the transmit FIFO that the endpoint uses (`TXFNUM`).
     pub(super) fn fifo(&self) -> usize {
         ((self.registers.control & epctl::TXFNUM) >> 22) as usize
     }
 
-    /// Returns the number of words in the FIFO.
+    /// Returns the number of words in the transmit FIFO.
     pub(super) fn words(&self) -> usize {
         self.words.len()
     }
@@ -175,7 +175,7 @@ impl InEndpoint {
         self.words.clear();
     }
 
-    /// Writes the control register, and notes the length of the transfer that the write enables.
+    /// Writes the control register; if this enables a transfer, stores the transfer's length.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::TXFNUM;
         if self.registers.write(value, fields) {
@@ -190,29 +190,29 @@ impl InEndpoint {
         }
     }
 
-    /// Writes a word to the FIFO. Returns whether the enabled transfer needs it.
+    /// Appends a word to the transmit FIFO. Returns whether the current transfer needs the word.
     pub(super) fn write_fifo(&mut self, word: u32) -> bool {
         self.words.push_back(word);
         self.written += 1;
         self.registers.has(epctl::EPENA) && self.written <= self.needed
     }
 
-    /// Returns the length of the next packet, in bytes.
+    /// Returns the length in bytes of the next packet to the host.
     pub(super) fn next_len(&self) -> usize {
         (self.registers.transfer_size() as usize).min(self.registers.max_packet())
     }
 
-    /// Returns whether the FIFO contains the whole next packet.
+    /// Returns whether the transmit FIFO contains the whole next packet.
     fn is_loaded(&self) -> bool {
         self.registers.has(epctl::EPENA) && self.words.len() >= self.next_len().div_ceil(4)
     }
 
-    /// Returns whether the endpoint would reply to an IN token with anything other than NAK.
+    /// Returns whether the endpoint would respond to an IN token with anything but NAK.
     pub(super) fn answers(&self) -> bool {
         self.registers.has(epctl::STALL) || (!self.registers.has(epctl::NAKSTS) && self.is_loaded())
     }
 
-    /// Replies to an IN token. The model assumes that the host acknowledges the packet.
+    /// Returns the response to an IN token; a packet counts as acknowledged by the host.
     pub(super) fn on_in_token(&mut self) -> Input {
         if self.registers.has(epctl::STALL) {
             return Input::Stall;
@@ -242,7 +242,7 @@ impl InEndpoint {
     }
 }
 
-/// Methods of an OUT endpoint. It has no FIFO: its data is in the receive FIFO, which all share.
+/// Methods of an OUT endpoint, whose data is in the receive FIFO that all OUT endpoints share.
 impl Endpoint {
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::SNPM;
@@ -253,19 +253,19 @@ impl Endpoint {
     ///
     /// Only NAK decides: with FIFO access by the processor, an active endpoint accepts packets even
     /// while `EPENA` is clear. Drivers that never set `EPENA` on endpoint 0, such as embassy's,
-    /// rely on this behaviour.
+    /// rely on this.
     pub(super) fn accepts_data(&self) -> bool {
         !self.has(epctl::NAKSTS)
     }
 
-    /// Returns whether the data PID is the expected one. If it is not, the packet is a repetition,
-    /// which the device acknowledges and drops.
+    /// Returns whether the packet has the expected data PID. If not, the host has repeated a
+    /// packet, which the device acknowledges and discards.
     pub(super) fn expects(&self, data1: bool) -> bool {
         self.has(epctl::DPID) == data1
     }
 
-    /// Accepts a packet of `bytes` bytes. Returns whether the transfer is complete; the caller then
-    /// appends that status to the receive FIFO.
+    /// Accepts a packet of `bytes` bytes. Returns whether it completes the transfer; the caller
+    /// then appends a status word for this to the receive FIFO.
     pub(super) fn accept(&mut self, bytes: usize) -> bool {
         let data1 = self.has(epctl::DPID);
         self.set(epctl::DPID, !data1);
@@ -277,18 +277,18 @@ impl Endpoint {
         done
     }
 
-    /// Ends the transfer; called when software reads the completion status from the receive FIFO.
+    /// Ends the transfer, once software has read its completion status from the receive FIFO.
     pub(super) fn complete(&mut self) {
         self.set(epctl::EPENA, false);
         self.flags |= epint::XFRC;
     }
 
-    /// Handles a SETUP packet: clears STALL, sets NAK, and sets the next data PID to DATA1.
+    /// Handles a SETUP packet: clears STALL, sets NAK, and expects DATA1 as the next data PID.
     pub(super) fn on_setup(&mut self) {
         self.set(epctl::DPID, true);
         self.set(epctl::NAKSTS, true);
         self.set(epctl::STALL, false);
-        // The count of SETUP packets, which an IN endpoint does not have.
+        // Count down the SETUP packets that software allows; IN endpoints lack this field.
         let left = (self.size >> 29 & 3).saturating_sub(1);
         self.size = self.size & 0x1FFF_FFFF | left << 29;
     }

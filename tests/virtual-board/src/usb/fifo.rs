@@ -1,10 +1,10 @@
-//! The core's FIFO memory: one receive FIFO that all OUT endpoints share, one transmit FIFO per IN
-//! endpoint, and a check of the positions and sizes of these FIFOs.
+//! The core's FIFO memory: one receive FIFO, which all OUT endpoints share, and a transmit FIFO for
+//! each IN endpoint; also a check of their positions and sizes.
 
 use std::collections::VecDeque;
 
-/// Values of `PKTSTS` in a status word of the receive FIFO (RM0433 57.14, `OTG_GRXSTSP` in device
-/// mode).
+/// Kinds of status words in the receive FIFO, with the values of the field `PKTSTS` (RM0433 57.14,
+/// `OTG_GRXSTSP` in device mode).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PacketStatus {
     GlobalOutNak = 1,
@@ -20,7 +20,7 @@ enum Entry {
     Data(u32),
 }
 
-/// The receive FIFO: for each packet, a status word and then its data in words.
+/// The receive FIFO, which holds, for each packet, a status word and then its data in words.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RxFifo(VecDeque<Entry>);
 
@@ -33,20 +33,20 @@ impl RxFifo {
         self.0.is_empty()
     }
 
-    /// Returns the number of words in use.
+    /// Returns the number of words in the FIFO.
     pub(super) fn len(&self) -> usize {
         self.0.len()
     }
 
     /// Returns the number of words that a packet of `bytes` bytes needs: its status, its data, and
-    /// the status that ends the transfer.
+    /// the status that ends a transfer.
     pub(super) fn words_for(bytes: usize) -> usize {
         1 + bytes.div_ceil(4) + 1
     }
 
-    /// Appends the status word of a packet and the packet's bytes, if any.
+    /// Appends the status word of a packet and then the packet's bytes, if it has any.
     ///
-    /// `data1` is true if the data PID is DATA1; `frame` is the number of the USB frame.
+    /// `data1` tells whether the data PID is DATA1; `frame` is the number of the USB frame.
     pub(super) fn push(
         &mut self,
         status: PacketStatus,
@@ -67,7 +67,7 @@ impl RxFifo {
         }));
     }
 
-    /// Returns the status word at the front; `None` if the FIFO is empty or data is at the front.
+    /// Returns the status word at the front; `None` if the front has data or the FIFO is empty.
     pub(super) fn peek_status(&self) -> Option<u32> {
         match self.0.front() {
             Some(&Entry::Status(word)) => Some(word),
@@ -75,7 +75,7 @@ impl RxFifo {
         }
     }
 
-    /// Removes the status word at the front; `None` if the FIFO is empty or data is at the front.
+    /// Removes the status word at the front; `None` if the front has data or the FIFO is empty.
     pub(super) fn pop_status(&mut self) -> Option<u32> {
         let word = self.peek_status()?;
         self.0.pop_front();
@@ -94,7 +94,7 @@ impl RxFifo {
     }
 }
 
-/// Location of a FIFO in the memory, in words.
+/// Position and size of a FIFO in the FIFO memory, in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Extent {
     pub(super) start: u32,
@@ -102,7 +102,7 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// Decodes `OTG_DIEPTXFx`: start in bits 15:0, depth in bits 31:16.
+    /// Decodes a value of `OTG_DIEPTXFx`: start in bits 15:0, depth in bits 31:16.
     pub(super) fn from_dieptxf(value: u32) -> Self {
         Self {
             start: value & 0xFFFF,
@@ -119,11 +119,11 @@ impl Extent {
     }
 }
 
-/// Minimum depth of a FIFO, in words (RM0433 57.14, `OTG_GRXFSIZ` and `OTG_DIEPTXFx`).
+/// Smallest permitted depth of a FIFO, in words (RM0433 57.14, `OTG_GRXFSIZ` and `OTG_DIEPTXFx`).
 const MIN_DEPTH: u32 = 16;
 
-/// Returns the first error in the layout of `fifos` in a memory of `words` words. The receive FIFO
-/// is the first of `fifos`.
+/// Returns the first error in the positions and sizes of `fifos` in a memory of `words` words;
+/// `None` if there is none.
 pub(super) fn layout_error(fifos: &[(String, Extent)], words: u32) -> Option<String> {
     for (n, (name, extent)) in fifos.iter().enumerate() {
         if extent.depth < MIN_DEPTH {

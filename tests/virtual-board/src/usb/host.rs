@@ -1,7 +1,7 @@
 //! Model of the USB host, in virtual time.
 //!
-//! To make an idle bus cheap to emulate, the host sends a token only when the device would not
-//! respond with NAK. Frames are counted, not sent.
+//! To make an idle bus cheap to emulate, the host sends a token only if the device would not
+//! respond with NAK, and counts frames without sending them.
 
 mod control;
 pub(crate) mod descriptor;
@@ -19,26 +19,26 @@ use self::serial::Serial;
 use super::core::Core;
 use super::violation::{Violation, Violations};
 
-/// Time for which a new device must stay attached before its first reset, in ns (USB 2.0, 7.1.7.3:
+/// Time in ns for which a new device must stay attached before its first reset (USB 2.0, 7.1.7.3:
 /// TATTDB).
 const DEBOUNCE_NS: u64 = 100_000_000;
 /// Duration of a bus reset, in ns (USB 2.0, 7.1.7.5: TDRSTR of a root port).
 const RESET_NS: u64 = 50_000_000;
-/// Recovery time of the device after a reset, in ns (USB 2.0, 7.1.7.5: TRSTRCY).
+/// Time in ns that a device has to recover after a bus reset (USB 2.0, 7.1.7.5: TRSTRCY).
 const RECOVERY_NS: u64 = 10_000_000;
-/// Idle time after which a device is suspended, in ns (USB 2.0, 7.1.7.6).
+/// Time in ns after which an idle bus means that the device is suspended (USB 2.0, 7.1.7.6).
 const SUSPEND_NS: u64 = 3_000_000;
-/// Duration of resume signalling, in ns (USB 2.0, 7.1.7.7: TDRSMDN).
+/// Time in ns for which the host signals resume (USB 2.0, 7.1.7.7: TDRSMDN).
 const RESUME_NS: u64 = 20_000_000;
-/// Recovery time of the device after resume, in ns (USB 2.0, 7.1.7.7: TRSMRCY).
+/// Time in ns that a device has to recover after resume (USB 2.0, 7.1.7.7: TRSMRCY).
 const RESUME_RECOVERY_NS: u64 = 10_000_000;
-/// Number of enumerations that the host attempts before it ignores a device, as Linux does.
+/// Number of attempts to enumerate a device before the host ignores it, as Linux does.
 const ATTEMPTS: u32 = 3;
-/// Number of actions at one virtual time after which the model of the host counts as stuck in an
+/// Number of actions at the same virtual time after which the host's model counts as stuck in an
 /// endless loop.
 const MAX_ACTIONS: usize = 1_000;
 
-/// Handle of the host at the other end of the USB cable; clones control the same host.
+/// The host at the other end of the USB cable; all clones control the same host.
 ///
 /// A command takes effect at the next stop of the emulator, at the latest when the current run of
 /// the board ends.
@@ -50,88 +50,87 @@ impl UsbHost {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Executes a command of the user at the host, or of a program that uses the serial port.
+    /// Gives the host a command, in the role of its user or of a program at the serial port.
     pub fn command(&self, command: Command) {
         self.host().commands.push_back(command);
     }
 
-    /// Returns the bytes received since the last call, in order.
+    /// Returns the bytes that the host has received from the device since the last call, in order.
     pub fn take_received(&self) -> Vec<u8> {
         std::mem::take(&mut self.host().serial.received)
     }
 
-    /// Returns how far enumeration and opening of the port have progressed.
+    /// Returns how far the host has come in enumerating the device and opening its serial port.
     pub fn state(&self) -> State {
         self.host().state()
     }
 
-    /// Returns the parsed descriptors of the device; `None` until it is configured.
+    /// Returns the contents of the device's descriptors; `None` until the device is configured.
     pub fn device(&self) -> Option<Descriptors> {
         self.host().device.clone()
     }
 
-    /// Returns all violations of the reference manual and of the USB specification so far.
+    /// Returns all violations of the reference manual and the USB specification so far.
     pub fn violations(&self) -> Vec<Violation> {
         self.host().violations.to_vec()
     }
 
-    /// Performs the work that is due at `now`, and returns the time at which work is due next; both
-    /// times are in ns.
+    /// Does what the host has to do at the time `now`, and returns when it has to do something
+    /// next; both times are in ns.
     pub(super) fn step(&self, now: u64, core: &mut Core) -> Option<u64> {
         self.host().step(now, core)
     }
 }
 
-/// State of the device as the host sees it; the variants are in the order in which a device
-/// reaches them.
+/// State of the device as the host sees it, in the order in which a device goes through the states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum State {
-    /// There is no device on the bus.
+    /// No device is attached to the bus.
     Detached,
-    /// The device has no address yet.
+    /// The device is attached and has no address yet.
     Attached,
-    /// The device has an address and is not configured.
+    /// The device has an address, but is not configured.
     Addressed,
-    /// The device is configured, its serial port is closed.
+    /// The device is configured, but its serial port is closed.
     Configured,
-    /// The device is configured, and its serial port is open: DTR is set.
+    /// The device is configured, and its serial port is open, which DTR signals.
     Open,
 }
 
-/// Command that a [`UsbHost`] passes to the host.
+/// A command that a test gives to the host.
 #[derive(Clone, Debug)]
 pub enum Command {
     /// Plug the cable in; the host then enumerates the device.
     Plug,
-    /// Unplug the cable: VBUS goes off, and the host discards the device.
+    /// Unplug the cable: VBUS goes off, and the host forgets the device.
     Unplug,
-    /// If true, open the serial port of a configured device: set the line coding, then DTR and RTS.
-    /// If false, close it: clear DTR and RTS, then stop reading data.
+    /// With true, open the serial port of a configured device: set the line coding, then DTR and
+    /// RTS. With false, close it: clear DTR and RTS, then stop reading data.
     Open(bool),
-    /// Pause or resume reading data from the device while the port is open.
+    /// With true, stop reading data from the device while the port is open; with false, go on.
     PauseReading(bool),
-    /// If true, suspend the bus of a configured device: stop sending frames. If false, signal
-    /// resume for 20 ms, then send frames again.
+    /// With true, suspend the bus of a configured device by sending no more frames. With false,
+    /// signal resume for 20 ms, then send frames again.
     Suspend(bool),
-    /// Reset the bus and enumerate the device again, which closes the serial port.
+    /// Reset the bus and enumerate the device again; this closes the serial port.
     ResetBus,
-    /// Send bytes once the serial port is open. Without a configured device they are dropped.
+    /// Send bytes once the serial port is open; discard them if no device is configured.
     Send(Vec<u8>),
 }
 
-/// Phase of the host's port; a number is the time at which the phase ends, in ns.
+/// Phase in which the host's port is; a number is the time in ns at which the phase ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Phase {
     #[default]
     Unplugged,
-    /// The cable is plugged in and no device is attached.
+    /// The cable is plugged in, but no device is attached.
     Empty,
     Debounce(u64),
     Reset(u64),
     Recovery(u64),
-    /// Transactions with the device are possible.
+    /// The host can exchange packets with the device.
     Active,
-    /// All attempts to enumerate the device have failed.
+    /// All attempts to enumerate the device have failed, so the host ignores it.
     Failed,
 }
 
@@ -144,7 +143,7 @@ enum Power {
     Recovering(u64),
 }
 
-/// USB host: state of its bus, of the enumeration and of the serial port.
+/// The USB host: state of the bus, of the enumeration and of the serial port.
 #[derive(Debug, Default)]
 struct Host {
     commands: VecDeque<Command>,
@@ -154,14 +153,14 @@ struct Host {
     idle_since: Option<u64>,
     enumeration: Option<Enumeration>,
     attempts: u32,
-    /// Control transfer in progress: of the enumeration if there is one, else of the serial port.
+    /// Control transfer in progress, of the enumeration if there is one, else of the serial port.
     transfer: Option<Transfer>,
     address: u8,
     serial: Serial,
     device: Option<Descriptors>,
-    /// End of the last transaction, in ns.
+    /// Time at which the last transaction ended, in ns.
     free_at: u64,
-    /// End of the transaction in progress, in ns.
+    /// Time at which the transaction in progress ends, in ns; `None` if there is none.
     busy_until: Option<u64>,
     violations: Violations,
 }
@@ -219,7 +218,7 @@ impl Host {
         }
     }
 
-    /// Discards all state of the device and stops sending frames.
+    /// Forgets all that is known of the device and stops sending frames.
     fn discard_device(&mut self, core: &mut Core) {
         self.transfer = None;
         self.enumeration = None;
@@ -232,7 +231,7 @@ impl Host {
         core.set_frames(false);
     }
 
-    /// Resets the bus and restarts the enumeration.
+    /// Resets the bus and starts a new enumeration of the device.
     fn restart_enumeration(&mut self, now: u64, core: &mut Core) {
         self.discard_device(core);
         self.enumeration = Some(Enumeration::new());
@@ -245,7 +244,7 @@ impl Host {
         self.phase = Phase::Reset(now + RESET_NS);
     }
 
-    /// Detects that a device was attached or detached, and that the bus became idle.
+    /// Detects whether a device was attached or detached, and since when the bus is idle.
     fn observe_bus(&mut self, now: u64, core: &mut Core) {
         let attached = core.is_attached();
         match self.phase {
@@ -268,7 +267,7 @@ impl Host {
         }
     }
 
-    /// Returns the time at which work is due next, in ns.
+    /// Returns the time in ns at which the host has to do something next.
     fn next_due(&mut self, now: u64, core: &Core) -> Option<u64> {
         let phase = match self.phase {
             Phase::Debounce(until) | Phase::Reset(until) | Phase::Recovery(until) => Some(until),
@@ -284,7 +283,7 @@ impl Host {
         [phase, power, idle, traffic].into_iter().flatten().min()
     }
 
-    /// Returns whether the bus must be suspended or resumed now.
+    /// Returns whether the host must suspend or resume the bus now.
     fn must_change_power(&self) -> bool {
         let is_suspended = self.power == Power::Suspended;
         let can_suspend =
@@ -324,7 +323,7 @@ impl Host {
         }
     }
 
-    /// Handles a failed enumeration: retries it, or ignores the device after the last attempt.
+    /// Handles a failed enumeration: starts another, or ignores the device after [`ATTEMPTS`].
     fn enumeration_failed(&mut self, why: &str, now: u64, core: &mut Core) {
         self.attempts += 1;
         self.violations.record(now, format!("enumeration: {why}"));

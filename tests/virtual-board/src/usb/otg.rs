@@ -1,7 +1,7 @@
-//! Connection of the USB core to the emulator's model of a microcontroller.
+//! Connects the model of the USB core to the emulator's model of a microcontroller.
 //!
 //! The registers and FIFOs are in a window at free addresses, to which accesses of the processor
-//! are redirected ([`Otg::redirect`]). The emulator's own instance of the core receives only the
+//! are redirected ([`Otg::redirect`]). The emulator's own peripheral for the core only receives the
 //! core's clock and reset line. The model of a chip contains an [`Otg`]: its `split` returns the
 //! model from [`Otg::model`] if there is one for the slot, and its `poll` and `reset` end with
 //! calls of [`Otg::poll`] and [`Otg::reset`].
@@ -19,24 +19,23 @@ use super::host::UsbHost;
 use super::instance::{Instance, Slots};
 use crate::core_bus::Redirect;
 
-/// Index of the core's global interrupt in the window.
+/// Index of the core's global interrupt among the interrupts of the window.
 const GLOBAL: usize = 0;
 
-/// The core and its host, with the interrupt level and the event time that were last passed to the
-/// emulator.
+/// The core and its host, and what they last passed to the emulator.
 #[derive(Debug)]
 struct CoreAndHost {
     core: Core,
     host: UsbHost,
-    /// Level of the interrupt line that was last passed to the emulator.
+    /// Level of the interrupt line last passed to the emulator; true is high.
     raised: bool,
-    /// Earliest time for which an event is scheduled, in ns.
+    /// Earliest time for which the emulator has an event scheduled, in ns.
     scheduled: Option<u64>,
 }
 
 impl CoreAndHost {
-    /// Performs the host's work that is due now, then drives the interrupt line and schedules the
-    /// next event.
+    /// Lets the host do what is due now, then drives the interrupt line and schedules the next
+    /// event.
     fn settle(&mut self, context: &mut DeviceContext<'_>) {
         let now = context.now().0;
         self.core.set_now(now);
@@ -66,7 +65,7 @@ fn lock(link: &Shared) -> MutexGuard<'_, CoreAndHost> {
     link.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Device model of the window, through which the processor accesses the core's registers and FIFOs.
+/// The emulator's device for the window, by which the processor accesses registers and FIFOs.
 #[derive(Debug)]
 struct Registers {
     link: Shared,
@@ -128,8 +127,8 @@ impl ErasedDevice for Registers {
     }
 }
 
-/// Device model of the emulator's own instance of the core, for the core's clock and reset line
-/// only.
+/// The emulator's device for its own peripheral of the core, which only receives the core's clock
+/// and reset line.
 #[derive(Debug)]
 struct ClockAndReset<L> {
     link: Shared,
@@ -143,17 +142,16 @@ impl<L: Layout> Device for ClockAndReset<L> {
         lock(&self.link).core.supply.kernel_hz = Some(hz);
     }
 
-    /// Handles the core's reset bit in the clock controller, which has the same effect as a system
+    /// Handles the core's reset bit in the clock controller, which acts on the core like a system
     /// reset.
     fn reset_line(&mut self, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {
         let mut link = lock(&self.link);
         link.core.reset();
-        // The host detects the reset at the next access to the core, or at the next stop of the
-        // emulator.
+        // The host sees the reset at the next access to the core or the next stop of the emulator.
     }
 }
 
-/// The USB core of a microcontroller, connected to the emulator.
+/// The model of a microcontroller's USB core, connected to the emulator.
 pub(crate) struct Otg {
     link: Shared,
     registers: Registers,
@@ -175,7 +173,7 @@ impl std::fmt::Debug for Otg {
 
 impl Otg {
     /// Adds the core `instance` to the bus of a microcontroller, with `host` at the other end of
-    /// its cable. `L` is the register layout of [`Instance::global`].
+    /// its cable. `L` is the register layout of the peripheral [`Instance::global`].
     ///
     /// # Errors
     ///
@@ -215,7 +213,7 @@ impl Otg {
         })
     }
 
-    /// Returns the redirection of the core's addresses to the window.
+    /// Returns the redirection from the core's addresses to the window.
     pub(crate) fn redirect(&self) -> Redirect {
         Redirect {
             from: self.instance.base..self.instance.base + self.instance.size,
@@ -223,8 +221,8 @@ impl Otg {
         }
     }
 
-    /// Returns the model for `slot` if the slot belongs to the core. The chip's `split` then
-    /// returns it instead of the model of the emulator's part.
+    /// Returns the model in the slot `slot` if the slot belongs to the core. The chip's `split`
+    /// must return it in place of the model of the emulator's part.
     pub(crate) fn model(&mut self, slot: usize, bus: &Bus) -> Option<&mut dyn ErasedDevice> {
         if slot == self.window {
             self.update_supply(bus);
@@ -236,15 +234,15 @@ impl Otg {
         }
     }
 
-    /// Performs the host's work at a stop of the emulator; the chip's `poll` calls this method.
+    /// Lets the host do what is due; the chip's `poll` calls this at each stop of the emulator.
     pub(crate) fn poll(&mut self, now: VirtualNanos, bus: &mut Bus) {
         self.update_supply(bus);
         let (_, mut context) = bus.drive(now, self.window);
         lock(&self.link).settle(&mut context);
     }
 
-    /// Applies a system reset, which detaches the device from the bus; the chip's `reset` calls
-    /// this method at its end.
+    /// Resets the core as a system reset does, which detaches it from the bus; the chip's `reset`
+    /// calls this method at its end.
     pub(crate) fn reset(&mut self) {
         let mut link = lock(&self.link);
         link.core.reset();
@@ -253,8 +251,8 @@ impl Otg {
         link.scheduled = None;
     }
 
-    /// Updates the state of the bus clock and of the connection to the cable from the
-    /// microcontroller's registers.
+    /// Reads from the microcontroller's registers whether the core has its bus clock and its
+    /// connection to the cable.
     fn update_supply(&mut self, bus: &Bus) {
         let supply = &mut lock(&self.link).core.supply;
         (supply.clocked, supply.unwired) = (self.instance.supply)(bus, &self.slots);

@@ -1,9 +1,9 @@
-//! Register map of the core: offsets, names and bits (RM0433 rev 9, section 57.14; RM0390 chapter
-//! 31 has the same map for the STM32F446).
+//! Registers of the USB core: offsets, names and bits (RM0433 rev 9, section 57.14; RM0390 chapter
+//! 31 gives the same for the STM32F446).
 
 use std::fmt;
 
-/// A register or FIFO of the core in device mode.
+/// A register or FIFO of the USB core in device mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Register {
     Gotgctl,
@@ -16,12 +16,12 @@ pub(super) enum Register {
     Grxstsr,
     Grxstsp,
     Grxfsiz,
-    /// Start and size of the transmit FIFO with this number: `DIEPTXF0` to `DIEPTXF8`.
+    /// Start and size of a transmit FIFO, whose number is given: `DIEPTXF0` to `DIEPTXF8`.
     Dieptxf(usize),
     Gnptxsts,
     Gccfg,
     Cid,
-    /// Identification register at this offset, which drivers read although ST's manuals omit it.
+    /// Identification register at the given offset; drivers read it, but ST's manuals omit it.
     Undocumented(u32),
     Dcfg,
     Dctl,
@@ -39,22 +39,22 @@ pub(super) enum Register {
     Doepint(usize),
     Doeptsiz(usize),
     Pcgcctl,
-    /// FIFO address of the endpoint with this number. A read at any of these addresses accesses the
-    /// receive FIFO that all endpoints share.
+    /// FIFO address of the endpoint whose number is given. Reads at any of these addresses take
+    /// data from the receive FIFO, which all endpoints share.
     Fifo(usize),
 }
 
-/// Maximum number of endpoints per direction in the register map.
+/// Largest number of endpoints per direction for which there are registers.
 pub(super) const MAX_ENDPOINTS: usize = 9;
 
-/// Distance between the registers of two consecutive endpoints, in bytes.
+/// Distance in bytes between the registers of two consecutive endpoints.
 const ENDPOINT_STRIDE: u64 = 0x20;
 /// Size of the address range of one FIFO, in bytes.
 const FIFO_STRIDE: u64 = 0x1000;
 
 impl Register {
-    /// Returns the register at `offset` bytes from the core's base, for a core with `endpoints`
-    /// endpoints.
+    /// Returns the register at `offset` bytes from the core's base address; `None` if a core with
+    /// `endpoints` endpoints has none there.
     pub(super) fn at(offset: u64, endpoints: usize) -> Option<Self> {
         let register = match offset {
             0x00 => Self::Gotgctl,
@@ -123,7 +123,7 @@ impl fmt::Display for Register {
         match self {
             Self::Undocumented(offset) => write!(formatter, "OTG + {offset:#05x}"),
             Self::Fifo(n) => write!(formatter, "FIFO {n}"),
-            // The manual writes OTG_DIEPTXF3 where Rust writes Dieptxf(3).
+            // Turn Rust's `Dieptxf(3)` into `OTG_DIEPTXF3`, as in the manual.
             named => {
                 let name = format!("{named:?}").to_uppercase();
                 write!(formatter, "OTG_{}", name.replace(['(', ')'], ""))
@@ -149,7 +149,7 @@ pub(super) mod gintsts {
     pub(crate) const OEPINT: u32 = 1 << 19;
     pub(crate) const SRQINT: u32 = 1 << 30;
     pub(crate) const WKUPINT: u32 = 1 << 31;
-    /// Bits that software clears by writing 1.
+    /// Bits that software clears by writing 1 to them.
     pub(crate) const CLEARABLE: u32 =
         SOF | ESUSP | USBSUSP | USBRST | ENUMDNE | EOPF | SRQINT | WKUPINT | 0x3030_4000;
 }
@@ -160,10 +160,10 @@ pub(super) mod grstctl {
     pub(crate) const RXFFLSH: u32 = 1 << 4;
     pub(crate) const TXFFLSH: u32 = 1 << 5;
     pub(crate) const AHBIDL: u32 = 1 << 31;
-    /// Value of `TXFNUM` that selects all transmit FIFOs.
+    /// Value of the field `TXFNUM` that selects all transmit FIFOs.
     pub(crate) const ALL_FIFOS: u32 = 0x10;
 
-    /// Returns `TXFNUM`, the number of the transmit FIFO to flush.
+    /// Returns the field `TXFNUM`, which is the number of the transmit FIFO to flush.
     pub(crate) const fn txfnum(value: u32) -> u32 {
         value >> 6 & 0x1F
     }
@@ -191,15 +191,15 @@ pub(super) mod epctl {
 pub(super) mod epint {
     pub(crate) const XFRC: u32 = 1 << 0;
     pub(crate) const EPDISD: u32 = 1 << 1;
-    /// OUT endpoint: the setup stage is done.
+    /// OUT endpoint 0: the setup stage has ended.
     pub(crate) const STUP: u32 = 1 << 3;
-    /// IN endpoint: a token was received while the FIFO was empty.
+    /// IN endpoint: a token was received while the transmit FIFO was empty.
     pub(crate) const ITTXFE: u32 = 1 << 4;
     /// OUT endpoint: an OUT token was received while the endpoint was disabled.
     pub(crate) const OTEPDIS: u32 = 1 << 4;
-    /// IN endpoint: the NAK is effective.
+    /// IN endpoint: the NAK that software has set is effective.
     pub(crate) const INEPNE: u32 = 1 << 6;
-    /// IN endpoint, read only: the FIFO has room.
+    /// IN endpoint, read only: the transmit FIFO has room.
     pub(crate) const TXFE: u32 = 1 << 7;
 }
 
@@ -216,35 +216,35 @@ pub(super) mod dctl {
     pub(crate) const POPRGDNE: u32 = 1 << 11;
 }
 
-/// Bits of the registers without a separate module.
+/// Bits of all registers that have no module of their own here.
 pub(super) mod bit {
-    /// `OTG_GAHBCFG`: the global interrupt is unmasked.
+    /// `OTG_GAHBCFG`: enables the core's global interrupt.
     pub(crate) const GINT: u32 = 1 << 0;
-    /// `OTG_GAHBCFG`: the flag `TXFE` means that a FIFO is completely empty, not half empty.
+    /// `OTG_GAHBCFG`: makes the flag `TXFE` mean that a FIFO is empty instead of half empty.
     pub(crate) const TXFELVL: u32 = 1 << 7;
-    /// `OTG_GUSBCFG`: device mode is forced.
+    /// `OTG_GUSBCFG`: forces device mode.
     pub(crate) const FDMOD: u32 = 1 << 30;
-    /// `OTG_GUSBCFG`: host mode is forced.
+    /// `OTG_GUSBCFG`: forces host mode.
     pub(crate) const FHMOD: u32 = 1 << 29;
-    /// `OTG_GOTGCTL`: B-session valid is overridden.
+    /// `OTG_GOTGCTL`: lets `BVALOVAL` decide whether the B-session is valid.
     pub(crate) const BVALOEN: u32 = 1 << 6;
-    /// `OTG_GOTGCTL`: override value for B-session valid.
+    /// `OTG_GOTGCTL`: whether the B-session is valid if `BVALOEN` is set.
     pub(crate) const BVALOVAL: u32 = 1 << 7;
     /// `OTG_GOTGCTL`: the ID pin indicates a B-device.
     pub(crate) const CIDSTS: u32 = 1 << 16;
-    /// `OTG_GOTGCTL`: the B-session is valid.
+    /// `OTG_GOTGCTL`: the B-session is valid, so the device may connect.
     pub(crate) const BSVLD: u32 = 1 << 19;
-    /// `OTG_GOTGINT`: the session has ended.
+    /// `OTG_GOTGINT`: the B-session has ended.
     pub(crate) const SEDET: u32 = 1 << 2;
-    /// `OTG_GCCFG`: the full-speed transceiver is on, although the name suggests that it is off.
+    /// `OTG_GCCFG`: switches the full-speed transceiver on, contrary to the bit's name.
     pub(crate) const PWRDWN: u32 = 1 << 16;
-    /// `OTG_GCCFG`: VBUS is sensed.
+    /// `OTG_GCCFG`: lets the core sense VBUS.
     pub(crate) const VBDEN: u32 = 1 << 21;
     /// `OTG_DSTS`: the bus is suspended.
     pub(crate) const SUSPSTS: u32 = 1 << 0;
-    /// `OTG_DSTS`: value of `ENUMSPD` for full speed.
+    /// `OTG_DSTS`: value of the field `ENUMSPD` that stands for full speed.
     pub(crate) const FULL_SPEED: u32 = 3 << 1;
-    /// `OTG_PCGCCTL`: the PHY's clock is stopped.
+    /// `OTG_PCGCCTL`: stops the PHY's clock.
     pub(crate) const STPPCLK: u32 = 1 << 0;
 }
 

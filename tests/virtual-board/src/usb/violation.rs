@@ -1,17 +1,16 @@
-//! Violations of the reference manual and of the USB specification, found by the models of core and
-//! host.
+//! Violations of the reference manual and of the USB specification, which the models of core and
+//! host detect.
 
 use std::fmt;
 
-/// A violation of the reference manual or of the USB specification, with the number of its
-/// occurrences.
+/// A violation of the reference manual or of the USB specification, and how often it has occurred.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    /// Virtual time of the first occurrence, in ns.
+    /// Virtual time at which the violation first occurred, in ns.
     pub at_ns: u64,
-    /// Register or request, what happened, and the section that forbids it.
+    /// Register or request, what has happened, and the section that forbids it.
     pub text: String,
-    /// Number of occurrences with the same text, at least 1.
+    /// Number of violations with this text, at least 1.
     pub count: u64,
 }
 
@@ -25,7 +24,7 @@ impl fmt::Display for Violation {
     }
 }
 
-/// All violations so far, each text once, in the order of the first occurrence.
+/// All violations so far, one for each text, in the order in which they first occurred.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Violations(Vec<Violation>);
 
@@ -42,7 +41,7 @@ impl Violations {
         }
     }
 
-    /// Records each of the `rules` that does not hold, with the section that states it.
+    /// Records a violation of each of the `rules` that is false; `section` states the rules.
     pub(super) fn expect<const N: usize>(
         &mut self,
         at_ns: u64,
@@ -54,7 +53,7 @@ impl Violations {
         }
     }
 
-    /// Moves the violations of `other` into this list, and adds up the counts of equal texts.
+    /// Moves all violations from `other` into this list, and adds up the counts of equal texts.
     pub(super) fn take_from(&mut self, other: &mut Self) {
         for violation in other.0.drain(..) {
             match self.0.iter_mut().find(|known| known.text == violation.text) {

@@ -1,4 +1,4 @@
-//! The `corticode-bridge` program, connected to the board's port.
+//! Scenarios with the program `corticode-bridge` at the port of a virtual board.
 
 use std::io::Read;
 use std::process::{ChildStdout, Command, Stdio};
@@ -11,21 +11,21 @@ use virtual_board::{BoardError, TcpPort, VirtualBoard, live};
 use crate::images::Subject;
 use crate::session::{assert_sound, power_on};
 
-/// Longest time for one run of the bridge, in seconds of virtual time.
+/// Longest time that one run of the bridge may take, in seconds of virtual time.
 const TIMEOUT_S: u64 = 60;
 
-/// Number of attempts at a self-test. The bridge waits 15 s of real time for the result, and the
-/// self-test takes 4.5 s of virtual time, so a slow machine can miss the limit.
+/// Number of self-tests that the bridge may request. It waits 15 s of real time for each result,
+/// and a self-test takes 4.5 s of virtual time, so on a slow machine the result can come too late.
 const ATTEMPTS: usize = 3;
 
-/// Time that a self-test takes at the most, in us (docs/hardware.md).
+/// Longest time that a self-test takes, in us of virtual time (docs/hardware.md).
 const SELF_TEST_US: u64 = 5_000_000;
 
 /// Number of codes that the bridge must publish.
 const CODES: usize = 48;
 
 /// Runs the bridge at the board's port until it exits, `is_enough` returns true for its output, or
-/// [`TIMEOUT_S`] has passed. Returns the output and exit status of the bridge.
+/// [`TIMEOUT_S`] has passed. Returns the bridge's output and exit status.
 fn bridge(
     board: &mut VirtualBoard,
     arguments: &[&str],
@@ -52,8 +52,8 @@ fn bridge(
         });
         let end_s = board.now_us() / 1_000_000 + TIMEOUT_S;
         let run = live::run(board, &mut tcp, Some(end_s), &stop, std::io::sink());
-        // The bridge gets time to exit by itself before it is killed. The reader thread ends when
-        // the bridge has ended.
+        // Give the bridge time to exit by itself before it is killed. The thread that reads its
+        // output ends with it.
         thread::sleep(Duration::from_millis(200));
         let ended = child.try_wait().ok().flatten();
         let _ = child.kill();
@@ -75,14 +75,14 @@ fn read(mut output: ChildStdout, is_enough: fn(&str) -> bool) -> String {
     String::from_utf8_lossy(&text).into_owned()
 }
 
-/// Counts the output lines that contain a code.
+/// Returns the number of lines of the bridge's output that contain a code.
 fn codes(text: &str) -> usize {
     text.lines()
         .filter(|line| line.contains("\"topic\":\"/encoded\""))
         .count()
 }
 
-/// The self-test that the bridge requests passes, and the bridge publishes codes.
+/// Scenario: the self-test that the bridge requests passes, and the bridge publishes codes.
 /// `tests/acceptance/tests/it/board_chain.rs` checks the codes for gaps.
 pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> {
     let mut board = power_on(subject, &subject.setup());
@@ -92,7 +92,7 @@ pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> 
         if status == Some(0) {
             break;
         }
-        // The device refuses another self-test until the one that came too late has ended.
+        // Wait until the self-test has ended: before, the device refuses another one.
         board.run_for_us(SELF_TEST_US)?;
     }
     assert_eq!(status, Some(0), "{table}");

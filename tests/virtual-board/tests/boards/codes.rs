@@ -1,4 +1,4 @@
-//! Comparison of a board's codes with those of host-sim.
+//! Scenario in which a virtual board's codes must equal those of host-sim.
 
 use std::time::Instant;
 
@@ -9,8 +9,8 @@ use crate::images::Subject;
 use crate::session::{assert_sound, in_time, pick, run_codes, running, worst_path};
 use crate::simulation::{HOP, Repeatable};
 
-/// Returns the number of codes to compare: 256 (16 s) for the default image of a board, 48 (3 s)
-/// for the other image, which differs only in the port.
+/// Returns the number of codes to compare: 256 (16 s) for a board's default image, 48 (3 s) for its
+/// other image, which differs only in the port.
 const fn codes(subject: Subject) -> usize {
     match (subject.model, subject.cable) {
         (Model::H743, Cable::Uart) | (Model::F446, Cable::Usb) => 48,
@@ -18,19 +18,19 @@ const fn codes(subject: Subject) -> usize {
     }
 }
 
-/// Number of times that the DMA streams are inspected.
+/// Number of times that the scenario inspects the DMA streams.
 const INSPECTIONS: usize = 50;
 
-/// The codes equal those of host-sim bit for bit, their timestamps are 62.5 ms apart, and nothing
-/// is late or lost. DMA1 can access every buffer that it uses.
+/// Scenario: the codes equal those of host-sim bit for bit, their time stamps are 62.5 ms apart,
+/// and nothing is late or lost. DMA1 can access every buffer that it uses.
 pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let run = Repeatable::start(&mut board, Streams::CODES, None)?;
     let (start_us, started) = (board.now_us(), Instant::now());
     run_codes(&mut board, 2)?;
     for _ in 0..INSPECTIONS {
-        // The interval is not a multiple of the sample period, so the streams are inspected at
-        // varying points.
+        // The interval is no multiple of the sampling period, so that the DMA is inspected at
+        // varying points of the period.
         board.run_for_us(1_237)?;
         assert_dma_reaches_its_buffers(&mut board, subject)?;
     }
@@ -51,8 +51,8 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
     }
 
     let timing = in_time(&board);
-    // The peak of the stack use only grows, and the device reported it before this read, so the
-    // report cannot be larger.
+    // The largest stack use can only grow, so the device's report, which is older than this value,
+    // must not be larger.
     let used = board.stack_used()?;
     let [reported, size] = [timing.stack_used, timing.stack_size].map(u64::from);
     assert!(
@@ -79,13 +79,13 @@ fn received(frames: &[Frame]) -> Vec<ReceivedCode> {
     pick(frames, code).collect()
 }
 
-/// Asserts that all buffers of DMA streams are in memory that DMA1 can access. On the chip, DMA1
-/// cannot access the DTCM (RM0433, 2.1), but the emulator allows it.
+/// Asserts that DMA1 can access the buffers of all its streams. On the chip it cannot access the
+/// DTCM (RM0433, 2.1), but the emulator allows it.
 fn assert_dma_reaches_its_buffers(
     board: &mut VirtualBoard,
     subject: Subject,
 ) -> Result<(), BoardError> {
-    // Two streams for the SPI, and two more if the image uses the UART.
+    // The SPI uses two streams, and the UART, if the image uses it, two more.
     let streams = match subject.cable {
         Cable::Uart => 4,
         Cable::Usb => 2,

@@ -1,4 +1,4 @@
-//! Commands to a streaming and to an idle board.
+//! Scenarios in which the host sends commands to a streaming board and to an idle one.
 
 use std::collections::HashSet;
 
@@ -8,14 +8,14 @@ use virtual_board::{BoardError, Cable, Kind, VirtualBoard};
 use crate::images::Subject;
 use crate::session::{acks, assert_sound, converters, pick, run_codes, running, stats, streaming};
 
-/// Number of codes after which the device has reported its counts again, which it does each second.
+/// Number of codes in which the device reports its counts at least once; it does so each second.
 const A_REPORT: usize = 20;
 
-/// Number of commands sent back to back; over the UART they take about 50 ms.
+/// Number of commands that a scenario sends without pause; over the UART they take about 50 ms.
 const COMMANDS: u32 = 300;
 
-/// While codes stream, every command is received once, and its acknowledgement is sent or counted
-/// as dropped.
+/// Scenario: while codes stream, the device receives every command once, and sends its
+/// acknowledgement or counts it as dropped.
 pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, A_REPORT)?;
@@ -30,8 +30,8 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     let stats = stats(frames).expect("a report each second");
     assert_eq!(stats.input_bad, 0, "damaged commands");
     assert_eq!(stats.commands - commands, COMMANDS, "commands received");
-    // Acknowledgements that do not fit into the UART's buffer are dropped and counted. USB has the
-    // capacity for all of them.
+    // The device drops and counts acknowledgements that do not fit into the UART's buffer. USB is
+    // fast enough for all of them.
     let answered = u32::try_from(acks(frames) - before).expect("fewer than 2^32");
     let dropped = stats.frames_dropped - dropped;
     assert!(
@@ -46,12 +46,12 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     Ok(())
 }
 
-/// Rate of framing errors and, separately, of noise, in bytes per million. Together they damage
-/// about one command in twenty.
+/// Number of bytes in a million that get a framing error; as many others get a noise error.
+/// Together, the errors damage about one command in twenty.
 const DAMAGED: u32 = 2_500;
 
-/// A byte with a framing error or noise destroys only the command that contains it, and damaged
-/// commands are counted. No command is executed twice, and reception continues.
+/// Scenario: a byte with a framing or noise error destroys only the command that contains it, and
+/// the device counts damaged commands. It executes no command twice, and goes on receiving.
 pub(crate) fn damaged_bytes_destroy_only_their_commands(
     subject: Subject,
 ) -> Result<(), BoardError> {
@@ -94,36 +94,36 @@ pub(crate) fn damaged_bytes_destroy_only_their_commands(
     Ok(())
 }
 
-/// Longest response time on an idle line, in us: the transfer of both frames, and the polling
-/// interval of the test, 500 us. If the conversation task handled commands only at its 20 ms tick,
-/// most responses would take longer.
+/// Longest time for an answer on an idle line, in us: the transfer of command and answer, and the
+/// test's polling interval of 500 us. Most answers would take longer if the conversation task
+/// looked for commands only at its tick, every 20 ms.
 const ANSWER_US: u64 = 4_000;
 
-/// Asserts that each command wakes the conversation task immediately while nothing streams.
+/// Asserts that, while nothing streams, each command wakes the device's conversation task at once.
 pub(crate) fn assert_idle_board_answers_at_once(
     board: &mut VirtualBoard,
 ) -> Result<(), BoardError> {
     for _ in 0..20 {
         ping(board, ANSWER_US)?;
-        // The interval is not a multiple of any period of the firmware, so commands arrive at
+        // The interval is no multiple of any period of the firmware, so that commands arrive at
         // varying points of each period.
         board.run_for_us(3_777)?;
     }
     Ok(())
 }
 
-/// Sends a command and waits for its acknowledgement.
+/// Sends a command and waits at most `limit_us` for its acknowledgement.
 pub(crate) fn ping(board: &mut VirtualBoard, limit_us: u64) -> Result<(), BoardError> {
     let before = acks(board.inbox().frames());
     board.send(&ToDevice::Ping);
     board.run_until("an answer", limit_us, |frames| acks(frames) > before)
 }
 
-/// Longest time of a self-test, in us; a self-test takes 4.5 s (docs/hardware.md).
+/// Longest wait for the result of a self-test, in us; a self-test takes 4.5 s (docs/hardware.md).
 const SELF_TEST_US: u64 = 6_000_000;
 
-/// The self-test passes for all eight chips and 64 channels, and the chain converts again
-/// afterwards.
+/// Scenario: the self-test passes for all eight chips and 64 channels, and afterwards the
+/// converters convert again.
 pub(crate) fn self_test_passes(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     board.send(&ToDevice::SelfTest);

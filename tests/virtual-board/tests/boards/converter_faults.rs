@@ -1,4 +1,4 @@
-//! Faults of the converters, and how the device reports them.
+//! Scenarios in which converters have faults, which the device must report.
 
 use ads1299::Alignment;
 use ads1299::simulation::Fault;
@@ -10,11 +10,11 @@ use crate::session::{
     assert_sound, converters, pick, power_on, run_codes, running_with, start, streaming,
 };
 
-/// Index of the chip with the fault. Any chip except 0 is suitable.
+/// Index of the chip that gets the fault; any chip but 0 would do.
 const CHIP: usize = 5;
 
-/// Number of codes after which the device has sent the status of its converters again, which it
-/// does each second.
+/// Number of codes during which the device sends the status of its converters at least once; it
+/// does so each second.
 const A_STATUS: usize = 20;
 
 /// Returns the flags of all codes received so far.
@@ -22,7 +22,7 @@ fn flags(board: &VirtualBoard) -> Vec<Flags> {
     board.inbox().codes().map(|(_, code)| code.flags).collect()
 }
 
-/// Returns the number of bad frames of each chip, from the newest status.
+/// Returns each chip's number of bad frames from the newest status of the converters.
 fn frames_bad(board: &VirtualBoard) -> Vec<u32> {
     let bad = |kind: &Kind| match kind {
         Kind::Converters(converters) => Some(converters.frames_bad.to_vec()),
@@ -32,7 +32,7 @@ fn frames_bad(board: &VirtualBoard) -> Vec<u32> {
     newest.expect("a status each second")
 }
 
-/// Injects a fault while codes stream, and returns the chips that the device reports as bad.
+/// Gives a chip a fault while codes stream. Returns the chips that the device reports as bad.
 fn inject_fault(subject: Subject, fault: Fault) -> Result<Vec<usize>, BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 8)?;
@@ -40,7 +40,7 @@ fn inject_fault(subject: Subject, fault: Fault) -> Result<Vec<usize>, BoardError
     assert!(flags(&board).iter().all(|flags| !flags.contains(bad)));
     board.converters().inject(CHIP, fault);
     run_codes(&mut board, A_STATUS)?;
-    // The first window that ends after the fault contains it, so code 8 or 9 must be the first with
+    // All windows that end after the fault contain it, so code 8 or 9 must be the first that has
     // the flag.
     let flags = flags(&board).into_iter();
     let flagged: Vec<bool> = flags.map(|flags| flags.contains(bad)).collect();
@@ -55,7 +55,7 @@ fn inject_fault(subject: Subject, fault: Fault) -> Result<Vec<usize>, BoardError
     Ok((0..counts.len()).filter(|&chip| counts[chip] > 0).collect())
 }
 
-/// A chip without power blocks the chain: this chip and those that send through it are reported.
+/// Scenario: the device reports a chip without power and all chips that send their data through it.
 pub(crate) fn a_dead_chip_is_reported(subject: Subject) -> Result<(), BoardError> {
     let named = inject_fault(subject, Fault::Dead)?;
     assert_eq!(named, (CHIP..8).collect::<Vec<_>>());
@@ -63,7 +63,7 @@ pub(crate) fn a_dead_chip_is_reported(subject: Subject) -> Result<(), BoardError
     Ok(())
 }
 
-/// A chip that sends one bit late also shifts the data of the chips that send through it.
+/// Scenario: the device reports a chip that sends one bit late and so shifts other chips' data.
 pub(crate) fn a_shifted_bit_is_reported(subject: Subject) -> Result<(), BoardError> {
     let named = inject_fault(subject, Fault::ShiftedBit)?;
     assert_eq!(named.first(), Some(&CHIP), "{named:?}");
@@ -71,8 +71,8 @@ pub(crate) fn a_shifted_bit_is_reported(subject: Subject) -> Result<(), BoardErr
     Ok(())
 }
 
-/// While DRDY is stuck, codes continue with a flag, and the bad frames of all chips are counted.
-/// When DRDY works again, the codes have no flag.
+/// Scenario: while DRDY is stuck, codes continue with a flag, and the device counts bad frames of
+/// all chips. Once DRDY works again, codes have no flag.
 pub(crate) fn a_silent_drdy_is_flagged(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 8)?;
@@ -94,7 +94,7 @@ pub(crate) fn a_silent_drdy_is_flagged(subject: Subject) -> Result<(), BoardErro
     Ok(())
 }
 
-/// A chain without don't-care bits between the chips is decoded.
+/// Scenario: the device decodes data of converters that send no don't-care bits between chips.
 pub(crate) fn a_packed_chain_is_decoded(subject: Subject) -> Result<(), BoardError> {
     let setup = Setup {
         alignment: Alignment::Packed,
@@ -109,8 +109,8 @@ pub(crate) fn a_packed_chain_is_decoded(subject: Subject) -> Result<(), BoardErr
     Ok(())
 }
 
-/// If the converters get power seconds after the microcontroller, the firmware reports the fault,
-/// retries, and can stream without a restart.
+/// Scenario: if the converters get power seconds after the microcontroller, the device reports the
+/// fault, tries again, and can stream without a restart.
 pub(crate) fn converters_can_be_powered_late(subject: Subject) -> Result<(), BoardError> {
     let setup = Setup {
         converters_on: false,

@@ -1,4 +1,4 @@
-//! Restarts: after failures of the firmware, and on command of the host.
+//! Scenarios with restarts of the device: after failures of the firmware, and on command.
 
 use link::{ResetCause, ResetInto, Streams, ToDevice};
 use virtual_board::{BoardError, Injection, VirtualBoard};
@@ -9,16 +9,16 @@ use crate::session::{
     streaming,
 };
 
-/// Longest time from a failure to the next `Hello`, in us: the watchdog's 200 ms, the tolerance of
-/// its oscillator, and the start.
+/// Longest time from a failure to the next `Hello`, in us. It covers the watchdog's 200 ms, the
+/// tolerance of its oscillator, and the start.
 const LONGEST_US: u64 = 600_000;
 
-/// Longest time from a command to the restarted firmware or the boot loader, in us. It covers 100
-/// ms for the acknowledgement, the start of the clocks, and USB enumeration.
+/// Longest time from a command to the start of firmware or boot loader, in us. It covers 100 ms for
+/// the acknowledgement, the start of the clocks, and the enumeration of USB.
 const RESET_US: u64 = 1_000_000;
 
-/// Failures in the encoder's task, each with the cause and a part of the fault that `Hello` reports
-/// after the restart, and the name of its figure. A hang leaves no fault to report.
+/// Failures to cause in the encode task: the reset cause and a part of the fault that the next
+/// `Hello` must report, and the figure's name. A hang leaves no fault to report.
 const FAILURES: [(Injection, ResetCause, &str, &str); 5] = [
     (Injection::Hang, ResetCause::Watchdog, "", "hang"),
     (
@@ -47,16 +47,16 @@ const FAILURES: [(Injection, ResetCause, &str, &str); 5] = [
     ),
 ];
 
-/// After each failure of the encoder's task the chip is reset, the next `Hello` reports what has
-/// happened, and the device streams again. The watchdog ends a hang.
+/// Scenario: each failure of the encode task resets the chip (after a hang, the watchdog does), the
+/// next `Hello` reports the failure, and the device streams again.
 pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
-    // The watchdog starts once every task has made progress.
+    // Run until every task has made progress, because only then does the watchdog start.
     run_codes(&mut board, 4)?;
     for (injection, cause, named, key) in FAILURES {
         let before = greetings(board.inbox().frames()).len();
         let at_us = board.now_us();
-        // The encode task runs in the interrupt SAI1.
+        // The encode task runs in the handler of the interrupt SAI1, which serves no other purpose.
         board.inject_at("SAI1", injection)?;
         board.run_until("Hello after a failure", LONGEST_US, |frames| {
             greetings(frames).len() > before
@@ -75,12 +75,12 @@ pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Resul
         }
         subject.record(&format!("reset_cause_{key}"), true);
     }
-    // The injected stack overflow accesses addresses just below the RAM.
+    // Allow accesses to addresses just below the RAM, which the stack overflow makes.
     assert_no_findings_but(&mut board, |access| access.starts_with("0x1fffff"))
 }
 
-/// Asserts that the newest `Hello` reports `cause` and that the device streams again. Returns the
-/// fault that `Hello` reports.
+/// Asserts that the newest `Hello` reports the reset cause `cause` and that the device streams
+/// again. Returns the fault that this `Hello` reports.
 fn assert_streams_after(board: &mut VirtualBoard, cause: ResetCause) -> Result<String, BoardError> {
     let (reported, fault) = greetings(board.inbox().frames()).pop().expect("a Hello");
     assert_eq!(reported, cause, "Hello reports {fault:?}");
@@ -90,7 +90,7 @@ fn assert_streams_after(board: &mut VirtualBoard, cause: ResetCause) -> Result<S
     Ok(fault)
 }
 
-/// The device acknowledges `Reset`, restarts, reports the cause, and streams again.
+/// Scenario: the device restarts on `Reset`, reports this as the cause, and streams again.
 pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
@@ -103,8 +103,8 @@ pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     assert_sound(&mut board)
 }
 
-/// The device acknowledges `Reset` into the boot loader. The boot loader then runs with the clocks
-/// of the reset state.
+/// Scenario: the device acknowledges the command to reset into the boot loader, which then runs
+/// with the clocks that the chip has after a reset.
 pub(crate) fn restarts_into_the_loader(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let before = acks(board.inbox().frames());

@@ -1,4 +1,4 @@
-//! Images under test, from paths in environment variables, and the figures measured on them.
+//! Images under test, whose paths are in environment variables, and figures measured on them.
 
 use std::env;
 use std::fmt::{self, Display};
@@ -8,12 +8,12 @@ use std::path::Path;
 
 use virtual_board::{Cable, Image, Model, Setup};
 
-/// An image under test: its board, the cable it uses and its name.
+/// An image under test: its board, the cable that it supports, and its name.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Subject {
     pub(crate) model: Model,
     pub(crate) cable: Cable,
-    /// Name of the image in figures.
+    /// Name of the image in figures and environment variables.
     pub(crate) key: &'static str,
 }
 
@@ -22,7 +22,7 @@ impl Subject {
         Self { model, cable, key }
     }
 
-    /// Returns the configuration of a healthy board with the cable of the image.
+    /// Returns the settings of a healthy board with the cable that the image supports.
     pub(crate) fn setup(self) -> Setup {
         Setup {
             cable: self.cable,
@@ -30,8 +30,8 @@ impl Subject {
         }
     }
 
-    /// Reads the image that `CORTICODE_IMAGE_H743`, `.._H743_UART`, `.._F446`, `.._F446_USB` or
-    /// `.._F446_PACKED` names.
+    /// Reads the image whose path is in `CORTICODE_IMAGE_H743`, `.._H743_UART`, `.._F446`,
+    /// `.._F446_USB` or `.._F446_PACKED`.
     ///
     /// # Panics
     /// When the variable is not set, or the image is missing, outdated or for another chip.
@@ -47,15 +47,15 @@ impl Subject {
         Image::read(Path::new(&path), self.model).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// Prints a figure, and appends it as a line of JSON to the file that `CORTICODE_FIGURES`
-    /// names. `value` is a number or a boolean.
+    /// Prints the figure `key` with its `value`, a number or boolean, and appends it as a line of
+    /// JSON to the file that `CORTICODE_FIGURES` names.
     pub(crate) fn record(self, key: &str, value: impl Display) {
         println!("{self}: {key} {value}");
         let Some(path) = env::var_os("CORTICODE_FIGURES") else {
             return;
         };
         let file = OpenOptions::new().append(true).create(true).open(path);
-        // The line is written with a single call, because tests run concurrently.
+        // Write the line with a single call, so that lines of concurrent tests do not mix.
         let line = format!("{{\"board\":\"{self}\",\"{key}\":{value}}}\n");
         let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
         written.expect("CORTICODE_FIGURES names a writable file");

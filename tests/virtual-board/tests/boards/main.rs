@@ -1,5 +1,5 @@
-//! Tests of the firmware images on virtual boards. `cargo xtask board` builds the images and runs
-//! these tests.
+//! Scenarios of the firmware images on virtual boards; `cargo xtask board` builds the images and
+//! runs them.
 
 mod bridge;
 mod codes;
@@ -19,22 +19,22 @@ mod watchdog;
 use images::Subject;
 use virtual_board::{Cable, Model};
 
-/// Default image of the NUCLEO-H743ZI2.
+/// The default image of the NUCLEO-H743ZI2, which uses USB.
 const H743: Subject = Subject::new(Model::H743, Cable::Usb, "h743");
 
-/// Image of the NUCLEO-H743ZI2 with the feature `uart`.
+/// The image of the NUCLEO-H743ZI2 with the feature `uart`, which uses the UART.
 const H743_UART: Subject = Subject::new(Model::H743, Cable::Uart, "h743-uart");
 
-/// Default image of the NUCLEO-F446RE.
+/// The default image of the NUCLEO-F446RE, which uses the UART.
 const F446: Subject = Subject::new(Model::F446, Cable::Uart, "f446");
 
-/// Image of the NUCLEO-F446RE for a USB connector that the user adds.
+/// The image of the NUCLEO-F446RE for a USB connector that the user has added.
 const F446_USB: Subject = Subject::new(Model::F446, Cable::Usb, "f446-usb");
 
-/// Image of the NUCLEO-F446RE with the packed code in place of the network.
+/// The image of the NUCLEO-F446RE that has the packed code in place of the network.
 const F446_PACKED: Subject = Subject::new(Model::F446, Cable::Uart, "f446-packed");
 
-/// Defines a test for each scenario, which is a function that takes a [`Subject`].
+/// Defines a test of the image `$subject` for each scenario, a function that takes a [`Subject`].
 macro_rules! scenarios {
     ($subject:ident: $($room:ident: $($scenario:ident)+;)*) => {
         $($(#[test]
@@ -44,7 +44,7 @@ macro_rules! scenarios {
     };
 }
 
-/// Defines, for one image, the tests that every image has.
+/// Defines the tests that every image with the network has, for one such image.
 macro_rules! every_image {
     ($subject:ident) => {
         scenarios! {
@@ -55,8 +55,7 @@ macro_rules! every_image {
     };
 }
 
-/// Defines the tests of one default image: those that every image has, and those that only default
-/// images have.
+/// Defines the tests of a board's default image: those that every image has, and further ones.
 macro_rules! default_image {
     ($subject:ident) => {
         every_image!($subject);

@@ -1,4 +1,4 @@
-//! Comparison of a board's packed blocks and compressed samples with those of host-sim.
+//! Scenarios in which packed blocks and compressed samples must equal those of host-sim.
 
 use link::{AckResult, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, ReceivedCode};
@@ -7,17 +7,17 @@ use crate::images::Subject;
 use crate::session::{acks, assert_sound, in_time, pick, run_frames, running, start, worst_path};
 use crate::simulation::{HOP, Repeatable};
 
-/// Number of blocks to compare: more than from one block without prediction to the next.
+/// Number of blocks to compare, more than there are from one block without prediction to the next.
 const BLOCKS: usize = 70;
 
-/// Time for which an image without the network streams everything but codes and raw samples, in
-/// seconds.
+/// Duration in seconds for which an image without the network streams everything but codes and raw
+/// samples.
 const SECONDS: usize = 3;
 
-/// Command for a rate that is not the model's default.
+/// Command that sets a rate other than the model's default.
 const RATE: ToDevice = ToDevice::SetRate { rate: 6 };
 
-/// Packed blocks at a rate that the host chooses, and the planes of an audit, equal those of
+/// Scenario: packed blocks at a rate that the host chooses, and the audited planes, equal those of
 /// host-sim bit for bit, and nothing is late or lost.
 pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
@@ -35,7 +35,8 @@ pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<
     assert_sound(&mut board)
 }
 
-/// With both encoders and everything else that a host asks for at once, nothing is late or lost.
+/// Scenario: nothing is late or lost while both encoders run and the host asks for all streams at
+/// once, except the compressed samples, which replace the raw ones.
 pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     start(&mut board, Streams::ALL.without(Streams::COMPRESSED_RAW))?;
@@ -48,8 +49,8 @@ pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), Boar
     assert_sound(&mut board)
 }
 
-/// An image without the network refuses codes, audits windows without a code, and is in time with
-/// all other streams.
+/// Scenario: an image without the network refuses to stream codes, audits windows without a code,
+/// and is in time with all other streams.
 pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     for streams in [Streams::CODES, Streams::PACKED | Streams::CODES] {
@@ -61,7 +62,7 @@ pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
         let newest = pick(board.inbox().frames(), result).next_back();
         assert_eq!(newest, Some(AckResult::BadArgument));
     }
-    // All other streams that the UART can carry, at once.
+    // Start all other streams that the UART can carry at the same time.
     start(
         &mut board,
         Streams::ALL.without(Streams::CODES | Streams::RAW),
@@ -75,7 +76,7 @@ pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
     assert_sound(&mut board)
 }
 
-/// Returns index and planes of each audited window.
+/// Returns the number and the planes of each audited window.
 fn audits(frames: &[Frame]) -> Vec<(u32, &[u8])> {
     let audits = pick(frames, |kind| match kind {
         Kind::Audit { window, planes, .. } => Some((*window, &planes[..])),
@@ -92,8 +93,8 @@ fn blocks(frames: &[Frame]) -> Vec<ReceivedCode> {
     pick(frames, block).collect()
 }
 
-/// Compressed samples, streamed together with codes, equal those of host-sim bit for bit, and
-/// nothing is late or lost.
+/// Scenario: compressed samples, streamed together with codes, equal those of host-sim bit for bit,
+/// and nothing is late or lost.
 pub(crate) fn compressed_samples_equal_those_of_host_sim(
     subject: Subject,
 ) -> Result<(), BoardError> {

@@ -1,5 +1,5 @@
-//! What the scenarios share: starting a board and its streams, picking messages from its frames,
-//! and the assertions at the end.
+//! Functions for all scenarios: they start a board and its streams, pick messages from its frames,
+//! and assert at the end that it worked without faults.
 
 use link::{Start, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard};
@@ -7,42 +7,42 @@ use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard};
 use crate::images::Subject;
 
 /// Longest time from power-on until the converters run, in us. The firmware waits 1 s after
-/// power-on and 0.15 s for the reference, then writes the registers. If the external clock is
-/// missing, a timeout of 0.5 s is added.
+/// power-on and 0.15 s for the reference, then writes the registers; a missing external clock adds
+/// a timeout of 0.5 s.
 const UP_US: u64 = 2_000_000;
 
-/// Powers on a board with the image of `subject`.
+/// Powers on a board with the settings `setup` and the image of `subject`.
 pub(crate) fn power_on(subject: Subject, setup: &Setup) -> VirtualBoard {
     VirtualBoard::power_on(subject.model, &subject.image(), setup)
 }
 
-/// Powers on a healthy board and runs it until the converters run.
+/// Powers on a healthy board and runs it until its converters run.
 pub(crate) fn running(subject: Subject) -> Result<VirtualBoard, BoardError> {
     running_with(subject, &subject.setup())
 }
 
-/// Powers on a board with the settings `setup` and runs it until the converters run.
+/// Powers on a board with the settings `setup` and runs it until its converters run.
 pub(crate) fn running_with(subject: Subject, setup: &Setup) -> Result<VirtualBoard, BoardError> {
     let mut board = power_on(subject, setup);
     run_up(&mut board)?;
     Ok(board)
 }
 
-/// Runs a board that has just started until the converters run.
+/// Runs a board that has just started until its converters run.
 pub(crate) fn run_up(board: &mut VirtualBoard) -> Result<(), BoardError> {
     board.run_until("converters run", UP_US, |frames| {
         converters(frames) == Some("")
     })
 }
 
-/// Powers on a board and starts streams.
+/// Powers on a healthy board, waits until its converters run, and starts `streams`.
 pub(crate) fn streaming(subject: Subject, streams: Streams) -> Result<VirtualBoard, BoardError> {
     let mut board = running(subject)?;
     start(&mut board, streams)?;
     Ok(board)
 }
 
-/// Starts streams and waits for the acknowledgement.
+/// Commands the device to start `streams`, and waits for its acknowledgement.
 pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) -> Result<(), BoardError> {
     let before = acks(board.inbox().frames());
     board.send(&ToDevice::Start(Start {
@@ -55,7 +55,7 @@ pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) -> Result<(), Bo
     Ok(())
 }
 
-/// Asserts that the board has lost nothing and that no stage missed its deadline; returns the
+/// Asserts that the board has lost nothing and that no stage has missed its deadline. Returns the
 /// newest report of the stages' times.
 pub(crate) fn in_time(board: &VirtualBoard) -> link::Timing {
     let mut newest = None;
@@ -83,7 +83,7 @@ pub(crate) fn in_time(board: &VirtualBoard) -> link::Timing {
     newest.expect("a report each second")
 }
 
-/// Returns the largest ratio of a stage's worst time to its deadline.
+/// Returns the largest ratio of a stage's longest time to the stage's deadline.
 pub(crate) fn worst_path(timing: &link::Timing) -> f64 {
     let worst = timing
         .stages
@@ -92,7 +92,7 @@ pub(crate) fn worst_path(timing: &link::Timing) -> f64 {
     worst.fold(0.0, f64::max)
 }
 
-/// Returns what `select` picks from the messages of frames.
+/// Returns, in order, what `select` picks from the messages in `frames`.
 pub(crate) fn pick<'f, T>(
     frames: &'f [Frame],
     select: fn(&'f Kind) -> Option<T>,
@@ -100,13 +100,13 @@ pub(crate) fn pick<'f, T>(
     frames.iter().filter_map(move |frame| select(&frame.kind))
 }
 
-/// Returns the number of acknowledgements received so far.
+/// Returns the number of acknowledgements in `frames`.
 pub(crate) fn acks(frames: &[Frame]) -> usize {
     let is_ack = |kind: &Kind| matches!(kind, Kind::Ack(_)).then_some(());
     pick(frames, is_ack).count()
 }
 
-/// Runs until `codes` more codes have been received.
+/// Runs until the device has sent `codes` more codes.
 pub(crate) fn run_codes(board: &mut VirtualBoard, codes: usize) -> Result<(), BoardError> {
     let is_code = |kind: &Kind| matches!(kind, Kind::Code(_)).then_some(());
     let count = |frames: &[Frame]| pick(frames, is_code).count();
@@ -114,7 +114,8 @@ pub(crate) fn run_codes(board: &mut VirtualBoard, codes: usize) -> Result<(), Bo
     run_frames(board, codes, 62_500, |frames| count(frames) - before)
 }
 
-/// Runs until `count` returns at least `frames`; a frame is due every `interval_us`.
+/// Runs until `count` returns at least `frames` for the frames received so far. Fails if frames
+/// come clearly later than one every `interval_us`.
 pub(crate) fn run_frames(
     board: &mut VirtualBoard,
     frames: usize,
@@ -126,8 +127,8 @@ pub(crate) fn run_frames(
     board.run_until(&what, limit_us, |received| count(received) >= frames)
 }
 
-/// Returns the fault in the newest status of the converters since the device has started, empty if
-/// they run; `None` before the first status.
+/// Returns the fault in the newest status of the converters, which is empty if they run; `None` if
+/// the device has sent none since its last start.
 pub(crate) fn converters(frames: &[Frame]) -> Option<&str> {
     let is_hello = |frame: &Frame| matches!(frame.kind, Kind::Hello { .. });
     let started = frames.iter().rposition(is_hello).unwrap_or(0);
@@ -138,7 +139,7 @@ pub(crate) fn converters(frames: &[Frame]) -> Option<&str> {
     faults.next_back()
 }
 
-/// Returns the newest statistics of the device.
+/// Returns the newest of the device's statistics in `frames`.
 pub(crate) fn stats(frames: &[Frame]) -> Option<&link::Stats> {
     let mut stats = pick(frames, |kind| match kind {
         Kind::Stats(stats) => Some(&**stats),
@@ -147,7 +148,7 @@ pub(crate) fn stats(frames: &[Frame]) -> Option<&link::Stats> {
     stats.next_back()
 }
 
-/// Returns the reset cause and the previous fault of each `Hello` received so far.
+/// Returns the reset cause and the fault that each `Hello` in `frames` reports.
 pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
     let hello = |kind: &Kind| match kind {
         Kind::Hello {
@@ -158,8 +159,7 @@ pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
     pick(frames, hello).collect()
 }
 
-/// Asserts that there are no unexpected findings, as [`assert_no_findings`] does, and that every
-/// received frame could be decoded.
+/// Asserts that every received frame could be decoded, and the same as [`assert_no_findings`].
 pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     assert_eq!(
@@ -170,13 +170,13 @@ pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     Ok(())
 }
 
-/// Asserts that no unmapped address was accessed, no access was refused, all other findings are on
-/// the list of allowed findings, and no rule of the converters or of USB was violated.
+/// Asserts that the emulator has found only allowed problems, without any unmapped or refused
+/// access, and that no rule of the converters or of USB was violated.
 pub(crate) fn assert_no_findings(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings_but(board, |_| false)
 }
 
-/// Asserts the same as [`assert_no_findings`], but ignores unmapped accesses for which
+/// Asserts the same as [`assert_no_findings`], but allows accesses to unmapped addresses for which
 /// `is_intended` returns true.
 pub(crate) fn assert_no_findings_but(
     board: &mut VirtualBoard,

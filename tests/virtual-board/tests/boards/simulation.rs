@@ -1,4 +1,4 @@
-//! Comparison with what host-sim sends for the samples that the virtual converters deliver.
+//! Compares a virtual board's frames with those that host-sim sends for the same samples.
 
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
@@ -10,23 +10,23 @@ use virtual_board::{BoardError, Frame, Inbox, VirtualBoard, electrode_count};
 
 use crate::session::start;
 
-/// Number of samples between the starts of two windows or packed blocks.
+/// Number of samples between the starts of two consecutive windows or packed blocks.
 pub(crate) const HOP: u64 = 32;
 
-/// A run of a board that host-sim repeats, to compare the frames of both.
+/// A board's run that host-sim repeats, so that the frames of both can be compared.
 #[derive(Clone, Debug)]
 pub(crate) struct Repeatable {
     streams: Streams,
-    /// Command that precedes the `Start`.
+    /// Command that the board receives before the command `Start`.
     command: Option<ToDevice>,
-    /// Samples of the converters at which the run may have started: those between the `Start` and
-    /// its acknowledgement.
+    /// Numbers of the samples with which the run may have started: those between the command
+    /// `Start` and its acknowledgement.
     first: RangeInclusive<u64>,
 }
 
 impl Repeatable {
-    /// Sends `Start` to a board. `command` is the command that the board has received before and
-    /// that host-sim must execute too.
+    /// Starts `streams` on a board. `command` is a command that the board has received before and
+    /// that host-sim must execute, too.
     pub(crate) fn start(
         board: &mut VirtualBoard,
         streams: Streams,
@@ -43,9 +43,9 @@ impl Repeatable {
         })
     }
 
-    /// Asserts that what `select` finds in the board's frames equals host-sim's bit for bit, and
-    /// returns their number and host-sim's frames. `hop` is the number of samples between two of
-    /// them.
+    /// Asserts that what `select` picks from the board's frames equals host-sim's bit for bit.
+    /// Returns how many were compared, and host-sim's frames. `hop` is the number of samples from
+    /// one of them to the next.
     pub(crate) fn assert_equal<T: Debug + PartialEq>(
         self,
         board: &VirtualBoard,
@@ -68,8 +68,8 @@ impl Repeatable {
     }
 }
 
-/// Returns what host-sim sends after `command` and a `Start` of `streams`, for `samples` samples,
-/// starting with sample `first`.
+/// Returns the frames that host-sim sends after `command` and a `Start` of `streams`, for the
+/// number `samples` of samples that starts with sample `first`.
 fn simulated(streams: Streams, command: Option<ToDevice>, first: u64, samples: u64) -> Inbox {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = Simulator::new(Identity::default(), Mains::default(), outbox.clone());

@@ -1,4 +1,4 @@
-//! The start of a board, from power-on until the converters run.
+//! Scenarios for the start of a board, from power-on until its converters run.
 
 use firmware::deadlines::priority;
 use link::ResetCause;
@@ -9,13 +9,12 @@ use crate::session::{assert_no_findings, assert_sound, greetings, power_on, run_
 use crate::{commands, usb};
 
 /// Longest time from power-on to `Hello`, in us of device time. It covers the start of the clocks
-/// and the initialisation of the encoder's memory. If the time driver counted a half period that
-/// has not passed, the time would be 65,536 us longer.
+/// and the initialisation of the encoder's memory. The time would be 65,536 us longer if the time
+/// driver counted a half period too many.
 const HELLO_US: u64 = 20_000;
 
-/// A USB host enumerates the device. Clocks, port and converters start without violations, the
-/// first frames are complete, and the interrupts have their priorities. The idle board answers at
-/// once.
+/// Scenario: the board starts up without findings, sends complete first frames and answers commands
+/// at once; a USB host can enumerate it, and all interrupts have their priorities.
 pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     let mut board = power_on(subject, &subject.setup());
     if subject.cable == Cable::Usb {
@@ -56,15 +55,15 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     }
     assert_eq!(board.core_hz()?, subject.model.facts().core_hz);
     // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz
-    // on the STM32F446 (docs/hardware.md). The converters run, so SCLK is that for samples.
+    // on the STM32F446 (docs/hardware.md). The converters run, so it must be that for samples.
     let burst_hz = board.sclk_hz();
     assert!(
         (10_000_000..=20_000_000).contains(&burst_hz),
         "SCLK of {burst_hz} Hz"
     );
     if let Some(baud) = board.port().baud() {
-        // Over the ten bits of a byte, sender and ST-LINK may differ by half a bit in total, less a
-        // margin for noise: usually 2 % for each of them.
+        // Over a byte's ten bits, sender and ST-LINK may drift apart by half a bit, less a margin
+        // for noise; this usually leaves 2 % to each of them.
         assert!(baud.abs_diff(921_600) <= 921_600 / 50, "{baud} baud");
         subject.record("baud", baud);
     }
@@ -77,8 +76,8 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     assert_sound(&mut board)
 }
 
-/// Without the clock from the ST-LINK, the board runs from its internal oscillator and reports the
-/// missing clock.
+/// Scenario: without the clock from the ST-LINK, the board runs from its internal oscillator and
+/// reports that the clock is missing.
 pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardError> {
     let setup = Setup {
         clock_hz: 0,
@@ -96,7 +95,7 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardE
     assert_no_findings(&mut board)
 }
 
-/// Interrupts with the same line on both chips (RM0433 rev 9, table 147; RM0390, table 38).
+/// Interrupts that have the same line on both chips (RM0433 rev 9, table 147; RM0390, table 38).
 const COMMON: [Wanted; 6] = [
     ("EXTI9_5, DRDY", 23, priority::DRDY),
     ("TIM2, time driver", 28, priority::TIME),
@@ -106,7 +105,7 @@ const COMMON: [Wanted; 6] = [
     ("SAI1, encode", 87, priority::ENCODE),
 ];
 
-/// Source, line and priority of an interrupt that must be enabled.
+/// An interrupt that must be enabled: source and task, line, priority.
 type Wanted = (&'static str, u16, u8);
 
 /// Returns the DMA interrupts of the converters' SPI (RM0433 rev 9, table 147; RM0390, table 38).
@@ -123,7 +122,7 @@ fn spi_interrupts(model: Model) -> [Wanted; 2] {
     }
 }
 
-/// Returns the interrupts of the port to the host: USB, or UART and DMA.
+/// Returns the interrupts of the port to the host: that of USB, or those of the UART and its DMA.
 fn port_interrupts(subject: Subject) -> &'static [Wanted] {
     match (subject.model, subject.cable) {
         (Model::H743, Cable::Usb) => &[("OTG_FS", 101, priority::CONVERSE)],
@@ -141,9 +140,8 @@ fn port_interrupts(subject: Subject) -> &'static [Wanted] {
     }
 }
 
-/// Asserts that every interrupt of the application has the priority that `firmware::deadlines`
-/// defines, and that no other enabled interrupt has a priority as urgent as that of the acquire
-/// task.
+/// Asserts that every interrupt of the firmware has the priority that `firmware::deadlines`
+/// defines, and that no other interrupt that can occur is as urgent as the acquire task, or more.
 fn assert_interrupts_have_their_priorities(
     board: &mut VirtualBoard,
     subject: Subject,
@@ -162,7 +160,7 @@ fn assert_interrupts_have_their_priorities(
     let urgent = enabled.iter().filter(|(line, level)| {
         *level <= priority::ACQUIRE && !wanted.iter().any(|(_, known, _)| known == line)
     });
-    // embassy enables the interrupts of all DMA streams; those of unused streams never occur.
+    // embassy enables the interrupts of all DMA streams, but those of unused streams never occur.
     let unknown: Vec<_> = urgent.filter(|(line, _)| !is_inactive(*line)).collect();
     assert!(
         unknown.is_empty(),
@@ -171,8 +169,8 @@ fn assert_interrupts_have_their_priorities(
     Ok(())
 }
 
-/// Returns whether a line never interrupts the tasks. Such lines are unused streams of DMA1, DMA2,
-/// MDMA and BDMA, and the RNG of the STM32H743, which is read once before the first task.
+/// Returns whether a line's interrupt never delays a task. It belongs to an unused stream of DMA1,
+/// DMA2, MDMA or BDMA, or to the RNG of the STM32H743, which is read once before the first task.
 fn is_inactive(line: u16) -> bool {
     matches!(line, 11..=17 | 47 | 56..=60 | 68..=70 | 80 | 122 | 129..=136)
 }

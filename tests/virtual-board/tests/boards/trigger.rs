@@ -1,4 +1,4 @@
-//! Edges at the trigger pin.
+//! Scenario with edges at the pin of the trigger input.
 
 use link::{EventKind, Streams};
 use virtual_board::Kind;
@@ -8,19 +8,19 @@ use virtual_board::BoardError;
 use crate::images::Subject;
 use crate::session::{assert_sound, streaming};
 
-/// Longest time from power-on to the start of the device's clock, in us.
+/// Longest time from power-on until the device's clock starts to count, in us.
 const STARTS_US: u64 = 20_000;
 
-/// Number of trigger edges in the scenario.
+/// Number of edges that the scenario makes at the trigger input.
 const EDGES: usize = 200;
 
-/// Each edge becomes an event with the device time of the edge, within 1 us.
+/// Scenario: each edge becomes an event that has the device time of the edge, within 1 us.
 pub(crate) fn trigger_edges_have_correct_times(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES | Streams::EVENTS)?;
     board.run_for_us(100_000)?;
     let start = board.now_us();
-    // With an interval of 7,919 us, the edges occur at varying points of the sample period and of
-    // the time driver's half periods.
+    // The interval of 7,919 us makes the edges occur at varying points of the sampling period and
+    // of the time driver's half periods.
     let edges: Vec<(u64, bool)> = (0..EDGES)
         .map(|index| (start + 500 + index as u64 * 7_919, index % 2 == 0))
         .collect();
@@ -38,9 +38,9 @@ pub(crate) fn trigger_edges_have_correct_times(subject: Subject) -> Result<(), B
         })
         .collect();
     assert_eq!(events.len(), EDGES);
-    // The device's clock starts after its PLLs, up to STARTS_US after power-on. If the clock were
-    // half a period ahead, or if an event had the time of another edge, the offset would be far
-    // outside this range.
+    // The device's clock starts after its PLLs, up to STARTS_US after power-on. The offset would be
+    // far outside this range if the clock were half a period ahead or an event had the time of
+    // another edge.
     let offset = edges[0].0.wrapping_sub(events[0].0);
     assert!(
         (1..STARTS_US).contains(&offset),

@@ -1,4 +1,4 @@
-//! The USB port: enumeration, opening and closing, pauses, suspend and unplugging.
+//! Scenarios of the USB port: enumeration, opening and closing, pauses, suspend and unplugging.
 
 use link::Streams;
 use virtual_board::usb::{Command, State, UsbHost};
@@ -8,14 +8,14 @@ use crate::commands::ping;
 use crate::images::Subject;
 use crate::session::{assert_no_findings, converters, run_codes, stats, streaming};
 
-/// Longest time for debouncing, two bus resets and an enumeration, in us.
+/// Longest time in us until the host has opened the port, with two bus resets and an enumeration.
 const ENUMERATION_US: u64 = 500_000;
 
-/// Longest time from a command to its acknowledgement, in us.
+/// Longest time from a command to its acknowledgement over USB, in us.
 const ANSWER_US: u64 = 200_000;
 
-/// Times from plugging the cable in to unplugging it, in us. They cover the enumeration, which
-/// starts after 100 ms of debouncing.
+/// Range of the times for which the cable is plugged in, in us, and the step between them. They end
+/// at varying points of the enumeration, which starts after 100 ms of debouncing.
 const EARLY_US: std::ops::Range<u64> = 100_000..240_000;
 const EARLY_STEP_US: usize = 17_001;
 
@@ -27,7 +27,7 @@ fn host(board: &VirtualBoard) -> UsbHost {
         .clone()
 }
 
-/// Runs until the host has reached `state`.
+/// Runs until the host sees the device in `state`.
 fn reach(board: &mut VirtualBoard, state: State) -> Result<(), BoardError> {
     let host = host(board);
     board.run_until(&format!("{state:?}"), ENUMERATION_US, |_| {
@@ -35,8 +35,8 @@ fn reach(board: &mut VirtualBoard, state: State) -> Result<(), BoardError> {
     })
 }
 
-/// Asserts that the host enumerates a device that has just started, and finds its serial port,
-/// product and strings.
+/// Asserts that the host enumerates a device that has just started, and finds its serial port and
+/// its strings.
 pub(crate) fn assert_enumerates(board: &mut VirtualBoard) -> Result<(), BoardError> {
     reach(board, State::Open)?;
     let device = host(board).device().expect("a configured device");
@@ -50,8 +50,8 @@ pub(crate) fn assert_enumerates(board: &mut VirtualBoard) -> Result<(), BoardErr
     ping(board, ANSWER_US)
 }
 
-/// The port works again after the host has not read for three seconds, after close and open, and
-/// after suspend.
+/// Scenario: the port works again after the host has not read for three seconds, after closing and
+/// opening it, and after suspend.
 pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
@@ -62,7 +62,7 @@ pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), Boa
     let codes = board.inbox().codes().count();
     host.command(Command::PauseReading(false));
     run_codes(&mut board, 8)?;
-    // The device counts dropped frames; this count must equal the number of missing frame numbers.
+    // The device's count of dropped frames must equal the number of frame numbers that are missing.
     let seqs: Vec<u32> = board
         .inbox()
         .frames()
@@ -94,8 +94,8 @@ pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), Boa
     Ok(())
 }
 
-/// The device is enumerated again and responds after three kinds of interruption: unplugging while
-/// a packet waits to be read, unplugging at several points of the enumeration, and a bus reset.
+/// Scenario: the device is enumerated and answers after unplugging while a packet waits to be read,
+/// after unplugging at several points of the enumeration, and after a bus reset.
 pub(crate) fn reconnects_after_unplugging(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
@@ -130,7 +130,7 @@ pub(crate) fn reconnects_after_unplugging(subject: Subject) -> Result<(), BoardE
     Ok(())
 }
 
-/// Runs until the host has reached `state`. The host does not reopen the port meanwhile.
+/// Runs until the host sees the device in `state`; meanwhile the host does not open the port again.
 fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(), BoardError> {
     let host = host(board);
     board.keep_open(false);
@@ -141,7 +141,7 @@ fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(),
     Ok(())
 }
 
-/// Asserts the same as [`assert_sound`], but allows up to three frames that cannot be decoded. A
+/// Asserts the same as [`assert_sound`], but allows up to three frames that cannot be decoded: a
 /// packet that waits in the device while the port is closed or unplugged contains only the end of a
 /// frame.
 fn assert_sound_but_cut_frames(board: &mut VirtualBoard) -> Result<(), BoardError> {

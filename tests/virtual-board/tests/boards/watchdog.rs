@@ -1,4 +1,4 @@
-//! The watchdog at both ends of the frequency range of its oscillator.
+//! Scenario for the watchdog at both ends of its oscillator's frequency range.
 
 use link::{ResetCause, Streams};
 use virtual_board::{BoardError, Injection, Model, Setup};
@@ -6,8 +6,8 @@ use virtual_board::{BoardError, Injection, Model, Setup};
 use crate::images::Subject;
 use crate::session::{assert_sound, greetings, running_with, start};
 
-/// Returns the lowest and highest frequency of the oscillator, in Hz (DS12110 and DS10693, LSI
-/// characteristics).
+/// Returns the lowest and the highest frequency of the watchdog's oscillator in Hz (DS12110 and
+/// DS10693, LSI characteristics).
 const fn range(model: Model) -> [u64; 2] {
     match model {
         Model::H743 => [29_400, 33_600],
@@ -15,19 +15,19 @@ const fn range(model: Model) -> [u64; 2] {
     }
 }
 
-/// Returns the timeout of the watchdog in us, 200 ms at 32 kHz, when its oscillator runs at `hz`.
+/// Returns the watchdog's timeout in us with its oscillator at `hz`; it is 200 ms at 32 kHz.
 const fn watchdog_us(hz: u64) -> u64 {
     200_000 * 32_000 / hz
 }
 
-/// Interval at which the firmware checks the progress of its tasks and reloads the watchdog, in us.
+/// Time in us between two checks of the tasks' progress, each of which reloads the watchdog.
 const FED_US: u64 = 62_500;
 
-/// Longest time from the reset to `Hello`, including USB enumeration, in us.
+/// Longest time from a reset to `Hello` in us, which includes the enumeration of USB.
 const START_US: u64 = 500_000;
 
-/// At both ends of the frequency range, a healthy board is not reset, and a hang ends with a reset
-/// after the timeout of the watchdog.
+/// Scenario: at both ends of the frequency range, the watchdog does not reset a healthy board, and
+/// it ends a hang by a reset after its timeout.
 pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Result<(), BoardError> {
     for hz in range(subject.model) {
         let setup = Setup {
@@ -36,7 +36,7 @@ pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Resu
         };
         let mut board = running_with(subject, &setup)?;
         start(&mut board, Streams::CODES)?;
-        // One second is several times the watchdog's timeout. The start before it takes as long.
+        // Run for one second, several times the watchdog's timeout; the start has taken as long.
         board.run_for_us(1_000_000)?;
         assert_eq!(
             greetings(board.inbox().frames()).len(),
@@ -55,8 +55,8 @@ pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Resu
         assert_eq!(cause, ResetCause::Watchdog);
         let resets = board.findings()?.resets;
         let reset_us = resets.last().expect("a reset").0;
-        // The last reload is at most one check interval before or after the hang; the range allows
-        // for two.
+        // The last reload comes at most one check interval before or after the hang; the range
+        // allows two.
         let range_us = watchdog_us(hz).saturating_sub(2 * FED_US)..watchdog_us(hz) + 2 * FED_US;
         let took_us = reset_us - at_us;
         assert!(

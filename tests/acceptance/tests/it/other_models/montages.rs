@@ -1,7 +1,7 @@
-//! Each file in `files/montages/` makes a model that streams: the codes of the pipeline equal those
-//! of the batch reference, the reference's equal numpy's, and host-sim, built with the model,
-//! announces it and streams its codes. The paper's montage has its trained model, whose codes
-//! host-sim also decodes; the others have random weights. corticode-node builds for a montage with
+//! Each file in `files/montages/` gives a model that streams: the pipeline's codes equal those of
+//! the batch reference, which equal numpy's, and a host-sim built with the model announces it and
+//! streams its codes. The paper's montage comes with a trained model, whose codes host-sim also
+//! decodes; the models of the others have random weights. corticode-node builds for a montage with
 //! few channels, and decodes its codes.
 
 use std::fs;
@@ -13,11 +13,11 @@ use acceptance::{numpy_reference, workspace};
 use artifact::{Artifact, IntegerCode, Mode, MontageFile};
 use link::{Decoder, MAX_FRAME, ToHost};
 
-/// Numbers in a code of each model.
+/// How many numbers a code of each model with random weights has.
 const NUMBERS: usize = 48;
-/// Montage of the model with which corticode-node is built, which has another gain than the others.
+/// Montage for which corticode-node is built; its model has another gain than the others.
 const NODE_MONTAGE: &str = "cyton-8";
-/// Gain of the ADC in [`NODE_MONTAGE`].
+/// Gain of the ADC in the model for [`NODE_MONTAGE`].
 const NODE_GAIN: u32 = 6;
 /// Duration of the synthetic EEG that host-sim plays, in seconds.
 const SECONDS: u64 = 6;
@@ -25,15 +25,15 @@ const SECONDS: u64 = 6;
 /// Montage of the trained model in `signal/model/paper`.
 const TRAINED_MONTAGE: &str = "paper-61";
 
-/// Cargo arguments that build, for each model, the simulator and the test that compares the
-/// pipeline with its batch reference.
+/// Arguments of cargo that build, for each model, host-sim and the test that compares the pipeline
+/// with its batch reference.
 const BUILD: &str = "build --workspace --bin=host-sim --test=streaming_equals_batch";
-/// Name of that test.
+/// Name of the test target that compares the pipeline with its batch reference.
 const COMPARISON: &str = "streaming_equals_batch";
-/// Tests of corticode-node, in the same call of cargo: a selection of its own package alone would
-/// compile most crates again with other features.
+/// Argument in addition to [`BUILD`] that also builds the tests of corticode-node. A call of cargo
+/// for that package alone would compile most crates again with other features.
 const NODE_TESTS: &str = " --test=node";
-/// Part of the name of the test of corticode-node that depends on the model's shape.
+/// Part of the name of the test in corticode-node that depends on the model's shape.
 const NODE_TEST: &str = "the_program_decodes";
 
 #[test]
@@ -76,7 +76,8 @@ fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
     let codes = play(&built, &artifact, &output.path().join("run.codes"));
     println!("{}: {codes} codes", paper.name);
 
-    // The model has no packed code, which the device knows and `encode` reports.
+    // The model has no packed code: the tests of `device` check that the device does not offer it,
+    // and `encode` must report that it is missing.
     let device = OtherModel::build(&model, &["test --no-run --package=device"]);
     device.test("device", "a_device_offers");
     let host_sim = |words: &str| {
@@ -96,7 +97,7 @@ fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
     assert!(rows.iter().any(|row| *row != rows[0]), "one row: {rows:?}");
 }
 
-/// Returns a model of mode `pca` with random weights for a montage.
+/// Returns a model in mode `pca` with random weights for a montage; `seed` selects the weights.
 fn model(seed: u32, montage: &MontageFile) -> Artifact {
     let mut montage = montage.clone();
     if montage.name == NODE_MONTAGE {
@@ -105,7 +106,7 @@ fn model(seed: u32, montage: &MontageFile) -> Artifact {
     any_model::any_artifact_for(seed, &montage, Mode::Pca, NUMBERS).expect("a model")
 }
 
-/// Compares the batch reference with numpy on random windows.
+/// Compares the codes of the batch reference with those of numpy on random windows.
 fn compare_with_numpy(seed: u32, artifact: &Artifact) {
     if !numpy_reference::available("montages against numpy") {
         return;
@@ -120,8 +121,8 @@ fn compare_with_numpy(seed: u32, artifact: &Artifact) {
     assert_ne!(ours[0], ours[1]);
 }
 
-/// Plays synthetic EEG with host-sim, and checks what it sends to the file `frames`. Returns the
-/// number of codes.
+/// Encodes synthetic EEG with host-sim, and checks the announced model and the codes that it writes
+/// to the file `frames`. Returns the number of codes.
 fn play(built: &OtherModel, artifact: &Artifact, frames: &Path) -> usize {
     let mut host_sim = built.program("host-sim");
     host_sim.args(["run", "--input=synthetic", "--mains=50"]);

@@ -1,5 +1,5 @@
-//! The commands of docs/your-own-cap.md, up to those for a board, make decoded EEG from recordings
-//! of a cap with eight electrodes.
+//! Runs the commands of docs/your-own-cap.md that need no board: they turn recordings of a cap with
+//! eight electrodes into a model and decoded EEG.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -13,24 +13,25 @@ use acceptance::programs::{programs, trainer};
 use acceptance::{other_model, workspace};
 use artifact::Artifact;
 
-/// Beginnings of the page's commands that are left out, because they take minutes or need a board.
-/// Other tests cover them: the cost of a model (`bench`), virtual boards (`cargo xtask board`).
+/// Beginnings of those commands in docs/your-own-cap.md that the test leaves out, because they take
+/// minutes or need a board. Other tests cover model costs (`bench`) and boards (`cargo xtask
+/// board`).
 const ELSEWHERE: [&str; 3] = [
     "cargo build --release --package trainer",
     "cargo xtask",
     "cargo flash",
 ];
 
-/// Address of the simulator on the page.
+/// Address of the simulator in the commands of docs/your-own-cap.md.
 const PORT: &str = "127.0.0.1:5555";
 
-/// Labels of the synthetic recordings: the cap's, and some others.
+/// Labels of the channels in the synthetic recordings: the cap's electrodes, and some others.
 const LABELS: [&str; 11] = [
     "Fz", "Fp1", "Fp2", "C3", "Cz", "C4", "P7", "P8", "O1", "O2", "ECG",
 ];
-/// Seconds of each synthetic recording.
+/// Duration of each synthetic recording in seconds.
 const SECONDS: u32 = 20;
-/// Rate of the synthetic recordings, Hz.
+/// Sampling rate of the synthetic recordings, Hz.
 const RATE_HZ: u32 = 160;
 
 #[test]
@@ -69,13 +70,13 @@ fn the_commands_of_the_page_decode_the_codes_of_a_cap_with_eight_electrodes() {
         }
     }
     script += "wait\n";
-    // Replace the page's port, which another test or program may be using.
+    // Replace the TCP port in the commands by a free one, because another test may use it.
     let port = free_port().expect("a free port");
     let free = format!("127.0.0.1:{port}");
     assert!(script.contains(PORT), "{script}");
     let script = script.replace(PORT, &free);
     println!("{script}");
-    // No other test may build meanwhile: its build would replace the host-sim that the page starts.
+    // Keep other tests from building, because that would replace the host-sim used here.
     let _builds = exclusive();
     let output = Command::new("sh")
         .args(["-c", &script])
@@ -89,7 +90,7 @@ fn the_commands_of_the_page_decode_the_codes_of_a_cap_with_eight_electrodes() {
     check(folder, &printed);
 }
 
-/// Checks what the commands have printed and written.
+/// Checks what the commands of docs/your-own-cap.md have printed and written.
 fn check(folder: &Path, printed: &str) {
     let artifact = Artifact::read(&folder.join("my-model")).expect("a model");
     let description = &artifact.description;
@@ -104,14 +105,14 @@ fn check(folder: &Path, printed: &str) {
     let (names, codes) = table("codes");
     let numbers = names.iter().filter(|name| name.starts_with('z')).count();
     assert_eq!(numbers, description.code.numbers);
-    // 16 codes per second for ten seconds, without those at the start and the end on a busy
-    // machine.
+    // Ten seconds give about 160 codes, but on a busy machine the recording misses many at its
+    // start and end.
     assert!(codes.len() > 48, "{} codes", codes.len());
     let (names, steps) = table("reconstructed");
     let electrodes = &description.montage.electrodes;
     assert!(names.ends_with(electrodes), "{names:?}");
     assert_eq!(steps.len(), codes.len() * description.window.hop);
-    // The synthetic sources have a standard deviation of tens of microvolts.
+    // The decoded signal must be as large as the synthetic sources, tens of microvolts.
     let last = steps[steps.len() / 2..].iter().filter_map(|row| row.last());
     let largest = last.map(|value| value.parse::<f64>().expect("a number").abs());
     let largest = largest.fold(0.0, f64::max);
@@ -121,7 +122,7 @@ fn check(folder: &Path, printed: &str) {
     assert!(folder.join("r11.decoded.gdf").exists());
 }
 
-/// Returns a command with the profile and the folders of the tests.
+/// Returns a command of docs/your-own-cap.md, changed to the tests' profile and target folders.
 fn as_tested(command: &str, root: &Path) -> String {
     let options: Vec<String> = other_model::options().collect();
     let build = format!(
@@ -129,13 +130,13 @@ fn as_tested(command: &str, root: &Path) -> String {
         root.join("Cargo.toml").display(),
         options.join(" ")
     );
-    // The bridge needs no model to be built; the tests have built it already.
+    // Leave out the build of the bridge, which does not depend on the model and is built already.
     command
         .replace("cargo build --release", &build)
         .replace(" --bin corticode-bridge", "")
 }
 
-/// Returns the commands in the blocks of the page that start with "```sh".
+/// Returns the commands in the code blocks of docs/your-own-cap.md that start with "```sh".
 fn commands() -> Vec<String> {
     let path = workspace::root().join("docs/your-own-cap.md");
     let page = fs::read_to_string(path).expect("the page");
@@ -147,12 +148,12 @@ fn commands() -> Vec<String> {
         block.lines().map(str::to_owned).collect::<Vec<_>>()
     });
     let bridges = |line: &String| line.contains("corticode-bridge --port");
-    // The bridge at a board runs until it is interrupted.
+    // Leave out the bridge at a real board, because it runs until it is interrupted.
     lines.filter(|line| !bridges(line)).collect()
 }
 
-/// Writes a recording of low-pass-filtered sources, mixed with the same weights in every recording.
-/// It is a GDF file whatever its name: readers go by the content.
+/// Writes a recording of low-pass-filtered sources, which every recording mixes with the same
+/// weights. It is a GDF file whatever its name: readers recognise formats by the content.
 fn write_recording(path: &Path, seed: u32) {
     let mut noise = noise(seed);
     let mut sources = [0.0_f32; 3];

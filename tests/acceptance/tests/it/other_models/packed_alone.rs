@@ -1,4 +1,4 @@
-//! A model with the packed code alone builds, streams the blocks of the batch reference, and
+//! A model that has only the packed code builds and streams the blocks of the batch reference, and
 //! host-sim encodes and decodes recordings with it.
 
 use acceptance::files::{Table, noise, write_gdf};
@@ -10,7 +10,7 @@ use artifact::{Artifact, MontageFile};
 const SEED: u32 = 7;
 const SECONDS: u32 = 6;
 
-/// Returns a model of `files/montages/cyton-8.toml` with random integers.
+/// Returns a model with the packed code alone and random integers, for the montage `cyton-8`.
 fn model() -> Artifact {
     let montage = MontageFile::read(&workspace::root().join("files/montages/cyton-8.toml"));
     any_packed_alone(SEED, &montage.expect("the montage")).expect("a model")
@@ -49,7 +49,7 @@ fn a_model_without_a_network_encodes_and_decodes_recordings() {
     assert!(made.contains("packed blocks made"), "{made}");
     let refusal = fail(&mut host_sim("encode in.gdf out.codes --stream=codes"));
     assert!(refusal.contains("has no network"), "{refusal}");
-    // Packed blocks are the default.
+    // Without an option, `encode` writes packed blocks.
     let encoded = succeed(&mut host_sim("encode in.gdf out.codes"));
     assert!(encoded.contains("packed blocks"), "{encoded}");
     succeed(&mut host_sim("decode out.codes out.csv --to csv"));

@@ -1,5 +1,5 @@
-//! The pipeline streams the codes and packed blocks of the batch references also with other models
-//! than the built-in one. Each model is built from an artifact, as a user builds it.
+//! With other models than the built-in one, the pipeline also streams the codes and packed blocks
+//! of the batch references. Each model is built from an artifact, as a user builds it.
 //!
 //! `encoder_numpy.rs` compares the reference itself with numpy for networks of every mode, padding
 //! and pool.
@@ -14,9 +14,9 @@ use artifact::{
     NetworkShape, Padding,
 };
 
-/// Models (mode, padding, pool, size) that together use every kernel, both ends of a padded window,
-/// an encoder without each of its optional parts, every overlap of windows, and the ends of every
-/// range.
+/// Models to build (mode, padding, pool, size). Together they use every kernel, both ends of a
+/// padded window, an encoder without each of its optional parts, every overlap of windows, and the
+/// ends of every parameter's range.
 const VARIANTS: [(Mode, Padding, [usize; 3], Size); 10] = [
     (Paper, Padding::None, [2, 2, 2], Size::paper(16)),
     (Paper, Padding::None, [4, 3, 3], Size::paper(8)),
@@ -30,7 +30,7 @@ const VARIANTS: [(Mode, Padding, [usize; 3], Size); 10] = [
     (Shortcut, Padding::All, [2, 1, 1], ROW),
 ];
 
-/// The smallest model: four electrodes, which a convolution cannot read.
+/// Size of the smallest model. A convolution cannot read its grid of four electrodes.
 const SMALLEST: Size = Size {
     grid: [2, 2],
     electrodes: 4,
@@ -39,7 +39,7 @@ const SMALLEST: Size = Size {
     numbers: 8,
 };
 
-/// The largest model.
+/// Size of the largest model.
 const LARGEST: Size = Size {
     grid: [12, 12],
     electrodes: 64,
@@ -48,7 +48,7 @@ const LARGEST: Size = Size {
     numbers: 256,
 };
 
-/// Electrodes in one row, which a convolution reads with padding.
+/// Size of a model with one row of electrodes, which a convolution can read only with padding.
 const ROW: Size = Size {
     grid: [1, 8],
     electrodes: 8,
@@ -57,14 +57,14 @@ const ROW: Size = Size {
     numbers: 32,
 };
 
-/// Formats of codes, assigned to the variants in rotation.
+/// Formats of codes, of which the variants use one after the other in turn.
 const FORMATS: [CodeFormat; 3] = [
     CodeFormat::Int8Exponent,
     CodeFormat::Int16,
     CodeFormat::Int8,
 ];
 
-/// Cargo arguments that build the test of the network's codes for a model.
+/// Arguments of cargo that build, for a model, the test of the network's codes.
 const BUILD: &str = "build --workspace --test=streaming_equals_batch";
 /// Argument in addition to [`BUILD`] that also builds the test of the packed code.
 const PACKED: &str = " --test=packed_equals_batch";
@@ -72,7 +72,7 @@ const PACKED: &str = " --test=packed_equals_batch";
 #[test]
 fn streaming_equals_batch_with_every_variant() {
     let formats = FORMATS.into_iter().cycle();
-    // The tests of a variant run while the next one is built.
+    // Run the tests of a variant while cargo builds the next one.
     thread::scope(|scope| {
         for ((seed, (mode, padding, pool, size)), format) in (1..).zip(VARIANTS).zip(formats) {
             let folder = tempfile::tempdir().expect("a folder");
@@ -83,7 +83,7 @@ fn streaming_equals_batch_with_every_variant() {
             });
             let mut artifact = artifact.expect("a model");
             artifact.description.code.format = format;
-            // The packed code does not depend on the network: one model of each size is enough.
+            // The packed code does not depend on the network, so one model of each size has it.
             let has_packed = size.electrodes != 61 || size.hop == 16;
             let packed = has_packed.then(|| any_packed(seed, &artifact.description));
             let artifact = artifact.with_packed(packed).expect("a packed model");
@@ -92,7 +92,7 @@ fn streaming_equals_batch_with_every_variant() {
             let built = OtherModel::build(folder.path(), &[&tests]);
             scope.spawn(move || {
                 println!("{mode:?}, padding {padding:?}, pool {pool:?}, {size:?}, {format}");
-                // The tests read the model's folder.
+                // Keep the model's folder until the tests, which read it, have ended.
                 let _folder = folder;
                 built.test("streaming_equals_batch", "");
                 if has_packed {

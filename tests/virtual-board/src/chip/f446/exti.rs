@@ -5,14 +5,14 @@ use rigless::soc::stm32f427::generated::exti::Register;
 
 use crate::model::Pin;
 
-/// Number of EXTI lines that are connected to pins.
+/// Number of EXTI lines that pins can be connected to.
 const LINES: usize = 16;
 
-/// Number of GPIO ports: A to H.
+/// Number of GPIO ports, A to H.
 const PORTS: usize = 8;
 
-/// For each interrupt of the pins, its index in the emulator's EXTI instance and its first and last
-/// EXTI line (RM0390, table 38). The interrupt with index 0 is not connected to pins.
+/// Interrupts of the EXTI lines of pins: index in the emulator's EXTI, first line and last line
+/// (RM0390, table 38). The interrupt with index 0 belongs to no pin.
 const ROUTES: [(usize, u8, u8); 7] = [
     (1, 0, 0),
     (2, 1, 1),
@@ -23,28 +23,27 @@ const ROUTES: [(usize, u8, u8); 7] = [
     (7, 10, 15),
 ];
 
-/// Model of EXTI for the lines of pins. Pins that the firmware itself drives cause no edge.
+/// Model of EXTI for the lines of pins. It does not see edges of pins that the firmware drives.
 #[derive(Debug, Default)]
 pub(super) struct Exti {
-    /// Pending lines, one bit each. They are kept here because the emulator's register file would
-    /// store a value written to PR, whereas on the chip each bit written as 1 clears a pending
-    /// line.
+    /// Pending lines, one bit each. The emulator's own register would store a value written to PR,
+    /// but on the chip each bit written as 1 ends the pending state of a line.
     pending: u64,
-    /// For each port and pin, whether the pin is high.
+    /// Whether each pin of each port is high.
     levels: [[bool; LINES]; PORTS],
-    /// For each interrupt of the emulator's EXTI instance, whether it was last driven high.
+    /// Whether each interrupt of the emulator's EXTI was last driven high.
     raised: [bool; 8],
 }
 
 impl Exti {
-    /// Applies a system reset; the levels of the pins remain.
+    /// Resets the model as a system reset does; the pins keep their levels.
     pub(super) fn reset_registers(&mut self) {
         self.pending = 0;
         self.raised = [false; 8];
     }
 
-    /// Sets the level of a pin. `is_routed` is true if SYSCFG routes the pin to the line with its
-    /// number.
+    /// Sets the level of a pin. `is_routed` tells whether SYSCFG connects the pin to the EXTI line
+    /// that has the pin's number.
     pub(super) fn set_level(
         &mut self,
         pin: Pin,
@@ -65,8 +64,7 @@ impl Exti {
         } else {
             Register::Ftsr
         };
-        // The line becomes pending even if it is masked; the mask only gates the interrupt (RM0390,
-        // 10.2.1).
+        // A masked line becomes pending, too; the mask only blocks its interrupt (RM0390, 10.2.1).
         self.pending |= registers.get(selected) & 1 << pin.1;
         self.drive_interrupts(registers, context);
     }
@@ -94,7 +92,7 @@ impl Device for Exti {
         context: &mut DeviceContext<'_>,
     ) {
         match register {
-            // Bits of PR are cleared by writing 1.
+            // Writing 1 to a bit of PR clears the bit.
             Register::Pr => self.pending &= !value,
             Register::Swier => self.pending |= value & registers.get(Register::Imr),
             Register::Imr | Register::Emr | Register::Rtsr | Register::Ftsr => {}

@@ -5,44 +5,44 @@ use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::stm32h743::generated::iwdg::Register;
 use rigless::time::{EventId, VirtualNanos};
 
-/// Index of the emulator's signal with which the watchdog requests the LSI oscillator from the
-/// clock controller (RM0433, 8.5.2).
+/// Index of the emulator's signal by which the watchdog asks the clock controller to run its clock,
+/// the LSI oscillator (RM0433, 8.5.2).
 const STARTED: usize = 0;
 
-/// Keys for register KR (RM0433, 45.4.1).
+/// Keys that the firmware writes to the register KR to control the watchdog (RM0433, 45.4.1).
 const UNLOCK: u64 = 0x5555;
 const START: u64 = 0xCCCC;
 const RELOAD: u64 = 0xAAAA;
 
-/// Value that is loaded into the counter until RLR has been transferred to the counter's clock
-/// domain (RM0433, 45.3).
+/// Value from which the counter starts until the reload value in RLR has reached the counter's
+/// clock domain (RM0433, 45.3).
 const RESET_RELOAD: u64 = 0xFFF;
 
-/// LSI cycles that the transfer of PR and RLR to the counter's clock domain takes (RM0433, 45.4.4).
+/// Number of LSI cycles until PR and RLR reach the counter's clock domain (RM0433, 45.4.4).
 const CROSSING: u64 = 5;
 
-/// Model of the watchdog. The window of WINR is not modelled, because the firmware keeps the reset
-/// value, which disables the window.
+/// Model of the watchdog without the window of WINR: the firmware keeps the reset value of WINR,
+/// which disables the window.
 #[derive(Debug, Default)]
 pub(super) struct Watchdog {
     unlocked: bool,
     started: bool,
     /// Frequency of the LSI oscillator in Hz; 0 while it is stopped.
     clock_hz: u64,
-    /// Value of PR in the counter's clock domain.
+    /// Value of PR that the counter uses, which arrives from the register after a transfer.
     prescaler: u64,
-    /// Value of RLR in the counter's clock domain; `None` before the first transfer.
+    /// Value of RLR that the counter uses; `None` before the first transfer from the register.
     reload: Option<u64>,
-    /// Event at the end of the current transfer of PR and RLR.
+    /// Event at which the running transfer of PR and RLR ends; `None` if none runs.
     crossing: Option<EventId>,
-    /// Event at the time when the counter reaches 0.
+    /// Event at which the counter reaches 0 and the watchdog resets the chip.
     expiry: Option<EventId>,
-    /// Time of the last reload, and the number of ticks loaded.
+    /// Time at which the counter was last loaded, and the number of ticks until it reaches 0.
     loaded: Option<(VirtualNanos, u64)>,
 }
 
 impl Watchdog {
-    /// Converts ticks of the prescaled clock to nanoseconds.
+    /// Converts a number of the prescaled clock's ticks to nanoseconds.
     fn nanoseconds(&self, ticks: u64) -> u64 {
         let divider = 4 << self.prescaler.min(6);
         ticks * divider * 1_000_000_000 / self.clock_hz.max(1)

@@ -1,4 +1,4 @@
-//! The bus side of the core: pull-up, resets, suspend and packets.
+//! What reaches the core from the USB bus: VBUS, resets, suspend and packets.
 
 use super::Core;
 use crate::usb::endpoint::{Handshake, Input};
@@ -7,11 +7,11 @@ use crate::usb::register::{bit, dctl, epctl, epint, gintsts};
 
 /// Number of words that must stay free in the receive FIFO, for status words without data.
 const RESERVED_WORDS: usize = 2;
-/// `bmRequestType` and `bRequest` of SET_ADDRESS (USB 2.0, 9.4).
+/// Values of `bmRequestType` and `bRequest` in a SET_ADDRESS request (USB 2.0, 9.4).
 const SET_ADDRESS: [u8; 2] = [0x00, 0x05];
 
 impl Core {
-    /// Returns whether the B-session is valid: VBUS is present, or the override is set.
+    /// Returns whether the B-session is valid: VBUS is present, or software overrides it.
     pub(super) fn session_valid(&self) -> bool {
         let control = self.registers.gotgctl;
         if control & bit::BVALOEN != 0 {
@@ -21,7 +21,7 @@ impl Core {
         }
     }
 
-    /// Sets the flag for the start or end of a session; `before` is whether the session was valid.
+    /// Sets the flag for a session's start or end; `before` tells whether it was valid until now.
     pub(super) fn session_changed(&mut self, before: bool) {
         match (before, self.session_valid()) {
             (false, true) => self.registers.gintsts |= gintsts::SRQINT,
@@ -37,7 +37,7 @@ impl Core {
         self.session_changed(before);
     }
 
-    /// Returns whether the pull-up on D+ is on.
+    /// Returns whether the pull-up on D+, which shows the device to the host, is on.
     pub(crate) fn is_attached(&self) -> bool {
         self.supply.clocked
             && self.supply.unwired.is_none()
@@ -55,7 +55,7 @@ impl Core {
             && !self.bus.suspended
     }
 
-    /// Starts or stops the frames of the host; frame numbers continue from the last one.
+    /// Lets the host start or stop sending frames; their numbers go on from the last one.
     pub(crate) fn set_frames(&mut self, on: bool) {
         self.bus.first_frame = u64::from(self.frame());
         self.bus.frames_from = on.then_some(self.now);
@@ -66,7 +66,7 @@ impl Core {
         }
     }
 
-    /// Suspends the device. The host calls this method after 3 ms of an idle bus.
+    /// Suspends the device, which the host does when the bus has been idle for 3 ms.
     pub(crate) fn suspend(&mut self) {
         if self.is_attached() && !self.bus.suspended {
             self.bus.suspended = true;
@@ -74,7 +74,7 @@ impl Core {
         }
     }
 
-    /// Signals resume: sets `WKUPINT` if the device is suspended.
+    /// Resumes a suspended device and sets `WKUPINT`.
     pub(crate) fn resume(&mut self) {
         if self.bus.suspended {
             self.bus.suspended = false;
@@ -82,7 +82,7 @@ impl Core {
         }
     }
 
-    /// Starts a bus reset: deactivates all endpoints but 0, and sets `USBRST`.
+    /// Starts a bus reset, which deactivates all endpoints but endpoint 0, and sets `USBRST`.
     pub(crate) fn start_reset(&mut self) {
         self.bus.in_reset = true;
         self.bus.suspended = false;
@@ -100,7 +100,7 @@ impl Core {
         }
     }
 
-    /// Ends the bus reset, after which the speed is known: sets `ENUMDNE`.
+    /// Ends the bus reset and sets `ENUMDNE`, because the speed of the bus is then known.
     pub(crate) fn end_reset(&mut self) {
         self.bus.in_reset = false;
         if self.is_attached() {
@@ -108,7 +108,7 @@ impl Core {
         }
     }
 
-    /// Returns whether the device reacts to tokens for `address`.
+    /// Returns whether the device reacts to tokens that the host sends to `address`.
     fn accepts(&self, address: u8) -> bool {
         self.is_attached()
             && !self.bus.in_reset
@@ -116,7 +116,7 @@ impl Core {
             && u32::from(address) == self.bus.address
     }
 
-    /// Receives a SETUP packet for endpoint 0, which a device must always accept.
+    /// Receives a SETUP packet for endpoint 0, which the device must accept at any time.
     pub(crate) fn setup(&mut self, address: u8, bytes: [u8; 8]) -> Handshake {
         if !self.accepts(address) || !self.has_room(bytes.len()) {
             return Handshake::Silent;
@@ -136,8 +136,8 @@ impl Core {
         self.rx.len() + words <= self.registers.rx_depth as usize
     }
 
-    /// Reports the end of the setup stage in the receive FIFO, at the first token after the SETUP
-    /// packet.
+    /// Puts the end of the setup stage into the receive FIFO, once the first token after the SETUP
+    /// packet has come.
     fn end_setup_stage(&mut self, endpoint: usize) {
         if endpoint == 0 && self.bus.in_setup_stage {
             self.bus.in_setup_stage = false;
@@ -146,8 +146,8 @@ impl Core {
         }
     }
 
-    /// Returns whether the device would respond to an OUT packet of `len` bytes with anything other
-    /// than NAK.
+    /// Returns whether the device would respond to an OUT packet of `len` bytes with anything but
+    /// NAK.
     pub(crate) fn answers_out(&self, endpoint: usize, len: usize) -> bool {
         let output = &self.outputs[endpoint];
         endpoint == 0 && self.bus.in_setup_stage
@@ -157,7 +157,7 @@ impl Core {
                 && self.has_room(len)
     }
 
-    /// Receives an OUT packet; `data1` is true if its PID is DATA1.
+    /// Receives an OUT packet; `data1` tells whether its data PID is DATA1.
     pub(crate) fn output(
         &mut self,
         address: u8,
@@ -199,7 +199,7 @@ impl Core {
         Handshake::Ack
     }
 
-    /// Returns whether the device would respond to an IN token with anything other than NAK.
+    /// Returns whether the device would respond to an IN token with anything but NAK.
     pub(crate) fn answers_in(&self, endpoint: usize) -> bool {
         endpoint == 0 && self.bus.in_setup_stage
             || self.inputs[endpoint].answers() && self.registers.dctl & dctl::GINSTS == 0
@@ -210,7 +210,7 @@ impl Core {
         self.inputs[endpoint].next_len()
     }
 
-    /// Receives an IN token. The model assumes that the host acknowledges the packet.
+    /// Receives an IN token and returns the response; a packet counts as acknowledged by the host.
     pub(crate) fn input(&mut self, address: u8, endpoint: usize) -> Input {
         if !self.accepts(address) || !self.inputs[endpoint].registers.has(epctl::USBAEP) {
             return Input::Silent;
@@ -231,7 +231,7 @@ impl Core {
         response
     }
 
-    /// Returns whether the device signals remote wake-up.
+    /// Returns whether the device asks the host to wake up the bus (remote wake-up).
     pub(crate) fn signals_wakeup(&self) -> bool {
         self.bus.suspended && self.registers.dctl & dctl::RWUSIG != 0
     }

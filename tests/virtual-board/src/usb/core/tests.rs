@@ -28,7 +28,7 @@ const fn doepctl(n: u64) -> u64 {
     0xB00 + 0x20 * n
 }
 
-/// Returns a core whose clock is on, whose pins reach the connector, and which has VBUS.
+/// Returns a core that has a clock and VBUS, and whose pins are connected to the cable.
 fn supplied() -> Core {
     let mut core = Core::new(&H743_USB2);
     core.supply = Supply {
@@ -49,7 +49,7 @@ impl Core {
         self.read(offset, Width::W32)
     }
 
-    /// Removes all violations and returns their texts.
+    /// Returns the texts of all violations, and removes these from the core.
     fn violation_texts(&mut self) -> Vec<String> {
         let taken = std::mem::take(&mut self.violations).to_vec();
         taken.into_iter().map(|violation| violation.text).collect()
@@ -65,14 +65,14 @@ impl Core {
     }
 }
 
-/// Enables an endpoint whose control register is at `control`, for one packet of `bytes` bytes.
+/// Enables the endpoint whose control register is at `control`, for one packet of `bytes` bytes.
 fn enable(core: &mut Core, control: u64, bytes: u32) {
     core.put(control + 0x10, 1 << 19 | bytes);
     let before = core.get(control);
     core.put(control, before | epctl::CNAK | epctl::EPENA);
 }
 
-/// Returns a core that a driver has configured, with bulk endpoints 1 OUT and 2 IN.
+/// Returns a core that a driver has configured, with the bulk endpoints 1 OUT and 2 IN.
 fn configured() -> Core {
     let mut core = supplied();
     core.put(GUSBCFG, 1 << 30 | 6 << 10 | 1 << 6);

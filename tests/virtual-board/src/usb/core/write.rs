@@ -1,4 +1,4 @@
-//! Register writes by software, with checks against the reference manual.
+//! Register writes by software, checked against the rules of the reference manual.
 
 use rigless::soc::Width;
 
@@ -6,13 +6,13 @@ use super::{Core, FLUSH_NS, SOFT_RESET_NS};
 use crate::usb::fifo::{Extent, PacketStatus, layout_error};
 use crate::usb::register::{Register, bit, dctl, epctl, gintsts, grstctl};
 
-/// Permitted range of the kernel clock at full speed, in Hz: 48 MHz +- 0.25 % (USB 2.0, 7.1.11).
+/// Kernel clock in Hz that USB permits at full speed: 48 MHz +- 0.25 % (USB 2.0, 7.1.11).
 const KERNEL_HZ: std::ops::RangeInclusive<u64> = 47_880_000..=48_120_000;
-/// Section of RM0433 on programming the endpoints in device mode.
+/// Number of the section in RM0433 on programming the endpoints in device mode.
 const PROGRAMMING: &str = "57.15.6";
 
 impl Core {
-    /// Writes the register at `offset` bytes from the base.
+    /// Writes the register at `offset` bytes from the core's base address.
     pub(crate) fn write(&mut self, offset: u64, width: Width, value: u32) {
         let Some(register) = Register::at(offset, self.instance.endpoints) else {
             let text = format!("OTG + {offset:#05x}: write to a reserved address (RM0433 57.14)");
@@ -159,8 +159,8 @@ impl Core {
                 let what = "a global NAK set and cleared at once";
                 self.report(Register::Dctl, what, "57.14");
             }
-            // Only the IN NAK takes effect here. The OUT NAK takes effect when software reads its
-            // status word from the receive FIFO.
+            // Only the NAK of IN endpoints takes effect now; that of OUT endpoints does when
+            // software reads its status word from the receive FIFO.
             let sets = value & set != 0 && state == dctl::GINSTS;
             if (before & state != 0 || sets) && value & clear == 0 {
                 now |= state;
@@ -177,7 +177,7 @@ impl Core {
         }
     }
 
-    /// Checks the settings that must be made before the device connects to the host.
+    /// Checks the settings that software must have made before it connects the device to the host.
     fn check_connection(&mut self) {
         let (gccfg, dcfg) = (self.registers.gccfg, self.registers.dcfg);
         let (gusbcfg, pcgcctl) = (self.registers.gusbcfg, self.registers.pcgcctl);
@@ -227,7 +227,7 @@ impl Core {
         }
     }
 
-    /// Checks the settings of an IN endpoint that has just been enabled.
+    /// Checks the settings of IN endpoint `n`, which software has just enabled.
     fn check_enabled(&mut self, n: usize) {
         let register = Register::Diepctl(n);
         let endpoint = &self.inputs[n].registers;
@@ -252,7 +252,7 @@ impl Core {
         self.check_layout();
     }
 
-    /// Checks that the FIFOs of active endpoints are in the memory and do not overlap.
+    /// Checks that the FIFOs of all active endpoints lie in the FIFO memory and do not overlap.
     fn check_layout(&mut self) {
         let rx = Extent {
             start: 0,
@@ -308,7 +308,7 @@ impl Core {
         }
     }
 
-    /// Checks that mutually exclusive bits are not set together.
+    /// Checks that software does not set bits together that exclude each other.
     fn check_pairs(&mut self, register: Register, value: u32) {
         for (pair, what) in [
             (epctl::CNAK | epctl::SNAK, "CNAK and SNAK at once"),

@@ -1,32 +1,32 @@
-//! Control transfers: SETUP, data and status stage (USB 2.0, 8.5.3), with checks of toggles and
-//! times.
+//! Control transfers with their SETUP, data and status stages (USB 2.0, 8.5.3), whose data toggles
+//! and response times are checked.
 
 use crate::usb::core::Core;
 use crate::usb::endpoint::{Handshake, Input};
 use crate::usb::violation::Violations;
 
-/// Number of transactions without a response after which a transfer fails (USB 2.0, 10.2.6).
+/// Number of transactions without response after which a transfer fails (USB 2.0, 10.2.6).
 const ATTEMPTS: u32 = 3;
-/// Timeout of a transfer, in ns, as in Linux (`USB_CTRL_GET_TIMEOUT`).
+/// Longest duration of a control transfer in ns, as in Linux (`USB_CTRL_GET_TIMEOUT`).
 const TIMEOUT_NS: u64 = 5_000_000_000;
-/// Limit for the time until the next data packet of a standard request, in ns (USB 2.0, 9.2.6.4).
+/// Longest time in ns until the next data packet of a standard request (USB 2.0, 9.2.6.4).
 const DATA_NS: u64 = 500_000_000;
-/// Limit for the time from the last data packet of a standard request to the end of its status
-/// stage, in ns (USB 2.0, 9.2.6.4).
+/// Longest time in ns from the last data packet of a standard request to the end of the request's
+/// status stage (USB 2.0, 9.2.6.4).
 const STATUS_NS: u64 = 50_000_000;
 
-/// What a transaction needs: the device on the bus, and where violations are recorded.
+/// What a transaction needs: the device's core, its address, and where to record violations.
 #[derive(Debug)]
 pub(super) struct Wire<'a> {
     pub(super) core: &'a mut Core,
-    /// Address of the device.
+    /// USB address of the device.
     pub(super) address: u8,
-    /// Virtual time, in ns.
+    /// Virtual time of the transaction, in ns.
     pub(super) now: u64,
     pub(super) violations: &'a mut Violations,
 }
 
-/// Contents of a SETUP packet (USB 2.0, 9.3).
+/// The request in a SETUP packet (USB 2.0, 9.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Setup {
     pub(super) request_type: u8,
@@ -79,37 +79,37 @@ enum Stage {
     StatusOut,
 }
 
-/// State of a transfer after a transaction.
+/// State of a control transfer after one of its transactions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
     Pending,
-    /// The transfer has succeeded; contains the data of an IN transfer.
+    /// The transfer has succeeded; holds the data that the device has sent, if any.
     Done(Vec<u8>),
     /// The device has rejected the request with STALL.
     Stalled,
-    /// The device has violated the protocol or does not respond; contains the reason.
+    /// The device has violated the protocol or does not respond; holds the reason.
     Failed(String),
 }
 
-/// Control transfer in progress, with its retries and deadline.
+/// A control transfer in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Transfer {
     pub(super) setup: Setup,
     max_packet: usize,
     stage: Stage,
-    /// Data to send, or data received so far.
+    /// Data to send in an OUT transfer, or data received so far in an IN transfer.
     data: Vec<u8>,
     sent: usize,
     data1: bool,
     errors: u32,
     started: u64,
-    /// Time at which the previous stage or data packet ended, in ns.
+    /// Time in ns at which the last stage or data packet ended.
     progress: u64,
 }
 
 impl Transfer {
-    /// Creates a transfer with packets of at most `max_packet` bytes.
-    /// `data` is what an OUT transfer sends in its data stage.
+    /// Creates a transfer with packets of at most `max_packet` bytes; `data` is what an OUT
+    /// transfer sends in its data stage.
     pub(super) fn new(setup: Setup, max_packet: usize, data: Vec<u8>, now: u64) -> Self {
         debug_assert!(setup.is_in() || data.len() == usize::from(setup.length));
         Self {
@@ -125,17 +125,17 @@ impl Transfer {
         }
     }
 
-    /// Returns the time at which the transfer times out, in ns.
+    /// Returns the time in ns at which the transfer fails if it has not ended.
     pub(super) fn deadline(&self) -> u64 {
         self.started + TIMEOUT_NS
     }
 
-    /// Formats the request and the current stage, for error messages.
+    /// Describes the request and the current stage in words, for error messages.
     pub(super) fn describe(&self) -> String {
         format!("{}, {:?} stage", self.setup, self.stage)
     }
 
-    /// Returns the length of the next packet; `None` while the device would respond with NAK.
+    /// Returns the byte length of the next packet; `None` while the device would respond with NAK.
     pub(super) fn next_len(&self, core: &Core) -> Option<usize> {
         match self.stage {
             Stage::Setup => Some(8),
@@ -154,7 +154,7 @@ impl Transfer {
         &self.data[self.sent..end]
     }
 
-    /// Performs the next transaction, and returns the state of the transfer after it.
+    /// Performs the next transaction, and returns the state of the transfer afterwards.
     pub(super) fn perform(&mut self, wire: &mut Wire<'_>) -> Outcome {
         let address = wire.address;
         let handshake = match self.stage {
@@ -249,7 +249,7 @@ impl Transfer {
         Outcome::Pending
     }
 
-    /// Checks the time since the previous stage or data packet.
+    /// Checks that at most `limit` ns have passed since the last stage or data packet.
     fn check_time(&mut self, limit: u64, wire: &mut Wire<'_>) {
         let took = wire.now - self.progress;
         self.progress = wire.now;

@@ -1,8 +1,8 @@
-//! Parsing and checking of descriptors (USB 2.0, 9.6; CDC 1.2, 5.2).
+//! Parses and checks the device's descriptors (USB 2.0, 9.6; CDC 1.2, 5.2).
 
 use crate::usb::violation::Violations;
 
-/// Descriptor types (USB 2.0, table 9-5; BOS: USB 3.2, table 9-6).
+/// Numbers of the descriptor types (USB 2.0, table 9-5; BOS: USB 3.2, table 9-6).
 pub(super) mod kind {
     pub(crate) const DEVICE: u8 = 1;
     pub(crate) const CONFIGURATION: u8 = 2;
@@ -15,62 +15,62 @@ pub(super) mod kind {
     pub(crate) const CLASS_INTERFACE: u8 = 0x24;
 }
 
-/// Class and subclass of the control interface of a serial port (CDC 1.2, 4.2).
+/// Class and subclass of a serial port's control interface (CDC 1.2, 4.2).
 const COMMUNICATIONS: [u8; 2] = [0x02, 0x02];
-/// Class of the data interface of a serial port.
+/// Class of a serial port's data interface.
 const DATA: u8 = 0x0A;
 
-/// Contents of the descriptors of a device, as far as the host or a test uses them.
+/// What the host or a test uses of a device's descriptors.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Descriptors {
     /// USB identifier of the manufacturer (`idVendor`).
     pub vendor: u16,
     /// Identifier of the product (`idProduct`).
     pub product: u16,
-    /// Manufacturer string; empty if the device has none.
+    /// Name of the manufacturer; empty if the device has none.
     pub manufacturer: String,
-    /// Product string; empty if the device has none.
+    /// Name of the product; empty if the device has none.
     pub product_name: String,
-    /// Number of capabilities in the BOS descriptor; `None` without that descriptor.
+    /// Number of capabilities in the BOS descriptor; `None` if the device has no such descriptor.
     pub capabilities: Option<u8>,
-    /// `bcdUSB`: USB version in BCD, for example 0x0210 for 2.1.
+    /// USB version in BCD (`bcdUSB`), for example 0x0210 for 2.1.
     pub(super) usb: u16,
-    /// Maximum packet size of endpoint 0, in bytes.
+    /// Maximum packet size of endpoint 0 in bytes.
     pub(super) max_packet_0: u8,
-    /// String indices of manufacturer, product and serial number; 0 for none.
+    /// Indices of the strings for manufacturer, product and serial number; 0 for none.
     pub(super) strings: [u8; 3],
-    /// Number that selects the configuration (`bConfigurationValue`).
+    /// Number by which the host selects the configuration (`bConfigurationValue`).
     pub(super) configuration: u8,
-    /// Interfaces of the configuration, in alternate setting 0.
+    /// Interfaces of the configuration, each in its alternate setting 0.
     pub(super) interfaces: Vec<Interface>,
 }
 
-/// An interface descriptor in alternate setting 0, with the descriptors that belong to it (USB 2.0,
-/// 9.6.5).
+/// An interface in its alternate setting 0, as its descriptor and those that belong to it describe
+/// it (USB 2.0, 9.6.5).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Interface {
     /// Number of the interface (`bInterfaceNumber`).
     number: u8,
     /// `bInterfaceClass`, `bInterfaceSubClass` and `bInterfaceProtocol`.
     class: [u8; 3],
-    /// Endpoints except endpoint 0.
+    /// Endpoints of the interface; endpoint 0 belongs to none.
     endpoints: Vec<EndpointDescriptor>,
-    /// `bDescriptorSubtype` of each class-specific descriptor.
+    /// Field `bDescriptorSubtype` of each class-specific descriptor.
     functions: Vec<u8>,
 }
 
-/// Contents of an endpoint descriptor (USB 2.0, 9.6.6).
+/// An endpoint, as its descriptor describes it (USB 2.0, 9.6.6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct EndpointDescriptor {
-    /// `bEndpointAddress`: bit 7 is set for IN.
+    /// Address of the endpoint (`bEndpointAddress`): its number, and bit 7, which is set for IN.
     pub(super) address: u8,
-    /// `bmAttributes`: 2 is bulk, 3 is interrupt.
+    /// Type of the endpoint (`bmAttributes`): 2 is bulk, 3 is interrupt.
     attributes: u8,
-    /// Maximum packet size, in bytes.
+    /// Maximum packet size in bytes.
     pub(super) max_packet: u16,
 }
 
-/// Control interface and endpoints of a serial port.
+/// The control interface and the endpoints by which the host uses a serial port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct SerialPort {
     pub(super) control_interface: u8,
@@ -196,7 +196,7 @@ impl Descriptors {
         violations.expect(now, "BOS descriptor, USB 3.2, 9.6.2", rules);
     }
 
-    /// Finds the control interface and the endpoints of the serial port; `None` if the device has
+    /// Returns the control interface and the endpoints of the serial port; `None` if the device has
     /// no serial port.
     pub(super) fn find_serial_port(
         &self,
@@ -237,8 +237,8 @@ impl Descriptors {
         })
     }
 
-    /// Adds a descriptor within the configuration. If it is an interface descriptor, returns the
-    /// number of endpoints that it declares, otherwise 0.
+    /// Adds one of the descriptors that follow the configuration descriptor. Returns the number of
+    /// endpoints that an interface descriptor declares; 0 for all others.
     fn add(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) -> usize {
         match byte(bytes, 1) {
             kind::INTERFACE => {
@@ -296,7 +296,7 @@ impl Descriptors {
     }
 }
 
-/// Parses and checks a string descriptor.
+/// Checks a string descriptor and returns its text.
 pub(super) fn parse_string(bytes: &[u8], now: u64, violations: &mut Violations) -> String {
     let length = usize::from(byte(bytes, 0));
     let rules = [

@@ -1,29 +1,29 @@
-//! Enumeration: the requests that read the descriptors and configure the device, in Linux's order.
+//! Enumeration: the host reads a device's descriptors and configures it, in Linux's order.
 
 use super::control::Setup;
 use super::descriptor::{Descriptors, SerialPort, kind, parse_string};
 use crate::usb::violation::Violations;
 
-/// Address that the host assigns with SET_ADDRESS; any from 1 to 127 is valid.
+/// USB address that the host gives to the device; every number from 1 to 127 is valid.
 pub(super) const ADDRESS: u8 = 7;
-/// Longest time that a device may take to change its address, in ns (USB 2.0, 9.2.6.3).
+/// Longest time in ns that a device may take to change its address (USB 2.0, 9.2.6.3).
 const SET_ADDRESS_RECOVERY_NS: u64 = 2_000_000;
-/// Identifier of the language in which the host requests strings: US English.
+/// Number of the language in which the host requests strings: US English.
 const LANGUAGE: u16 = 0x0409;
-/// Lowest `bcdUSB` for which a device has a BOS descriptor.
+/// Lowest USB version (`bcdUSB`) with which a device must have a BOS descriptor.
 const BOS_VERSION: u16 = 0x0201;
 
 const GET_DESCRIPTOR: u8 = 6;
 const SET_ADDRESS: u8 = 5;
 const SET_CONFIGURATION: u8 = 9;
 
-/// Stage of an enumeration: the request in progress.
+/// Stages of an enumeration, each named after its request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// Reads the device descriptor at address 0, for the packet size of endpoint 0.
+    /// Reads the device descriptor at address 0, to learn the packet size of endpoint 0.
     First,
     SetAddress,
-    /// Reads the first 8 bytes of the device descriptor, at the new address.
+    /// Reads the first 8 bytes of the device descriptor at the new address.
     Short,
     Device,
     Qualifier,
@@ -32,23 +32,23 @@ enum Stage {
     ConfigurationHeader,
     Configuration(u16),
     Languages,
-    /// Reads a string descriptor; the index counts manufacturer, product and serial number from 0.
+    /// Reads a string descriptor: 0 is the manufacturer, 1 the product and 2 the serial number.
     String(usize),
     SetConfiguration,
 }
 
-/// What the host does after a request has ended.
+/// What the host has to do after a request has ended.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Next {
     Request,
-    /// Wait for this time, in ns, before the next request.
+    /// Wait for this time in ns before the next request.
     Pause(u64),
     Reset,
     Finished(Option<SerialPort>),
     Failed(String),
 }
 
-/// Enumeration in progress, with the descriptors read so far.
+/// An enumeration in progress, with the descriptors that were read so far.
 #[derive(Clone, Debug)]
 pub(super) struct Enumeration {
     stage: Stage,
@@ -99,17 +99,17 @@ impl Enumeration {
         }
     }
 
-    /// Handles a request that the device has rejected with STALL.
+    /// Returns what to do after the device has rejected the request with STALL.
     pub(super) fn on_stall(&mut self) -> Next {
         match self.stage {
-            // STALL is required of a device that supports only full speed (USB 2.0, 9.6.2).
+            // A full-speed-only device must reject the request for its qualifier (USB 2.0, 9.6.2).
             Stage::Qualifier => self.after_qualifier(),
             Stage::BosHeader => self.request_next(Stage::ConfigurationHeader),
             _ => Next::Failed(format!("rejected with STALL: {}", self.request())),
         }
     }
 
-    /// Handles the response to the request in progress.
+    /// Returns what to do after the device has answered the request with `data`.
     pub(super) fn on_response(
         &mut self,
         data: &[u8],
@@ -147,7 +147,7 @@ impl Enumeration {
                 Next::Request
             }
             Stage::Qualifier => self.after_qualifier(),
-            // Like real hosts, the model continues without a BOS descriptor.
+            // Go on without the BOS descriptor, as real hosts do.
             Stage::BosHeader if data.len() < 5 => {
                 let text = format!(
                     "bcdUSB is {:#06x} and the BOS descriptor has {} bytes (USB 3.2, 9.6.2)",
@@ -182,7 +182,7 @@ impl Enumeration {
                 match n {
                     0 => self.device.manufacturer = text,
                     1 => self.device.product_name = text,
-                    // The serial number is read and checked like the others, but not used.
+                    // The serial number is read and checked like the other strings, but not kept.
                     _ => {}
                 }
                 self.request_string(n + 1)
@@ -207,7 +207,7 @@ impl Enumeration {
         Next::Request
     }
 
-    /// Requests the first existing string from index `n` on, or the configuration if there is none.
+    /// Requests the first string that exists from index `n` on, or the configuration if none does.
     fn request_string(&mut self, n: usize) -> Next {
         let next = (n..3).find(|&n| self.device.strings[n] != 0);
         self.request_next(next.map_or(Stage::SetConfiguration, Stage::String))

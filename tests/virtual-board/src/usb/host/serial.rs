@@ -1,5 +1,5 @@
-//! The host's driver for the serial port: opens and closes it, and transfers bulk data in both
-//! directions.
+//! The host's driver of the device's serial port: opens and closes the port, and transfers bulk
+//! data in both directions.
 
 use std::collections::VecDeque;
 
@@ -9,23 +9,23 @@ use crate::usb::core::Core;
 use crate::usb::endpoint::{Handshake, Input};
 use crate::usb::violation::Violations;
 
-/// Size of the driver's read buffer in bytes, as in the driver of Windows. A program receives the
-/// data when the buffer is full or after a short packet.
+/// Size in bytes of the driver's read buffer, as in the driver of Windows. A program receives the
+/// data once the buffer is full or a short packet has come.
 const READ_BYTES: usize = 4_096;
-/// Bit rates in bit/s: the driver sets the first when the device is configured, the second when a
-/// program opens the port.
+/// Bit rates in bit/s that the driver sets: the first when the device is configured, the second
+/// when a program opens the port.
 const RATES: [u32; 2] = [9_600, 115_200];
 
-/// Class-specific requests (CDC PSTN 1.2, 6.3).
+/// Requests of the device class for serial ports (CDC PSTN 1.2, 6.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Request {
     SetLineCoding(u32),
     GetLineCoding(u32),
-    /// Sets both DTR and RTS if true, clears both if false.
+    /// Sets DTR and RTS if true, and clears both if false.
     LineState(bool),
 }
 
-/// Endpoint of the serial port.
+/// The endpoints of the serial port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pipe {
     Input,
@@ -33,13 +33,13 @@ pub(super) enum Pipe {
     Notification,
 }
 
-/// Encodes a line coding: bit rate, one stop bit, no parity, eight data bits (CDC PSTN 1.2, table
-/// 17).
+/// Encodes the bit rate `rate` with one stop bit, no parity and eight data bits (CDC PSTN 1.2,
+/// table 17).
 fn line_coding(rate: u32) -> Vec<u8> {
     [rate.to_le_bytes().as_slice(), &[0, 0, 8]].concat()
 }
 
-/// State of the driver, from the configuration of a device until the device is detached.
+/// State of the driver from the time when a device is configured until it is detached.
 #[expect(
     clippy::struct_excessive_bools,
     reason = "independent states of the program and of the device"
@@ -47,38 +47,38 @@ fn line_coding(rate: u32) -> Vec<u8> {
 #[derive(Debug, Default)]
 pub(super) struct Serial {
     ports: Option<SerialPort>,
-    /// A program wants the port open.
+    /// Whether a program wants the port to be open.
     pub(super) wanted: bool,
-    /// The device has accepted the request that sets DTR.
+    /// Whether the port is open: the device has accepted the request that sets DTR.
     pub(super) is_open: bool,
-    /// The host reads the bulk IN endpoint: from just before DTR is set until just after it is
-    /// cleared.
+    /// Whether the host reads the bulk IN endpoint: from just before it sets DTR until just after
+    /// it has cleared DTR.
     is_reading: bool,
-    /// The host has sent no token to the bulk IN endpoint since the port was opened.
+    /// True until the host has sent a token to the bulk IN endpoint of the opened port.
     is_first_read: bool,
-    /// Reading is paused although the port is open.
+    /// Whether the host stops reading although the port is open.
     pub(super) is_paused: bool,
-    /// For each [`Pipe`], whether its next data PID is DATA1.
+    /// Whether the next data PID of each [`Pipe`] is DATA1.
     toggles: [bool; 3],
-    /// The last transaction was an OUT, so an IN comes next if both directions have data.
+    /// Whether the last transaction was an OUT; if both directions have data, an IN is next.
     was_output: bool,
-    /// Data received so far for the read request in progress.
+    /// Data in the driver's read buffer, which the program has not received yet.
     read: Vec<u8>,
-    /// Data received for the program that has opened the port.
+    /// Data that the program with the open port has received.
     pub(super) received: Vec<u8>,
     pub(super) outgoing: VecDeque<u8>,
     requests: VecDeque<Request>,
 }
 
 impl Serial {
-    /// Starts the driver for a device that has just been configured.
+    /// Starts the driver for the serial port of a device that has just been configured.
     pub(super) fn connect(&mut self, ports: SerialPort) {
         self.ports = Some(ports);
         self.toggles = [false; 3];
         self.requests = [Request::SetLineCoding(RATES[0]), Request::LineState(false)].into();
     }
 
-    /// Stops the driver when the device is detached or reset, and closes the port.
+    /// Stops the driver and closes the port, because the device was detached or reset.
     pub(super) fn disconnect(&mut self) {
         self.received.append(&mut self.read);
         self.outgoing.clear();
@@ -93,7 +93,7 @@ impl Serial {
         self.ports.is_some()
     }
 
-    /// Returns the request to perform next. It remains the next one until
+    /// Returns the request that the host must make now, also if it is in progress, until
     /// [`Serial::complete_request`] is called.
     pub(super) fn next_request(&mut self) -> Option<Request> {
         self.ports?;
@@ -114,7 +114,7 @@ impl Serial {
         self.requests.front().copied()
     }
 
-    /// Returns the SETUP packet of a request, and the data to send.
+    /// Returns the SETUP packet of a request, and the data that the host sends after it.
     pub(super) fn setup(&self, request: Request) -> (Setup, Vec<u8>) {
         let index = self.ports.map_or(0, |ports| ports.control_interface).into();
         let setup = |request_type, request, value, length| Setup {
@@ -131,7 +131,7 @@ impl Serial {
         }
     }
 
-    /// Completes the current request. `data` is the response, empty after a failure.
+    /// Ends the current request. `data` is the device's response, empty after a failure.
     pub(super) fn complete_request(&mut self, data: &[u8], now: u64, violations: &mut Violations) {
         match self.requests.pop_front() {
             Some(Request::GetLineCoding(rate)) if data != line_coding(rate) => {
@@ -148,7 +148,7 @@ impl Serial {
         }
     }
 
-    /// Returns the endpoint and length of the next transaction; `None` while the device would
+    /// Returns endpoint and length in bytes of the next transaction; `None` while the device would
     /// respond with NAK.
     pub(super) fn next_transaction(&self, core: &Core) -> Option<(Pipe, usize)> {
         let ports = self.ports?;
@@ -176,7 +176,7 @@ impl Serial {
         bulk.or_else(notification)
     }
 
-    /// Performs a transaction on `pipe`.
+    /// Exchanges one packet with the device over the endpoint `pipe`.
     pub(super) fn perform(&mut self, pipe: Pipe, wire: &mut Wire<'_>) {
         let Some(ports) = self.ports else {
             return;
@@ -197,7 +197,7 @@ impl Serial {
                 }
             }
             Pipe::Notification => {
-                // The scenarios do not use what a notification contains.
+                // Discard the contents of the notification, which no scenario uses.
                 self.receive(ports.notification, pipe, wire);
             }
         }
@@ -255,7 +255,7 @@ impl Serial {
     }
 }
 
-/// Returns the number of an endpoint, without its direction bit.
+/// Returns the number of an endpoint, without the bit for its direction.
 fn number(endpoint: EndpointDescriptor) -> usize {
     usize::from(endpoint.address & 0xF)
 }

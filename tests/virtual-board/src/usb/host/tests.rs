@@ -1,5 +1,5 @@
-//! What the host reports of a device that breaks a rule, and how it treats short packets. The
-//! images on virtual boards are devices that follow the rules.
+//! Tests what the host reports of a device that breaks a rule, and how it treats short packets. The
+//! images on virtual boards follow the rules, so they do not show this.
 
 use rigless::soc::Width;
 
@@ -24,8 +24,8 @@ const CONFIGURATION: [u8; 62] = [
     7, 5, 0x82, 2, 64, 0, 0,
 ];
 
-/// A core that a driver has configured and connected, with the bulk endpoint 2 IN, at virtual
-/// time 0.
+/// A core that a driver has configured and connected, with bulk endpoint 2 IN, and the violations
+/// that a test provokes.
 struct Device {
     core: Core,
     violations: Violations,
@@ -66,8 +66,8 @@ impl Device {
         }
     }
 
-    /// Enables an IN endpoint, with other bits of its control register, and writes a packet to its
-    /// FIFO.
+    /// Enables the IN endpoint `endpoint`, sets further `bits` of its control register, and writes
+    /// a packet to its FIFO.
     fn load(&mut self, endpoint: u64, bits: u32, packet: &[u8]) {
         let (control, size) = (0x900 + 0x20 * endpoint, packet.len());
         let size = u32::try_from(size).expect("a short packet");

@@ -1,23 +1,23 @@
-//! Scheduling of the host's transactions, one at a time.
+//! Decides which transaction the host performs next; it performs one at a time.
 
 use super::control::{Outcome, Transfer, Wire};
 use super::enumeration::Next;
 use super::{Host, Phase};
 use crate::usb::core::Core;
 
-/// Duration of one byte at 12 Mbit/s, in ns.
+/// Time that one byte takes at 12 Mbit/s, in ns.
 const BYTE_NS: u64 = 667;
-/// Overhead of a transaction in bytes: token, data header and CRC, handshake, gaps (USB 2.0, table
-/// 5-9).
+/// Bytes that a transaction takes in addition to its data: token, data header and CRC, handshake,
+/// gaps (USB 2.0, table 5-9).
 const OVERHEAD_BYTES: u64 = 13;
 
-/// Returns the duration of a transaction with `len` data bytes, in ns; with 64 bytes it is 51 us.
+/// Returns how long a transaction with `len` data bytes takes, in ns; 51 us with 64 bytes.
 fn wire_ns(len: usize) -> u64 {
     (OVERHEAD_BYTES + len as u64) * BYTE_NS
 }
 
 impl Host {
-    /// Returns the time at which the next transaction ends or the transfer times out, in ns.
+    /// Returns the time in ns at which the next transaction ends or the control transfer times out.
     pub(super) fn traffic_due(&mut self, now: u64, core: &Core) -> Option<u64> {
         if self.transfer.is_none() && self.has_request() {
             return Some(now);
@@ -37,8 +37,8 @@ impl Host {
         self.enumeration.is_some() || self.serial.next_request().is_some()
     }
 
-    /// Returns the length in bytes of the next transaction; `None` while the device would respond
-    /// with NAK.
+    /// Returns the length in bytes of the next transaction's data; `None` while the device would
+    /// respond with NAK.
     fn next_transaction_len(&self, core: &Core) -> Option<usize> {
         let control = self.transfer.as_ref();
         control
@@ -46,8 +46,8 @@ impl Host {
             .or_else(|| self.serial.next_transaction(core).map(|(_, len)| len))
     }
 
-    /// Starts the next control transfer, completes the transaction in progress, or ends a transfer
-    /// at its timeout.
+    /// Does what is due: starts the next control transfer, completes the transaction in progress,
+    /// or ends a transfer that has exceeded its time.
     pub(super) fn advance_traffic(&mut self, now: u64, core: &mut Core) {
         if self.transfer.is_none() && self.has_request() {
             self.start_transfer(now);
@@ -112,7 +112,7 @@ impl Host {
         }
     }
 
-    /// Performs the next action of the enumeration, with the address that the device has now.
+    /// Does what the enumeration needs next, after taking over the address that the device now has.
     fn continue_enumeration(&mut self, next: Next, now: u64, core: &mut Core) {
         self.address = self.enumeration.as_ref().map_or(0, |e| e.address);
         match next {

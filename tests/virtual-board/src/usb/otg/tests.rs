@@ -26,7 +26,7 @@ fn get(part: &mut H743, at: u64, address: u64) -> u64 {
     read.unwrap()
 }
 
-/// Enables clock, supply and pins at time `at`, in ns, and connects the device.
+/// Enables the core's clock, supply and pins at the time `at`, in ns, and connects the device.
 fn connect(part: &mut H743, at: u64) {
     put(part, at, AHB1ENR, 1 << 27);
     put(part, at, AHB4ENR, 1);
@@ -69,7 +69,7 @@ fn the_reset_line_in_the_clock_controller_resets_the_core() {
     assert_eq!(get(&mut part, 0, WINDOW + 0x18), 0);
 }
 
-/// Returns the interrupts whose level has changed since the last call.
+/// Returns the interrupts whose level has changed since the last call, with the new level.
 fn changes(part: &mut H743) -> Vec<(u16, Level)> {
     let changes = part.drain_interrupts();
     changes.iter().map(|c| (c.interrupt, c.level)).collect()
