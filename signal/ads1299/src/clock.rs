@@ -18,10 +18,10 @@ impl Clock {
     /// within 100 ppm; the other 900 ppm allow for the clock that stamps the edges of DRDY.
     pub(crate) const TOLERANCE_PPM: u32 = 1_000;
 
-    /// Slowest clock that the data sheet permits. The driver computes its delays for this clock, so
-    /// they are long enough for any permitted clock. A chain with another clock than the configured
-    /// one therefore answers, and [`ReadyMeter`](crate::ready::ReadyMeter) reports the wrong rate.
-    /// Its period is 666 ns (section 7.6).
+    /// Slowest clock that the data sheet permits: a period of 666 ns (section 7.6). The driver
+    /// computes its delays for this clock, so they are long enough for any permitted clock. So a
+    /// chain whose clock is not the configured one still answers, and
+    /// [`ReadyMeter`](crate::ready::ReadyMeter) reports the wrong rate.
     pub(crate) const SLOWEST: Self = Self { hz: 1_501_502 };
 
     /// Returns the frequency in Hz.

@@ -1,4 +1,4 @@
-//! Errors of a chain: bus, pins, IDs, registers and DRDY.
+//! Errors of a chain of ADS1299 chips: bus, pins, IDs, registers and DRDY.
 
 use core::fmt;
 

@@ -16,7 +16,7 @@ const OFFSET_UV: f32 = 300.0;
 /// Least number of samples for a valid result.
 const SAMPLES: u32 = 100;
 
-/// Limit of the self-test that a channel does not keep.
+/// Limit of the self-test that a channel violates, with the measured value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SelfTestFault {
     /// There are too few samples for a valid result.

@@ -38,7 +38,7 @@ impl<const CHIPS: usize, const BYTES: usize> Bench<CHIPS, BYTES> {
         }
     }
 
-    /// Creates a chain that converts 0 V with the default settings.
+    /// Creates a running chain with [`Settings::EEG`] whose electrodes are at 0 V.
     fn silent(options: Options) -> Self {
         let mut bench = Self::new(options, Electrodes::silent(), Settings::EEG);
         bench.start().unwrap();

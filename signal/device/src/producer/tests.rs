@@ -67,7 +67,7 @@ fn acquired(index: u64) -> AcquiredSample {
     acquired
 }
 
-/// Returns an output that outlives the producer.
+/// Copies an output and leaks the copy, so that it outlives the producer.
 fn keep(output: Output<'_>) -> Output<'static> {
     fn leak<T: Copy>(content: &T) -> &'static T {
         Box::leak(Box::new(*content))
@@ -130,7 +130,7 @@ fn raw_frames(outputs: &[Output<'_>]) -> Vec<(u64, usize, Flags)> {
     .collect()
 }
 
-/// Returns code, time and faults of every code output.
+/// Returns code, time and faults of every output that is a code.
 fn codes<'o>(outputs: &[Output<'o>]) -> Vec<(&'o Code, u64, Marks)> {
     let codes = outputs.iter().filter_map(|output| match output.payload {
         Payload::Code(code, marks) => Some((code, output.at_us, marks)),

@@ -19,7 +19,7 @@ fn signals(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = A
     })
 }
 
-/// Returns block, time and faults of every packed output.
+/// Returns block, time and faults of every output that is a packed block.
 fn blocks(outputs: &[Output<'_>]) -> Vec<(PackedCode, u64, Marks)> {
     let blocks = outputs.iter().filter_map(|output| match &output.payload {
         Payload::PackedCode(code, marks) => Some((**code, output.at_us, *marks)),
