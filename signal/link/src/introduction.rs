@@ -5,11 +5,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::code::{CodeFormat, MAX_NUMBERS};
 
-/// Longest text in [`Hello`], [`Capabilities::filters`], [`Converters`](crate::Converters) and
-/// [`SelfTest`](crate::SelfTest), bytes of UTF-8.
+/// Length of the longest text in [`Hello`], [`Capabilities::filters`],
+/// [`Converters`](crate::Converters) and [`SelfTest`](crate::SelfTest), bytes of UTF-8.
 pub const MAX_TEXT_BYTES: usize = 256;
 
-/// Longest [`Capabilities::labels`], bytes: 64 labels of 7 bytes, each with a blank after it.
+/// Length of the longest [`Capabilities::labels`], bytes: 64 labels of 7 bytes, each with a blank
+/// after it.
 pub const MAX_LABELS_BYTES: usize = 512;
 
 /// Identity of the device: sent at start-up and in answer to `Identify`.

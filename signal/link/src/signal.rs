@@ -8,14 +8,14 @@ use crate::flags::Flags;
 /// 1536 bytes of the body.
 pub const RAW_SAMPLES: usize = 8;
 
-/// Bytes of a count in [`Raw::counts`].
+/// Size of a count in [`Raw::counts`], bytes.
 pub const COUNT_BYTES: usize = 3;
 
 /// Largest number of steps that a device puts into a [`Filtered`]. Four steps of 61 electrodes take
 /// 976 bytes of the body.
 pub const FILTERED_STEPS: usize = 4;
 
-/// Bytes of a value in [`Filtered::values`].
+/// Size of a value in [`Filtered::values`], bytes.
 pub const VALUE_BYTES: usize = 4;
 
 /// Consecutive unfiltered ADC samples of all channels; sent if requested.
