@@ -245,7 +245,8 @@ pub struct PackedCode<'a> {
     /// Index of the block since `Start`, wraps at 2^32. Increases by one with every block made,
     /// dropped ones included.
     pub block: u32,
-    /// Quantiser rate of the block, 0 to [`MAX_RATE`]; a decoder needs it to read the bytes.
+    /// Quantiser rate of the stream, 0 to [`MAX_RATE`]; a decoder needs it to read the bytes, which
+    /// state the rate of a block that is coarser than the stream.
     pub rate: u8,
     /// Faults and conditions of the block.
     pub flags: Flags,

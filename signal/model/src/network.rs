@@ -1,4 +1,4 @@
-//! The weights of the encoder, and their checksum.
+//! The weights of the network, and their checksum.
 
 use int8_nn::{InputConv, Linear, Pair};
 

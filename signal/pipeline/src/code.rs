@@ -88,7 +88,7 @@ impl CodeValues {
                 value
             })),
         };
-        // The condition is constant: only a longer code needs the limit.
+        // The condition is constant: only a code of more than 255 values needs the limit.
         let clipped = if CODE > 255 {
             clipped.min(255)
         } else {

@@ -247,8 +247,8 @@ fn the_state_has_the_size_in_the_manifest() {
         .iter()
         .map(|part| part.ram_bytes)
         .sum();
-    // The rest holds the status of the windows, the indices of the rings, and padding for
-    // alignment.
+    // In addition to these parts, the encoder has the status of the windows, the indices of the
+    // rings, and padding for alignment.
     let rest = size_of::<Encoder<'_>>() - parts;
     let limit = 128 + 64 * model::OPEN_WINDOWS;
     assert!(rest < limit, "{rest} bytes in addition to {parts}");

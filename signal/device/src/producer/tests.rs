@@ -215,7 +215,8 @@ fn a_raw_frame_ends_before_a_lost_sample_and_the_next_one_starts_after_it() {
 
 #[test]
 fn a_filtered_frame_ends_before_a_lost_step_and_has_the_flags_of_all_its_samples() {
-    // The sample that carries step 5 is lost; a sample between steps 8 and 9 has a bad status word.
+    // The sample that carries step 5 is lost, and a sample between steps 8 and 9 has a bad status
+    // word.
     let mut input: Vec<AcquiredSample> = samples(Streams::FILTERED, 64, &[sample_of(5)]).collect();
     for acquired in &mut input {
         acquired.marks.adc_status_bad = acquired.index == sample_of(8) + 1;

@@ -34,7 +34,7 @@ impl OpenWindow {
     };
 
     /// Returns a window whose first step is `step`, with the bias in its accumulators. The step's
-    /// other status and its products are added afterwards.
+    /// clipped values, channels at the rail and products are added afterwards.
     #[inline]
     pub(super) fn start_with(step: &Step, network: &Network<'_>) -> Self {
         Self {
