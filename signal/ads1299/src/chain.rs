@@ -14,11 +14,11 @@ use crate::image::Image;
 use crate::register::Register;
 use crate::settings::Settings;
 
-/// Wires of a chain of 1 to 8 chips: SPI in mode 1, and pins of one type.
+/// SPI bus (mode 1) and pins, all of one type, of a chain of 1 to 8 chips.
 ///
 /// The driver sets a slower SCLK for registers than for bursts ([`Bus`]). The chips themselves
 /// accept 20 MHz for registers too, because the driver waits for the decoding time after each byte;
-/// only the board's read-back resistors require a slower SCLK.
+/// only the resistors between the chips and MISO require a slower SCLK.
 #[derive(Debug)]
 pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
     /// SPI bus; must not be used for other devices while a chip is selected.

@@ -1,4 +1,4 @@
-//! Master clock of the chips.
+//! Master clock of the ADS1299 chips.
 
 /// Master clock, an oscillator whose clock all chips share. All times of the chips are multiples of
 /// the clock's period, tCLK.
@@ -24,7 +24,7 @@ impl Clock {
     /// [`ReadyMeter`](crate::ready::ReadyMeter) reports the wrong rate.
     pub(crate) const SLOWEST: Self = Self { hz: 1_501_502 };
 
-    /// Returns the frequency in Hz.
+    /// Returns the frequency of the master clock, in Hz.
     pub const fn hz(self) -> u32 {
         self.hz
     }

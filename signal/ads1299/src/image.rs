@@ -43,7 +43,7 @@ const fn all_inputs(on: bool) -> u8 {
 /// Registers of one chip as read back, compared with the values written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadBack {
-    /// Values read back.
+    /// Register values read back from the chip.
     pub read: Image,
     /// Registers that differ, one bit each; the bit number is the address.
     pub differing: u32,

@@ -24,7 +24,7 @@ impl<const CHIPS: usize> Reading<CHIPS> {
     /// Mask with a 1 for every chip of the chain.
     pub(crate) const ALL: u8 = u8::MAX >> (8 - CHIPS);
 
-    /// Returns whether no chip is bad and the sample rate is right; true also after missed samples.
+    /// Returns whether no chip is bad and the sample rate is right; missed samples do not matter.
     pub const fn is_sound(&self) -> bool {
         self.bad == 0 && self.rate.is_none()
     }

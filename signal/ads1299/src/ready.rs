@@ -118,12 +118,12 @@ impl ReadyMeter {
         self.last_us - self.first_us.unwrap_or(self.last_us)
     }
 
-    /// Returns the number of early edges so far.
+    /// Returns the number of edges that came less than 3/4 of a period after the previous one.
     pub const fn early(&self) -> u32 {
         self.early
     }
 
-    /// Returns the number of missing edges so far.
+    /// Returns the number of expected edges that did not come.
     pub const fn missed(&self) -> u32 {
         self.missed
     }

@@ -49,7 +49,7 @@ impl Register {
     /// Single-shot mode, and power of the lead-off comparators.
     pub const CONFIG4: Self = Self(0x17);
 
-    /// Number of registers.
+    /// Number of registers of a chip, the read-only ones included.
     pub const COUNT: usize = 24;
 
     /// Values of all registers after a reset, by address.

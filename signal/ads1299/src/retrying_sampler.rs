@@ -39,7 +39,7 @@ pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: us
     registers_doubtful: bool,
 }
 
-/// Bring-up in progress.
+/// Attempt to bring the chain up again, in progress.
 #[derive(Debug)]
 struct Attempt<const CHIPS: usize> {
     bring_up: BringUp<CHIPS>,
@@ -161,7 +161,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.failure.as_ref()
     }
 
-    /// Returns the sampler of the chain.
+    /// Returns the sampler, for its newest counts and its counters.
     pub const fn sampler(&self) -> &Sampler<Spi, Line, Delay, CHIPS, BYTES> {
         &self.sampler
     }

@@ -1,4 +1,4 @@
-//! Self-test of a chain.
+//! Self-test of a chain of ADS1299 chips: registers, gain, offset, noise and sample rate.
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;

@@ -77,14 +77,14 @@ pub enum Finding {
     Rate(RateError),
     /// A chip's data were damaged or repeated in some frames.
     Frames {
-        /// Index of the chip, from 0 at MISO.
+        /// Index of the chip; chip 0 is wired to MISO.
         chip: u8,
         /// Number of the chip's damaged or repeated frames.
         bad: u32,
     },
     /// A channel violates a limit of the self-test.
     Channel {
-        /// Index of the chip, from 0 at MISO.
+        /// Index of the chip; chip 0 is wired to MISO.
         chip: u8,
         /// Index of the channel on the chip, from 0.
         channel: u8,

@@ -4,16 +4,16 @@ use crate::clock::Clock;
 
 /// Settings of a chain; all of its chips and channels have the same.
 ///
-/// While the channels convert their electrodes, SRB1 connects one reference electrode to the
-/// negative inputs of all channels. The bias amplifier of chip 0 drives the subject to mid-supply
-/// and so reduces mains interference.
+/// While the channels convert their electrodes, the pin SRB1 connects one reference electrode to
+/// the negative inputs of all channels. The bias amplifier of chip 0 drives the subject to
+/// mid-supply and so reduces mains interference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Master clock.
+    /// Master clock of the chips.
     pub clock: Clock,
-    /// Sample rate.
+    /// Sample rate, as a divider of the master clock.
     pub rate: Rate,
-    /// Gain of every channel.
+    /// Gain of every channel's amplifier.
     pub gain: Gain,
     /// Signal that every channel converts.
     pub input: Input,
@@ -85,7 +85,7 @@ impl Gain {
         None
     }
 
-    /// Returns the gain as a factor.
+    /// Returns the gain as a factor, 1 to 24.
     pub const fn factor(self) -> u8 {
         [1, 2, 4, 6, 8, 12, 24][self as usize]
     }

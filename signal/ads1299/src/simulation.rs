@@ -37,7 +37,7 @@ pub use wires::{SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady};
 #[derive(Clone, Debug)]
 pub struct Simulation<const CHIPS: usize>(SharedBoard<CHIPS>);
 
-/// The driver's chain type on simulated wires.
+/// A [`Chain`] whose bus, pins and delay provider are simulated.
 pub type SimulatedChain<const CHIPS: usize> =
     Chain<SimulatedBus<CHIPS>, SimulatedLine<CHIPS>, SimulatedDelay<CHIPS>, CHIPS>;
 
@@ -83,7 +83,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().next_ns()
     }
 
-    /// Advances time by `us` microseconds.
+    /// Advances the virtual time by `us` microseconds, with all conversions that end in it.
     pub fn pass_us(&self, us: u64) {
         let mut board = self.board();
         let then = board.now_ns + us * 1000;
@@ -149,12 +149,12 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().clock_byte(mosi, end_ns, speed)
     }
 
-    /// Returns the number of falling edges of DRDY.
+    /// Returns the number of falling edges of DRDY since this chain was created.
     pub fn ready_edges(&self) -> u64 {
         self.board().edges
     }
 
-    /// Returns the number of samples that the electrodes have delivered.
+    /// Returns the number of samples taken from the electrodes' signal source.
     pub fn samples_delivered(&self) -> u64 {
         self.board().delivered
     }

@@ -77,7 +77,7 @@ pub enum Order {
     /// Test the converters; report the result with
     /// [`Session::send_self_test`](crate::Session::send_self_test).
     SelfTest,
-    /// Make blocks of the packed code at this rate from now on; see
+    /// Use this quantiser rate for the packed code from now on; see
     /// [`Producer::set_rate`](crate::Producer::set_rate).
     SetRate(Rate),
     /// Restart the board 0.1 s later, so that queued frames can still be sent.

@@ -29,7 +29,7 @@ const _: () = assert!(RAW_SAMPLES == lossless::MAX_SAMPLES && ENCODER.key_blocks
 pub struct Chunk<const BYTES: usize, const MAX: usize> {
     /// Index in the run of the first item.
     first: u64,
-    /// Number of items.
+    /// Number of items in `items`.
     length: usize,
     flags: Flags,
     /// Device time of the newest item, microseconds.
@@ -201,7 +201,6 @@ pub(crate) struct Compressor {
     state: EncoderState<CHANNELS>,
     /// Index of the sample after the newest chunk.
     next: u64,
-    /// The newest chunk.
     chunk: CompressedChunk,
 }
 
@@ -221,7 +220,7 @@ impl Compressor {
         self.state.require_key();
     }
 
-    /// Returns the newest chunk.
+    /// Returns the newest chunk, compressed.
     pub(crate) const fn chunk(&self) -> &CompressedChunk {
         &self.chunk
     }

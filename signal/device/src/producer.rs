@@ -121,7 +121,7 @@ impl<E: Encoders> Producer<E> {
         }
     }
 
-    /// Sets the rate of the packed code from the next block on.
+    /// Sets the quantiser rate of the packed code from the next block on.
     pub const fn set_rate(&mut self, rate: Rate) {
         self.rate = rate;
     }

@@ -25,7 +25,7 @@ bit_set! {
         /// Bit 6: at least one value of the code was clipped ([`crate::Code::clipped_values`]).
         const CODE_CLIPPED = 6;
         /// Bit 7: the model does not represent the packed block well: an electrode without contact,
-        /// or another cap.
+        /// or a cap that is not the model's.
         const MISFIT = 7;
         /// Bit 8: the packed block was too long and has no content; the host predicts its signals.
         const BLANK = 8;

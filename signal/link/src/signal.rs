@@ -37,7 +37,7 @@ pub struct Raw<'a> {
     /// Index of the first sample, counted from `Start`. The next frame's index is this index plus
     /// the number of samples in this frame; a higher one means that samples were lost.
     pub first_sample: u64,
-    /// Counts per sample; 64 on a chain of eight ADS1299.
+    /// Number of channels, each with one count per sample; 64 on a chain of eight ADS1299.
     pub channels: u8,
     /// Faults of the samples in this frame: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
     pub flags: Flags,
@@ -69,7 +69,7 @@ pub struct Filtered<'a> {
     pub first_step: u64,
     /// Electrodes per step, in the order of [`Capabilities::labels`](crate::Capabilities::labels).
     pub electrodes: u8,
-    /// Fraction bits of a value: `value * lsb_nv / 2^fraction_bits` is in nanovolt.
+    /// Fraction bits of a value: `value * Capabilities::lsb_nv / 2^fraction_bits` is in nanovolt.
     pub fraction_bits: u8,
     /// Faults of the samples from which these steps were computed: `ADC_STATUS_BAD`, `LEAD_OFF`,
     /// `OVERRUN`, `SATURATED`, `SETTLING`.
@@ -97,7 +97,7 @@ pub struct CompressedRaw<'a> {
     /// Index of the first sample, counted from `Start`. The next frame's index is this index plus
     /// `samples`; a higher one means that samples were lost.
     pub first_sample: u64,
-    /// Counts per sample; 64 on a chain of eight ADS1299.
+    /// Number of channels, each with one count per sample; 64 on a chain of eight ADS1299.
     pub channels: u8,
     /// Faults of the samples in this frame: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
     pub flags: Flags,

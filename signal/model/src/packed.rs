@@ -24,7 +24,7 @@ pub struct Packed<'w> {
     /// Level (index in `tables`) of each coefficient's mean magnitude at rate 4, in a block without
     /// prediction.
     pub reset_levels: &'w [u8; PACKED_COEFFICIENTS],
-    /// Frequencies of the magnitudes, and their costs in the trellis.
+    /// Frequencies of the magnitudes for the range coder, and costs for the quantiser's trellis.
     pub tables: Tables<'w>,
     /// Factor from a filtered sample (counts, Q27.5) to an input value, Q0.32.
     pub input_multiplier: i32,

@@ -95,8 +95,8 @@ pub struct PackedCode {
     pub rate: u8,
     /// True if the block has no prediction, so that a decoder can start with it.
     pub is_reset: bool,
-    /// True if the model does not represent the block well: an electrode without contact, or
-    /// another cap.
+    /// True if the model does not represent the block well: an electrode without contact, or a cap
+    /// that is not the model's.
     pub is_misfit: bool,
     /// True if the block was too long at two rates: all its magnitudes are 0, and a decoder shows
     /// the prediction.
@@ -369,7 +369,7 @@ impl PackedMemory {
         )
     }
 
-    /// Resets what belongs to one block, and counts the block.
+    /// Counts the completed block, and clears what belongs to this block alone.
     fn begin_next(&mut self) {
         self.block = self.block.wrapping_add(1);
         self.since_reset = (self.since_reset + 1) % RESET_BLOCKS;
@@ -380,8 +380,7 @@ impl PackedMemory {
     }
 }
 
-/// Returns a coefficient of the state as the prediction reads it: rounded to multiples of 8, in
-/// eighths.
+/// Returns a coefficient of the state as the prediction reads it: divided by 8, rounded half up.
 #[expect(clippy::cast_possible_truncation, reason = "an eighth of 16 bits")]
 fn rounded(coefficient: i16) -> i16 {
     ((i32::from(coefficient) + 4) >> 3) as i16

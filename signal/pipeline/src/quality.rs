@@ -88,7 +88,7 @@ pub struct SignalQuality {
     settling: bool,
 }
 
-/// Sums over the samples of one electrode in this second, before the filters; counts.
+/// Extremes and sums of one electrode's samples in this second, before the filters; in counts.
 #[derive(Clone, Copy, Debug)]
 struct InputSums {
     smallest: i32,

@@ -34,7 +34,7 @@ struct Reference {
     coarser: bool,
 }
 
-/// A block as the reference codes it.
+/// Content and status of a block, as far as the test compares them.
 #[derive(Debug, PartialEq)]
 struct Block {
     bytes: Vec<u8>,

@@ -127,8 +127,8 @@ impl Noise {
 }
 
 /// Returns a model in which every weight affects the code. It has dense random weights and, after
-/// the pool, factors of both signs; other factors keep activations and codes mostly within their
-/// range.
+/// the pool, factors of both signs; all other factors are chosen so that activations and codes stay
+/// mostly within their range.
 fn dense_model(seed: u32) -> IntegerModel {
     let mut noise = Noise(seed);
     let mut model = BUILT_IN.clone();

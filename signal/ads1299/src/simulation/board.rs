@@ -20,7 +20,7 @@ pub enum Event {
     Start(bool),
     /// A chip received an opcode.
     Command {
-        /// Index of the chip, from 0 at MISO.
+        /// Index of the chip; chip 0 is wired to MISO.
         chip: usize,
         /// Opcode; RREG and WREG include the first register's address.
         opcode: u8,

@@ -29,7 +29,7 @@ pub(super) enum Role {
     Reset,
 }
 
-/// DRDY of chip 0.
+/// DRDY line of chip 0 of a simulated board.
 #[derive(Debug)]
 pub struct SimulatedReady<const CHIPS: usize>(pub(super) SharedBoard<CHIPS>);
 

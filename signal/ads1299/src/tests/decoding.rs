@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use crate::decoder::{Alignment, CHANNELS, Decoder, frame_bytes};
 use crate::reading::ChipFault;
 
-/// Returns a frame as a chain sends it; every don't-care bit has the value `other`.
+/// Returns the frame that a chain sends for these counts, with `other` as every don't-care bit.
 fn encode<const CHIPS: usize, const BYTES: usize>(
     status: u32,
     counts: &[[i32; CHANNELS]; CHIPS],

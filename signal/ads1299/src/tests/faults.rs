@@ -75,7 +75,7 @@ fn chip_0_dies_and_drdy_with_it() {
     assert_eq!(fault, Some((0, ChipFault::OnlyZeros)));
 }
 
-/// Measures the rate of a chain over 64 edges of DRDY. Returns the text of its error.
+/// Measures the rate of a chain over 64 edges of DRDY. Returns the text of the error that is found.
 fn wrong_rate(options: Options, fault: Option<Fault>) -> String {
     let silent = Electrodes::silent();
     let mut bench = Bench::<2, { frame_bytes(2) }>::new(options, silent, Settings::EEG);

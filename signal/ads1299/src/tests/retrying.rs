@@ -93,14 +93,14 @@ fn a_chain_whose_power_comes_late_streams_without_a_self_test() {
     assert!(found.iter().all(|(reading, _)| reading.bad == 0xFF));
     assert!(bench.resets() > 1, "it was tried again");
     bench.simulation.power_on();
-    // Worst case: an attempt without power has just started, and a whole attempt follows the retry
-    // time.
+    // Worst case: an attempt has just started when the supplies return. It fails, and a whole
+    // attempt follows after the retry time.
     let found = [found, bench.until(9_000_000 + RETRY_US + 3_000_000)].concat();
     assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
     assert_eq!(bench.chain.failure(), None);
     assert_rhythm(&found);
     // The first attempt stops the chain, which counts as silent from the fourth period after that.
-    // The three periods before count as missed.
+    // The first three periods count as missed.
     assert_eq!(missed(&found), 3);
     assert_eq!(bench.simulation.violations(), 0);
 }

@@ -99,7 +99,7 @@ fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output<'
 }
 
 /// Returns the samples of a run without the `lost` ones. The first remaining sample starts the run;
-/// a sample directly after a lost one states the loss.
+/// a sample directly after a lost one reports the loss.
 fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = AcquiredSample> {
     let remaining = (0..count).filter(move |index| !lost.contains(index));
     remaining
@@ -317,8 +317,9 @@ fn a_new_run_keeps_nothing_of_the_previous_one() {
     assert_eq!(codes(&fresh).len(), 1);
 }
 
-/// Returns time and sample index of the emitted events, of samples every 1,000 us. `captured` holds
-/// the time of each edge and the index of the sample from which on the producer can see the edge.
+/// Returns time and sample index of the events that are emitted for samples every 1,000 us.
+/// `captured` holds the time of each edge and the index of the first sample at which the producer
+/// can see it.
 fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     let mut outputs = Vec::new();

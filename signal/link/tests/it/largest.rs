@@ -41,9 +41,9 @@ fn the_largest_frame_fits() {
     let labels = "x".repeat(MAX_LABELS_BYTES);
     let text = "x".repeat(MAX_TEXT_BYTES);
     let largest = body_bytes(&capabilities(&labels, &text));
-    // Bytes: 16 header (1 + 5 + 10), 1 message number, 3 + 3 rates, 3 dimensions, 4 LSB,
-    // 1 mains, 5 delay, 2 + 512 labels, 2 + 256 filters, 1 format, 2 + 1024 scales,
-    // 2 + 256 zero points, 4 CRC.
+    // Sum in bytes: 16 header (1 + 5 + 10), 1 message number, 3 + 3 rates, 3 dimensions, 4 LSB, 1
+    // mains, 5 delay, 2 + 512 labels, 2 + 256 filters, 1 format, 2 + 1024 scales, 2 + 256 zero
+    // points, 4 CRC.
     assert_eq!(largest, 2097);
     assert!(largest <= MAX_BODY);
 

@@ -38,7 +38,7 @@ pub(crate) fn capabilities() -> ToHost<'static> {
     })
 }
 
-/// The values -64 to 63 as bytes.
+/// Code values of the dumps: -64 to 63, one byte each.
 const RAMP: [u8; 128] = {
     let mut ramp = [192_u8; 128];
     let mut index = 1;
@@ -49,7 +49,7 @@ const RAMP: [u8; 128] = {
     ramp
 };
 
-/// The values of [`RAMP`] times 256, of 16 bits each.
+/// The values of [`RAMP`] times 256, as 16-bit integers.
 const WIDE_RAMP: [u8; 256] = {
     let mut ramp = [0; 256];
     let mut index = 0;
@@ -166,7 +166,7 @@ pub(crate) fn filtered() -> ToHost<'static> {
     })
 }
 
-/// A window of two planes with two cells each, to keep the dump short.
+/// Audit of a window of two planes with two cells each, to keep the dump short.
 pub(crate) fn audit() -> ToHost<'static> {
     ToHost::Audit(Audit {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],

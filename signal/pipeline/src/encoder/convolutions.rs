@@ -238,7 +238,7 @@ impl HiddenPlane {
     }
 }
 
-/// The largest sums of the current pool, and the last complete pooled plane.
+/// Max-pool: the largest sums so far, and the last complete pooled plane.
 #[derive(Clone, Debug)]
 pub(super) struct Pool {
     largest: [i32; POOLED.len()],
