@@ -114,8 +114,8 @@ impl PackedCode {
     }
 }
 
-/// Number of blocks from one block without prediction to the next: 4 s with a hop of 8 steps. These
-/// blocks cost 0.5 % of the bits.
+/// Number of blocks from one block without prediction to the next: 4 s with a hop of 8 steps. The
+/// missing predictions cost 0.5 % of the bits.
 const RESET_BLOCKS: u8 = 64;
 
 /// A block that is n bytes too long is quantised again `1 + n / BYTES_PER_RATE` rates coarser,
