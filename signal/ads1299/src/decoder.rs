@@ -49,7 +49,7 @@ pub struct Decoder<const CHIPS: usize> {
 pub struct FrameStatus<const CHIPS: usize> {
     /// Alignment with which this frame was decoded.
     pub alignment: Alignment,
-    /// Status word of each chip.
+    /// Status word of each chip, chip 0 first.
     pub words: [StatusWord; CHIPS],
     /// Chips whose status does not start with 1100, one bit each: their counts are invalid.
     pub bad: u8,
@@ -280,7 +280,7 @@ impl Alignment {
     }
 }
 
-/// Channels per chip.
+/// Number of channels of an ADS1299.
 pub const CHANNELS: usize = 8;
 
 /// Bytes per chip in a frame: 24 status bits and eight 24-bit counts (data sheet section 9.4.4).

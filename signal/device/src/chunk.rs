@@ -29,7 +29,7 @@ const _: () = assert!(RAW_SAMPLES == lossless::MAX_SAMPLES && ENCODER.key_blocks
 pub struct Chunk<const BYTES: usize, const MAX: usize> {
     /// Index in the run of the first item.
     first: u64,
-    /// Number of items in `items`.
+    /// Number of valid items in `items`.
     length: usize,
     flags: Flags,
     /// Device time of the newest item, microseconds.

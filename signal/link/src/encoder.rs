@@ -1,4 +1,4 @@
-//! Encoding of messages into frames.
+//! Numbers messages and encodes them into frames.
 
 use core::fmt;
 

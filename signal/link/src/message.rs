@@ -115,9 +115,9 @@ impl<'a> Message<'a> for ToHost<'a> {
 /// position is its number on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ToDevice {
-    /// 0: start streaming.
+    /// 0: start a run with the streams that the arguments name.
     Start(Start),
-    /// 1: stop streaming.
+    /// 1: end the run and all its streams.
     Stop,
     /// 2: answer with `Hello` and `Capabilities`, and with `Converters` if there is a chain.
     Identify,

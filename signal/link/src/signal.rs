@@ -105,7 +105,7 @@ pub struct CompressedRaw<'a> {
     pub form: BlockForm,
     /// Number of samples, 1 to [`RAW_SAMPLES`].
     pub samples: u8,
-    /// The compressed counts.
+    /// The counts, in the form that `form` states.
     #[serde(borrow, serialize_with = "serialize_bytes")]
     pub bytes: &'a [u8],
 }

@@ -69,7 +69,7 @@ impl<const CHIPS: usize> Electrodes<CHIPS> {
     }
 }
 
-/// Fault of a simulated chip.
+/// Fault that a test injects into a simulated chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// No power: accepts no command, DOUT low, DRDY high. Blocks the data of the chips after it.

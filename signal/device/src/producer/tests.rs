@@ -246,7 +246,6 @@ fn a_filtered_frame_ends_before_a_lost_step_and_has_the_flags_of_all_its_samples
 
 #[test]
 fn lost_steps_shift_no_window_and_mark_the_codes_that_contain_them() {
-    // Steps 20 and 21 are lost.
     let lost = [20, 21].map(sample_of);
     let count = (STEPS + 4 * HOP) as u64 * PER_STEP;
     let outputs = outputs_of(samples(Streams::CODES, count, &lost));

@@ -1,4 +1,4 @@
-//! Random messages for proptest.
+//! Proptest strategies for random messages.
 
 use link::{
     Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeValues, CompressedRaw,

@@ -78,7 +78,7 @@ impl OpenWindow {
         }
     }
 
-    /// Returns the code of the complete window.
+    /// Returns the code of this window, which is complete; `window` is its index.
     #[inline]
     pub(super) fn code(&self, window: u32, network: &Network<'_>) -> Code {
         let (values, clipped_values) = CodeValues::from_levels(CODE_FORMAT, |j| {
