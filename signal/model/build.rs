@@ -6,13 +6,13 @@ use std::{
     process::ExitCode,
 };
 
-/// Environment variable with the absolute path of the folder of another artifact.
+/// Environment variable that holds the absolute path of an artifact to use instead of `artifact/`.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 fn main() -> ExitCode {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
-    // Read when the script runs: a program that cargo built for another checkout of the sources, in
-    // a shared target folder, has that checkout's path compiled in.
+    // The path is read when the script runs. In a shared target folder cargo can run a script that
+    // it built for another checkout, and `env!` would contain the path of that checkout.
     let package = std::env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
     let artifact = std::env::var_os(ARTIFACT)
         .map_or_else(|| Path::new(&package).join("artifact"), PathBuf::from);
@@ -44,7 +44,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Sets a variable for each file that not every artifact has: its path, or that of an empty file.
+/// Sets a compile-time variable for each file that an artifact can lack: the path of the file, or
+/// of an empty file in place of a missing one.
 fn name_optional_files(artifact: &Path, out: &Path) -> std::io::Result<()> {
     let empty = out.join("empty");
     std::fs::write(&empty, [])?;

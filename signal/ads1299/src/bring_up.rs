@@ -1,4 +1,4 @@
-//! Bring-up of a chain, in stages short enough to run between two samples.
+//! Bring-up of a chain of ADS1299 chips, in stages short enough to run between two samples.
 
 use core::ops::Range;
 
@@ -27,8 +27,8 @@ pub(crate) struct BringUp<const CHIPS: usize> {
     pub(crate) read_backs: [ReadBack; CHIPS],
 }
 
-/// Indices of the registers to write, one range per stage. The read-only registers LOFF_STATP and
-/// LOFF_STATN, between the last two ranges, are skipped.
+/// Indices of the registers to write, one range per stage. The ranges skip the read-only registers
+/// LOFF_STATP and LOFF_STATN.
 const WRITTEN: [Range<usize>; 3] = [
     Register::CONFIG1.index()..9,
     9..Register::LOFF_STATP.index(),
@@ -70,10 +70,9 @@ enum Stage {
     Power,
     Reset,
     Stop,
-    /// Write CONFIG3 of the chip with this index, which switches the chip's reference on.
+    /// Switch on the reference of the chip with this index, by writing the chip's CONFIG3.
     Reference(usize),
-    /// Write one range of registers. The index counts the ranges of all chips: `PARTS * chip +
-    /// range`.
+    /// Write one range of registers of one chip; holds `PARTS * chip + range`.
     Registers(usize),
     ReadBack(usize),
     Done,

@@ -1,15 +1,14 @@
-//! What a board provides: the SPI bus to the chips with two clock speeds, and the edges of DRDY.
+//! Traits that a board implements: the SPI bus with two clock speeds, and the edges of DRDY.
 
 use embedded_hal_async::spi::SpiBus;
 
 /// Kind of transfer; each kind has its own limit of SCLK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Speed {
-    /// Opcodes and registers: at most 105 kHz, because of the read-back resistors to MISO (decision
-    /// 0011).
+    /// Opcodes and registers: at most 105 kHz, because of the resistors between the chips and MISO.
     Registers,
-    /// Frames of samples: the board's fastest SCLK up to 20 MHz (data sheet section 7.6: a period
-    /// of 50 ns with DVDD from 2.7 V).
+    /// Frames of samples: the board's fastest SCLK that does not exceed 20 MHz (data sheet section
+    /// 7.6: a period of 50 ns with DVDD from 2.7 V).
     Bursts,
 }
 
@@ -44,7 +43,7 @@ pub struct DrdyEdge {
     reason = "an executor of one priority polls it; it need not be Send"
 )]
 pub trait Drdy {
-    /// Returns the current time of that clock, in microseconds.
+    /// Returns the current time, in microseconds, of the clock that stamps the edges.
     fn now_us(&self) -> u64;
 
     /// Waits at most until time `us` for an edge of DRDY that no earlier call has returned. Returns

@@ -1,4 +1,5 @@
-//! Wires of a chain, the commands sent over them, and the times that the commands need.
+//! SPI bus and pins of a chain of ADS1299 chips, the commands to the chips, and the commands'
+//! timing.
 
 use core::ops::Range;
 
@@ -13,11 +14,11 @@ use crate::image::Image;
 use crate::register::Register;
 use crate::settings::Settings;
 
-/// Wires of a chain of 1 to 8 chips: SPI in mode 1, and pins of one type.
+/// SPI bus (mode 1) and pins, all of one type, of a chain of 1 to 8 chips.
 ///
 /// The driver sets a slower SCLK for registers than for bursts ([`Bus`]). The chips themselves
 /// accept 20 MHz for registers too, because the driver waits for the decoding time after each byte;
-/// only the board's read-back resistors require a slower SCLK.
+/// only the resistors between the chips and MISO require a slower SCLK.
 #[derive(Debug)]
 pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
     /// SPI bus; must not be used for other devices while a chip is selected.
@@ -38,13 +39,13 @@ pub(crate) mod opcode {
     /// Read data continuously: the chip sends data at every DRDY and accepts no opcode but
     /// [`SDATAC`]. This is the state after a reset.
     pub(crate) const RDATAC: u8 = 0x10;
-    /// Stop reading data continuously: registers can be read and written.
+    /// Stop reading data continuously; registers can be read and written afterwards.
     pub(crate) const SDATAC: u8 = 0x11;
-    /// Read registers: ORed with the first address; a byte with the number of registers less one
-    /// follows.
+    /// Read registers: ORed with the address of the first register, and followed by a byte with the
+    /// number of registers less one.
     pub(crate) const RREG: u8 = 0x20;
-    /// Write registers: ORed with the first address; a byte with the number of registers less one
-    /// and the values follow.
+    /// Write registers: ORed with the address of the first register, and followed by a byte with
+    /// the number of registers less one and by the values.
     pub(crate) const WREG: u8 = 0x40;
     /// Mask of the opcode's bits in a byte that also holds an address.
     #[cfg(any(test, feature = "simulation"))]
@@ -81,8 +82,8 @@ pub(crate) const AFTER_RESET: u32 = 18;
 /// Settling time of the internal reference, in microseconds (data sheet section 7.5).
 pub(crate) const REFERENCE_US: u32 = 150_000;
 
-/// Longest delay between two calls of `progress`, in microseconds. It must stay below the shortest
-/// watchdog period, 136 ms.
+/// Longest delay between two calls of `progress`, in microseconds. The caller feeds its watchdog in
+/// `progress`, and the shortest watchdog period is 136 ms.
 const SLICE_US: u32 = 20_000;
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
@@ -111,7 +112,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.command_all(opcode::SDATAC).await
     }
 
-    /// Writes CONFIG3 of a chip and returns whether its reference was on before.
+    /// Switches on the reference of a chip through CONFIG3, and returns whether it was on before.
     pub(crate) async fn switch_reference_on(
         &mut self,
         chip: usize,
@@ -153,7 +154,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.read_registers(chip, first, &mut image.0[part]).await
     }
 
-    /// Starts conversion: START high, RDATAC, SCLK for bursts.
+    /// Starts conversion: drives START high, sends RDATAC and sets SCLK for bursts.
     pub(crate) async fn run(&mut self) -> Result<(), Error> {
         self.set_start(true)?;
         self.command_all(opcode::RDATAC).await?;
@@ -174,7 +175,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         result.and(self.select(0..CHIPS, false))
     }
 
-    /// Stops conversion: START low, SCLK for registers, SDATAC.
+    /// Stops conversion: drives START low, sets SCLK for registers and sends SDATAC.
     pub(crate) async fn halt(&mut self) -> Result<(), Error> {
         self.set_start(false)?;
         self.set_speed(Speed::Registers)?;
@@ -210,8 +211,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.exchange(chip..chip + 1, &bytes[..end], &mut []).await
     }
 
-    /// Selects the chips, sends `send`, fills `receive` and deselects the chips, with a wait of
-    /// four clock cycles after every byte.
+    /// Selects the chips, sends `send`, fills `receive` with their answer and deselects them, with
+    /// a wait of four clock cycles after every byte.
     async fn exchange(
         &mut self,
         chips: Range<usize>,
@@ -239,7 +240,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(())
     }
 
-    /// Transfers bytes in place and waits until the last bit has been clocked.
+    /// Sends `bytes`, replaces them by the received bytes, and waits until the last bit has been
+    /// clocked.
     pub(crate) async fn transfer(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
         let bus = |error: Spi::Error| Error::Bus(error.kind());
         self.spi.transfer_in_place(bytes).await.map_err(bus)?;
@@ -275,7 +277,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         set.map_err(|error| Error::Pin(Pin::Reset, error.kind()))
     }
 
-    /// Delays in slices of at most 20 ms and calls `progress` after each.
+    /// Delays by `us` microseconds in slices of at most 20 ms, and calls `progress` after each
+    /// slice.
     pub(crate) async fn rest(&mut self, mut us: u32, progress: &mut impl FnMut()) {
         while us > 0 {
             let slice = us.min(SLICE_US);

@@ -3,8 +3,8 @@
 use crate::limits::{SelfTestFault, check_gain, check_noise, check_offset, check_samples};
 use crate::settings::{Gain, Rate, TEST_AMPLITUDE_UV};
 
-/// Number of samples ignored on either side of a transition; the sinc filter settles in three
-/// samples.
+/// Number of samples ignored before and after a transition of the square wave; the chip's sinc
+/// filter settles in three samples.
 const GUARD: usize = 4;
 
 /// Measures gain, offset and noise of one channel from the chip's internal square wave. It needs at
@@ -17,20 +17,20 @@ pub struct SquareWaveTest {
     recent: [i32; GUARD],
     /// Number of valid samples in `recent`.
     held: usize,
-    /// Number of samples still to be ignored.
+    /// Number of the next samples to ignore, because they may be part of a transition.
     skip: usize,
     low: Statistics,
     high: Statistics,
 }
 
-/// Gain, offset and noise of a channel at the square wave.
+/// Gain error, offset and noise of a channel, measured with the square wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SquareWaveResult {
     /// Ratio of the measured to the expected amplitude, minus 1; -1 without a square wave.
     pub gain_error: f32,
-    /// Mean of the two levels, in microvolts at the input.
+    /// Mean of the square wave's two levels, in microvolts at the input.
     pub offset_uv: f32,
-    /// Noise around the two levels, in microvolts rms at the input.
+    /// Noise around the two levels of the square wave, in microvolts rms at the input.
     pub noise_uv: f32,
     /// Number of samples that the result is computed from.
     pub samples: u32,
@@ -79,7 +79,7 @@ impl SquareWaveTest {
         self.recent[GUARD - 1] = count;
     }
 
-    /// Returns the result over all samples so far.
+    /// Returns gain error, offset and noise, computed from all samples so far.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "results in f32 for the wire"
@@ -146,7 +146,7 @@ impl ShortedTest {
         self.statistics.add(count);
     }
 
-    /// Returns the result over all samples so far.
+    /// Returns offset and noise, computed from all samples so far.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "results in f32 for the wire"
@@ -229,7 +229,7 @@ impl Statistics {
     }
 }
 
-/// Returns `sqrt(spread / number)` in counts, to 1/65536 count. Uses the integer square root,
+/// Returns the standard deviation in counts, to 1/65536 count. Uses the integer square root,
 /// because `core` has no square root for floats.
 #[expect(
     clippy::cast_precision_loss,

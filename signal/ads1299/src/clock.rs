@@ -1,4 +1,4 @@
-//! Master clock of the chips.
+//! Master clock of the ADS1299 chips.
 
 /// Master clock, an oscillator whose clock all chips share. All times of the chips are multiples of
 /// the clock's period, tCLK.
@@ -18,13 +18,13 @@ impl Clock {
     /// within 100 ppm; the other 900 ppm allow for the clock that stamps the edges of DRDY.
     pub(crate) const TOLERANCE_PPM: u32 = 1_000;
 
-    /// Slowest clock that the data sheet permits. The driver computes its delays for this clock, so
-    /// they are long enough for any permitted clock. A chain with another clock than the configured
-    /// one therefore answers, and [`ReadyMeter`](crate::ready::ReadyMeter) reports the wrong rate.
-    /// Its period is 666 ns (section 7.6).
+    /// Slowest clock that the data sheet permits: a period of 666 ns (section 7.6). The driver
+    /// computes its delays for this clock, so they are long enough for any permitted clock. So a
+    /// chain whose clock is not the configured one still answers, and
+    /// [`ReadyMeter`](crate::ready::ReadyMeter) reports the wrong rate.
     pub(crate) const SLOWEST: Self = Self { hz: 1_501_502 };
 
-    /// Returns the frequency in Hz.
+    /// Returns the frequency of the master clock, in Hz.
     pub const fn hz(self) -> u32 {
         self.hz
     }

@@ -1,9 +1,9 @@
-//! Decoder of frames: from bytes to counts.
+//! Decoder of the frames that a chain of ADS1299 chips sends: from bytes to counts.
 
 use crate::reading::{ChipFault, NIBBLE, StatusWord};
 
-/// Number of consecutive frames that must fit the other alignment before the decoder switches to
-/// it.
+/// Number of consecutive frames that must fit the alignment not in use before the decoder switches
+/// to it.
 const CHANGE_OVER: u8 = 4;
 
 /// Number of repeated counts at which a chip is reported as frozen, summed over its channels and
@@ -35,12 +35,12 @@ const SPAN: usize = CHIP_BYTES + 1;
 pub struct Decoder<const CHIPS: usize> {
     /// Alignment of the stream; `None` until a frame has a valid chip after chip 0.
     alignment: Option<Alignment>,
-    /// Number of consecutive frames that fit the other alignment.
+    /// Number of consecutive frames, up to the newest, that fit the alignment not in use.
     against: u8,
-    /// Parts of the previous frame, to detect [`ChipFault::Repeated`].
+    /// Each chip's part of the previous frame, to detect [`ChipFault::Repeated`].
     last: [Part; CHIPS],
-    /// Repeated counts of each chip, as [`FROZEN`] defines them; at most 13: `FROZEN` and eight
-    /// channels more.
+    /// Number of repeated counts of each chip, counted as stated at [`FROZEN`]; at most 13, which
+    /// is `FROZEN` plus eight channels.
     repeats: [u8; CHIPS],
 }
 
@@ -49,7 +49,7 @@ pub struct Decoder<const CHIPS: usize> {
 pub struct FrameStatus<const CHIPS: usize> {
     /// Alignment with which this frame was decoded.
     pub alignment: Alignment,
-    /// Status word of each chip.
+    /// Status word of each chip, chip 0 first.
     pub words: [StatusWord; CHIPS],
     /// Chips whose status does not start with 1100, one bit each: their counts are invalid.
     pub bad: u8,
@@ -58,7 +58,7 @@ pub struct FrameStatus<const CHIPS: usize> {
 }
 
 impl<const CHIPS: usize> FrameStatus<CHIPS> {
-    /// Returns whether no chip is bad or frozen.
+    /// Returns whether every chip is neither bad nor frozen.
     pub const fn is_sound(&self) -> bool {
         self.bad | self.repeated == 0
     }
@@ -196,8 +196,8 @@ struct Part {
 }
 
 impl Part {
-    /// Initial value of the previous frame. No chip sends it, because a status word has only 24
-    /// bits.
+    /// Stands for the previous frame before the first frame. It equals no chip's data, because a
+    /// status word has only 24 bits.
     const NEVER_SENT: Self = Self {
         word: StatusWord(u32::MAX),
         counts: [0; CHANNELS],
@@ -263,8 +263,8 @@ pub enum Alignment {
 }
 
 impl Alignment {
-    /// Returns the bit offset of the part of chip `chip` from byte `27 * chip` of the frame: 0 to 7
-    /// for `chip` < 8.
+    /// Returns how many bits after byte `27 * chip` of the frame the part of chip `chip` starts: 0
+    /// to 7 for `chip` < 8.
     #[inline]
     pub(crate) const fn shift(self, chip: u32) -> u32 {
         // A product is used instead of a branch; the mask shows the compiler that the result is at
@@ -280,7 +280,7 @@ impl Alignment {
     }
 }
 
-/// Channels per chip.
+/// Number of channels of an ADS1299.
 pub const CHANNELS: usize = 8;
 
 /// Bytes per chip in a frame: 24 status bits and eight 24-bit counts (data sheet section 9.4.4).

@@ -1,4 +1,4 @@
-//! Errors of a chain: bus, pins, IDs, registers and DRDY.
+//! Errors of a chain of ADS1299 chips: bus, pins, IDs, registers and DRDY.
 
 use core::fmt;
 
@@ -19,20 +19,20 @@ pub enum Error {
     Pin(Pin, digital::ErrorKind),
     /// A chip's ID is not that of an eight-channel ADS1299.
     WrongId {
-        /// Index of the chip, from 0 at MISO.
+        /// Index of the chip; chip 0 is wired to MISO.
         chip: u8,
         /// ID byte that the chip returned.
         read: u8,
     },
     /// A register holds another value than the one written.
     NotKept {
-        /// Index of the chip, from 0 at MISO.
+        /// Index of the chip; chip 0 is wired to MISO.
         chip: u8,
         /// First register that differs.
         register: Register,
-        /// Value written.
+        /// Value written to the register.
         wrote: u8,
-        /// Value read back.
+        /// Value read back from the register.
         read: u8,
     },
     /// DRDY did not fall within `waited_us`. A board wires the DRDY of one chip only.

@@ -1,4 +1,4 @@
-//! Values of all registers of a chip, to write or as read back.
+//! Values of all registers of a chip: those to write, or those read back.
 
 use crate::decoder::CHANNELS;
 use crate::error::Error;
@@ -35,7 +35,7 @@ impl Settings {
     }
 }
 
-/// Returns a register with one bit per input: all ones if `on` is true, else 0.
+/// Returns the value of a register with one bit per input: all ones if `on` is true, else 0.
 const fn all_inputs(on: bool) -> u8 {
     if on { u8::MAX } else { 0 }
 }
@@ -43,7 +43,7 @@ const fn all_inputs(on: bool) -> u8 {
 /// Registers of one chip as read back, compared with the values written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadBack {
-    /// Values read back.
+    /// Register values read back from the chip.
     pub read: Image,
     /// Registers that differ, one bit each; the bit number is the address.
     pub differing: u32,
@@ -59,7 +59,8 @@ impl ReadBack {
         id_fits: false,
     };
 
-    /// Compares `read` with `written`, in the bits that a chip returns as they were written.
+    /// Compares `read` with `written`; ignores the bits that a chip does not return as they were
+    /// written.
     pub fn new(written: &Image, read: Image) -> Self {
         let kept = Register::KEPT.iter().zip(written.0.iter().zip(&read.0));
         let differing = kept

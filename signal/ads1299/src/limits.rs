@@ -16,7 +16,7 @@ const OFFSET_UV: f32 = 300.0;
 /// Least number of samples for a valid result.
 const SAMPLES: u32 = 100;
 
-/// Limit of the self-test that a channel does not keep.
+/// Limit of the self-test that a channel violates, with the measured value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SelfTestFault {
     /// There are too few samples for a valid result.
@@ -78,7 +78,7 @@ pub(crate) fn check_samples(measured: u32) -> Result<(), SelfTestFault> {
     )
 }
 
-/// Checks a gain error, as a fraction.
+/// Checks a gain error, a fraction, against [`GAIN_ERROR`].
 pub(crate) fn check_gain(measured: f32) -> Result<(), SelfTestFault> {
     let limit = GAIN_ERROR;
     within(
@@ -87,7 +87,7 @@ pub(crate) fn check_gain(measured: f32) -> Result<(), SelfTestFault> {
     )
 }
 
-/// Checks an offset, in microvolts at the input.
+/// Checks an offset, in microvolts at the input, against [`OFFSET_UV`].
 pub(crate) fn check_offset(measured: f32) -> Result<(), SelfTestFault> {
     let limit = OFFSET_UV;
     within(

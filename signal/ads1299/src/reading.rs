@@ -1,4 +1,4 @@
-//! Result of reading one sample.
+//! Result of reading one sample from a chain of ADS1299 chips.
 
 use core::fmt;
 
@@ -24,7 +24,7 @@ impl<const CHIPS: usize> Reading<CHIPS> {
     /// Mask with a 1 for every chip of the chain.
     pub(crate) const ALL: u8 = u8::MAX >> (8 - CHIPS);
 
-    /// Returns whether no chip is bad and the sample rate is right; true also after missed samples.
+    /// Returns whether no chip is bad and the sample rate is right; missed samples do not matter.
     pub const fn is_sound(&self) -> bool {
         self.bad == 0 && self.rate.is_none()
     }
@@ -49,7 +49,7 @@ impl<const CHIPS: usize> Reading<CHIPS> {
         self.sound_word(chip).map_or(0, StatusWord::off_negative)
     }
 
-    /// Returns whether an electrode of any chip that is not bad is disconnected.
+    /// Returns whether an electrode is disconnected at any chip; bad chips are ignored.
     pub fn lead_off(&self) -> bool {
         (0..CHIPS).fold(0, |off, chip| {
             off | self.off_positive(chip) | self.off_negative(chip)
@@ -72,18 +72,20 @@ pub struct StatusWord(pub u32);
 /// Upper four bits of every valid status word.
 pub(crate) const NIBBLE: u8 = 0b1100;
 
-/// Fault of a chip, as seen in a frame.
+/// Fault of a chip that its status word, or the repetition of its counts, shows in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChipFault {
-    /// All 24 bits are 0: no power, no clock, not selected, or DOUT held low.
+    /// All 24 bits of the status word are 0: no power, no clock, not selected, or DOUT held low.
     OnlyZeros,
-    /// All 24 bits are 1: nothing drives MISO.
+    /// All 24 bits of the status word are 1: nothing drives MISO.
     OnlyOnes,
-    /// 1100 is one to three bits late, because of extra clock edges; holds the number of bits.
+    /// The status word's first bits, 1100, are one to three bits late, because of extra clock
+    /// edges; holds the number of bits.
     Late(u8),
-    /// 1100 is one bit early, because a clock edge was lost.
+    /// The status word's first bits, 1100, are one bit early, because a clock edge was lost.
     Early,
-    /// The upper four bits have this value instead of 1100, and no other variant applies.
+    /// The upper four bits of the status word have this value instead of 1100, and no other variant
+    /// applies.
     Nibble(u8),
     /// More channels repeat their counts exactly than chance explains. Channels at a rail or at 0
     /// are not counted.

@@ -1,4 +1,4 @@
-//! Measurement of the sample rate from DRDY's edges, and its continuous check.
+//! Measures the sample rate from the edges of DRDY, and checks it while a chain converts.
 
 use core::fmt;
 
@@ -52,7 +52,7 @@ pub enum RateError {
         expected: u32,
         /// Number of edges that came less than 3/4 of a period after the previous one.
         early: u32,
-        /// Number of edges that did not come.
+        /// Number of expected edges that did not come.
         missed: u32,
     },
 }
@@ -88,8 +88,8 @@ impl ReadyMeter {
             self.last_us = time_us;
             return Edge::First;
         }
-        // Intervals are in millionths of a clock cycle: exact for every rate, up to an interval of
-        // three months.
+        // Intervals are in millionths of a clock cycle: exact for every rate, and without
+        // saturation up to an interval of three months.
         let interval_us = time_us.saturating_sub(self.last_us);
         let interval = interval_us.saturating_mul(u64::from(self.clock.hz()));
         let period = u64::from(self.rate.divider()) * 1_000_000;
@@ -118,17 +118,17 @@ impl ReadyMeter {
         self.last_us - self.first_us.unwrap_or(self.last_us)
     }
 
-    /// Returns the number of early edges so far.
+    /// Returns the number of edges that came less than 3/4 of a period after the previous one.
     pub const fn early(&self) -> u32 {
         self.early
     }
 
-    /// Returns the number of missing edges so far.
+    /// Returns the number of expected edges that did not come.
     pub const fn missed(&self) -> u32 {
         self.missed
     }
 
-    /// Returns the mean rate in millihertz, which missing edges lower. `None` before the second
+    /// Returns the mean rate in millihertz; a missing edge lowers it. `None` before the second
     /// edge.
     pub fn millihertz(&self) -> Option<u32> {
         let span_us = self.span_us();

@@ -49,7 +49,7 @@ impl Register {
     /// Single-shot mode, and power of the lead-off comparators.
     pub const CONFIG4: Self = Self(0x17);
 
-    /// Number of registers.
+    /// Number of registers of a chip, the read-only ones included.
     pub const COUNT: usize = 24;
 
     /// Values of all registers after a reset, by address.
@@ -61,7 +61,7 @@ impl Register {
         0x0F, 0x00, 0x00, 0x00, // GPIO, MISC1, MISC2, CONFIG4
     ];
 
-    /// Mask for each register of the bits that read back as written: all but the ID, lead-off
+    /// Mask of the bits of each register that read back as written: all but the ID, lead-off
     /// status, CONFIG3.BIAS_STAT, and the data of the GPIO pins, which are inputs.
     pub(crate) const KEPT: [u8; Self::COUNT] = [
         0x00, 0xFF, 0xFF, 0xFE, 0xFF, // ID, CONFIG1 to 3, LOFF

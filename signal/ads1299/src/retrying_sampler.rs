@@ -1,4 +1,4 @@
-//! A chain that is brought up again while no chip delivers samples.
+//! Sampler that brings its chain up again while no chip delivers samples.
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
@@ -22,15 +22,16 @@ use crate::sampler::{SILENCE, Sampler};
 #[derive(Debug)]
 pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     sampler: Sampler<Spi, Line, Delay, CHIPS, BYTES>,
-    /// Retry time: from the last valid sample, or the end of the last attempt, to the next attempt;
-    /// microseconds.
+    /// Retry time in microseconds: the delay of the next attempt after the last valid sample or
+    /// after the end of the last attempt.
     retry_us: u64,
     /// Error of the last bring-up; `None` if it succeeded.
     failure: Option<Error>,
     attempt: Option<Attempt<CHIPS>>,
     /// Time of the last valid sample or of the end of the last attempt, in microseconds.
     since_us: u64,
-    /// Time at which a flagged repetition is returned if there is no edge before, in microseconds.
+    /// Time, in microseconds, at which a flagged repetition is returned unless an edge comes
+    /// earlier.
     due_us: u64,
     /// True if the last sample was a flagged repetition, or if an attempt has stopped the chain.
     is_silent: bool,
@@ -38,7 +39,7 @@ pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: us
     registers_doubtful: bool,
 }
 
-/// Bring-up in progress.
+/// Attempt to bring the chain up again, in progress.
 #[derive(Debug)]
 struct Attempt<const CHIPS: usize> {
     bring_up: BringUp<CHIPS>,
@@ -49,7 +50,8 @@ struct Attempt<const CHIPS: usize> {
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES: usize>
     RetryingSampler<Spi, Line, Delay, CHIPS, BYTES>
 {
-    /// Creates a sampler for a stopped chain; `retry_us` is the retry time in microseconds.
+    /// Creates a sampler for a stopped chain. After `retry_us` microseconds without a valid sample
+    /// it brings the chain up again.
     pub const fn new(sampler: Sampler<Spi, Line, Delay, CHIPS, BYTES>, retry_us: u64) -> Self {
         Self {
             sampler,
@@ -90,9 +92,9 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// Waits for the next sample; [`Sampler::counts`] then returns its counts.
     ///
     /// # Timing
-    /// That of [`Sampler::read`]. A stage of a bring-up fits into the period before a sample.
+    /// That of [`Sampler::read`]. A stage of a bring-up may run first; it fits between two samples.
     pub async fn next(&mut self, drdy: &mut impl Drdy) -> (Reading<CHIPS>, DrdyEdge) {
-        // A sample that is already due is not delayed by a stage.
+        // If a sample is already due, no stage runs, because a stage would delay the sample.
         if drdy.now_us() < self.due_us {
             self.attempt(drdy).await;
         }
@@ -130,8 +132,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             return;
         }
         if self.attempt.is_none() && !self.is_silent {
-            // The attempt stops the chain. The first flagged sample is due one period after the
-            // last edge, and no sample counts as missed.
+            // The attempt stops the chain, which then counts as silent at once: the first flagged
+            // sample is due one period after the last edge, and no sample counts as missed.
             self.due_us -= u64::from(SILENCE - 1) * self.period_us();
             self.is_silent = true;
         }
@@ -154,12 +156,12 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         }
     }
 
-    /// Returns the error of the last bring-up.
+    /// Returns the error of the last bring-up; `None` if it succeeded.
     pub const fn failure(&self) -> Option<&Error> {
         self.failure.as_ref()
     }
 
-    /// Returns the sampler of the chain.
+    /// Returns the sampler, for its newest counts and its counters.
     pub const fn sampler(&self) -> &Sampler<Spi, Line, Delay, CHIPS, BYTES> {
         &self.sampler
     }

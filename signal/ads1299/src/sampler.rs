@@ -77,8 +77,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     ///
     /// # Errors
     /// The first error. If only some chips have a wrong ID or register, the chain runs, and these
-    /// chips are bad in every reading. If every chip has, or if the bus or a pin fails, the chain
-    /// stays stopped.
+    /// chips are bad in every reading. If all chips have a wrong ID or register, or if the bus or a
+    /// pin fails, the chain stays stopped.
     pub async fn start(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
         let mut bring_up = BringUp::from_power(POWER_ON_US);
         self.finish(&mut bring_up, &mut progress).await

@@ -1,4 +1,4 @@
-//! Self-test of a chain.
+//! Self-test of a chain of ADS1299 chips: registers, gain, offset, noise and sample rate.
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
@@ -16,14 +16,14 @@ use crate::sampler::Sampler;
 use crate::self_test_report::{ReadyReport, SelfTestReport};
 use crate::settings::{Gain, Input, Settings, TEST_HALF_PERIOD};
 
-/// Number of periods of the test signal that are measured.
+/// Number of periods of the test signal in which gain, offset and noise are measured.
 const PERIODS: u32 = 2;
 
-/// Number of samples beyond these periods, for the settling and for a transition in progress at the
-/// start.
+/// Number of samples in addition to the measured periods: the filter settles, and a transition may
+/// be in progress at the start.
 const LEAD: u32 = 16;
 
-/// Number of samples with shorted inputs, as in the data sheet (section 8.1).
+/// Number of samples measured with shorted inputs, as in the data sheet (section 8.1).
 const SHORTED: u32 = 1000;
 
 /// State and report of a self-test. The size is 8 KB for 64 channels, so place it in a static.
@@ -33,7 +33,8 @@ pub struct SelfTest<const CHIPS: usize> {
     report: SelfTestReport<CHIPS>,
 }
 
-/// Measurement of one channel. The two kinds run one after the other, so they share memory.
+/// Measurement of one channel. The square wave is measured before the shorted input, so the two
+/// tests share memory.
 #[derive(Clone, Debug)]
 enum Measurement {
     SquareWave(SquareWaveTest),
@@ -72,12 +73,13 @@ impl<const CHIPS: usize> SelfTest<CHIPS> {
         }
     }
 
-    /// Returns the report of the last test.
+    /// Returns the report of the last self-test.
     pub const fn report(&self) -> &SelfTestReport<CHIPS> {
         &self.report
     }
 
-    /// Records the register check of all chips.
+    /// Compares each chip's registers as read back with those that `settings` gives, and notes the
+    /// first difference in the report.
     fn record_registers(&mut self, read_backs: &[ReadBack; CHIPS], settings: Settings) {
         for (chip, (report, back)) in self.report.chips.iter_mut().zip(read_backs).enumerate() {
             let fault = back.check(number(chip), &settings.image(chip)).err();
@@ -88,7 +90,8 @@ impl<const CHIPS: usize> SelfTest<CHIPS> {
         }
     }
 
-    /// Records the results of all channels at the current input.
+    /// Writes the results of all channels into the report, each for the input that was measured
+    /// last.
     fn record_channels(&mut self, settings: Settings) {
         let Settings { gain, rate, .. } = settings;
         let reports = self.report.channels.as_flattened_mut().iter_mut();
@@ -120,12 +123,12 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     ///
     /// The stages are:
     ///
-    /// 1. reset, IDs, registers written and read back;
-    /// 2. two periods of the internal square wave on all channels, with the rate of DRDY;
-    /// 3. shorted inputs;
-    /// 4. the previous settings, read back.
+    /// 1. reset the chips, check their IDs, write the registers and read them back;
+    /// 2. measure two periods of the internal square wave on all channels, and the rate of DRDY;
+    /// 3. measure all channels with shorted inputs;
+    /// 4. write the previous settings and read them back.
     ///
-    /// A broken chip is named in the report, and the other chips are tested unless it blocks their
+    /// The report names a broken chip, and the other chips are tested unless it blocks their
     /// frames. Without DRDY the test stops.
     ///
     /// `progress` is called for every sample and at least every 20 ms in between, except while the
@@ -193,13 +196,13 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             *measurement = Measurement::new(input, settings.gain);
         }
         self.chain.run().await?;
-        // Long enough for the first sample too.
+        // The wait covers the first sample too, which comes only after the filter has settled.
         let cycles = settings.rate.settling() + 4 * settings.rate.divider();
         let waited_us = settings.clock.microseconds(cycles);
         for _ in 0..samples {
             progress();
-            // A frame is read directly after its edge, so an edge that came during the calculations
-            // is of no use.
+            // A frame must be read directly after its edge of DRDY, so an edge that came during the
+            // calculations on the previous frame is discarded.
             drdy.forget();
             let end_us = drdy.now_us() + u64::from(waited_us);
             // The error names chip 0, whose DRDY is wired.

@@ -28,7 +28,7 @@ pub struct SelfTestReport<const CHIPS: usize> {
 pub struct ChipReport {
     /// ID that the chip returned; the right one is [`ID`](crate::register::ID).
     pub id: u8,
-    /// Largest number of registers, over all stages, that differ from the values written: 0 to 24.
+    /// Number of registers that differ from the values written, 0 to 24: the largest of all stages.
     pub differing: u8,
     /// Error of a wrong ID, or of the first register that differs.
     pub fault: Option<Error>,
@@ -49,7 +49,7 @@ pub struct ChannelReport {
     pub noise_uv: f32,
     /// Noise with shorted input, in microvolts rms.
     pub shorted_noise_uv: f32,
-    /// First limit of the self-test that the channel does not keep.
+    /// First limit of the self-test that the channel violates.
     pub fault: Option<SelfTestFault>,
 }
 
@@ -62,7 +62,7 @@ pub struct ReadyReport {
     pub measured: u32,
     /// Number of edges that came too early.
     pub early: u32,
-    /// Number of edges that did not come.
+    /// Number of expected edges that did not come.
     pub missed: u32,
     /// Error of the sample rate, if it is not the configured one.
     pub fault: Option<RateError>,
@@ -77,18 +77,18 @@ pub enum Finding {
     Rate(RateError),
     /// A chip's data were damaged or repeated in some frames.
     Frames {
-        /// Index of the chip, from 0 at MISO.
+        /// Index of the chip; chip 0 is wired to MISO.
         chip: u8,
-        /// Number of these frames.
+        /// Number of the chip's damaged or repeated frames.
         bad: u32,
     },
-    /// A channel does not keep a limit.
+    /// A channel violates a limit of the self-test.
     Channel {
-        /// Index of the chip, from 0 at MISO.
+        /// Index of the chip; chip 0 is wired to MISO.
         chip: u8,
         /// Index of the channel on the chip, from 0.
         channel: u8,
-        /// Limit that the channel does not keep.
+        /// Limit that the channel violates, with the measured value.
         fault: SelfTestFault,
     },
     /// The chain could not be restored to its previous settings.
@@ -163,7 +163,8 @@ impl ChipReport {
 }
 
 impl Finding {
-    /// Returns the chip concerned; `None` for the bus or a shared pin.
+    /// Returns the chip that the finding concerns; `None` for the bus and for pins shared by all
+    /// chips.
     pub const fn chip(&self) -> Option<u8> {
         match self {
             Self::Chain(error) | Self::NotRestored(error) => error.chip(),

@@ -4,21 +4,22 @@ use crate::clock::Clock;
 
 /// Settings of a chain; all of its chips and channels have the same.
 ///
-/// While the channels convert their electrodes, SRB1 connects one reference electrode to the
-/// negative inputs of all channels. The bias amplifier of chip 0 drives the subject to mid-supply
-/// and so reduces mains interference.
+/// While the channels convert their electrodes, the pin SRB1 connects one reference electrode to
+/// the negative inputs of all channels. The bias amplifier of chip 0 drives the subject to
+/// mid-supply and so reduces mains interference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Master clock.
+    /// Master clock of the chips.
     pub clock: Clock,
-    /// Sample rate.
+    /// Sample rate, as a divider of the master clock.
     pub rate: Rate,
-    /// Gain of every channel.
+    /// Gain of every channel's amplifier.
     pub gain: Gain,
     /// Signal that every channel converts.
     pub input: Input,
-    /// Detects disconnected electrodes: a direct current of 6 nA pulls a positive input above 95 %
-    /// of the supply unless it can flow through a good contact. The current adds some noise.
+    /// True to detect disconnected electrodes: a direct current of 6 nA pulls a positive input
+    /// above 95 % of the supply unless it can flow through a good contact. The current adds some
+    /// noise.
     pub lead_off: bool,
 }
 
@@ -72,7 +73,7 @@ impl Gain {
         Self::X24,
     ];
 
-    /// Returns the gain of a factor; `None` for a factor that the amplifier lacks.
+    /// Returns the gain with this factor; `None` for a factor that the amplifier lacks.
     pub const fn of_factor(factor: u32) -> Option<Self> {
         let mut index = 0;
         while index < Self::ALL.len() {
@@ -84,7 +85,7 @@ impl Gain {
         None
     }
 
-    /// Returns the gain as a factor.
+    /// Returns the gain as a factor, 1 to 24.
     pub const fn factor(self) -> u8 {
         [1, 2, 4, 6, 8, 12, 24][self as usize]
     }
@@ -104,8 +105,8 @@ pub enum Input {
     Electrodes = 0,
     /// Both inputs at mid-supply, to measure the channel's offset and noise.
     Shorted = 1,
-    /// Square wave from the chip's generator (CONFIG2, data sheet section 9.6.1.3):
-    /// [`TEST_AMPLITUDE_UV`] and [`TEST_HALF_PERIOD`].
+    /// Square wave of [`TEST_AMPLITUDE_UV`] and [`TEST_HALF_PERIOD`] from the chip's generator
+    /// (CONFIG2, data sheet section 9.6.1.3).
     TestSignal = 5,
 }
 
@@ -146,9 +147,9 @@ impl Rate {
         Self::Div8192,
     ];
 
-    /// Returns the clock and the divider for `hz` samples per second; `None` for a rate that
-    /// neither an external clock of 2.048 MHz nor [`Clock::EEG`] yields: 250, 500, 1000 .. 16000 Hz
-    /// with the one, 256, 512, 1024 .. 16384 Hz with the other.
+    /// Returns the clock and the divider for `hz` samples per second. An external clock of 2.048
+    /// MHz gives 250, 500, 1000 .. 16000 Hz, and [`Clock::EEG`] gives 256, 512, 1024 .. 16384 Hz;
+    /// `None` for any other rate.
     pub const fn of_hz(hz: u32) -> Option<(Clock, Self)> {
         let mut index = 0;
         while index < Self::ALL.len() {

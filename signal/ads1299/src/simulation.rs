@@ -37,7 +37,7 @@ pub use wires::{SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady};
 #[derive(Clone, Debug)]
 pub struct Simulation<const CHIPS: usize>(SharedBoard<CHIPS>);
 
-/// The driver's chain type on simulated wires.
+/// A [`Chain`] whose bus, pins and delay provider are simulated.
 pub type SimulatedChain<const CHIPS: usize> =
     Chain<SimulatedBus<CHIPS>, SimulatedLine<CHIPS>, SimulatedDelay<CHIPS>, CHIPS>;
 
@@ -48,7 +48,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         Self(SharedBoard(Arc::new(Mutex::new(board))))
     }
 
-    /// Returns the chain for the driver.
+    /// Returns the SPI bus, the pins and the delay provider of this simulation, for the driver.
     pub fn chain(&self) -> SimulatedChain<CHIPS> {
         Chain {
             spi: SimulatedBus(self.0.clone()),
@@ -59,7 +59,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         }
     }
 
-    /// Returns DRDY of chip 0.
+    /// Returns the DRDY line of chip 0, for the driver.
     pub fn drdy(&self) -> SimulatedReady<CHIPS> {
         SimulatedReady(self.0.clone())
     }
@@ -83,7 +83,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().next_ns()
     }
 
-    /// Advances time by `us` microseconds.
+    /// Advances the virtual time by `us` microseconds, with all conversions that end in it.
     pub fn pass_us(&self, us: u64) {
         let mut board = self.board();
         let then = board.now_ns + us * 1000;
@@ -138,8 +138,8 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on
     /// MISO.
     ///
-    /// Reading a register with an SCLK above 105 kHz is a [violation](Self::violations): the
-    /// resistors through which the chips share MISO are too slow for more (decision 0011).
+    /// Reading a register with an SCLK above 105 kHz is a [violation](Self::violations): with a
+    /// faster SCLK, MISO does not settle through the resistors that connect the chips to it.
     pub fn transfer_at(&self, end_ns: u64, sclk_hz: u32, mosi: u8) -> u8 {
         let speed = if sclk_hz <= FASTEST_REGISTERS_HZ {
             Speed::Registers
@@ -149,12 +149,12 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().clock_byte(mosi, end_ns, speed)
     }
 
-    /// Returns the number of falling edges of DRDY.
+    /// Returns the number of falling edges of DRDY since this chain was created.
     pub fn ready_edges(&self) -> u64 {
         self.board().edges
     }
 
-    /// Returns the number of samples that the electrodes have delivered.
+    /// Returns the number of samples taken from the electrodes' signal source.
     pub fn samples_delivered(&self) -> u64 {
         self.board().delivered
     }
@@ -186,7 +186,8 @@ struct SharedBoard<const CHIPS: usize>(Arc<Mutex<Board<CHIPS>>>);
 
 impl<const CHIPS: usize> SharedBoard<CHIPS> {
     fn lock(&self) -> MutexGuard<'_, Board<CHIPS>> {
-        // After a panic in another thread the board can still be inspected.
+        // A lock that a panic in another thread has poisoned is still used, so that a test can
+        // inspect the board.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

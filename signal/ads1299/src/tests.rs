@@ -28,7 +28,7 @@ struct Bench<const CHIPS: usize, const BYTES: usize> {
 }
 
 impl<const CHIPS: usize, const BYTES: usize> Bench<CHIPS, BYTES> {
-    /// Creates a chain with power that has not been brought up.
+    /// Creates a chain that has power but has not been brought up.
     fn new(options: Options, electrodes: Electrodes<CHIPS>, settings: Settings) -> Self {
         let simulation = Simulation::new(options, electrodes);
         Self {
@@ -38,7 +38,7 @@ impl<const CHIPS: usize, const BYTES: usize> Bench<CHIPS, BYTES> {
         }
     }
 
-    /// Creates a chain that converts 0 V with the default settings.
+    /// Creates a running chain with [`Settings::EEG`] whose electrodes are at 0 V.
     fn silent(options: Options) -> Self {
         let mut bench = Self::new(options, Electrodes::silent(), Settings::EEG);
         bench.start().unwrap();

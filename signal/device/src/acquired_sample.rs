@@ -13,8 +13,8 @@ use crate::board::Run;
 /// [`Producer`]: crate::Producer
 #[derive(Clone, Debug, Default)]
 pub struct AcquiredSample {
-    /// The run that starts with this sample; `None` within a run. If the queue to the producer had
-    /// no room for the first sample of a run, the next queued sample carries the run.
+    /// The run, if it starts with this sample; `None` for later samples. If the queue to the
+    /// producer had no room for the first sample of a run, the next queued sample carries the run.
     pub new_run: Option<Run>,
     /// ADC counts of all channels.
     pub sample: Sample,
@@ -29,14 +29,14 @@ pub struct AcquiredSample {
     pub drdy_us: u64,
     /// Faults of this sample.
     pub marks: Marks,
-    /// Faults of the samples directly before this one that found no room in the queue, an overrun
-    /// included; no faults if there are none.
+    /// Faults of the samples between the previous queued sample and this one, which found no room
+    /// in the queue; an overrun is one of these faults. No faults if no sample was lost.
     pub lost: Marks,
 }
 
 impl AcquiredSample {
     /// Returns the index of the ADC sample at or before step `step` of the run, and the device time
-    /// of the step, microseconds. The time is computed from that of this sample at the nominal
+    /// of the step, microseconds. The time is computed from this sample's time at the nominal
     /// rates.
     pub(crate) fn place_of_step(&self, step: u64) -> (u64, u64) {
         let (adc_hz, step_hz) = (u64::from(ADC_RATE_HZ), u64::from(STEP_RATE_HZ));
@@ -56,7 +56,7 @@ pub struct Counts {
     pub samples: u64,
     /// Samples that were not read in time, or that found no room in the queue to the producer.
     pub overruns: u32,
-    /// Samples with a wrong status word.
+    /// Samples in which a converter's status word was wrong.
     pub adc_status_bad: u32,
     /// Electrode values clipped to int8, each counted once although windows overlap.
     pub clipped: u32,
@@ -81,7 +81,7 @@ impl Marks {
         overrun: false,
     };
 
-    /// Returns the faults of both operands.
+    /// Returns the faults that at least one of the two operands has.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self {
@@ -120,12 +120,13 @@ impl WindowMarks {
         hops: [Marks::NONE; STEPS.div_ceil(HOP)],
     };
 
-    /// Adds faults to the step in progress.
+    /// Adds faults to the step that is not yet complete.
     pub(crate) fn mark(&mut self, marks: Marks) {
         self.hops[0] = self.hops[0].union(marks);
     }
 
-    /// Returns the faults of the newest hop so far, the step in progress included.
+    /// Returns the faults that have occurred so far in the newest hop, including those of the step
+    /// that is not yet complete.
     pub(crate) const fn newest_hop(&self) -> Marks {
         self.hops[0]
     }

@@ -7,15 +7,15 @@ use pipeline::{CodeValues, Plane};
 
 use crate::message::{self, ValueBytes};
 
-/// Seconds from one audit to the next.
+/// Time from one audit to the next, in seconds.
 const PERIOD_S: u32 = 10;
 
-/// Windows from one audit to the next.
+/// Number of windows from one audit to the next.
 #[expect(clippy::cast_possible_truncation, reason = "a hop is below 256")]
 const PERIOD_WINDOWS: u32 = PERIOD_S * STEP_RATE_HZ as u32 / HOP as u32;
 
-/// Planes of the newest window. Once the window is complete: also its index, and its code if the
-/// device has the network.
+/// Planes of the newest window; once the window is complete, also its index and, on a device with
+/// the network, its code.
 #[derive(Clone, Copy, Debug)]
 pub struct AuditedWindow {
     window: u32,

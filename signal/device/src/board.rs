@@ -1,4 +1,4 @@
-//! A board as its session knows it: identity, abilities, and orders to the acquisition.
+//! What a session needs from its board: identity, abilities, and the orders it carries out.
 
 use link::{ResetCause, ResetInto, Streams};
 use pipeline::{Mains, Rate};
@@ -31,8 +31,8 @@ pub struct Abilities {
     pub self_test: bool,
     /// True if the board can start the boot loader that is built into its microcontroller.
     pub bootloader: bool,
-    /// True if the device time is that of a clock, which the host can query. Without a clock,
-    /// device time is counted in samples, and the answer would not bound any delay.
+    /// True if device time comes from a clock, which the host can query. Without a clock, device
+    /// time counts samples, and the answer to a query would not bound any delay.
     pub clock: bool,
 }
 
@@ -59,7 +59,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// Placeholder before the first start: no streams.
+    /// Value before the first start: run 0 without streams.
     pub const NONE: Self = Self {
         number: 0,
         mains: Mains::Hz50,
@@ -77,7 +77,7 @@ pub enum Order {
     /// Test the converters; report the result with
     /// [`Session::send_self_test`](crate::Session::send_self_test).
     SelfTest,
-    /// Make blocks of the packed code at this rate from now on; see
+    /// Use this quantiser rate for the packed code from now on; see
     /// [`Producer::set_rate`](crate::Producer::set_rate).
     SetRate(Rate),
     /// Restart the board 0.1 s later, so that queued frames can still be sent.

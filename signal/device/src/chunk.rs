@@ -13,8 +13,8 @@ use crate::acquired_sample::{AcquiredSample, Marks};
 /// Fraction bits of an electrode's filtered value (format Q27.5).
 const FRACTION_BITS: u8 = 5;
 
-/// Time between two key blocks, in parts of a second. A lost frame costs the host no more than this
-/// time.
+/// Number of key blocks per second. After a lost frame the host loses the samples up to the next
+/// key block, at most 1/4 s.
 const KEYS_PER_SECOND: usize = 4;
 
 #[expect(clippy::cast_possible_truncation, reason = "at most 2^16 / 32")]
@@ -29,7 +29,7 @@ const _: () = assert!(RAW_SAMPLES == lossless::MAX_SAMPLES && ENCODER.key_blocks
 pub struct Chunk<const BYTES: usize, const MAX: usize> {
     /// Index in the run of the first item.
     first: u64,
-    /// Number of items.
+    /// Number of valid items in `items`.
     length: usize,
     flags: Flags,
     /// Device time of the newest item, microseconds.
@@ -57,8 +57,8 @@ impl<const BYTES: usize, const MAX: usize> Chunk<BYTES, MAX> {
         self.length == MAX
     }
 
-    /// Returns true if the chunk has items, and item `index` does not directly follow the newest
-    /// one.
+    /// Returns true if the chunk has items, and the item with this index does not directly follow
+    /// the newest one.
     pub(crate) const fn ends_before(&self, index: u64) -> bool {
         self.length > 0 && self.first + self.length as u64 != index
     }
@@ -71,7 +71,8 @@ impl<const BYTES: usize, const MAX: usize> Chunk<BYTES, MAX> {
         self.last_us
     }
 
-    /// Appends item `index`, of little-endian `values`. A full chunk ignores it.
+    /// Appends the item `index`, which consists of `values` in little-endian byte order; a full
+    /// chunk ignores it.
     fn append<const N: usize>(
         &mut self,
         (index, at_us): (u64, u64),
@@ -101,7 +102,7 @@ impl<const BYTES: usize, const MAX: usize> Chunk<BYTES, MAX> {
 }
 
 impl RawChunk {
-    /// Appends a sample with faults.
+    /// Appends a sample, with `marks` as its faults.
     pub(crate) fn append_sample(&mut self, acquired: &AcquiredSample, marks: Marks) {
         let counts = acquired.sample.counts.iter().map(|count| {
             let [low, middle, high, _] = count.to_le_bytes();
@@ -122,7 +123,7 @@ impl RawChunk {
 }
 
 impl FilteredChunk {
-    /// Appends the step `index`, with the faults of its samples.
+    /// Appends the step `index`, with `marks` as the faults of its samples.
     pub(crate) fn append_step(&mut self, step: &Step, index: u64, marks: Marks, at_us: u64) {
         let mut flags = marks.flags();
         if step.saturated != 0 {
@@ -164,7 +165,7 @@ pub struct CompressedChunk {
     samples: u8,
     flags: Flags,
     form: BlockForm,
-    /// Number of bytes at the start of `block`.
+    /// Number of valid bytes at the start of `block`.
     length: usize,
     block: [[Count; CHANNELS]; RAW_SAMPLES],
 }
@@ -200,13 +201,12 @@ pub(crate) struct Compressor {
     state: EncoderState<CHANNELS>,
     /// Index of the sample after the newest chunk.
     next: u64,
-    /// The newest chunk.
     chunk: CompressedChunk,
 }
 
 impl Compressor {
-    /// Creates a compressor before its first chunk. A function, because a constant would take the
-    /// chunk's zeros in flash.
+    /// Creates a compressor before its first chunk. This is a function because a constant would put
+    /// the chunk's zeros into flash.
     pub(crate) const fn new() -> Self {
         Self {
             state: EncoderState::NEW,
@@ -220,7 +220,7 @@ impl Compressor {
         self.state.require_key();
     }
 
-    /// Returns the newest chunk.
+    /// Returns the newest chunk, compressed.
     pub(crate) const fn chunk(&self) -> &CompressedChunk {
         &self.chunk
     }

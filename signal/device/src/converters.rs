@@ -89,7 +89,7 @@ pub const CONVERTER_SETTINGS: Settings = {
 const GAIN: Gain = Gain::of_factor(model::GAIN)
     .expect("reading the artifact has refused a gain that the converters lack");
 
-/// Nanovolts of one count, from the gain in the converters' registers.
+/// Voltage of one count at the input, in nanovolts, from the gain in the converters' registers.
 #[expect(clippy::cast_possible_truncation, reason = "published as f32")]
 pub(crate) const LSB_NV: f32 = (GAIN.lsb_uv() * 1000.0) as f32;
 

@@ -8,8 +8,8 @@ use pipeline::{Code, EncoderMemory, PackedCode, PackedMemory, Rate, Step};
 
 /// The encoders that a device has. An image contains the weights of these encoders only.
 ///
-/// The implementors are memories, which a board keeps in a `static`: all zeros at first, they take
-/// no flash.
+/// The implementing types are the encoders' memories. A board keeps its memory in a `static`, which
+/// takes no flash because it is all zeros at first.
 pub trait Encoders {
     /// Streams that these encoders feed.
     const STREAMS: Streams;
@@ -28,15 +28,15 @@ pub trait Encoders {
     fn model_is_sound() -> bool;
 }
 
-/// Returns the streams of a device with the encoders `E`: those that they feed, and all that need
-/// no encoder.
+/// Returns the streams of a device with the encoders `E`: the streams that `E` feeds, and every
+/// stream that needs no encoder.
 pub const fn streams_with<E: Encoders>() -> Streams {
     let need_an_encoder = Streams::CODES.bits() | Streams::AUDIT.bits() | Streams::PACKED.bits();
     let need_none = Streams::ALL.without(Streams::from_bits(need_an_encoder));
     Streams::from_bits(need_none.bits() | E::STREAMS.bits())
 }
 
-/// The network alone.
+/// Encoder of a device that has only the network.
 impl Encoders for EncoderMemory {
     const STREAMS: Streams = if HAS_NETWORK {
         Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits())
@@ -62,7 +62,7 @@ impl Encoders for EncoderMemory {
     }
 }
 
-/// The packed code alone, whose audits have no code.
+/// Encoder of a device that has only the packed code; the device's audits contain no code.
 impl Encoders for PackedMemory {
     const STREAMS: Streams = match PACKED {
         Some(_) => Streams::from_bits(Streams::PACKED.bits() | Streams::AUDIT.bits()),
@@ -87,7 +87,7 @@ impl Encoders for PackedMemory {
     }
 }
 
-/// Network and packed code.
+/// Encoders of a device that has both the network and the packed code.
 #[derive(Clone, Debug)]
 pub struct BothEncoders {
     network: EncoderMemory,

@@ -19,7 +19,7 @@ const _: () = {
     assert!(Rate::new(MAX_RATE).is_some() && Rate::new(MAX_RATE + 1).is_none());
 };
 
-/// Wire format of the codes of the model that this program was built with.
+/// Wire format of the codes, from the model that this program was built with.
 pub const CODE_FORMAT: CodeFormat = match model::CODE_FORMAT {
     model::CodeFormat::Int8 => CodeFormat::Int8,
     model::CodeFormat::Int8Exponent => CodeFormat::Int8Exponent,
@@ -99,7 +99,7 @@ fn with_flags<const N: usize>(marks: Marks, conditions: [(bool, Flags); N]) -> F
         .fold(marks.flags(), |flags, (_, flag)| flags | flag)
 }
 
-/// Values of a code of a device without a network: none, in the model's format.
+/// Code values that a device without a network reports: none, in the model's format.
 pub(crate) const NO_VALUES: CodeValues<'static> = match CODE_FORMAT {
     CodeFormat::Int8Exponent => CodeValues::int8_exponent(0, &[]),
     CodeFormat::Int16 => CodeValues::int16(&[]),

@@ -23,7 +23,7 @@ use crate::encoders::Encoders;
 pub struct Producer<E> {
     run: Run,
     encoders: E,
-    /// Rate of the packed code.
+    /// Quantiser rate of the packed blocks, which the host can change.
     rate: Rate,
     quality: SignalQuality,
     windows: WindowMarks,
@@ -102,8 +102,8 @@ pub struct CapturedEvent {
 }
 
 impl<E: Encoders> Producer<E> {
-    /// Creates a producer that waits for its first run; `encoders` must hold a memory before its
-    /// first step, such as [`BothEncoders::EMPTY`](crate::BothEncoders::EMPTY).
+    /// Creates a producer that waits for its first run; `encoders` must not have encoded a step
+    /// yet, as [`BothEncoders::EMPTY`](crate::BothEncoders::EMPTY).
     pub const fn new(encoders: E) -> Self {
         Self {
             run: Run::NONE,
@@ -121,12 +121,12 @@ impl<E: Encoders> Producer<E> {
         }
     }
 
-    /// Sets the rate of the packed code from the next block on.
+    /// Sets the quantiser rate of the packed code from the next block on.
     pub const fn set_rate(&mut self, rate: Rate) {
         self.rate = rate;
     }
 
-    /// Processes a sample and passes the results to `emit`.
+    /// Processes a sample, and passes each output that it completes to `emit`.
     pub fn process(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output<'_>)) {
         if let Some(run) = acquired.new_run {
             self.start_run(run, acquired.drdy_us);
@@ -153,8 +153,8 @@ impl<E: Encoders> Producer<E> {
         }
     }
 
-    /// Encodes the newest step again for each missing one before that of `acquired`. The faults of
-    /// the lost samples can belong to any of these steps.
+    /// Encodes the newest step again for each step that is missing before the step of `acquired`.
+    /// The faults of the lost samples can belong to any missing step.
     fn repeat_missing_steps(
         &mut self,
         acquired: &AcquiredSample,
@@ -210,7 +210,8 @@ impl<E: Encoders> Producer<E> {
         self.quality.restart(run.mains);
         self.windows = WindowMarks::NONE;
         self.since_step = Marks::NONE;
-        // Stands for steps that are missing at the start of the run: no signal, and not reliable.
+        // This step replaces steps that are missing at the start of the run: it has no signal and
+        // is marked as settling.
         self.last = Step::SILENCE;
         self.last.settling = true;
         self.raw.clear();
@@ -224,8 +225,7 @@ impl<E: Encoders> Producer<E> {
         self.run.streams.contains(stream)
     }
 
-    /// Not inlined, so that an image contains the encoders once, although this is called in two
-    /// places.
+    /// Not inlined, because two places call it, and an image should contain the encoders only once.
     #[inline(never)]
     fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) {
         if self.wants(Streams::PACKED) {

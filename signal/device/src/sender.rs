@@ -1,5 +1,5 @@
-//! Numbers the frames to the host and queues them, in a ring buffer on a board; the length of the
-//! longest frame.
+//! Sender that numbers the frames to the host and queues them; the ring buffer that is the queue on
+//! a board; and the length of the longest frame.
 
 use link::{Encoder, ToHost, frame_bytes};
 use model::{CELLS, CODE, LABELS, STEPS};
@@ -52,8 +52,8 @@ impl<Q: FrameQueue> Sender<Q> {
         {
             Ok(frame) if is_bulk(message) => self.queue.push_bulk(frame),
             Ok(frame) => self.queue.push(frame),
-            // The message is too long for a frame. The host sees a gap in `seq`, which the counter
-            // of dropped frames explains.
+            // The message is too long for a frame. The host sees a gap in `seq`; the counter of
+            // dropped frames shows the cause.
             Err(_) => self.queue.count_dropped(),
         }
     }
@@ -65,7 +65,7 @@ impl<Q: FrameQueue> Sender<Q> {
         self.queue.count_dropped();
     }
 
-    /// Returns the queue, for the task that writes to the port.
+    /// Returns the queue of frames, for the task that writes them to the port.
     pub const fn queue(&mut self) -> &mut Q {
         &mut self.queue
     }
@@ -84,20 +84,20 @@ const fn is_bulk(message: &ToHost<'_>) -> bool {
     )
 }
 
-/// Bytes of a body with the fields that every message has: header, message number and CRC.
+/// Length of the fields that every body has, bytes: header, message number and CRC.
 const FRAME_FIELDS: usize = 21;
-/// Longest body of the messages whose length does not depend on the model, bytes.
+/// Length of the longest body that does not depend on the model, bytes.
 const OTHER_BODIES: usize = 2_048;
-/// Longest body of an `Audit`, bytes: model id, window, planes with their length, format, exponent,
-/// values.
+/// Length of the longest `Audit` body, bytes: model id, window, planes with their length, format,
+/// exponent, values.
 const AUDIT: usize = FRAME_FIELDS + 8 + 5 + 3 + STEPS * CELLS + 2 + 2 * CODE;
-/// Longest body of a `Capabilities`, bytes: rates, dimensions and delays, two texts, scales and
-/// zero points.
+/// Length of the longest `Capabilities` body, bytes: rates, dimensions and delays, two texts,
+/// scales and zero points.
 const CAPABILITIES: usize =
     FRAME_FIELDS + 20 + 2 + LABELS.len() + 2 + link::MAX_TEXT_BYTES + 2 + 4 * CODE + 2 + CODE;
 
 /// Length of the longest frame that a device with this model sends, bytes. [`link::MAX_FRAME`] is
-/// that of the largest model.
+/// the length for the largest model that the wire format allows.
 pub const MAX_FRAME: usize = {
     let mut longest = OTHER_BODIES;
     if AUDIT > longest {
@@ -111,18 +111,19 @@ pub const MAX_FRAME: usize = {
 
 const _: () = assert!(MAX_FRAME <= link::MAX_FRAME);
 
-/// Bytes of the length field in front of each frame.
+/// Size of the length field in front of each frame, bytes.
 const LENGTH: usize = 2;
 
 /// Queue of whole frames in a ring buffer of `BYTES` bytes, for the port to the host.
 ///
-/// A full ring drops and counts its oldest frames, because a closed loop needs the newest ones.
+/// If the ring is full, it drops and counts its oldest frames, because a host that reacts to the
+/// codes needs the newest ones.
 #[derive(Clone, Debug)]
 pub struct FrameRing<const BYTES: usize> {
     bytes: [u8; BYTES],
     /// Offset of the oldest frame in `bytes`.
     first: usize,
-    /// Bytes in use, length fields included.
+    /// Number of bytes in use, length fields included.
     used: usize,
     dropped: u32,
 }
@@ -164,7 +165,7 @@ impl<const BYTES: usize> FrameRing<BYTES> {
         Some(frame)
     }
 
-    /// Returns the length of the oldest frame, bytes, without its length field.
+    /// Returns the length of the oldest frame in bytes, as its length field states.
     fn length(&self) -> usize {
         let bytes = [self.first, self.first + 1].map(|at| self.bytes[at % BYTES]);
         u16::from_le_bytes(bytes).into()
@@ -206,8 +207,8 @@ impl<const BYTES: usize> FrameQueue for FrameRing<BYTES> {
         self.append(frame);
     }
 
-    /// Bulk frames can fill three quarters of the ring; the last quarter is reserved for codes and
-    /// answers.
+    /// Drops a bulk frame that would fill the ring beyond three quarters; the last quarter is
+    /// reserved for codes and answers.
     fn push_bulk(&mut self, frame: &[u8]) {
         if self.used + LENGTH + frame.len() > BYTES / 4 * 3 {
             self.count_dropped();
@@ -278,8 +279,8 @@ mod tests {
         for number in 0..9 {
             ring.push_bulk(&[number; 10]);
         }
-        // Three quarters of the ring are 48 bytes, enough for four of the nine frames: each takes
-        // 12 bytes with its length field.
+        // Three quarters of the ring are 48 bytes, enough for four of the nine bulk frames: each
+        // takes 12 bytes with its length field.
         assert_eq!(ring.dropped(), 5);
         ring.push(&[100; 10]);
         assert_eq!(ring.dropped(), 5);

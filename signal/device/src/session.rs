@@ -21,16 +21,17 @@ pub struct Session<'i> {
     abilities: Abilities,
     /// The active run; after a `Stop`, the last run with its streams cleared.
     run: Run,
-    /// False if the model is damaged.
+    /// False if the model is damaged, so that every `Start` is refused.
     can_stream: bool,
-    /// Electrodes whose signal was not recorded.
+    /// Electrodes that are missing in the recording that the device plays; none if it measures.
     substitutes: Substitutes,
     /// Newest status of the converters; `None` before the first status.
     converters: Option<Converters>,
     /// True from the order of a self-test until its result is sent.
     is_testing: bool,
     decoder: Decoder<MAX_FRAME>,
-    /// Counters of the session; [`Self::stats`] adds those of acquisition, sender and decoder.
+    /// Counters that the session itself counts; [`Self::stats`] adds those of acquisition, sender
+    /// and decoder.
     stats: Stats,
 }
 
@@ -50,7 +51,7 @@ impl<'i> Session<'i> {
         }
     }
 
-    /// States which electrodes were not recorded, for a device that plays a recording.
+    /// Sets which electrodes the recording lacks, for a device that plays a recording.
     #[must_use]
     pub fn with_substitutes(mut self, substitutes: Substitutes) -> Self {
         self.substitutes = substitutes;
@@ -265,8 +266,8 @@ impl<'i> Session<'i> {
         self.stats.clipped_values = self.stats.clipped_values.wrapping_add(clipped);
     }
 
-    /// Stores the status of the converters, which every later answer to `Identify` contains. Sends
-    /// it at once as well while a run is active, or if its fault differs from the stored one.
+    /// Stores the status of the converters, which every later answer to `Identify` contains. Also
+    /// sends it at once if a run is active, or if its fault differs from that of the last status.
     pub fn update_converters(
         &mut self,
         converters: Converters,
@@ -302,8 +303,8 @@ impl<'i> Session<'i> {
         sender.send(now_us, &ToHost::SelfTest(result));
     }
 
-    /// Sends the counters. Call this every second while streaming; in answer to a `Stop` the
-    /// session sends them itself.
+    /// Sends the counters as `Stats`. Call this every second while streaming; in answer to a `Stop`
+    /// the session sends them itself.
     pub fn send_stats(&self, now_us: u64, counts: Counts, sender: &mut Sender<impl FrameQueue>) {
         let stats = self.stats(counts, sender.dropped());
         sender.send(now_us, &ToHost::Stats(stats));
@@ -315,7 +316,8 @@ impl<'i> Session<'i> {
         sender.send(now_us, &ToHost::Timing(timing));
     }
 
-    /// Returns all counters since boot, for a `Stats` message.
+    /// Returns the counters of session, acquisition, sender and decoder since boot, for a `Stats`
+    /// message.
     pub fn stats(&self, counts: Counts, frames_dropped: u32) -> Stats {
         Stats {
             streams: self.run.streams,

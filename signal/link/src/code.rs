@@ -31,7 +31,7 @@ pub struct Code<'a> {
     pub flags: Flags,
     /// Number of electrode values of the window that were clipped to int8; saturates at 65535.
     pub clipped: u16,
-    /// Number of values of the code itself that were clipped; saturates at 255.
+    /// Number of values of the code that were clipped to the range of its format; saturates at 255.
     pub clipped_values: u8,
     /// ADC channels that reached the converter's rail inside the window. Bit n is channel n; the
     /// first channels carry the electrodes of
@@ -53,12 +53,13 @@ pub struct Code<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CodeValues<'a> {
     encoding: Encoding,
-    /// The values as on the wire. The message's frame carries them after the fields.
+    /// The values as on the wire. Serde skips them, because the frame carries them after the
+    /// message's fields.
     #[serde(skip)]
     bytes: &'a [u8],
 }
 
-/// Format of the values, with what all values of a code share.
+/// Format of the values, with the exponent if the format has one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Encoding {
     Int8,
@@ -148,15 +149,15 @@ impl<'a> CodeValues<'a> {
         self.bytes
     }
 
-    /// Returns these values with the bytes that follow the fields of a message; `None` if they are
-    /// no whole values, fewer than `least` or too many.
+    /// Returns these values with the bytes that follow the fields of a message; `None` if the bytes
+    /// end within a value, or hold fewer than `least` or too many values.
     pub(crate) fn with_bytes(self, bytes: &'a [u8], least: usize) -> Option<CodeValues<'a>> {
         let values = CodeValues { bytes, ..self };
         let whole = bytes.len().is_multiple_of(values.width());
         (whole && (least..=MAX_NUMBERS).contains(&values.len())).then_some(values)
     }
 
-    /// Returns the number of bytes of a value.
+    /// Returns the number of bytes of one value.
     const fn width(&self) -> usize {
         match self.encoding {
             Encoding::Int8 | Encoding::Int8Exponent { .. } => 1,
@@ -179,18 +180,19 @@ byte_enum! {
     /// `model::CodeFormat` is the device's own type: it has only the formats that the device can
     /// make, and a host has no `model`. `artifact::CodeFormat` is the name in the trained file.
     pub enum CodeFormat {
-        /// 0: [`CodeValues::int8`].
+        /// 0: each byte is a level; see [`CodeValues::int8`].
         Int8 = 0,
-        /// 1: [`CodeValues::int8_exponent`].
+        /// 1: bytes that share an exponent; see [`CodeValues::int8_exponent`].
         Int8Exponent = 1,
-        /// 2: [`CodeValues::int16`].
+        /// 2: levels of 16 bits; see [`CodeValues::int16`].
         Int16 = 2,
         _ => "Any other: a format newer than this host; the host cannot read codes in this format.",
     }
 }
 
 impl CodeFormat {
-    /// Returns the smallest and the largest [level](CodeValues::levels); `None` for a newer format.
+    /// Returns the smallest and the largest [level](CodeValues::levels) of this format; `None` for
+    /// a format newer than this host.
     pub const fn range(self) -> Option<[i32; 2]> {
         match self {
             CodeFormat::Int8 => Some([-128, 127]),
@@ -230,7 +232,7 @@ pub struct Audit<'a> {
     pub values: CodeValues<'a>,
 }
 
-/// Largest rate of the packed code; the smallest is 0.
+/// Largest quantiser rate of the packed code, the coarsest; the smallest and finest is 0.
 pub const MAX_RATE: u8 = 15;
 
 /// One block of the packed code, for one hop of steps; sent if requested.
@@ -243,7 +245,8 @@ pub struct PackedCode<'a> {
     /// Index of the block since `Start`, wraps at 2^32. Increases by one with every block made,
     /// dropped ones included.
     pub block: u32,
-    /// Rate of the stream, 0 to [`MAX_RATE`], which a decoder needs to read the bytes.
+    /// Quantiser rate of the stream, 0 to [`MAX_RATE`]; a decoder needs it to read the bytes, which
+    /// state the rate of a block that is coarser than the stream.
     pub rate: u8,
     /// Faults and conditions of the block.
     pub flags: Flags,
@@ -252,8 +255,8 @@ pub struct PackedCode<'a> {
     pub clipped: u16,
     /// ADC channels that reached the converter's rail inside the block; bit n is channel n.
     pub saturated: u64,
-    /// The block; empty if it consists of likely zeros only. The message's frame carries the bytes
-    /// after the fields.
+    /// Bytes of the block; none if all its coefficients are 0 and were expected to be. Serde skips
+    /// them, because the frame carries them after the message's fields.
     #[serde(skip)]
     pub bytes: &'a [u8],
 }

@@ -93,7 +93,7 @@ byte_enum! {
 /// answer was made; the host records the fourth, when the answer arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClockReading {
-    /// Time in the command, microseconds of the host's clock.
+    /// The host's time, repeated from the command, microseconds.
     pub host_time_us: u64,
     /// Time at which the device read the command, microseconds since boot.
     pub received_us: u64,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::introduction::MAX_TEXT_BYTES;
 use crate::reports::MAX_ELECTRODES;
 
-/// Largest number of chips in a chain.
+/// Largest number of chips in a chain of converters.
 pub const MAX_CHIPS: usize = 8;
 
 /// Status of the chain of converters.
@@ -50,7 +50,7 @@ pub struct SelfTest {
     pub channels: Vec<ChannelTest, MAX_ELECTRODES>,
 }
 
-/// Self-test result of one chip.
+/// Self-test result of one chip of the chain: its registers and its frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChipTest {
     /// Content of the chip's ID register; an ADS1299 of eight channels has 0x3E.
@@ -65,7 +65,7 @@ pub struct ChipTest {
     pub frames_bad: u32,
 }
 
-/// Self-test result of one channel.
+/// Self-test result of one channel: gain, offset, noise and the first fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChannelTest {
     /// Relative error of the gain: measured amplitude of the chip's test square wave, divided by

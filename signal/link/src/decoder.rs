@@ -8,13 +8,13 @@ use crate::message::Message;
 /// An intact frame, decoded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame<M> {
-    /// Version, number and time, as the sender wrote them.
+    /// Version, number and time of the frame, as the sender wrote them.
     pub header: Header,
     /// A [`ToHost`](crate::ToHost) or a [`ToDevice`](crate::ToDevice); can borrow from the decoder.
     pub message: M,
 }
 
-/// Why the bytes between two zeros are not a usable frame.
+/// Reason why the bytes between two zeros are not a usable frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {
     /// More bytes between two zeros than the decoder's buffer holds.
@@ -65,7 +65,7 @@ impl core::error::Error for FrameError {}
 /// Counters of a [`Decoder`] since it was created; each wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Bytes read, the zeros included.
+    /// Bytes read, including the zeros between frames.
     pub bytes: u64,
     /// Frames returned as messages.
     pub frames: u32,

@@ -1,4 +1,4 @@
-//! Encoding of messages into frames.
+//! Numbers messages and encodes them into frames.
 
 use core::fmt;
 
@@ -124,7 +124,7 @@ impl Encoder {
 struct FrameWriter<'b> {
     encoder: CobsEncoder<'b>,
     digest: Digest<'static, u32>,
-    /// Bytes of [`MAX_BODY`] that are still free; the CRC will take the last four.
+    /// Number of bytes that the body may still grow by, the four of the CRC included.
     room: usize,
 }
 

@@ -4,8 +4,9 @@ bit_set! {
     /// Faults and conditions, such as clipping, of a code's window or of the samples in a message:
     /// one bit for each.
     ///
-    /// The 16 bits are one word of the NeuroFrame's `tri`, which a recorder stores as float32
-    /// without loss. Bits that this version does not name are kept.
+    /// The host's bridge publishes the 16 bits as one value (in `tri` of
+    /// `rosneuro_msgs/NeuroFrame`), which a recorder stores as float32 without loss. Bits that this
+    /// version does not name are kept.
     #[derive(Hash)]
     pub struct Flags {
         /// Bit 0: a status word of the ADC chain was wrong at least once (chip dead, data shifted).
@@ -23,16 +24,16 @@ bit_set! {
         const OVERRUN = 5;
         /// Bit 6: at least one value of the code was clipped ([`crate::Code::clipped_values`]).
         const CODE_CLIPPED = 6;
-        /// Bit 7: the model does not represent the block of the packed code well: an electrode
-        /// without contact, or another cap.
+        /// Bit 7: the model does not represent the packed block well: an electrode without contact,
+        /// or a cap that is not the model's.
         const MISFIT = 7;
-        /// Bit 8: the block of the packed code was too long and has no content; its signals are a
-        /// prediction.
+        /// Bit 8: the packed block was too long and has no content; the host predicts its signals.
         const BLANK = 8;
-        /// Bit 14: blocks of the packed code were lost before this one, and the bridge's state has
-        /// not healed yet. Never set on the wire.
+        /// Bit 14: packed blocks were lost before this one, and the state of the bridge's decoder
+        /// still differs from the device's. Never set on the wire.
         const HEALING = 14;
-        /// Bit 15: the bridge inserted this code or block for a lost one. Never set on the wire.
+        /// Bit 15: the bridge inserted this code or packed block in place of a lost one. Never set
+        /// on the wire.
         const FILLER = 15;
     }
 }

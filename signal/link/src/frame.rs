@@ -8,12 +8,12 @@ use crate::message::Message;
 /// Version number of the layout of frame and header.
 pub const VERSION: u8 = 1;
 
-/// Longest body (header, message and CRC, before COBS), bytes. The longest body of the largest
-/// model is that of an `Audit`, a window's int8 planes with its code: 5157 bytes (test
+/// Length of the longest body (header, message and CRC, before COBS), bytes. The longest body of
+/// the largest model is that of an `Audit`, a window's int8 planes with its code: 5157 bytes (test
 /// `samples_windows_and_self_tests_fit_a_frame`).
 pub const MAX_BODY: usize = 5376;
 
-/// Longest frame with both zeros, bytes.
+/// Length of the longest frame, both zeros included, bytes.
 pub const MAX_FRAME: usize = frame_bytes(MAX_BODY);
 
 /// Returns the length of the longest frame with a body of `body` bytes, both zeros included.
@@ -41,7 +41,7 @@ pub struct Header {
     pub device_time_us: u64,
 }
 
-/// Bytes of the CRC at the end of a body; least significant byte first.
+/// Size of the CRC at the end of a body, bytes; it is sent least significant byte first.
 pub(crate) const CRC_BYTES: usize = 4;
 
 /// CRC-32C (Castagnoli); the crc crate names it CRC-32/ISCSI.

@@ -5,11 +5,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::code::{CodeFormat, MAX_NUMBERS};
 
-/// Longest text in [`Hello`], [`Capabilities::filters`], [`Converters`](crate::Converters) and
-/// [`SelfTest`](crate::SelfTest), bytes of UTF-8.
+/// Length of the longest text in [`Hello`], [`Capabilities::filters`],
+/// [`Converters`](crate::Converters) and [`SelfTest`](crate::SelfTest), bytes of UTF-8.
 pub const MAX_TEXT_BYTES: usize = 256;
 
-/// Longest [`Capabilities::labels`], bytes: 64 labels of 7 bytes, each with a blank after it.
+/// Length of the longest [`Capabilities::labels`], bytes: 64 labels of 7 bytes, each with a blank
+/// after it.
 pub const MAX_LABELS_BYTES: usize = 512;
 
 /// Identity of the device: sent at start-up and in answer to `Identify`.
@@ -24,10 +25,10 @@ pub struct Hello<'a> {
     pub chip_uid: [u8; 12],
     /// First 8 bytes of the SHA-256 over the model.
     pub model_id: [u8; 8],
-    /// Differs from boot to boot: a change means that the device was reset.
+    /// Number that differs from boot to boot: a change means that the device was reset.
     pub session_id: u32,
-    /// Cause of the last start, from the microcontroller's reset flags or from the record of a
-    /// failure.
+    /// Cause of the last start, from the microcontroller's reset flags or from the failure record
+    /// that survives a reset.
     pub reset_cause: ResetCause,
     /// Fault of this start, such as a damaged model or a missing clock, or the panic message or
     /// fault registers of the previous run; empty without a fault. At most [`MAX_TEXT_BYTES`]
@@ -111,7 +112,7 @@ pub struct Substitutes {
 }
 
 impl Substitutes {
-    /// Every electrode is measured.
+    /// No substitutes: every electrode is measured.
     pub const NONE: Self = Self {
         interpolated: 0,
         zero: 0,

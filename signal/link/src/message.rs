@@ -73,7 +73,7 @@ pub enum ToHost<'a> {
     SelfTest(SelfTest),
     /// 13: the device's clock; the answer to `SyncTime`.
     ClockReading(ClockReading),
-    /// 14: electrodes whose signal was not recorded.
+    /// 14: electrodes that are missing in the recording that the device plays.
     Substitutes(Substitutes),
     /// 15: unfiltered ADC samples, compressed without loss.
     #[serde(borrow)]
@@ -98,7 +98,7 @@ impl<'a> Message<'a> for ToHost<'a> {
     fn with_tail(mut self, tail: &'a [u8]) -> Option<Self> {
         let (values, least) = match &mut self {
             ToHost::Code(code) => (&mut code.values, 1),
-            // A device without a network audits its windows without codes.
+            // An audit may have no values: a device without a network sends none.
             ToHost::Audit(audit) => (&mut audit.values, 0),
             ToHost::PackedCode(code) => {
                 code.bytes = tail;
@@ -115,9 +115,9 @@ impl<'a> Message<'a> for ToHost<'a> {
 /// position is its number on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ToDevice {
-    /// 0: start streaming.
+    /// 0: start a run with the streams that the arguments name.
     Start(Start),
-    /// 1: stop streaming.
+    /// 1: end the run and all its streams.
     Stop,
     /// 2: answer with `Hello` and `Capabilities`, and with `Converters` if there is a chain.
     Identify,
@@ -136,8 +136,8 @@ pub enum ToDevice {
     /// 7: set the rate of the packed code from the next block on, at any time; it is kept until the
     /// device restarts.
     SetRate {
-        /// 0 to [`MAX_RATE`](crate::MAX_RATE); any other is refused with `BadArgument`. One more is
-        /// 3 dB coarser.
+        /// New rate, 0 to [`MAX_RATE`](crate::MAX_RATE); any other is refused with `BadArgument`.
+        /// Each step up quantises 3 dB more coarsely.
         rate: u8,
     },
 }

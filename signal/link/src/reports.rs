@@ -14,7 +14,7 @@ use crate::commands::Streams;
 pub struct Stats {
     /// Streams that are running; empty on an idle device.
     pub streams: Streams,
-    /// Index of the window of the next code: the number of codes made since `Start`.
+    /// Index of the next window that will yield a code: the number of codes made since `Start`.
     pub next_window: u32,
     /// Codes made since boot, dropped ones included.
     pub codes_made: u32,
@@ -93,7 +93,7 @@ pub struct Timing {
 /// Durations of one stage since boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StageTiming {
-    /// Stage whose durations these are.
+    /// Stage of the signal path that was measured.
     pub stage: Stage,
     /// Longest allowed duration, nanoseconds; anything longer is late.
     pub deadline_ns: u32,

@@ -8,14 +8,14 @@ use crate::flags::Flags;
 /// 1536 bytes of the body.
 pub const RAW_SAMPLES: usize = 8;
 
-/// Bytes of a count in [`Raw::counts`].
+/// Size of a count in [`Raw::counts`], bytes.
 pub const COUNT_BYTES: usize = 3;
 
 /// Largest number of steps that a device puts into a [`Filtered`]. Four steps of 61 electrodes take
 /// 976 bytes of the body.
 pub const FILTERED_STEPS: usize = 4;
 
-/// Bytes of a value in [`Filtered::values`].
+/// Size of a value in [`Filtered::values`], bytes.
 pub const VALUE_BYTES: usize = 4;
 
 /// Consecutive unfiltered ADC samples of all channels; sent if requested.
@@ -37,7 +37,7 @@ pub struct Raw<'a> {
     /// Index of the first sample, counted from `Start`. The next frame's index is this index plus
     /// the number of samples in this frame; a higher one means that samples were lost.
     pub first_sample: u64,
-    /// Counts per sample; 64 on a chain of eight ADS1299.
+    /// Number of channels, each with one count per sample; 64 on a chain of eight ADS1299.
     pub channels: u8,
     /// Faults of the samples in this frame: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
     pub flags: Flags,
@@ -69,7 +69,7 @@ pub struct Filtered<'a> {
     pub first_step: u64,
     /// Electrodes per step, in the order of [`Capabilities::labels`](crate::Capabilities::labels).
     pub electrodes: u8,
-    /// Fraction bits of a value: `value * lsb_nv / 2^fraction_bits` is in nanovolt.
+    /// Fraction bits of a value: `value * Capabilities::lsb_nv / 2^fraction_bits` is in nanovolt.
     pub fraction_bits: u8,
     /// Faults of the samples from which these steps were computed: `ADC_STATUS_BAD`, `LEAD_OFF`,
     /// `OVERRUN`, `SATURATED`, `SETTLING`.
@@ -97,7 +97,7 @@ pub struct CompressedRaw<'a> {
     /// Index of the first sample, counted from `Start`. The next frame's index is this index plus
     /// `samples`; a higher one means that samples were lost.
     pub first_sample: u64,
-    /// Counts per sample; 64 on a chain of eight ADS1299.
+    /// Number of channels, each with one count per sample; 64 on a chain of eight ADS1299.
     pub channels: u8,
     /// Faults of the samples in this frame: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
     pub flags: Flags,
@@ -105,7 +105,7 @@ pub struct CompressedRaw<'a> {
     pub form: BlockForm,
     /// Number of samples, 1 to [`RAW_SAMPLES`].
     pub samples: u8,
-    /// The compressed counts.
+    /// The counts, in the form that `form` states.
     #[serde(borrow, serialize_with = "serialize_bytes")]
     pub bytes: &'a [u8],
 }

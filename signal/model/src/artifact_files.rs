@@ -1,7 +1,7 @@
 //! The files of the artifact from which this crate was generated, for programs on a PC that decode
 //! codes. A program that does not use them does not contain them.
 
-/// Text of `model.toml`.
+/// Text of `model.toml`, the description of the model.
 pub const MODEL_TOML: &str = include_str!(concat!(env!("ARTIFACT_FOLDER"), "/model.toml"));
 /// Bytes of `weights.safetensors`; none if the artifact has no network.
 pub const WEIGHTS: &[u8] = include_bytes!(env!("WEIGHTS"));

@@ -1,4 +1,4 @@
-//! The checksum over constants in flash.
+//! The checksum over constants in flash, which reveals damage.
 
 use ::packed::Starts;
 use int8_nn::Pair;

@@ -1,4 +1,4 @@
-//! The weights of the encoder, and their checksum.
+//! The weights of the network, and their checksum.
 
 use int8_nn::{InputConv, Linear, Pair};
 
@@ -55,7 +55,7 @@ pub struct Network<'w> {
     pub shortcut: [&'w [Pair; SHORTCUT_PAIRS]; SHORTCUT_STEPS],
     /// Requantisation factors of the linear shortcut, from accumulator to level of the code, Q0.32.
     pub shortcut_multipliers: &'w [i32; CODE],
-    /// Level of a float zero in each dimension of the code.
+    /// Level that stands for 0.0 in each dimension of the code.
     pub code_zero_point: &'w [i8; CODE],
 }
 

@@ -1,4 +1,4 @@
-//! The packed model: matrices, levels and frequencies.
+//! The constants that the encoder of the packed code needs: matrices, levels and frequencies.
 
 use ::packed::Tables;
 use int8_nn::Linear;
@@ -9,38 +9,40 @@ use crate::constants::{HOP, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS};
 /// The integers of a packed model that the encoder needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Packed<'w> {
-    /// Matrices of the analysis, one for each step of a block: each is applied to the inputs that
-    /// are complete after its step.
+    /// Matrices of the analysis, one for each step of a block; each is applied to the pairs of
+    /// inputs that its step completes.
     pub analysis: [Slice<'w>; HOP],
-    /// Factor from the sum of each coefficient to the coefficient, Q0.32.
+    /// Factor that turns the analysis sum of each coefficient into the coefficient, Q0.32.
     pub analysis_factors: &'w [i32; PACKED_COEFFICIENTS],
-    /// Matrix from the rounded state to the prediction of the next block.
+    /// Matrix that predicts the next block's coefficients from the rounded state.
     pub prediction: Linear<'w>,
-    /// Factor from the sum of each prediction to the prediction, Q0.32.
+    /// Factor that turns the sum of each prediction into the predicted coefficient, Q0.32.
     pub prediction_factors: &'w [i32; PACKED_COEFFICIENTS],
-    /// Level of each coefficient's mean magnitude at rate 4, in a predicted block.
+    /// Level (index in `tables`) of each coefficient's mean magnitude at rate 4, in a predicted
+    /// block.
     pub predicted_levels: &'w [u8; PACKED_COEFFICIENTS],
-    /// Level of each coefficient's mean magnitude at rate 4, in a block without prediction.
+    /// Level (index in `tables`) of each coefficient's mean magnitude at rate 4, in a block without
+    /// prediction.
     pub reset_levels: &'w [u8; PACKED_COEFFICIENTS],
-    /// Frequencies of the magnitudes, and their costs in the trellis.
+    /// Frequencies of the magnitudes for the range coder, and costs for the quantiser's trellis.
     pub tables: Tables<'w>,
     /// Factor from a filtered sample (counts, Q27.5) to an input value, Q0.32.
     pub input_multiplier: i32,
-    /// Largest magnitude of an input value.
+    /// Largest magnitude of an input value; larger ones are clipped.
     pub input_limit: i32,
-    /// Sum of the squares of a block's unrepresented part above which the block is a misfit, input
-    /// values squared.
+    /// Energy that a block's coefficients may lack, rounding errors apart, before the block counts
+    /// as a misfit; in squares of input values.
     pub misfit_energy: i64,
-    /// Rate of a device whose host asks for no other, 0..=15.
+    /// Quantiser rate until the host sets another, 0..=15.
     pub rate: u8,
 }
 
-/// The part of the analysis whose inputs are complete after one step.
+/// Part of the analysis for the inputs that one step completes.
 #[derive(Clone, Copy, Debug)]
 pub struct Slice<'w> {
-    /// Index of the first pair of inputs in the block.
+    /// Index in the block of the first pair of inputs in this slice.
     pub first: usize,
-    /// Matrix from these inputs to all coefficients.
+    /// Matrix from the inputs of this slice to all coefficients.
     pub matrix: Linear<'w>,
 }
 
@@ -52,7 +54,7 @@ impl Packed<'_> {
         let mut step = 0;
         while step < HOP {
             let Slice { first: at, matrix } = &self.analysis[step];
-            // With few electrodes, no inputs are complete after some steps.
+            // With few electrodes, some steps complete no pair of inputs; their matrices are empty.
             let is_empty = matrix.inputs == 0 && matrix.weights.is_empty();
             let fits = matrix.is_consistent(matrix.inputs, PACKED_COEFFICIENTS);
             if *at != first || !(fits || is_empty) {

@@ -20,7 +20,7 @@ pub const CELL_PLANE: PlaneShape = PlaneShape {
     columns: COLUMNS + 2 * MARGIN,
     channels: 1,
 };
-/// Rows and columns of the second convolution's output. In a network without convolutions the
+/// Rows and columns of the second convolution's output. A network without convolutions has the
 /// smallest plane that the kernels accept, so that the shapes of the absent layers are valid on
 /// every grid.
 const FEATURE_MAP: [usize; 2] = if HAS_CONVOLUTIONS {
@@ -31,7 +31,7 @@ const FEATURE_MAP: [usize; 2] = if HAS_CONVOLUTIONS {
 } else {
     [1, 3]
 };
-/// Shape of a pooled plane: the pool's output for the time steps of one pool.
+/// Shape of a pooled plane, the max-pool's output for the time steps that it combines.
 pub const POOLED: PlaneShape = PlaneShape {
     rows: FEATURE_MAP[0] / POOL[1],
     columns: FEATURE_MAP[1] / POOL[2],
@@ -46,7 +46,7 @@ pub const HIDDEN: PlaneShape = PlaneShape {
     columns: POOLED.columns * POOL[2] + SHRINK,
     channels: CONV1_CHANNELS,
 };
-/// Number of pairs of channels in a hidden plane.
+/// Number of pairs of channels in a hidden plane, the output of the first convolution.
 pub const HIDDEN_PAIRS: usize = HIDDEN.channels / 2;
 /// Shape of a hidden plane without its margin: the part that the first convolution computes.
 pub const HIDDEN_INTERIOR: PlaneShape = PlaneShape {

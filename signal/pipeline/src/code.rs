@@ -40,7 +40,7 @@ pub enum CodeValues {
     Int8([i8; CODE]),
     /// Levels divided by 2^exponent, rounded half up and saturated to 8 bits.
     Int8Exponent {
-        /// Smallest of 0..=8 with which no value is clipped, or 8 if there is none.
+        /// Smallest exponent of 0..=8 with which no value is clipped, or 8 if there is none.
         exponent: u8,
         /// Rounded levels, -128..=127.
         values: [i8; CODE],
@@ -88,7 +88,7 @@ impl CodeValues {
                 value
             })),
         };
-        // The condition is constant: only a longer code needs the limit.
+        // The condition is constant: only a code of more than 255 values needs the limit.
         let clipped = if CODE > 255 {
             clipped.min(255)
         } else {
@@ -107,7 +107,7 @@ impl CodeValues {
         }
     }
 
-    /// Returns the values as 16-bit integers in any format.
+    /// Returns the values as 16-bit integers, whatever their format.
     pub fn integers(&self) -> [i16; CODE] {
         match self {
             Self::Int8(values) | Self::Int8Exponent { values, .. } => values.map(i16::from),

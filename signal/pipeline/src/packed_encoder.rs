@@ -1,4 +1,4 @@
-//! The packed code: one block of few bits for each hop.
+//! Encoder of the packed code: one block of few bits for each hop.
 
 use int8_nn::{Pair, requantise};
 use model::{ELECTRODES, HOP, PACKED, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS, Packed};
@@ -15,12 +15,12 @@ use crate::sample::Step;
 #[derive(Clone, Debug)]
 pub struct PackedEncoder {
     memory: PackedMemory,
-    /// Rate of the next block.
+    /// Quantiser rate of the next block.
     rate: Rate,
 }
 
 impl PackedEncoder {
-    /// Rate of a device whose host asks for no other.
+    /// Quantiser rate of a device until its host sets another.
     pub const DEFAULT_RATE: Rate = match PACKED {
         Some(packed) => match Rate::new(packed.rate) {
             Some(rate) => rate,
@@ -42,13 +42,14 @@ impl PackedEncoder {
         self.memory.restart();
     }
 
-    /// Sets the rate from the next block on.
+    /// Sets the quantiser rate, for the next block that is completed and all later ones.
     pub fn set_rate(&mut self, rate: Rate) {
         self.rate = rate;
     }
 
-    /// Returns the state after the newest block, that of a decoder that has read all blocks. Call
-    /// it before the next block's first step, which replaces the state by its prediction.
+    /// Returns the state after the newest block; a decoder that has read all blocks has the same
+    /// state. Call it before the next block's first step, which replaces the state by its
+    /// prediction.
     pub fn state(&self) -> &[i16] {
         &self.memory.state
     }
@@ -89,13 +90,13 @@ pub struct PackedCode {
     pub saturated: u64,
     /// True if the filters had not settled at the block's first step.
     pub settling: bool,
-    /// Rate that the stream has; a block that was too long has a coarser one, which its bytes
+    /// Quantiser rate of the stream. A block that was too long has a coarser rate, which its bytes
     /// state.
     pub rate: u8,
     /// True if the block has no prediction, so that a decoder can start with it.
     pub is_reset: bool,
-    /// True if the model does not represent the block well: an electrode without contact, or
-    /// another cap.
+    /// True if the model does not represent the block well: an electrode without contact, or a cap
+    /// that is not the model's.
     pub is_misfit: bool,
     /// True if the block was too long at two rates: all its magnitudes are 0, and a decoder shows
     /// the prediction.
@@ -113,8 +114,8 @@ impl PackedCode {
     }
 }
 
-/// Blocks from one reset to the next: 4 s with a hop of 8 steps. Resets every 4 s cost 0.5 % of the
-/// bits.
+/// Number of blocks from one block without prediction to the next: 4 s with a hop of 8 steps. The
+/// missing predictions cost 0.5 % of the bits.
 const RESET_BLOCKS: u8 = 64;
 
 /// A block that is n bytes too long is quantised again `1 + n / BYTES_PER_RATE` rates coarser,
@@ -131,23 +132,24 @@ const MISFIT_SHIFT: u32 = 6;
 /// stack. All of it is initially zero, so that it takes no flash.
 #[derive(Clone, Debug)]
 pub struct PackedMemory {
-    /// Input values of the block, in the order step, electrode; zeros at the end.
+    /// Input values of the block, step by step, each step in the order of the electrodes; then
+    /// zeros.
     inputs: [Pair; PACKED_INPUT_PAIRS],
-    /// Sums of the analysis.
+    /// Sum of the analysis products so far, for each coefficient.
     sums: [i32; PACKED_COEFFICIENTS],
-    /// State after the block before; from a block's first step on, the prediction of its
-    /// coefficients.
+    /// Coefficients that a decoder has after the previous block; from a block's first step on, the
+    /// prediction of its coefficients.
     state: [i16; PACKED_COEFFICIENTS],
-    /// Coefficients minus prediction.
+    /// Each coefficient minus its prediction: the numbers that are quantised.
     residual: [i32; PACKED_COEFFICIENTS],
     contexts: [Context; PACKED_COEFFICIENTS],
     survivors: [Survivors; PACKED_COEFFICIENTS],
     magnitudes: [Magnitude; PACKED_COEFFICIENTS],
-    /// Sum of the squared inputs.
+    /// Sum of the squares of the block's input values so far.
     energy: i64,
     /// Number of steps of the block so far.
     steps: u8,
-    /// Blocks since the last one without prediction.
+    /// Number of blocks since the last block without prediction.
     since_reset: u8,
     block: u32,
     offset_us: u16,
@@ -193,8 +195,8 @@ impl PackedMemory {
         Some(code)
     }
 
-    /// Adds a step to the block: its inputs, its status, and the products of the inputs that are
-    /// complete.
+    /// Adds a step to the block: its inputs, its status, and the products of the inputs that it
+    /// completes.
     fn add_step(&mut self, step: &Step, packed: &Packed<'_>) {
         let index = usize::from(self.steps);
         if index == 0 {
@@ -206,7 +208,8 @@ impl PackedMemory {
         self.add_inputs(index * ELECTRODES, step, packed);
         let slice = &packed.analysis[index % HOP];
         let inputs = self.inputs.get(slice.first..).unwrap_or_default();
-        // False for a slice without inputs; a model whose other slices do not fit does not compile.
+        // `try_accumulate` returns false for a slice without inputs, which has nothing to add. A
+        // model with any other slice that does not fit does not compile.
         let _ = slice.matrix.try_accumulate(inputs, &mut self.sums);
         self.steps += 1;
     }
@@ -236,7 +239,7 @@ impl PackedMemory {
     #[inline(never)]
     fn add_inputs(&mut self, first: usize, step: &Step, packed: &Packed<'_>) {
         let mut clipped = 0;
-        // 64 squares of 15 bits.
+        // The sum of at most 64 squares of 15-bit values, which cannot overflow.
         let mut energy = 0_u64;
         let mut values = step.electrodes.iter().map(|&electrode| {
             let value = requantise(electrode, packed.input_multiplier);
@@ -248,7 +251,8 @@ impl PackedMemory {
         let Some(places) = self.inputs.get_mut(first / 2..) else {
             return;
         };
-        // After an odd number of values, the last pair has room for one.
+        // If the number of earlier values is odd, the first value fills the second half of their
+        // last pair.
         let places = match places {
             [half, rest @ ..] if first % 2 == 1 => {
                 *half = half.with(1, values.next().unwrap_or(0));
@@ -261,7 +265,8 @@ impl PackedMemory {
         self.energy += energy.cast_signed();
     }
 
-    /// Quantises and writes the complete block, and computes the state after it.
+    /// Quantises and writes the complete block, again at a coarser rate if it is too long, and
+    /// computes the state after it.
     fn encode(&mut self, announced: Rate, packed: &Packed<'_>) -> PackedCode {
         let unrepresented = self.take_residual(packed);
         let is_reset = self.is_reset();
@@ -333,7 +338,7 @@ impl PackedMemory {
         self.write_prepared(header, announced, packed, bytes)
     }
 
-    /// Prepares the contexts of the magnitudes for a block with this header.
+    /// Prepares each magnitude's context for the range coder, for a block with this header.
     #[inline(never)]
     fn prepare_contexts(&mut self, header: Header, packed: &Packed<'_>) {
         let levels = if header.is_reset {
@@ -344,7 +349,8 @@ impl PackedMemory {
         packed::prepare_contexts(levels, header.rate, &mut self.contexts);
     }
 
-    /// Writes the magnitudes with the prepared contexts; returns the number of bytes.
+    /// Writes the magnitudes with the prepared contexts into the block; returns the number of
+    /// bytes.
     #[inline(never)]
     fn write_prepared(
         &self,
@@ -363,7 +369,7 @@ impl PackedMemory {
         )
     }
 
-    /// Prepares for the first step of the next block.
+    /// Counts the completed block, and clears what belongs to this block alone.
     fn begin_next(&mut self) {
         self.block = self.block.wrapping_add(1);
         self.since_reset = (self.since_reset + 1) % RESET_BLOCKS;
@@ -374,8 +380,7 @@ impl PackedMemory {
     }
 }
 
-/// Returns a coefficient of the state as the prediction reads it: rounded to multiples of 8, in
-/// eighths.
+/// Returns a coefficient of the state as the prediction reads it: divided by 8, rounded half up.
 #[expect(clippy::cast_possible_truncation, reason = "an eighth of 16 bits")]
 fn rounded(coefficient: i16) -> i16 {
     ((i32::from(coefficient) + 4) >> 3) as i16

@@ -88,7 +88,7 @@ pub struct SignalQuality {
     settling: bool,
 }
 
-/// Sums over the samples of one electrode in this second, before the filters; counts.
+/// Extremes and sums of one electrode's samples in this second, before the filters; in counts.
 #[derive(Clone, Copy, Debug)]
 struct InputSums {
     smallest: i32,
@@ -120,7 +120,7 @@ impl OutputSums {
     };
 }
 
-/// Returns the weights of a mains frequency at the ADC's rate and at the step rate.
+/// Returns the DFT bins of a mains frequency at the ADC's rate and at the step rate.
 const fn bins(mains: Mains) -> [Bin; 2] {
     const fn bins_at(hz: u8) -> [Bin; 2] {
         [Bin::new(hz, ADC_RATE_HZ), Bin::new(hz, STEP_RATE_HZ)]

@@ -30,11 +30,11 @@ struct Reference {
     model: PackedModel,
     state: Vec<i16>,
     blocks: usize,
-    /// Whether the newest block was quantised twice, and is not blank.
+    /// True if the newest block was quantised again at a coarser rate, and is not blank.
     coarser: bool,
 }
 
-/// A block as the reference codes it.
+/// Content and status of a block, as far as the test compares them.
 #[derive(Debug, PartialEq)]
 struct Block {
     bytes: Vec<u8>,
@@ -98,8 +98,8 @@ impl Reference {
         }
     }
 
-    /// Returns whether the coefficients lack more energy than the model permits and a sixty-fourth
-    /// of the block's.
+    /// Returns whether the energy that the coefficients lack exceeds the sum of the model's limit
+    /// and a sixty-fourth of the block's energy.
     fn is_misfit(&self, values: &[i16], coefficients: &[i16]) -> bool {
         let energy =
             |numbers: &[i16]| -> f64 { numbers.iter().map(|&n| f64::from(n).powi(2)).sum() };
@@ -111,7 +111,8 @@ impl Reference {
         energy(values) - energy(coefficients) > permitted
     }
 
-    /// Quantises and writes a residual, or zeros.
+    /// Quantises a residual and codes it; returns the block's bytes and magnitudes. If the residual
+    /// is `None`, all magnitudes are 0.
     fn write(
         &self,
         rate: Rate,
@@ -158,17 +159,17 @@ impl Reference {
     }
 }
 
-/// Numbers of blocks of a stream that are blank, misfits, or coarser than the announced rate.
+/// Numbers of a stream's blocks that are blank, misfits, or coarser than the announced rate.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     blank: usize,
     misfit: usize,
-    /// Quantised twice, and not blank.
+    /// Number of blocks that were quantised again at a coarser rate, and are not blank.
     coarser: usize,
 }
 
 /// Asserts that every block of a stream, and the state after it, equals that of the reference.
-/// Returns the numbers of unusual blocks.
+/// Returns the numbers of blank, misfit and coarser blocks.
 fn assert_equal_on(steps: &[Step], rate: Rate) -> Seen {
     let artifact = Artifact::read(&artifact_folder()).expect("the artifact is readable");
     let mut encoder = PackedEncoder::new();
@@ -222,7 +223,7 @@ fn steps(count: usize, value: impl Fn(usize, usize) -> i32) -> Vec<Step> {
 #[test]
 fn silence_rails_impulses_and_slow_waves_have_the_references_blocks() {
     let rate = Rate::MIDDLE;
-    // More than the 64 blocks from one without prediction to the next.
+    // More than 64 blocks, so that the stream contains a second block without prediction.
     let count = 67 * HOP;
     assert_equal_on(&steps(count, |_, _| 0), rate);
     assert_equal_on(&steps(8 * HOP, |_, _| i32::MAX), rate);
@@ -277,7 +278,7 @@ fn noise_of_any_size_has_the_references_blocks_among_them_coarser_and_blank_ones
             seen.coarser += of_this.coarser;
         }
     }
-    // Blocks of a small cap are never too long.
+    // Checked for the built-in model only: with few electrodes, blocks are never too long.
     if is_built_in() {
         assert!(seen.coarser > 0 && seen.blank > 0, "{seen:?}");
     }
@@ -285,7 +286,7 @@ fn noise_of_any_size_has_the_references_blocks_among_them_coarser_and_blank_ones
 
 #[test]
 fn one_electrode_with_noise_is_a_misfit_from_the_size_that_the_model_permits() {
-    // The coefficients represent white noise of one electrode in part only.
+    // The coefficients represent only a part of white noise at one electrode.
     let misfits = |shift| {
         let mut next = noise(5);
         let signal: Vec<i32> = (0..20 * HOP).map(|_| next() >> shift).collect();
@@ -293,7 +294,8 @@ fn one_electrode_with_noise_is_a_misfit_from_the_size_that_the_model_permits() {
         assert_equal_on(&steps(20 * HOP, on_one), Rate::MIDDLE).misfit
     };
     let by_size: Vec<usize> = (4..20).rev().map(misfits).collect();
-    // Random models are tested with the reference alone.
+    // The limits are those of the built-in model; another model is only compared with the
+    // reference.
     if is_built_in() {
         assert!(by_size.is_sorted(), "{by_size:?}");
         assert_eq!((by_size[0], by_size[15]), (0, 20), "{by_size:?}");

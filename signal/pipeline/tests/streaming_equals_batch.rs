@@ -127,8 +127,8 @@ impl Noise {
 }
 
 /// Returns a model in which every weight affects the code. It has dense random weights and, after
-/// the pool, factors of both signs; other factors keep activations and codes mostly within their
-/// range.
+/// the pool, factors of both signs; all other factors are chosen so that activations and codes stay
+/// mostly within their range.
 fn dense_model(seed: u32) -> IntegerModel {
     let mut noise = Noise(seed);
     let mut model = BUILT_IN.clone();
@@ -247,8 +247,8 @@ fn the_state_has_the_size_in_the_manifest() {
         .iter()
         .map(|part| part.ram_bytes)
         .sum();
-    // The rest holds the status of the windows, the indices of the rings, and padding for
-    // alignment.
+    // In addition to these parts, the encoder has the status of the windows, the indices of the
+    // rings, and padding for alignment.
     let rest = size_of::<Encoder<'_>>() - parts;
     let limit = 128 + 64 * model::OPEN_WINDOWS;
     assert!(rest < limit, "{rest} bytes in addition to {parts}");

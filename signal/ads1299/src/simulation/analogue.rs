@@ -15,7 +15,7 @@ pub(super) enum Electrode {
     Counts(i32),
 }
 
-/// Time and rate of a conversion.
+/// Time at the end of a conversion, and its sample rate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Conversion {
     pub(super) now_ns: u64,
@@ -30,7 +30,7 @@ pub(super) fn rate(config1: u8) -> Rate {
     Rate::ALL.get(code).copied().unwrap_or(Rate::Div8192)
 }
 
-/// Returns whether a channel converts its electrodes.
+/// Returns whether a channel is switched on and converts its electrodes.
 pub(super) fn converts_electrodes(chip: &Chip, channel: usize) -> bool {
     channel_set(chip, channel) & 0x87 == Input::Electrodes as u8
 }
@@ -58,7 +58,7 @@ pub(super) fn convert(
         let mut volts = if input == Input::TestSignal as u8 {
             test_signal(chip, conversion) * VREF * reference
         } else if input != Input::Electrodes as u8 {
-            // Other inputs are treated as shorted.
+            // The inputs that the model lacks are treated as shorted.
             0.0
         } else if off >> channel & 1 != 0 {
             // The lead-off current drives an open input to the rail.

@@ -20,7 +20,7 @@ pub enum Event {
     Start(bool),
     /// A chip received an opcode.
     Command {
-        /// Index of the chip, from 0 at MISO.
+        /// Index of the chip; chip 0 is wired to MISO.
         chip: usize,
         /// Opcode; RREG and WREG include the first register's address.
         opcode: u8,
@@ -42,7 +42,7 @@ pub(super) struct Board<const CHIPS: usize> {
     pub(super) now_ns: u64,
     chips: [Chip; CHIPS],
     electrodes: Electrodes<CHIPS>,
-    /// Number of samples that the electrodes have delivered.
+    /// Number of samples taken from the electrodes' signal source.
     pub(super) delivered: u64,
     /// Positive inputs whose electrode is disconnected, one bit each.
     off: [u8; CHIPS],
@@ -56,7 +56,7 @@ pub(super) struct Board<const CHIPS: usize> {
     next_ns: u64,
     /// Number of bytes clocked since the last conversion.
     clocked: usize,
-    /// Bits of the current sample, built at its first transfer.
+    /// Bits that the chain sends for the current sample; built when its first byte is transferred.
     burst: Option<Burst>,
     /// Cached result of [`Self::ignores_null_bytes`]; `None` if it must be computed again.
     is_deaf: Option<bool>,
@@ -77,7 +77,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             burst_byte_ns: byte_ns(options.burst_hz),
             decode_ns: 0,
             now_ns: 0,
-            // The chips accept commands only after a reset.
+            // The time `u64::MAX` means that the chips accept no command before a reset.
             chips: core::array::from_fn(|_| Chip::new(u64::MAX)),
             electrodes,
             delivered: 0,
@@ -209,7 +209,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         answer
     }
 
-    /// Returns whether a zero byte has no effect on any selected chip, as in a burst.
+    /// Returns whether all selected chips ignore a zero byte, as they do in a burst.
     fn ignores_null_bytes(&mut self, moment: Moment) -> bool {
         let mut selected = self.chips.iter().filter(|chip| chip.selected);
         let check = || selected.all(|chip| chip.ignores_null_bytes(moment));
@@ -361,7 +361,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
     pub(super) fn power_off(&mut self) {
         self.powered_ns = None;
         for chip in &mut self.chips {
-            // The chip accepts no command until the next reset.
+            // The time `u64::MAX` means that the chip accepts no command before the next reset.
             chip.reset(u64::MAX);
         }
         self.burst = None;

@@ -17,9 +17,9 @@ pub(super) struct Chip {
     reference_ns: Option<u64>,
     pub(super) selected: bool,
     state: State,
-    /// End of the last byte, in nanoseconds.
+    /// End of the last received byte, in nanoseconds.
     last_ns: u64,
-    /// Effect of the last byte, cancelled if the chip is deselected before the byte is decoded.
+    /// Effect of the last received byte; cancelled if the chip is deselected before it is decoded.
     pending: Option<Pending>,
     pub(super) fault: Option<Fault>,
     /// Status word and counts of the last conversion.
@@ -42,11 +42,11 @@ enum State {
         at: u8,
         left: u8,
     },
-    /// After a violation: bytes have no effect until the chip is deselected.
+    /// A timing rule was violated: bytes have no effect until the chip is deselected.
     Lost,
 }
 
-/// Effect of a byte, which begins four clock cycles after the end of the byte.
+/// Effect of a received byte; it occurs four clock cycles after the end of the byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Pending {
     Continuous(bool),
@@ -268,7 +268,7 @@ impl Chip {
     }
 }
 
-/// Returns `state` while registers are left, else the state for the next opcode.
+/// Returns `state` while the command has registers left, else the state that expects an opcode.
 fn rest(left: u8, state: State) -> State {
     if left == 0 { State::Opcode } else { state }
 }

@@ -23,8 +23,8 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// 2^21 Hz, SCLK of 100 kHz for registers and 16 MHz for bursts, a don't-care bit as in the
-    /// data sheet, read-back of every chip.
+    /// Master clock of 2^21 Hz, SCLK of 100 kHz for registers and 16 MHz for bursts, a don't-care
+    /// bit as in the data sheet, read-back of every chip.
     fn default() -> Self {
         Self {
             clock_hz: 1 << 21,
@@ -37,9 +37,9 @@ impl Default for Options {
     }
 }
 
-/// Source of the electrodes' signal. The function is called once per sample with the sample's
-/// number, from 0, while any channel converts its electrodes; samples of a self-test are not
-/// counted.
+/// Source of the electrodes' signal. The simulation calls the function once per sample with the
+/// sample's number, from 0, while any channel converts its electrodes; samples of a self-test are
+/// not counted.
 pub enum Electrodes<const CHIPS: usize> {
     /// Differential voltages in volts; the simulated chip applies gain and clipping and adds noise.
     Volts(Deliver<f64, CHIPS>),
@@ -69,7 +69,7 @@ impl<const CHIPS: usize> Electrodes<CHIPS> {
     }
 }
 
-/// Fault of a simulated chip.
+/// Fault that a test injects into a simulated chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// No power: accepts no command, DOUT low, DRDY high. Blocks the data of the chips after it.

@@ -21,7 +21,7 @@ pub struct SimulatedLine<const CHIPS: usize> {
     role: Role,
 }
 
-/// Function of a pin.
+/// Signal that a pin drives.
 #[derive(Debug)]
 pub(super) enum Role {
     Select(usize),
@@ -29,7 +29,7 @@ pub(super) enum Role {
     Reset,
 }
 
-/// DRDY of chip 0.
+/// DRDY line of chip 0 of a simulated board.
 #[derive(Debug)]
 pub struct SimulatedReady<const CHIPS: usize>(pub(super) SharedBoard<CHIPS>);
 
@@ -146,6 +146,6 @@ impl<const CHIPS: usize> Drdy for SimulatedReady<CHIPS> {
         self.0.lock().advance(us * 1000);
     }
 
-    /// Does nothing: edges are not stored.
+    /// Does nothing: the simulated line stores no edges, so there is none to discard.
     fn forget(&mut self) {}
 }

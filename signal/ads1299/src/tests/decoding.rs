@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use crate::decoder::{Alignment, CHANNELS, Decoder, frame_bytes};
 use crate::reading::ChipFault;
 
-/// Returns a frame as a chain sends it; every don't-care bit has the value `other`.
+/// Returns the frame that a chain sends for these counts, with `other` as every don't-care bit.
 fn encode<const CHIPS: usize, const BYTES: usize>(
     status: u32,
     counts: &[[i32; CHANNELS]; CHIPS],
@@ -65,7 +65,7 @@ fn inverts<const CHIPS: usize, const BYTES: usize>(
     assert_eq!(&decoded, counts);
     assert!(found.is_sound(), "{found:?}");
     assert!(found.words.iter().all(|word| word.0 == status));
-    // The alignment of a single chip is never decided.
+    // With a single chip the decoder never decides on an alignment.
     assert_eq!(decoder.alignment(), (CHIPS > 1).then_some(alignment));
 }
 
@@ -169,8 +169,8 @@ fn a_lost_bit_in_the_first_frame_of_two_chips_does_not_last() {
     let mut decoder = Decoder::<2>::new();
     let mut decoded = [[0; CHANNELS]; 2];
     let two = |n| [moving(n)[0], moving(n)[1]];
-    // An extra clock edge between the chips makes the first frame look like one of the other
-    // alignment. The next three frames are flagged; the fourth one corrects the alignment.
+    // An extra clock edge between the chips makes the first frame fit the wrong alignment. The next
+    // three frames are flagged; the fourth one corrects the alignment.
     let slipped: [u8; 55] = encode(0xC0_0000, &two(0), Alignment::Spaced, false);
     decoder.decode(&slipped, &mut decoded);
     let mut flagged = 0;

@@ -40,7 +40,7 @@ fn every_fault_is_named_from_its_first_frame_on() {
     ];
     for (fault, found, blocks) in faults.into_iter().chain(wrong) {
         for alignment in [Alignment::Packed, Alignment::Spaced] {
-            // DRDY of a dead chip 0 stays high.
+            // A dead chip 0 is not tested here: its DRDY stays high, so no frame is read.
             for chip in usize::from(fault == Fault::Dead)..CHIPS {
                 for status in next_frames(alignment, chip, fault) {
                     let (first, named) = status.faults().next().expect("a fault");
@@ -75,7 +75,7 @@ fn chip_0_dies_and_drdy_with_it() {
     assert_eq!(fault, Some((0, ChipFault::OnlyZeros)));
 }
 
-/// Measures the rate of a chain over 64 edges of DRDY. Returns the text of its error.
+/// Measures the rate of a chain over 64 edges of DRDY. Returns the text of the error that is found.
 fn wrong_rate(options: Options, fault: Option<Fault>) -> String {
     let silent = Electrodes::silent();
     let mut bench = Bench::<2, { frame_bytes(2) }>::new(options, silent, Settings::EEG);
@@ -138,7 +138,8 @@ fn a_frame_that_is_read_too_late_is_flagged() {
         assert!(bench.next().is_sound());
     }
     let edge_us = bench.edge_us();
-    // The burst takes 108 us and starts 50 us before the end of the next conversion.
+    // The burst takes 108 us and starts 50 us before the end of the next conversion, so that
+    // conversion overwrites the frame while it is read.
     bench.simulation.pass_us(1953 - 50);
     let reading = finish(bench.sampler.read(edge_us)).unwrap();
     let status = reading.status.unwrap();

@@ -64,7 +64,7 @@ impl Bench {
     }
 }
 
-/// Returns the number of missed samples.
+/// Returns the number of missed samples that the readings report.
 fn missed(found: &[(Reading<CHIPS>, u64)]) -> u32 {
     found.iter().map(|(reading, _)| reading.missed).sum()
 }
@@ -75,7 +75,8 @@ fn assert_rhythm(found: &[(Reading<CHIPS>, u64)]) {
         let [(_, before), (_, after)] = pair else {
             continue;
         };
-        // Between flagged and real samples the phase changes by less than a period.
+        // Where real samples follow flagged ones, the interval may differ from the period, by less
+        // than one period.
         let interval = after - before;
         assert!(
             (1..2 * PERIOD_US).contains(&interval),
@@ -92,14 +93,14 @@ fn a_chain_whose_power_comes_late_streams_without_a_self_test() {
     assert!(found.iter().all(|(reading, _)| reading.bad == 0xFF));
     assert!(bench.resets() > 1, "it was tried again");
     bench.simulation.power_on();
-    // Worst case: an attempt without power has just started, and a whole attempt follows the retry
-    // time.
+    // Worst case: an attempt has just started when the supplies return. It fails, and a whole
+    // attempt follows after the retry time.
     let found = [found, bench.until(9_000_000 + RETRY_US + 3_000_000)].concat();
     assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
     assert_eq!(bench.chain.failure(), None);
     assert_rhythm(&found);
-    // The chain counts as silent from the fourth period after the first attempt on. The three
-    // periods before it count as missed.
+    // The first attempt stops the chain, which counts as silent from the fourth period after that.
+    // The first three periods count as missed.
     assert_eq!(missed(&found), 3);
     assert_eq!(bench.simulation.violations(), 0);
 }
@@ -112,8 +113,8 @@ fn a_chain_that_loses_its_power_while_it_runs_comes_back() {
     bench.simulation.power_off();
     let off = bench.until(4_000_000);
     assert_eq!(missed(&off), 3, "until it is called a silence");
-    // START is high, so the chips convert with their reset values, at 256 Hz, and their frames look
-    // valid.
+    // START is still high, so the chips convert with their reset values, at 256 Hz, and their
+    // frames look valid.
     bench.simulation.power_on();
     let found = bench.until(4_000_000 + RETRY_US + 3_000_000);
     assert!(found.iter().any(|(reading, _)| reading.missed == 1));

@@ -65,7 +65,7 @@ fn every_fault_of_a_frame_names_its_chip_and_holds_its_counts() {
             for _ in 0..3 {
                 let reading = bench.next();
                 assert_eq!(reading.culprit(), Some(u8::try_from(chip).unwrap()));
-                // A dead or shifted chip also affects the chips after it.
+                // A dead or shifted chip also damages the data of the chips after it.
                 for (other, counts) in bench.sampler.counts().iter().enumerate() {
                     let is_bad = reading.bad >> other & 1 != 0;
                     assert_eq!(is_bad, number(counts) == 19, "{fault:?} {chip} {other}");
@@ -84,7 +84,7 @@ fn every_fault_of_a_frame_names_its_chip_and_holds_its_counts() {
 fn a_doubled_rate_is_flagged_at_the_first_early_edge_and_counted_for_chip_0() {
     let mut bench = running();
     bench.simulation.inject(0, Fault::DoubleRate);
-    // The first edge follows a conversion that had started at the old rate.
+    // The first edge ends a conversion that started at the old rate, so it is not flagged yet.
     assert!(bench.next().is_sound());
     for _ in 0..200 {
         let reading = bench.next();

@@ -1,4 +1,5 @@
-//! Internal signals of the chips, streamed by the driver and measured by the tests of a channel.
+//! The chips' square wave and shorted inputs, streamed by the driver and measured by
+//! `SquareWaveTest` and `ShortedTest`.
 
 use std::string::ToString;
 

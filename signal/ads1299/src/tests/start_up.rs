@@ -1,4 +1,4 @@
-//! Bring-up of a chain: order, times and refusals.
+//! Bring-up of a chain: order and times of the commands, and chips that it refuses.
 
 use std::string::ToString;
 use std::vec::Vec;

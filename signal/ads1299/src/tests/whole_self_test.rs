@@ -47,7 +47,7 @@ fn finding(broken: (usize, Fault)) -> (SelfTestReport<CHIPS>, Finding) {
     (report, finding)
 }
 
-/// Returns the number of channels of a chip that do not keep a limit.
+/// Returns the number of channels of a chip that violate a limit of the self-test.
 fn faulty(report: &SelfTestReport<CHIPS>, chip: usize) -> usize {
     let channels = report.channels[chip].iter();
     channels.filter(|channel| channel.fault.is_some()).count()

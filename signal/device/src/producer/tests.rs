@@ -67,7 +67,7 @@ fn acquired(index: u64) -> AcquiredSample {
     acquired
 }
 
-/// Returns an output that outlives the producer.
+/// Copies an output and leaks the copy, so that it outlives the producer.
 fn keep(output: Output<'_>) -> Output<'static> {
     fn leak<T: Copy>(content: &T) -> &'static T {
         Box::leak(Box::new(*content))
@@ -99,7 +99,7 @@ fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output<'
 }
 
 /// Returns the samples of a run without the `lost` ones. The first remaining sample starts the run;
-/// a sample directly after a lost one states the loss.
+/// a sample directly after a lost one reports the loss.
 fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = AcquiredSample> {
     let remaining = (0..count).filter(move |index| !lost.contains(index));
     remaining
@@ -130,7 +130,7 @@ fn raw_frames(outputs: &[Output<'_>]) -> Vec<(u64, usize, Flags)> {
     .collect()
 }
 
-/// Returns code, time and faults of every code output.
+/// Returns code, time and faults of every output that is a code.
 fn codes<'o>(outputs: &[Output<'o>]) -> Vec<(&'o Code, u64, Marks)> {
     let codes = outputs.iter().filter_map(|output| match output.payload {
         Payload::Code(code, marks) => Some((code, output.at_us, marks)),
@@ -215,7 +215,8 @@ fn a_raw_frame_ends_before_a_lost_sample_and_the_next_one_starts_after_it() {
 
 #[test]
 fn a_filtered_frame_ends_before_a_lost_step_and_has_the_flags_of_all_its_samples() {
-    // The sample that carries step 5 is lost; a sample between steps 8 and 9 has a bad status word.
+    // The sample that carries step 5 is lost, and a sample between steps 8 and 9 has a bad status
+    // word.
     let mut input: Vec<AcquiredSample> = samples(Streams::FILTERED, 64, &[sample_of(5)]).collect();
     for acquired in &mut input {
         acquired.marks.adc_status_bad = acquired.index == sample_of(8) + 1;
@@ -245,7 +246,6 @@ fn a_filtered_frame_ends_before_a_lost_step_and_has_the_flags_of_all_its_samples
 
 #[test]
 fn lost_steps_shift_no_window_and_mark_the_codes_that_contain_them() {
-    // Steps 20 and 21 are lost.
     let lost = [20, 21].map(sample_of);
     let count = (STEPS + 4 * HOP) as u64 * PER_STEP;
     let outputs = outputs_of(samples(Streams::CODES, count, &lost));
@@ -316,8 +316,9 @@ fn a_new_run_keeps_nothing_of_the_previous_one() {
     assert_eq!(codes(&fresh).len(), 1);
 }
 
-/// Returns time and sample index of the emitted events, of samples every 1,000 us. `captured` holds
-/// the time of each edge and the index of the sample from which on the producer can see the edge.
+/// Returns time and sample index of the events that are emitted for samples every 1,000 us.
+/// `captured` holds the time of each edge and the index of the first sample at which the producer
+/// can see it.
 fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     let mut outputs = Vec::new();

@@ -16,7 +16,7 @@ const EVERYTHING: Abilities = Abilities {
     clock: true,
 };
 
-/// A device of these tests: its session, and the frames that it has sent.
+/// Device under test: its session, and the sender whose queue holds the frames to the host.
 struct Device {
     session: Session<'static>,
     sender: Sender<FrameRing<16_384>>,
@@ -71,7 +71,7 @@ impl Device {
         }
     }
 
-    /// Delivers a command and returns the kinds of the messages that the session sends for it.
+    /// Delivers a command and returns the names of the messages that the session sends for it.
     fn kinds_after(&mut self, command: ToDevice) -> Vec<&'static str> {
         self.deliver(command);
         self.kinds()
@@ -110,7 +110,7 @@ impl Device {
         })
     }
 
-    /// Sends an output and returns the kinds of the messages that the host receives for it.
+    /// Sends an output and returns the names of the messages that the host receives for it.
     fn kinds_of(&mut self, run: u32, payload: Payload<'_>) -> Vec<&'static str> {
         let output = Output {
             run,

@@ -1,4 +1,5 @@
-//! The number of lost frames follows from the bit error rate, and no wrong frame is ever accepted.
+//! Frames on a line with bit errors: the losses are those computed from the bit error rate, and no
+//! wrong frame is ever accepted.
 #![allow(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -9,7 +10,7 @@ use link::{Code, CodeValues, Decoder, Encoder, MAX_FRAME, ToHost};
 
 use crate::messages::code_in;
 
-/// SplitMix64 (Steele, Lea, Flood 2014): a seeded generator without a dependency.
+/// Seeded random generator SplitMix64 (Steele, Lea, Flood 2014), which needs no dependency.
 struct Noise(u64);
 
 impl Noise {
@@ -20,8 +21,8 @@ impl Noise {
         mixed ^ (mixed >> 31)
     }
 
-    /// Returns the number of intact bits before the next error at bit error rate `ber`: a geometric
-    /// random number, by inversion.
+    /// Returns the number of intact bits before the next error at bit error rate `ber`: a random
+    /// number with geometric distribution, by inversion of its distribution function.
     fn gap(&mut self, ber: f64) -> u64 {
         let uniform = ((self.next() >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
         (uniform.ln() / (1.0 - ber).ln()) as u64
@@ -30,8 +31,8 @@ impl Noise {
 
 #[test]
 fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
-    // Bit error rate and number of frames. About 260 losses are expected at 1e-6, more at the
-    // others.
+    // Bit error rates, each with a number of frames. About 260 losses are expected at 1e-6, and
+    // more at each higher rate.
     for (ber, count) in [
         (1e-6, 200_000),
         (1e-5, 60_000),
@@ -86,8 +87,8 @@ fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
         let lost = count - received;
         let mean_bits = bits as f64 / count as f64;
         let expected = count as f64 * (1.0 - (1.0 - ber).powf(mean_bits));
-        // A hit costs the damaged frame, and its neighbour only if both zeros between the two are
-        // damaged.
+        // A bit error costs the damaged frame, and a neighbouring frame only if both zeros between
+        // the two are damaged.
         assert!(
             lost <= 2 * hits,
             "more than one extra frame lost per hit: {lost} of {hits}"

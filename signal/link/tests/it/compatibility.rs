@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::messages::code_in;
 
-/// `ToDevice` of a later release: one more message.
+/// `ToDevice` of a later release, which has one more message.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 enum LaterToDevice {
     Start(u8),
@@ -107,7 +107,8 @@ fn an_echo_is_refused_in_the_other_direction() {
     }
 }
 
-/// Returns whether a host accepts `message` and reads it as it was sent; otherwise it is malformed.
+/// Returns whether a host accepts `message`. Asserts that it reads an accepted message as sent, and
+/// refuses others as malformed.
 fn is_accepted(message: &ToHost<'_>) -> bool {
     let mut buffer = [0; MAX_FRAME];
     let mut bytes = Encoder::default().encode(1, message, &mut buffer).unwrap();

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use crate::messages::code_in;
 use crate::random_message::message;
 
-/// Returns the frame of each message.
+/// Returns each message encoded as a frame.
 fn frames(messages: &[ToHost<'_>], first_seq: u32) -> Vec<Vec<u8>> {
     let mut encoder = Encoder::starting_at(first_seq);
     let mut buffer = [0; MAX_FRAME];
@@ -49,7 +49,7 @@ fn decode(bytes: &[u8], chunk: usize, first_seq: u32) -> (Vec<(usize, Vec<u8>)>,
     (good, bad)
 }
 
-/// Damage to the bytes on a line.
+/// Damage to the bytes between sender and receiver.
 #[derive(Clone, Debug)]
 enum Damage {
     Flip { bits: Vec<usize> },
@@ -126,7 +126,8 @@ proptest! {
         prop_assert_eq!(bad, 0);
         let good: Vec<_> = good.into_iter().map(|(_, frame)| frame).collect();
         prop_assert_eq!(&good, &frames);
-        // Encoding again would hide a field that neither end transfers.
+        // The messages themselves are compared: encoding a decoded message again would not reveal a
+        // field that is neither sent nor read.
         for (message, frame) in messages.iter().zip(&frames) {
             let mut decoder = Decoder::<MAX_FRAME>::new();
             let decoded = decoder.next::<ToHost>(&mut &frame[..]).unwrap().unwrap();

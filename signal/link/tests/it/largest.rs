@@ -1,5 +1,5 @@
-//! The longest messages fit the buffers, even with their largest content; `random_message.rs` has
-//! the others.
+//! The longest messages fit the buffers, even with their largest content; `random_message.rs` tests
+//! the shorter messages.
 
 use link::{
     Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest, ChipTest, CodeFormat,
@@ -41,9 +41,9 @@ fn the_largest_frame_fits() {
     let labels = "x".repeat(MAX_LABELS_BYTES);
     let text = "x".repeat(MAX_TEXT_BYTES);
     let largest = body_bytes(&capabilities(&labels, &text));
-    // Bytes: 16 header (1 + 5 + 10), 1 message number, 3 + 3 rates, 3 dimensions, 4 LSB,
-    // 1 mains, 5 delay, 2 + 512 labels, 2 + 256 filters, 1 format, 2 + 1024 scales,
-    // 2 + 256 zero points, 4 CRC.
+    // Sum in bytes: 16 header (1 + 5 + 10), 1 message number, 3 + 3 rates, 3 dimensions, 4 LSB, 1
+    // mains, 5 delay, 2 + 512 labels, 2 + 256 filters, 1 format, 2 + 1024 scales, 2 + 256 zero
+    // points, 4 CRC.
     assert_eq!(largest, 2097);
     assert!(largest <= MAX_BODY);
 
@@ -56,7 +56,7 @@ fn the_largest_frame_fits() {
         reset_cause: ResetCause::Newer(255),
         fault: &text,
     });
-    // Each of the other messages of the device is shorter, or has a length in the test below.
+    // Each of the device's other messages is shorter, or the test below asserts its length.
     assert!(body_bytes(&hello) < largest);
     let start = Start {
         streams: Streams::from_bits(u16::MAX),
@@ -69,7 +69,7 @@ fn the_largest_frame_fits() {
 fn samples_windows_and_self_tests_fit_a_frame() {
     let text = "x".repeat(MAX_TEXT_BYTES);
     let bytes = [0xff; 64 * RAW_SAMPLES * COUNT_BYTES];
-    // 32 steps of a grid of 12 x 12 cells.
+    // Planes of the largest model: 32 steps of a grid of 12 x 12 cells.
     let cells = [0xff; 32 * 12 * 12];
     let raw = ToHost::Raw(Raw {
         first_sample: u64::MAX,

@@ -19,7 +19,7 @@ pub(crate) fn hello() -> ToHost<'static> {
     })
 }
 
-/// A board with two electrodes and two code values, to keep the dump short.
+/// `Capabilities` of a board with two electrodes and two code values, to keep the dump short.
 pub(crate) fn capabilities() -> ToHost<'static> {
     ToHost::Capabilities(Capabilities {
         adc_rate_hz: 512,
@@ -38,7 +38,7 @@ pub(crate) fn capabilities() -> ToHost<'static> {
     })
 }
 
-/// The values -64 to 63 as bytes.
+/// Code values of the dumps: -64 to 63, one byte each.
 const RAMP: [u8; 128] = {
     let mut ramp = [192_u8; 128];
     let mut index = 1;
@@ -49,7 +49,7 @@ const RAMP: [u8; 128] = {
     ramp
 };
 
-/// The values of [`RAMP`] times 256, of 16 bits each.
+/// The values of [`RAMP`] times 256, as 16-bit integers.
 const WIDE_RAMP: [u8; 256] = {
     let mut ramp = [0; 256];
     let mut index = 0;
@@ -64,7 +64,8 @@ pub(crate) fn code() -> ToHost<'static> {
     ToHost::Code(code_in(CodeValues::int8(&RAMP)))
 }
 
-/// The code of [`code`] with other values, as a model with another code format would send it.
+/// Returns the code of [`code`], but with these values, as a model with another code format sends
+/// it.
 pub(crate) fn code_in(values: CodeValues<'_>) -> Code<'_> {
     Code {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
@@ -123,7 +124,7 @@ pub(crate) fn quality() -> ToHost<'static> {
     })
 }
 
-/// Durations of two stages over 19 s; one code was late.
+/// Durations of two stages, measured for 19 s; one code was late.
 pub(crate) fn timing() -> ToHost<'static> {
     let acquire = StageTiming {
         stage: Stage::Acquire,
@@ -165,7 +166,7 @@ pub(crate) fn filtered() -> ToHost<'static> {
     })
 }
 
-/// A window of two planes with two cells each, to keep the dump short.
+/// Audit of a window of two planes with two cells each, to keep the dump short.
 pub(crate) fn audit() -> ToHost<'static> {
     ToHost::Audit(Audit {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
@@ -194,7 +195,8 @@ pub(crate) fn converters() -> ToHost<'static> {
     })
 }
 
-/// Result of a chip with two channels, to keep the dump short; the second channel is dead.
+/// Self-test result of a chip with two channels, to keep the dump short; the second channel is
+/// dead.
 pub(crate) fn self_test() -> ToHost<'static> {
     let good = ChannelTest {
         gain_error: 0.015_625,
@@ -239,8 +241,8 @@ pub(crate) fn substitutes() -> ToHost<'static> {
     })
 }
 
-/// Eight samples of two channels, to keep the dump short; the bytes are those of
-/// `kernels/lossless/tests/reference.py`.
+/// Key block of eight samples of two channels, to keep the dump short;
+/// `kernels/lossless/tests/reference.py` has computed its bytes.
 pub(crate) fn compressed_key() -> ToHost<'static> {
     ToHost::CompressedRaw(CompressedRaw {
         first_sample: 9_656,
@@ -255,7 +257,7 @@ pub(crate) fn compressed_key() -> ToHost<'static> {
     })
 }
 
-/// The eight samples after those of [`compressed_key`], with a jump in the second channel.
+/// Block of the eight samples after those of [`compressed_key`], with a jump in the second channel.
 pub(crate) fn compressed_continuing() -> ToHost<'static> {
     ToHost::CompressedRaw(CompressedRaw {
         first_sample: 9_664,

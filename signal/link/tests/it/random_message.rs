@@ -1,4 +1,4 @@
-//! Random messages for proptest.
+//! Proptest strategies for random messages.
 
 use link::{
     Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeValues, CompressedRaw,
@@ -22,7 +22,8 @@ fn values() -> impl Strategy<Value = CodeValues<'static>> {
     prop_oneof![int8, exponent, int16]
 }
 
-/// A `Timing` with 0 to `MAX_STAGES` stages, each with a random number, known or not.
+/// A random `Timing` with 0 to `MAX_STAGES` stages; a stage's number may be one that this version
+/// does not name.
 fn timing() -> impl Strategy<Value = ToHost<'static>> {
     let stage = (any::<u8>(), any::<[u32; 2]>(), any::<[u32; 9]>()).prop_map(
         |(stage, [deadline_ns, worst_ns], histogram)| StageTiming {
@@ -42,7 +43,7 @@ fn timing() -> impl Strategy<Value = ToHost<'static>> {
     })
 }
 
-/// Messages that carry byte slices, events and clock readings.
+/// Random messages that carry byte slices, random events, and random clock readings.
 fn streamed() -> impl Strategy<Value = ToHost<'static>> {
     let bytes = || prop::collection::vec(any::<u8>(), 0..=1536).prop_map(|bytes| &*bytes.leak());
     let raw =

@@ -159,7 +159,7 @@ fn the_document_states_the_size_of_a_packed_code_frame() {
     let ToHost::PackedCode(code) = packed_code() else {
         panic!()
     };
-    // The mean block of docs/packed.md at rate 4, 195 bits.
+    // As long as the mean block at rate 4, which has 195 bits (docs/packed.md).
     let block = [1; 24];
     let day = ToHost::PackedCode(PackedCode {
         block: 16 * 86_400,
@@ -206,7 +206,7 @@ fn the_document_states_the_size_of_a_timing_frame() {
         stage,
         deadline_ns: 1_000_000_000 / per_second,
         worst_ns: u32::MAX,
-        // An upper bound: every element counts all durations of a day.
+        // An upper bound of the counts: every element counts all durations of a day.
         histogram: [86_400 * per_second; 9],
     };
     let stages = [
@@ -273,7 +273,8 @@ fn the_document_states_the_sizes_of_raw_and_filtered_frames() {
     let bytes = |message| frame(64 * 86_400, 86_400_000_000, &message).len();
     let longest = bytes(compressed(&counts));
     let [raw, filtered] = [raw, filtered].map(bytes);
-    // Mean of host-sim's synthetic EEG, which a test of that crate measures.
+    // Mean length, in bytes, of compressed raw frames with host-sim's synthetic EEG; a test of
+    // host-sim measures it.
     let mean = 723;
     let per_second = |bytes: usize, frames: usize| (bytes * frames).div_ceil(1_000);
     let words = format!(

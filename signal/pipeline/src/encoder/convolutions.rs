@@ -13,7 +13,8 @@ use crate::sample::Plane;
 /// A window's slot, and the index of a pooled plane in the window.
 type Place = (usize, usize);
 
-/// Largest number of windows that contain a pooled plane, less the newest and the oldest window.
+/// Largest number of windows that contain the same pooled plane, not counting the newest and the
+/// oldest of these windows.
 const BETWEEN: usize = OPEN_WINDOWS.saturating_sub(2);
 
 /// State of the convolutional layers: the most recent planes of each layer.
@@ -25,11 +26,13 @@ pub(super) struct Convolutions {
     /// The last three output planes of the first convolution, transformed for the second.
     transformed: PlaneRing<Pair, TRANSFORMED, 3>,
     pool: Pool,
-    /// Where the next step adds the pooled plane to the newest window, if the addition is deferred.
+    /// Place in the newest window at which the next step adds the pooled plane; `None` if no
+    /// addition is deferred.
     newest: Option<Place>,
-    /// Where the next step adds the pooled plane to the windows between the newest and the oldest.
+    /// Places in the windows between the newest and the oldest at which the next step adds the
+    /// plane.
     between: [Option<Place>; BETWEEN],
-    /// The planes at the ends of windows, if the network pads steps.
+    /// State for the planes at the ends of windows, if the network pads steps.
     edges: [Edges; PADS_TIME as usize],
 }
 
@@ -235,7 +238,7 @@ impl HiddenPlane {
     }
 }
 
-/// The largest sums of the current pool, and the last complete pooled plane.
+/// Max-pool: the largest sums so far, and the last complete pooled plane.
 #[derive(Clone, Debug)]
 pub(super) struct Pool {
     largest: [i32; POOLED.len()],

@@ -34,7 +34,7 @@ impl OpenWindow {
     };
 
     /// Returns a window whose first step is `step`, with the bias in its accumulators. The step's
-    /// other status and its products are added afterwards.
+    /// clipped values, channels at the rail and products are added afterwards.
     #[inline]
     pub(super) fn start_with(step: &Step, network: &Network<'_>) -> Self {
         Self {
@@ -78,7 +78,7 @@ impl OpenWindow {
         }
     }
 
-    /// Returns the code of the complete window.
+    /// Returns the code of this window, which is complete; `window` is its index.
     #[inline]
     pub(super) fn code(&self, window: u32, network: &Network<'_>) -> Code {
         let (values, clipped_values) = CodeValues::from_levels(CODE_FORMAT, |j| {

@@ -1,4 +1,5 @@
-//! Tests of the quality figures: against float64, and together with the whole acquisition.
+//! Tests of the quality figures: of single signals against a float64 reference, and of the output
+//! of the whole acquisition.
 
 use std::{f64::consts::TAU, vec::Vec};
 

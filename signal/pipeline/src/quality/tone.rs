@@ -107,14 +107,15 @@ impl Tone {
     /// Sums before the first sample.
     pub(super) const ZERO: Self = Self([0.0; 2]);
 
-    /// Adds a sample with the bin's weights for it.
+    /// Adds a sample, multiplied by the bin's weights for this sample.
     #[inline]
     pub(super) fn add(&mut self, x: f32, weights: [f32; 2]) {
         self.0[0] += weights[0] * x;
         self.0[1] += weights[1] * x;
     }
 
-    /// Returns the RMS of the frequency, in the unit of the samples, after `rate_hz` samples.
+    /// Returns the RMS at the bin's frequency, in the unit of the samples, after the `rate_hz`
+    /// samples of a second.
     pub(super) fn rms(self, rate_hz: u16) -> f32 {
         let [re, im] = self.0;
         // The amplitude is 2 |X| / N, because the mean of the Hann window is 1. The RMS of a sine

@@ -13,7 +13,7 @@ const COUNT: i32 = 1 << GUARD_BITS;
 /// Full scale, the magnitude of the lower rail, in units of a filtered sample.
 const FULL_SCALE: f64 = 268_435_456.0;
 
-/// Returns the sections up to and including `last`.
+/// Returns the filters' sections up to and including section `last`.
 fn prefix(mains: Mains, last: usize) -> Vec<Section> {
     mains.filter().cascade.sections[..=last].to_vec()
 }

@@ -187,7 +187,7 @@ fn aliases_have_the_designed_attenuation() {
     }
 }
 
-/// Length of the burst, s.
+/// Length of the 10 Hz burst, s.
 const BURST_S: f64 = 8.0;
 /// Length of the input with the burst, s.
 const INPUT_S: u32 = 12;
@@ -258,7 +258,7 @@ fn a_burst_is_delayed_by_the_stated_group_delay_at_every_rate() {
                 "{rate_hz} Hz, mains {mains_hz} Hz, {decimation:?}: {found_us:.0} us, stated \
                  {stated_us:.0} us"
             );
-            // Largest measured difference between the two delays: 1 us.
+            // Largest measured difference between the found and the stated delay: 1 us.
             assert!((found_us - stated_us).abs() < 5.0);
         }
     }

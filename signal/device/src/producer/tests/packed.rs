@@ -19,7 +19,7 @@ fn signals(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = A
     })
 }
 
-/// Returns block, time and faults of every packed output.
+/// Returns block, time and faults of every output that is a packed block.
 fn blocks(outputs: &[Output<'_>]) -> Vec<(PackedCode, u64, Marks)> {
     let blocks = outputs.iter().filter_map(|output| match &output.payload {
         Payload::PackedCode(code, marks) => Some((**code, output.at_us, *marks)),
@@ -53,7 +53,8 @@ fn a_run_makes_the_blocks_of_the_packed_encoder_at_the_time_of_their_last_steps(
 
 #[test]
 fn exactly_the_blocks_with_a_lost_sample_have_its_faults_and_their_number_stays_right() {
-    // A sample of block 1; the samples from the third step of block 2 to the first of block 4.
+    // Lost are a sample of block 1, and the samples from the third step of block 2 to the first
+    // step of block 4.
     let lost: Vec<u64> = [PER_BLOCK + 3]
         .into_iter()
         .chain(2 * PER_BLOCK + 2 * PER_STEP..4 * PER_BLOCK + PER_STEP)
@@ -106,8 +107,9 @@ fn a_window_of_repeated_steps_states_the_sample_of_its_first_step() {
 
 #[test]
 fn faults_of_the_samples_after_a_gap_are_in_their_own_blocks() {
-    // The last sample of block 0 is lost, or the last two steps of it are. The next three samples
-    // belong to the first step of block 1, and are ahead of it; the fourth carries it.
+    // The last sample of block 0 is lost, the second time also the `2 * PER_STEP` samples before
+    // it. The next `PER_STEP` samples belong to the first step of block 1; the last of these
+    // carries the step.
     let last = sample_of(HOP as u64 - 1);
     for first_lost in [last, last - 2 * PER_STEP] {
         let lost: Vec<u64> = (first_lost..=last).collect();
@@ -234,8 +236,8 @@ fn the_message_carries_the_blocks_status_and_its_bytes() {
     assert!(message.bytes == code.bytes() && message.bytes.len() <= MAX_PACKED_BYTES);
 }
 
-/// Returns the windows that a device with these encoders audits, and the number of values in each
-/// audit.
+/// Returns the indices of the windows that a device with these encoders audits, each with the
+/// number of code values in its audit.
 fn audits_at_the_host(encoders: impl Encoders) -> Vec<(u32, usize)> {
     let count = sample_of((STEPS + 160 * HOP) as u64);
     let mut producer = Box::new(Producer::new(encoders));
