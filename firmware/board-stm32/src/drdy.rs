@@ -15,7 +15,7 @@ const LINES: u32 = 0b11_1110_0000;
 
 #[derive(Clone, Copy)]
 struct Edges {
-    /// Device time of the latest edge, microseconds since boot.
+    /// Device time of the latest edge, which is that of its interrupt, microseconds since boot.
     last_us: u64,
     /// Number of edges since boot; wraps.
     count: u32,
@@ -30,8 +30,8 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Handles a falling edge of DRDY; called by DRDY's interrupt, the most urgent one after the time
-/// driver's.
+/// Handles a falling edge of DRDY. Called by DRDY's interrupt, which is the most urgent one after
+/// the time driver's.
 ///
 /// # Timing
 /// The time stamp is late by the interrupt's latency, by the rest of a critical section if one is
@@ -51,7 +51,7 @@ pub(crate) fn on_edge() {
     WAKER.wake();
 }
 
-/// Marks all edges so far as taken. Returns the state before they were marked.
+/// Marks all edges so far as taken. Returns the state before this.
 fn take_edges(section: CriticalSection<'_>) -> Edges {
     let edges = EDGES.borrow(section);
     let before = edges.get();
@@ -80,7 +80,8 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     .await
 }
 
-/// DRDY with its edges in device time. The function in the field is called before every wait.
+/// DRDY input that gives the device time of its edges. Before every wait it calls the function in
+/// its field.
 pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
 impl<F: Fn()> Drdy for DrdyEdges<F> {
