@@ -15,7 +15,7 @@ use artifact::{
 };
 use packed::{LEVELS, MAGNITUDES, MAX_COEFFICIENTS, RATES, Rate};
 
-/// Rate at which the probabilities are trained; the other rates follow from it.
+/// Rate at which the probabilities are trained; those of the other rates follow from it.
 const BASE_RATE: Rate = Rate::MIDDLE;
 
 /// Threshold of a misfit, in units of the training data's variance: a block is a misfit if the mean
@@ -29,18 +29,19 @@ const COEFFICIENTS: usize = 176;
 /// Number of rounds, each of which codes the training blocks and counts the magnitudes.
 const ROUNDS: usize = 4;
 
-/// Figures of a trained packed model on the test recordings; without any, on the training
+/// Figures of a trained packed model on the test recordings or, if there are none, on the training
 /// recordings.
 #[derive(Clone, Debug)]
 pub(crate) struct PackedTrained {
     /// Figures of the model at each rate, finest first.
     pub(crate) figures: Vec<RateFigures>,
-    /// Figures of the Karhunen-Loeve transform of a block, coded in the same way but without
-    /// prediction.
+    /// For comparison, figures of the Karhunen-Loeve transform of a block, coded in the same way
+    /// but without prediction.
     pub(crate) without_prediction: Vec<RateFigures>,
 }
 
-/// Returns the number of coefficients of a block of this description's montage and hop.
+/// Returns the number of coefficients of a block: `wanted` if it is given, otherwise the default
+/// for the description's montage and hop.
 ///
 /// # Errors
 /// If a block cannot have the wanted number.
@@ -141,12 +142,12 @@ fn fit_model(
     Ok(model)
 }
 
-/// Returns the first steps of four series of blocks, a quarter of a block apart.
+/// Returns the steps at which four series of blocks begin, a quarter of a block apart.
 fn every_quarter(hop: usize) -> Vec<usize> {
     (0..hop).step_by((hop / 4).max(1)).collect()
 }
 
-/// Returns the coarsest rate whose error at once is at most `target`.
+/// Returns the coarsest rate whose error without smoothing is at most `target`.
 fn coarsest_within(figures: &[RateFigures], target: f64) -> Result<u8, TrainerError> {
     let within = figures.iter().rev().find(|figures| figures.mse <= target);
     within.map(|figures| figures.rate).ok_or_else(|| {
