@@ -26,7 +26,8 @@ const MISFIT: f64 = 0.01;
 /// Number of coefficients that represents EEG of 61 electrodes within 0.3 % of its variance.
 const COEFFICIENTS: usize = 176;
 
-/// Number of rounds, each of which codes the training blocks and counts the magnitudes.
+/// Number of rounds of training the probabilities, each of which codes the training blocks and
+/// counts the magnitudes.
 const ROUNDS: usize = 4;
 
 /// Figures of a trained packed model on the test recordings or, if there are none, on the training
@@ -167,7 +168,7 @@ fn fit_probabilities(
     observer: &mut impl ProgressObserver,
 ) -> Result<(), TrainerError> {
     let count = model.coefficients();
-    // A magnitude of 1 is two steps.
+    // A magnitude of 1 stands for two steps of the quantiser.
     let two_steps = 2.0 * f64::from(BASE_RATE.step());
     let (mut predicted, unpredicted) = first_guess(model, coefficients, two_steps);
     for round in 0..ROUNDS {
@@ -194,7 +195,8 @@ fn fit_probabilities(
     Ok(())
 }
 
-/// Returns estimates of the mean magnitudes of predicted blocks and of blocks without prediction.
+/// Returns estimates of each coefficient's mean magnitude: first in predicted blocks, then in
+/// blocks without prediction. A magnitude of 1 is `two_steps`.
 fn first_guess(
     model: &PackedModel,
     coefficients: &[Vec<i16>],
@@ -239,9 +241,9 @@ fn refitted_prediction(
 }
 
 /// Fits the Karhunen-Loeve transform of a block to `tracks`, with the number of coefficients of
-/// `model`, and with the quantiser, contexts and range coder of the packed code, every block
-/// without prediction. Returns its figures on `tested` at every rate, finest first: the gain by
-/// prediction is the difference.
+/// `model`, and with the quantiser, contexts and range coder of the packed code, but every block
+/// without prediction. Returns its figures on `tested` at every rate, finest first. The packed
+/// model's figures are better by what prediction gains.
 ///
 /// # Errors
 /// If the recordings are silent.
@@ -271,7 +273,8 @@ fn fit_without_prediction(
     }
     model.reset_levels = probabilities::levels(&means);
     let figures = evaluation::evaluate_with_resets(&model, tested, description, 1)?;
-    // Without prediction, a block has no information about the one before it.
+    // A block without prediction says nothing about the block before it, so it cannot smooth that
+    // block.
     let alone = |figures: RateFigures| RateFigures {
         mse_smoothed: figures.mse,
         ..figures
