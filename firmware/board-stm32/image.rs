@@ -24,8 +24,7 @@ pub(crate) fn configure(memory_map: &str) {
 /// uncommitted changes. Without git, returns the version alone.
 fn version() -> String {
     let version = env::var("CARGO_PKG_VERSION").expect("cargo sets it");
-    // Build again when this file changes: git appends a line to it at every commit and every change
-    // of branch.
+    // Build again when this file changes: git appends to it at every commit and change of branch.
     if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
         println!("cargo::rerun-if-changed={log}");
     }

@@ -53,8 +53,7 @@ pub const OUTPUTS_WAITING: usize = 4;
 pub const BULK_WAITING: usize = 1;
 
 /// Depth of the queue of trigger events, which the encoder empties with every sample. Only a
-/// bouncing trigger can fill it, and the edges that are dropped when it is full carry no
-/// information.
+/// bouncing trigger can fill it, and the edges that it then drops carry no information.
 pub const EVENTS_WAITING: usize = 16;
 
 /// Largest number of trigger edges handled between two samples; the event queue holds no more. A

@@ -136,8 +136,7 @@ impl OutputSender {
             Payload::PackedCode(code, marks) => Content::PackedCode(*code, marks),
             Payload::Event(event) => Content::Event(event),
             payload => {
-                // Queue the bulk content before its slot, so that the receiver of the slot finds
-                // it.
+                // Queue the bulk content before its slot, which its receiver needs.
                 let Some(bulk) = self.bulk.try_send() else {
                     return false;
                 };

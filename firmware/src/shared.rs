@@ -43,8 +43,7 @@ pub struct Shared {
 }
 
 impl Shared {
-    /// Creates the state at boot: no order, all counts zero. `clock` measures how long the stages
-    /// take.
+    /// Creates the state at boot: no order, all counts zero. `clock` times the stages.
     pub const fn new(clock: Clock) -> Self {
         Self {
             orders: Signal::new(),

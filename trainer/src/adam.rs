@@ -24,8 +24,7 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// Creates an optimiser for all tensors of `parameters` except the running statistics, which
-    /// are not trained.
+    /// Creates an optimiser for all trained tensors of `parameters`: not the running statistics.
     pub fn new(parameters: &Parameters) -> Self {
         let mut rest = Weights::default();
         for tensor in TENSORS.iter().filter(|tensor| tensor.is_trained()) {

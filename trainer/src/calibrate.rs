@@ -6,8 +6,7 @@ use crate::network::Network;
 use crate::parameters::Parameters;
 use artifact::{Artifact, Description, Tensors};
 
-/// Smallest range to which a dimension of the code is calibrated: +-10 standard deviations of the
-/// input.
+/// Smallest calibrated range of a dimension of the code: +-10 standard deviations of the input.
 ///
 /// Muscle activity or a moving cap excites dimensions that hardly vary in the training data. With
 /// model-gen's head room of 2, one level of a dimension with this range is 10 * 2 / 127 = 0.16. On
@@ -67,8 +66,8 @@ mod tests {
     use super::*;
     use crate::testing;
 
-    /// Returns the tensor `name` of the calibration: the lower or the upper end of the range of
-    /// each number of a code.
+    /// Returns the tensor `name` of the calibration: the lower or upper ends of all numbers'
+    /// ranges.
     fn range<'a>(artifact: &'a Artifact, name: &str) -> &'a [f32] {
         let numbers = artifact.description.code.numbers;
         artifact.calibration.tensor(name, &[numbers]).unwrap()

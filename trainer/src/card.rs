@@ -81,8 +81,7 @@ fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static, const N: usize>(
 }
 
 impl fmt::Display for Shape {
-    /// Writes the shape as text, without the format of the codes, on which the training does not
-    /// depend.
+    /// Writes the shape as text, without the code format, which does not change the training.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             mode,
@@ -191,8 +190,7 @@ pub(crate) fn validation(held_out: Option<&str>, settling_steps: usize, rate_hz:
     )
 }
 
-/// Returns the description of the model to train, after all checks that are possible before
-/// recordings are read.
+/// Returns the description of the model to train, after all checks that need no recording.
 ///
 /// # Errors
 /// If the montage has mistakes, no model can have this shape, or its codes could not be decoded.

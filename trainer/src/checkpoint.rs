@@ -118,8 +118,7 @@ const STATE: &str = "state";
 /// Everything of a training run but its tensors; stored as JSON.
 #[derive(Serialize, Deserialize)]
 struct State {
-    /// Text of settings and data that [`training_identity`] returned when the checkpoint was
-    /// written.
+    /// Settings and data of the checkpoint, in the text that [`training_identity`] returns.
     training: String,
     /// Number of epochs of the training run.
     epochs: u32,

@@ -90,8 +90,7 @@ impl Comparison {
         })
     }
 
-    /// Returns the figures as a JSON object. Those of codes are left out if the model has no
-    /// network.
+    /// Returns the figures as a JSON object. Without a network, those of codes are missing.
     pub fn to_json(&self) -> Json {
         let mut object = json!({
             "model": self.model,

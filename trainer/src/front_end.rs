@@ -91,8 +91,7 @@ impl Resampler {
                 .zip(samples)
                 .map(|(&tap, x)| i64::from(tap) * i64::from(x))
                 .sum();
-            // The Q2.30 taps add 30 fraction bits to the sum. Remove these bits by rounding half
-            // up.
+            // The Q2.30 taps add 30 fraction bits to the sum. Round half up to remove them.
             i32::try_from((sum + (1 << 29)) >> 30).expect("model-gen proves the head room")
         };
         Some((0..electrodes).map(output).collect())

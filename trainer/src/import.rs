@@ -86,8 +86,7 @@ impl Import {
     }
 }
 
-/// Returns the calibrated model, its number of silent channels, and the windows on which it was
-/// calibrated.
+/// Returns the calibrated model, its number of silent channels, and its calibration windows.
 fn calibrated(
     description: Description,
     weights: &Tensors,
@@ -199,8 +198,7 @@ fn check_reference(model: &Artifact, reference: &Reference) -> Result<Agreement,
     })
 }
 
-/// Returns the largest difference between a found and an expected value, relative to the RMS of all
-/// expected values.
+/// Returns the largest difference of a value, relative to the RMS of all expected values.
 fn largest_difference(
     what: &'static str,
     found: &[Vec<f32>],

@@ -1,5 +1,4 @@
-//! Continuous signals from overlapping windows: at each step, the mean of the windows that cover
-//! it.
+//! Continuous signals from overlapping windows: at each step, the mean of those that cover it.
 
 use crate::dataset::Dataset;
 
@@ -56,8 +55,7 @@ impl<'d> OverlapMean<'d> {
         let mean = |sums: &Vec<f32>| {
             let hops = sums.len() / per_hop;
             let hop = |(index, sums): (usize, &[f32])| -> Vec<f32> {
-                // A hop near either end of a segment, or in a short segment, is covered by fewer
-                // windows.
+                // A hop near either end of a segment, or in a short segment, is in fewer windows.
                 let windows = hops + 1 - open;
                 let covering = open.min(windows).min(index + 1).min(hops - index);
                 let factor = 1.0 / covering as f32;

@@ -76,8 +76,7 @@ impl TrainingFiles {
     pub(crate) fn find(&self) -> Result<Selected, TrainerError> {
         let train = recordings(&self.data, &self.train)?;
         let test = recordings(&self.data, &self.test)?;
-        // Compare real paths, because a relative path and a symbolic link can denote the same
-        // recording.
+        // Compare real paths: a relative path and a symbolic link can denote the same recording.
         let trained: BTreeSet<_> = train.iter().map(|path| identity(path)).collect();
         if let Some(both) = test.iter().find(|path| trained.contains(&identity(path))) {
             return Err(TrainerError::TrainedOn(file_name(both)));
@@ -117,8 +116,7 @@ pub(crate) fn refuse_model(folder: &Path, force: bool) -> Result<(), TrainerErro
     Ok(())
 }
 
-/// Returns the recordings that `names` select, sorted by path, without duplicates. A name is one of
-/// these:
+/// Returns the recordings that `names` select, sorted by path, without duplicates. A name is:
 ///
 /// * the path of a recording, or of a folder, which selects all recordings in it;
 /// * a pattern of paths with `*`, `?` or `[...]`;

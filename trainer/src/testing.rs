@@ -25,15 +25,13 @@ pub(crate) fn directions() -> Vec<Vec<f32>> {
         .collect()
 }
 
-/// Returns the index, within a window, of the value that direction `index` of [`directions`]
-/// selects.
+/// Returns the index in a window of the value that direction `index` of [`directions`] selects.
 pub(crate) fn feature(index: usize) -> usize {
     let dimensions = geometry().dimensions;
     index * dimensions.window_electrodes() / dimensions.numbers
 }
 
-/// Returns a dataset in which all electrodes share a few low-pass-filtered sources, plus a little
-/// noise.
+/// Returns a dataset whose electrodes share a few low-pass-filtered sources and have some noise.
 pub(crate) fn dataset(seed: u64, steps: usize) -> Dataset {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut sources = [0.0_f32; 4];

@@ -300,8 +300,7 @@ mod tests {
         let directions = testing::directions();
         let mut sum = 0.0;
         for window in &windows {
-            // The directions are orthonormal, so the error is the energy of the window outside
-            // their span.
+            // The directions are orthonormal: the error is the window's energy outside their span.
             let energy = |values: &[f32]| values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
             let code: Vec<f32> = directions
                 .iter()

@@ -5,8 +5,7 @@ use crate::evaluate::CodedBlock;
 use crate::in_parallel;
 use artifact::{Artifact, ArtifactError};
 
-/// Error of PCA if only the first `numbers` numbers of each code are decoded, over all measured
-/// windows.
+/// Error over all windows of PCA codes of which only the first `numbers` numbers are decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TruncationError {
     pub(crate) numbers: usize,
@@ -16,15 +15,13 @@ pub(crate) struct TruncationError {
     pub(crate) mse_int8: f64,
 }
 
-/// Sums of squared errors if only the first number of each code is decoded, the first two, up to
-/// all.
+/// Sums of squared errors of codes decoded from the first number only, the first two, up to all.
 #[derive(Clone, Debug)]
 pub(crate) struct TruncationSums {
     /// Columns of the decoder's matrix, one for each number of a code: the window to which a code
     /// decodes in which this number is 1 and all others are 0.
     components: Vec<Vec<f32>>,
-    /// Sums with float codes and with integer codes, for the first number only, the first two, up
-    /// to all.
+    /// Sums with float and integer codes, for the first number only, the first two, up to all.
     squares: Vec<[f64; 2]>,
     /// Number of values in all windows added so far.
     values: usize,
@@ -55,8 +52,7 @@ impl TruncationSums {
         let codes = block.codes.chunks_exact(numbers);
         let codes = codes.zip(block.received.chunks_exact(numbers));
         let coded: Vec<_> = block.windows.iter().zip(codes).collect();
-        // Add up in the order of the windows, so that the result does not depend on the number of
-        // processors.
+        // Add up in the order of the windows, so that the number of processors does not matter.
         let errors = in_parallel::map(&coded, |(window, (float, integer))| {
             [self.errors(window, float), self.errors(window, integer)]
         });

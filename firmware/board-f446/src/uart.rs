@@ -44,8 +44,7 @@ impl Uart for Usart2 {
     fn acknowledge() {
         let uart = pac::USART2;
         let status = uart.sr().read();
-        // If DR still holds a byte, the DMA is about to read it; the DMA's read then clears the
-        // flags.
+        // If DR still holds a byte, the DMA is about to read it, which then clears the flags.
         let is_moved = !status.rxne();
         if status.ore() && is_moved {
             let _ = uart.dr().read();

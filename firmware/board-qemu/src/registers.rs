@@ -81,8 +81,8 @@ impl Registers {
     #[inline]
     pub(crate) fn write(self, offset: usize, value: u32) {
         // SAFETY: `base` is the address of one of the peripherals above, and the callers pass the
-        // offsets above, at which these peripherals have one-word registers. No register makes its
-        // peripheral access memory.
+        // offsets above, at which these peripherals have one-word registers. No register starts an
+        // access to memory.
         unsafe { ((self.base + offset) as *mut u32).write_volatile(value) }
     }
 }

@@ -13,8 +13,7 @@ use crate::{
 };
 
 /// Name of the file of edges, which alternately rise and fall, beginning with a rise. For each edge
-/// the file holds the time since the converter's first DRDY edge: microseconds, 64 bits, little
-/// endian.
+/// the file holds the microseconds since the converter's first DRDY edge: 64 bits, little endian.
 pub(crate) const EDGES: &core::ffi::CStr = c"trigger.u64";
 
 /// State of the trigger input until the last edge of the file.

@@ -13,8 +13,8 @@ static RECEIVED: Pipe<RawMutex, 1024> = Pipe::new();
 /// Bytes to the host that have not been moved to [`OUTGOING`] yet.
 static SENDING: Pipe<RawMutex, 256> = Pipe::new();
 
-/// Enables both directions and their interrupts. QEMU ignores the baud rate, but requires a value
-/// in the divider.
+/// Enables both directions and their interrupts. QEMU ignores the baud rate, but requires a
+/// divider.
 pub(crate) fn start() {
     UART0.write(uart::BAUD_DIVIDER, 16);
     UART0.write(uart::CONTROL, 0b1111);
@@ -32,8 +32,8 @@ pub(crate) fn on_receive() {
 /// Queues bytes for the conversation. Bytes for which the queue has no room are lost, and so is
 /// their frame; the host repeats the command.
 pub(crate) fn push_received(mut bytes: &[u8]) {
-    // Write in a loop, because one write stops at the end of the pipe's memory even if there is
-    // room at its start.
+    // Write in a loop: one write stops at the end of the pipe's memory even if there is room at its
+    // start.
     while let Ok(taken) = RECEIVED.try_write(bytes)
         && taken > 0
     {

@@ -1,5 +1,4 @@
-//! Starts the application: queues, executors and tasks, with the image's encoders and the shared
-//! state.
+//! Starts the application: queues, executors, tasks, the image's encoders and the shared state.
 
 use ads1299::SelfTest;
 use defmt::{info, warn};

@@ -46,8 +46,7 @@ impl ClockSource {
     }
 }
 
-/// Calls `pause` until `is_ready` returns true, but at most `pauses` times. Returns whether
-/// `is_ready` became true.
+/// Calls `pause` until `is_ready()`, but at most `pauses` times. Returns whether it became ready.
 fn poll_until(pauses: u32, mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
     for _ in 0..pauses {
         if is_ready() {

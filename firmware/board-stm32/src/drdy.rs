@@ -30,8 +30,8 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Handles a falling edge of DRDY. Called by DRDY's interrupt, which is the most urgent one after
-/// the time driver's.
+/// Handles a falling edge of DRDY; called by its interrupt, the most urgent after the time
+/// driver's.
 ///
 /// # Timing
 /// The time stamp is late by the interrupt's latency, by the rest of a critical section if one is
@@ -80,8 +80,7 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     .await
 }
 
-/// DRDY input that gives the device time of its edges. Before every wait it calls the function in
-/// its field.
+/// DRDY input that gives the device time of its edges. Before every wait it calls its function.
 pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
 impl<F: Fn()> Drdy for DrdyEdges<F> {

@@ -38,8 +38,7 @@ pub fn nvic_priority(level: u8) -> Priority {
 /// # Panics
 /// On the second call.
 pub fn init_chip(config: Config) -> Peripherals {
-    // Embassy's `init` opens and closes critical sections. Within this one, closing them does not
-    // enable interrupts.
+    // Within this critical section, those that embassy's `init` closes do not enable interrupts.
     critical_section::with(|_| {
         let peripherals = embassy_stm32::init(config);
         // Writing 0 clears the flags of this register (RM0433 and RM0390, TIMx_SR).
@@ -85,8 +84,7 @@ fn disable_pins() {
     }
 }
 
-/// Clears the pending bits of the EXTI lines in `lines`, so that one edge runs the handler only
-/// once.
+/// Clears the pending bits of the EXTI lines in `lines`, so that an edge runs the handler once.
 pub(crate) fn clear_pending(lines: u32) {
     EXTI.pr(0).write_value(Lines(lines));
     // The core does not wait for this write. If the handler returned before the write takes effect,

@@ -1,6 +1,6 @@
 //! Port to the host: USB, or with the feature `uart` the UART of the ST-LINK.
 //!
-//! The modules `usb_stream` and `uart_stream` do not depend on the chip, so their tests run on a
+//! The modules `usb_stream` and `uart_stream` are independent of the chip, so their tests run on a
 //! PC.
 
 #[cfg(all(target_os = "none", feature = "uart"))]

@@ -90,8 +90,7 @@ pub(crate) fn refill_budget() {
     }
 }
 
-/// Handles an edge; called by the trigger's interrupt. When the budget is exhausted, disables this
-/// interrupt.
+/// Handles an edge; called by the trigger's interrupt. Disables that once the budget is spent.
 ///
 /// The timer continues to capture edges, and after the next [`refill_budget`] the interrupt handles
 /// the latest one. If no samples are read for a time, the time of this latest edge can be wrong by
@@ -100,8 +99,7 @@ pub(crate) fn on_edge() {
     interrupts::clear_pending(1 << PIN);
     let edge = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
-        // Read the level before the stamp: an edge between the two reads then raises the interrupt
-        // again.
+        // Read the level before the stamp: an edge in between raises a new interrupt.
         let (is_high, stamp) = (is_high(), stamp());
         let edge = line.observe(is_high, stamp, Instant::now().as_micros());
         if line.budget_exhausted() {

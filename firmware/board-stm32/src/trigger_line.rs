@@ -10,8 +10,8 @@ pub(crate) struct Edge {
     pub(crate) lost: u32,
 }
 
-/// Level and stamp of the trigger input when its interrupt last ran, and how often the interrupt
-/// may still run.
+/// Level and stamp of the trigger input at its interrupt's last run, and how often that may still
+/// run.
 #[derive(Debug)]
 pub(crate) struct TriggerLine {
     is_high: bool,
@@ -97,8 +97,7 @@ mod tests {
             line.observe(false, 3, 0x1_0009),
             Some(edge(false, 0x1_0003, 0))
         );
-        // This stamp is 2 us after `now_us`, past the wrap of its 16 bits, so the upper bits of the
-        // device time count up.
+        // This stamp is 2 us after `now_us`, past the wrap of 16 bits, so the upper bits count up.
         assert_eq!(
             line.observe(true, 1, 0x7_ffff_ffff),
             Some(edge(true, 0x8_0000_0001, 0))

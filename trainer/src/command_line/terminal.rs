@@ -83,8 +83,7 @@ impl ProgressObserver for Terminal {
 
     fn epoch_finished(&mut self, epoch: u32, EpochLosses { loss, validation }: EpochLosses) {
         if self.start.is_none() {
-            // In a cross-validation the bar counts folds, so an epoch only changes the text beside
-            // it.
+            // In a cross-validation the bar counts folds, so an epoch changes only its text.
             let text = format!("epoch {epoch}, validation MSE {validation:.5}");
             self.bar.set_message(text);
             return;

@@ -141,8 +141,7 @@ mod tests {
     use super::*;
     use crate::testing;
 
-    /// Returns a track whose value at each step is 1000 times the recording's number plus the
-    /// step's.
+    /// Returns a track whose value is 1000 times the recording's number plus the step's number.
     fn track(recording: usize, steps: usize) -> Track {
         let values = (0..steps).map(|step| (1000 * recording + step) as f32);
         testing::track(&format!("run{recording}"), 1, values.collect())

@@ -182,8 +182,7 @@ impl Search<'_> {
         fits.then(|| values.clone())
     }
 
-    /// Returns the rows of a required tensor, whose first dimension counts the rows, each of shape
-    /// `row`.
+    /// Returns the rows of a required tensor, which are of shape `row` each.
     fn rows(&mut self, name: &str, row: &[usize]) -> Option<Vec<Vec<f32>>> {
         let values = self.tensor(name, &[&[0], row].concat())?;
         let length = row.iter().product();

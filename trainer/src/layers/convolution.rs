@@ -79,16 +79,14 @@ impl Layer<'_> {
         }
     }
 
-    /// Returns the kernels, \[first, second, tap\], as a map from the channels of the second index
-    /// to those of the first.
+    /// Returns the kernels, \[first, second, tap\], as maps from second-index channels to first.
     fn kernels(&self, first: usize, second: usize) -> Kernels {
         Kernels::new(first, second, |output, input, tap| {
             self.weight[(output * second + input) * TAPS + tap]
         })
     }
 
-    /// Returns the kernels with their taps reversed, as a map from the channels of the first index
-    /// to those of the second.
+    /// Returns the kernels with reversed taps, as maps from first-index channels to second.
     fn turned_kernels(&self, second: usize, first: usize) -> Kernels {
         Kernels::new(second, first, |output, input, tap| {
             self.weight[(input * second + output) * TAPS + TAPS - 1 - tap]
@@ -241,8 +239,8 @@ impl Correlate<'_> {
         }
     }
 
-    /// Returns the sums of `T` output channels at one place, where `C` columns of each kernel lie
-    /// within the input.
+    /// Returns the sums of `T` output channels at one place, where `C` kernel columns lie within
+    /// the input.
     #[inline(always)]
     fn sums<const T: usize, const C: usize>(
         &self,
@@ -369,8 +367,7 @@ struct Vectors<'a, V> {
 }
 
 impl<V: Copy> Vectors<'_, V> {
-    /// Returns the sums over all places, for each channel of a tile of `small` and each column of
-    /// the kernel.
+    /// Returns the sums over all places, for each channel of a tile and each column of the kernel.
     #[inline(always)]
     fn sums<S: Simd<f32s = V>>(&self, simd: S) -> [[V; KERNEL]; TILE] {
         let [steps, rows, columns] = self.small_size;

@@ -210,8 +210,7 @@ impl Backward<'_> {
         (loss, (stage, at_code))
     }
 
-    /// Continues the backward pass from the decoder's first convolution to the encoder's second
-    /// batch norm.
+    /// Goes back from the decoder's first convolution to the encoder's second batch norm.
     fn code_stage(
         &self,
         at: usize,
@@ -255,7 +254,7 @@ impl Backward<'_> {
         }
     }
 
-    /// Continues the backward pass from the encoder's second convolution to its first batch norm.
+    /// Goes back from the encoder's second convolution to its first batch norm.
     fn second_stage(&self, at: usize, gradient: &Volume, norm: &BatchNorm<'_>) -> Stage {
         let activations = &self.activations[at];
         let encoder = &self.autoencoder.weights.encoder;

@@ -35,8 +35,7 @@ impl Layout {
         volume
     }
 
-    /// Returns the electrode values (step, electrode) of a volume that is one channel on the scalp
-    /// grid.
+    /// Returns the electrode values (step, electrode) of a one-channel volume on the scalp grid.
     pub(super) fn gather(&self, volume: &Volume) -> Vec<Lanes> {
         let planes = volume.values.chunks_exact(self.geometry.dimensions.cells());
         planes
@@ -79,8 +78,7 @@ impl Group {
     }
 }
 
-/// Arranges at most [`LANES`] vectors with `length` elements, one in each lane; the other lanes are
-/// 0.
+/// Arranges at most [`LANES`] vectors with `length` elements, one in each lane; other lanes are 0.
 pub(super) fn lanes(vectors: &[&[f32]], length: usize) -> Vec<Lanes> {
     let mut values = vec![[0.0; LANES]; length];
     for (lane, vector) in vectors.iter().enumerate() {

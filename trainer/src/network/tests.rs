@@ -101,7 +101,7 @@ fn network_and_trace_equal_the_artifacts_float_encoder_and_decoder() {
     }
 }
 
-/// Compares computed gradients with finite differences of the loss, each at an index of a tensor in
+/// Compares gradients with finite differences of the loss, each at an index of a tensor in
 /// `places`.
 fn compare_gradients(network: &Network, parameters: &Parameters, places: &[(&str, usize)]) {
     let dataset = testing::dataset(6, 64);
@@ -117,8 +117,7 @@ fn compare_gradients(network: &Network, parameters: &Parameters, places: &[(&str
         };
         let slope = (loss(change) - loss(-change)) / (2.0 * f64::from(change));
         let gradient = f64::from(tensor.of(&batch.gradients)[index]);
-        // The loss is in f32 and only piecewise smooth, so slope and gradient differ: measured by
-        // up to 2 %.
+        // The loss is in f32 and only piecewise smooth, so slope and gradient differ by up to 2 %.
         assert!(
             (slope - gradient).abs() < 0.05 * gradient.abs() + 1e-3,
             "{name}: {slope} {gradient}"
@@ -174,8 +173,7 @@ fn running_statistics_move_a_tenth_towards_the_batch() {
     network().gradients(&mut parameters, &windows);
     let second = mean(&parameters);
     for ((before, first), second) in before.iter().zip(first).zip(second) {
-        // The second batch equals the first, and each update removes a tenth of the difference that
-        // is left.
+        // The second batch equals the first, and each update removes a tenth of what is left.
         assert!(((second - first) - 0.9 * (first - before)).abs() < 1e-5);
     }
 }

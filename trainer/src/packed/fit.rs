@@ -30,8 +30,7 @@ const COEFFICIENTS: usize = 176;
 /// counts the magnitudes.
 const ROUNDS: usize = 4;
 
-/// Figures of a trained packed model on the test recordings or, if there are none, on the training
-/// recordings.
+/// Figures of a trained packed model on the test recordings; without any, on those of the training.
 #[derive(Clone, Debug)]
 pub(crate) struct PackedTrained {
     /// Figures of the model at each rate, finest first.
@@ -273,8 +272,7 @@ fn fit_without_prediction(
     }
     model.reset_levels = probabilities::levels(&means);
     let figures = evaluation::evaluate_with_resets(&model, tested, description, 1)?;
-    // A block without prediction says nothing about the block before it, so it cannot smooth that
-    // block.
+    // A block without prediction says nothing about the block before it, so it smooths nothing.
     let alone = |figures: RateFigures| RateFigures {
         mse_smoothed: figures.mse,
         ..figures

@@ -1,5 +1,4 @@
-//! Part of a report: rate and error of the packed model, compared with the codes of network and
-//! PCA.
+//! Part of a report: rate and error of the packed model, and of the codes of network and PCA.
 
 use super::evaluation::{bits, pca_curves};
 use super::{MSE, Report};

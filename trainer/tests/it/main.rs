@@ -40,8 +40,7 @@ impl Folder {
         folder
     }
 
-    /// Returns a folder with `runs` recordings `run1.gdf`, `run2.gdf`, ..., each of `seconds`
-    /// seconds.
+    /// Returns a folder with `runs` recordings `run1.gdf`, `run2.gdf`, ..., of `seconds` seconds.
     fn with_runs(runs: u64, seconds: u32) -> Self {
         let folder = Self::new();
         for run in 1..=runs {
@@ -71,8 +70,7 @@ impl Folder {
         command
     }
 
-    /// Runs the program, which must end with exit status `status`; returns standard output and
-    /// error.
+    /// Runs the program, which must end with exit status `status`; returns stdout and stderr.
     fn run(&self, arguments: &str, status: i32) -> [String; 2] {
         let output = self.command(arguments).output().expect("the program");
         let [out, err] =
@@ -103,16 +101,14 @@ impl Folder {
         err
     }
 
-    /// Trains a small model of a mode into the folder `model`, unless the arguments name another
-    /// one.
+    /// Trains a small model of a mode; its folder is `model` unless the arguments name one.
     fn train(&self, mode: &str, arguments: &str) -> String {
         self.succeed(&format!(
             "train {SMALL} --mode={mode} --out=model {arguments}"
         ))
     }
 
-    /// Writes a GDF file with electrodes `labels` at 250 Hz: three low-pass-filtered sources and
-    /// noise.
+    /// Writes a GDF file of electrodes `labels` at 250 Hz: three low-pass-filtered sources, noise.
     fn write_recording(&self, name: &str, labels: &[&str], seconds: u32, seed: u64) {
         let mix = |at: usize, sources: [f32; 3]| sources[at % 3] + 0.5 * sources[(at + 1) % 3];
         write_gdf(&self.path(name), labels, (250, seconds), (seed, 5.0), mix);

@@ -37,16 +37,14 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
         assert!(bits <= figure(rate - 1, "bits_per_hop"), "{rate}");
         assert!(figure(rate, "mse") > figure(rate - 1, "mse"), "{rate}");
     }
-    // 64 coefficients represent the 64 values of a block fully, so only the quantiser's error
-    // remains.
+    // 64 coefficients represent the 64 values of a block fully, so only quantisation errs.
     assert!(figure(0, "mse") < 0.01, "{json}");
     assert!(figure(4, "mse_smoothed") < figure(4, "mse"), "{json}");
     for name in ["band_correlation_8_13", "band_correlation_13_30"] {
         let [finest, coarse] = [0, 12].map(|rate| figure(rate, name));
         assert!(finest > 0.97 && coarse < finest, "{json}");
     }
-    // At the same error, prediction saves bits compared with the Karhunen-Loeve transform without
-    // it.
+    // At the same error, prediction saves bits compared with the KLT without it.
     let klt = &json["packed_without_prediction"];
     assert_eq!(klt.as_array().map(Vec::len), Some(16));
     for rate in [2, 4, 6] {

@@ -10,8 +10,7 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let train = "--train=run1 --test=run2 --epochs=1 --code-format=int8-exponent";
     let trained = folder.train("shortcut", train);
     fs::remove_file(folder.path("run1.gdf")).expect("the training file");
-    // Without `--test`, the test recordings of the training card are used, which yields the same
-    // figures.
+    // Without `--test`, the training card's test recordings are used, which give the same figures.
     let again = folder.succeed("evaluate --artifact=model --data=.");
     assert_eq!(again, trained);
     // A recording that lacks the last two electrodes, named by its path.
@@ -42,8 +41,8 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let origins: Vec<&str> = electrodes.column("origin");
     assert_eq!(origins[..6], ["measured"; 6]);
     assert_eq!(origins[6..], ["interpolated"; 2]);
-    // One circle is the head. Each electrode has two, of which the inner one is hollow if the
-    // electrode is interpolated.
+    // One circle is the head. Each electrode has two, of which the inner one is hollow if
+    // interpolated.
     let map = elements(&folder.path("report/electrodes.svg"), "circle");
     assert_eq!(map.len(), 1 + 2 * LABELS.len());
     let is_hollow = |circle: &&String| circle.contains("r=3;") && circle.contains("fill=none;");
@@ -133,8 +132,7 @@ fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
 #[test]
 fn folders_that_cannot_be_written_are_found_before_anything_is_read() {
     let folder = Folder::new();
-    // This file is no recording, and there is no model: if the program read either, it would fail
-    // with other words.
+    // This file is no recording, and there is no model: reading either would fail with other words.
     folder.write("run1.gdf", "nothing");
     folder.write("file", "");
     let train = format!("train {SMALL} --train=run1 --out=model");

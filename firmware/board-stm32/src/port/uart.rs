@@ -40,8 +40,7 @@ const BAUD: u32 = 921_600;
 const BUFFER: usize = 512;
 
 /// Waker of the reader of received bytes. The UART's interrupt wakes it when the line becomes idle
-/// after bytes and when a byte is damaged; on an STM32F446, also at the first byte after either
-/// event.
+/// after bytes and when a byte is damaged; on an STM32F446, also at the next byte.
 static IDLE: AtomicWaker = AtomicWaker::new();
 
 /// Buffers of both directions, in memory that the DMA can access.

@@ -121,8 +121,7 @@ impl PacketSender for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
         self.wait_connection().await;
     }
 
-    /// Dropping the future while it waits sends nothing, because it then has passed no byte of
-    /// `packet` to the peripheral.
+    /// Dropping this future while it waits sends nothing: no byte has reached the peripheral yet.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
         self.write_packet(packet).await.map_err(|_| Closed)
     }
@@ -145,8 +144,7 @@ const MAX_POLLS: usize = 1_000;
 /// unless it waits for the rest of a control transfer.
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 
-/// Disables the IN endpoints when the host resets the bus, which embassy-usb-synopsys-otg 0.3.3
-/// fails to do.
+/// Disables the IN endpoints when the host resets the bus; embassy-usb-synopsys-otg 0.3.3 does not.
 ///
 /// If the host has not read an endpoint's packet, a bus reset leaves the endpoint enabled. The
 /// driver then waits without a limit until the endpoint is disabled, so a device that was unplugged

@@ -58,8 +58,7 @@ impl<Port: PacketReceiver> Read for Receiver<Port> {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Closed> {
         loop {
             match self.0.receive(bytes).await? {
-                // An empty packet only ends a transfer. Returning its length, 0, would mean the end
-                // of the stream.
+                // An empty packet only ends a transfer. Returning 0 bytes would end the stream.
                 0 => {}
                 length => return Ok(length),
             }

@@ -49,8 +49,7 @@ impl Host {
         act.expect("an action for every tick")(self);
     }
 
-    /// Returns the seq of each whole frame, and how often the decoder had to skip bytes that belong
-    /// to no whole frame.
+    /// Returns the seq of each whole frame, and how often the decoder skipped bytes of no frame.
     fn decode(&self) -> (Vec<u32>, u32) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut seqs = Vec::new();
@@ -146,8 +145,8 @@ fn a_frame_cut_by_a_close_is_dropped_and_counted_and_the_next_one_is_whole() {
     let (mut device, cable) = Device::plugged(|host| {
         host.acts = VecDeque::from([
             act(|host| host.open(1)),
-            // At this tick, the second packet is in the endpoint's buffer, and the third one still
-            // waits in the device.
+            // At this tick, the second packet is in the endpoint, and the third waits in the
+            // device.
             act(|host| host.is_open = false),
             act(|_| {}),
             act(|host| host.open(ALL)),
@@ -209,8 +208,7 @@ fn every_frame_is_received_or_counted_over_a_thousand_openings() {
     let (mut device, cable) = Device::plugged(|host| {
         for opening in 0..1_000_usize {
             // At each opening of the port, the host reads 0 to 7 packets, in the order 0, 7, 6, ...
-            // 1. A frame has three packets, so the port closes at different places within the
-            // frames.
+            // 1. A frame has three packets, so the port closes at various places of a frame.
             let reads = opening * 7919 % 8;
             host.acts.push_back(act(move |host| host.open(reads)));
             host.acts.push_back(act(|host| host.is_open = false));
