@@ -54,7 +54,7 @@ impl Progress {
     }
 }
 
-/// Values of the counters at one moment.
+/// Values of all progress counters at one moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Snapshot {
     acquired: u32,

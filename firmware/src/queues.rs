@@ -136,7 +136,7 @@ impl OutputSender {
             Payload::PackedCode(code, marks) => Content::PackedCode(*code, marks),
             Payload::Event(event) => Content::Event(event),
             payload => {
-                // Queue the bulk content before its slot, which its receiver needs.
+                // Queue the bulk content first, because the receiver of the slot needs it.
                 let Some(bulk) = self.bulk.try_send() else {
                     return false;
                 };

@@ -66,7 +66,7 @@ impl Shared {
         self.orders.signal(order);
     }
 
-    /// Sets the rate of the packed code, for the encoder.
+    /// Sets the rate at which the encoder makes the packed code.
     pub(crate) fn set_rate(&self, rate: Rate) {
         self.rate.store(rate.index(), Relaxed);
     }

@@ -239,7 +239,7 @@ pub fn compare(
 /// Figures of the codes of one model.
 #[derive(Clone, Copy, Debug)]
 pub struct CodeFigures {
-    /// Errors of float and integer codes.
+    /// Reconstruction errors with float and with integer codes.
     pub errors: Evaluation,
     /// Correlation of the power of the alpha and the beta band before and after integer coding;
     /// overlapping windows are averaged, as in a stream.

@@ -73,7 +73,7 @@ struct Codec {
 pub(crate) struct CodedBlock<'a> {
     /// Windows, in units of `input.sd_uv`.
     pub(crate) windows: &'a [&'a Window],
-    /// Float codes.
+    /// Codes of the float encoder.
     pub(crate) codes: &'a [f32],
     /// Integer codes after dequantisation, as a host receives them.
     pub(crate) received: &'a [f32],

@@ -51,7 +51,7 @@ pub(crate) fn start() -> u64 {
     })
 }
 
-/// Counts an edge; called when timer 1 expires.
+/// Counts an edge of DRDY; called when timer 1 expires.
 pub(crate) fn on_edge() {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);

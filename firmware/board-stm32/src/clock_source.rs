@@ -1,4 +1,4 @@
-//! Source of the core's clock.
+//! Selects the source of the core's clock at start: the ST-LINK's clock or the internal oscillator.
 
 #[cfg(target_os = "none")]
 use {cortex_m::asm, embassy_stm32::pac::RCC};

@@ -81,7 +81,7 @@ fn drdy_edges() -> impl Drdy {
     DrdyEdges(trigger::refill_budget)
 }
 
-/// Chain of converters, which is started again by itself after a failed start. Kept in a static,
+/// Chain of converters, which is started again and again until a start succeeds. Kept in a static,
 /// because a task that owned it by value would copy it through the task's stack.
 pub(crate) struct Adc {
     chain: RetryingSampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,

@@ -17,7 +17,7 @@ const LINES: u32 = 0b11_1110_0000;
 struct Edges {
     /// Device time of the latest edge, which is that of its interrupt, microseconds since boot.
     last_us: u64,
-    /// Number of edges since boot; wraps.
+    /// Number of edges of DRDY since boot; wraps.
     count: u32,
     /// Value of `count` when a task last took the edges.
     taken: u32,

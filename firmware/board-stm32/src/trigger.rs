@@ -90,7 +90,8 @@ pub(crate) fn refill_budget() {
     }
 }
 
-/// Handles an edge; called by the trigger's interrupt. Disables that once the budget is spent.
+/// Handles an edge; called by the trigger's interrupt. Disables the interrupt once the budget is
+/// spent.
 ///
 /// The timer continues to capture edges, and after the next [`refill_budget`] the interrupt handles
 /// the latest one. If no samples are read for a time, the time of this latest edge can be wrong by

@@ -1,4 +1,4 @@
-//! Regions of a linker's memory map.
+//! Parses the regions of a linker's memory map.
 
 /// A region of memory: its name, its first address and its length in bytes.
 #[derive(Debug, Clone, PartialEq, Eq)]

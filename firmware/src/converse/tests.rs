@@ -1,4 +1,4 @@
-//! Test of the conversation task with a simulated host.
+//! Test, with a simulated host, that the conversation task counts the outputs that were lost.
 
 use core::{
     convert::Infallible,

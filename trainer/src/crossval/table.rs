@@ -186,7 +186,7 @@ impl fmt::Display for Table {
     }
 }
 
-/// Returns whether two outcomes have the same settings. The blocks in a run may differ in number.
+/// Returns whether two outcomes have the same settings. The number of blocks in a run may differ.
 fn is_same_kind(a: &Outcome, b: &Outcome) -> bool {
     if a.subject == b.subject {
         return a.settings == b.settings;
@@ -292,7 +292,7 @@ fn over_subjects(rows: &[Row]) -> Vec<Row> {
 }
 
 impl Spread {
-    /// Returns mean and sample standard deviation of `values`; one value deviates by 0.
+    /// Returns mean and sample standard deviation of `values`; for one value, the latter is 0.
     fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
         let count = values.clone().count() as f64;
         let mean = values.clone().sum::<f64>() / count;

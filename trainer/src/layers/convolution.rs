@@ -19,7 +19,7 @@ pub(crate) struct Layer<'a> {
     /// Kernels: \[output, input, step, row, column\] of a convolution, \[input, output, step, row,
     /// column\] of a transposed one.
     pub(crate) weight: &'a [f32],
-    /// A number for each output channel.
+    /// Bias of each output channel.
     pub(crate) bias: &'a [f32],
     /// Number of zeros at both ends of each axis, 0 or 1. A transposed convolution leaves out as
     /// many places of its output instead.
@@ -37,8 +37,8 @@ impl Layer<'_> {
         )
     }
 
-    /// Returns the gradient at the input of a convolution with `inputs` channels, from that at its
-    /// output.
+    /// Returns the gradient at the input of a convolution with `inputs` channels, from the gradient
+    /// at its output.
     pub(crate) fn convolve_gradient(&self, inputs: usize, gradient: &Volume) -> Volume {
         let kernels = self.turned_kernels(inputs, gradient.channels);
         correlate(gradient, &kernels, &vec![0.0; inputs], self.turned_pads())
@@ -51,7 +51,7 @@ impl Layer<'_> {
     }
 
     /// Returns the gradient at the input of a transposed convolution with `inputs` channels, from
-    /// that at its output.
+    /// the gradient at its output.
     pub(crate) fn convolve_transposed_gradient(&self, inputs: usize, gradient: &Volume) -> Volume {
         let kernels = self.kernels(inputs, gradient.channels);
         correlate(gradient, &kernels, &vec![0.0; inputs], self.pads)
@@ -79,14 +79,16 @@ impl Layer<'_> {
         }
     }
 
-    /// Returns the kernels, \[first, second, tap\], as maps from second-index channels to first.
+    /// Returns the kernels, \[first, second, tap\], as maps from channels of the second index to
+    /// channels of the first.
     fn kernels(&self, first: usize, second: usize) -> Kernels {
         Kernels::new(first, second, |output, input, tap| {
             self.weight[(output * second + input) * TAPS + tap]
         })
     }
 
-    /// Returns the kernels with reversed taps, as maps from first-index channels to second.
+    /// Returns the kernels with reversed taps, as maps from channels of the first index to channels
+    /// of the second.
     fn turned_kernels(&self, second: usize, first: usize) -> Kernels {
         Kernels::new(second, first, |output, input, tap| {
             self.weight[(input * second + output) * TAPS + TAPS - 1 - tap]

@@ -97,7 +97,7 @@ fn each<R: Send>(groups: usize, f: impl Fn(usize) -> R + Sync) -> Vec<R> {
     in_parallel::map(&indices, |&at| f(at))
 }
 
-/// Returns the moments of a volume over all groups.
+/// Returns the moments of each channel of a volume, over the windows of all groups.
 fn moments<'a>(groups: &[Group], volume: impl Fn(usize) -> &'a Volume + Sync) -> Moments {
     let moments = each(groups.len(), |at| {
         Moments::new(volume(at), groups[at].windows)
@@ -210,7 +210,7 @@ impl Backward<'_> {
         (loss, (stage, at_code))
     }
 
-    /// Goes back from the decoder's first convolution to the encoder's second batch norm.
+    /// Backward pass from the decoder's first convolution to the encoder's second batch norm.
     fn code_stage(
         &self,
         at: usize,
@@ -254,7 +254,7 @@ impl Backward<'_> {
         }
     }
 
-    /// Goes back from the encoder's second convolution to its first batch norm.
+    /// Backward pass from the encoder's second convolution to its first batch norm.
     fn second_stage(&self, at: usize, gradient: &Volume, norm: &BatchNorm<'_>) -> Stage {
         let activations = &self.activations[at];
         let encoder = &self.autoencoder.weights.encoder;

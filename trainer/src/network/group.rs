@@ -4,7 +4,7 @@ use crate::dataset::Window;
 use crate::layers::{LANES, Lanes, Volume};
 use artifact::{Description, Geometry, ScalpGrid};
 
-/// Sizes between the layers, and the cell of each electrode.
+/// Sizes of the feature maps between the layers, and the grid cell of each electrode.
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) geometry: Geometry,

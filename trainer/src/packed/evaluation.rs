@@ -24,7 +24,7 @@ const EDGE: usize = 4;
 /// Bits and error at one rate, measured on recordings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateFigures {
-    /// The rate, 0..=15.
+    /// Rate of the packed code, 0 (finest) to 15 (coarsest).
     pub rate: u8,
     /// Mean number of bits of a block, 8 times its length in bytes.
     pub bits: f64,

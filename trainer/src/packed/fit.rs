@@ -159,7 +159,8 @@ fn coarsest_within(figures: &[RateFigures], target: f64) -> Result<u8, TrainerEr
     })
 }
 
-/// Codes the training blocks in rounds, each with the levels and frequencies of the round before.
+/// Fits levels and frequencies in rounds, each of which codes the training blocks with those of the
+/// round before.
 fn fit_probabilities(
     model: &mut PackedModel,
     coefficients: &[Vec<i16>],

@@ -41,7 +41,7 @@ pub(super) fn largest_prediction(count: usize) -> f64 {
     scale_for(&vec![0.0; count], LARGEST_STATE) * SMALLEST_SUM / (2.0 * STATE_UNIT)
 }
 
-/// Returns the prediction in integers.
+/// Returns the matrix of the prediction as integers.
 pub(super) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
     let rows = prediction.transpose();
     IntegerMatrix::quantised(rows.as_slice(), rows.nrows(), STATE_UNIT, |weights| {

@@ -71,7 +71,7 @@ if it is the same tensor, add it to [names]
     );
 }
 
-/// A change of a file.
+/// A change that a test makes to a file before the import.
 type Edit<'a> = &'a dyn Fn(&mut File);
 
 #[test]

@@ -111,7 +111,7 @@ fn check_is_0_for_a_sound_model_1_for_other_golden_codes_and_2_for_a_damaged_one
     assert_eq!(object["golden_wrong"], json("[]"));
     assert_eq!(object["real_electrodes"], 61);
 
-    // The file ends with a window of 16 * 90 values. Change one in its middle, and thus its code.
+    // The file ends with a window of 16 * 90 values. Change one in its middle: its code changes.
     let golden = folder.path("changed/golden.safetensors");
     let mut bytes = fs::read(&golden).expect("golden codes");
     let at = bytes.len() - 16 * 90 / 2;

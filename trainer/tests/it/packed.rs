@@ -37,7 +37,7 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
         assert!(bits <= figure(rate - 1, "bits_per_hop"), "{rate}");
         assert!(figure(rate, "mse") > figure(rate - 1, "mse"), "{rate}");
     }
-    // 64 coefficients represent the 64 values of a block fully, so only quantisation errs.
+    // 64 coefficients represent a block's 64 values fully; only the quantiser's error remains.
     assert!(figure(0, "mse") < 0.01, "{json}");
     assert!(figure(4, "mse_smoothed") < figure(4, "mse"), "{json}");
     for name in ["band_correlation_8_13", "band_correlation_13_30"] {

@@ -100,7 +100,7 @@ struct Device {
 }
 
 impl Device {
-    /// Returns a device, and the cable to its host, which `prepare` has changed.
+    /// Returns a device and the cable to its host, after `prepare` has changed the host.
     fn plugged(prepare: impl FnOnce(&mut Host)) -> (Self, Cable) {
         let cable = Cable::default();
         prepare(&mut cable.0.borrow_mut());
