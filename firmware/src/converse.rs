@@ -32,8 +32,8 @@ pub struct Port<Input, Output> {
     pub output: Output,
 }
 
-/// What the conversation needs from the microcontroller: its stack, to report its use, and its
-/// reset.
+/// What the conversation needs from the microcontroller: its stack, to report the use of it, and a
+/// way to reset the microcontroller.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
     /// Stack whose largest use the `Timing` message reports; `None` if the start-up code has not

@@ -61,7 +61,7 @@ impl Shared {
         }
     }
 
-    /// Sends `order` to the acquisition, instead of an order that it has not read yet.
+    /// Sends `order` to the acquisition; it replaces an order that has not been read yet.
     pub fn send_order(&self, order: Order) {
         self.orders.signal(order);
     }

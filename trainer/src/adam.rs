@@ -87,8 +87,8 @@ mod tests {
             let values = tensor.of_mut(&mut gradients).iter_mut().enumerate();
             values.for_each(|(index, value)| *value = [2.0, -0.1, 0.0][index % 3]);
         }
-        // In mode `pca`, all tensors belong to the shortcut, whose learning rate is a hundredth of
-        // the 100. So each update is +-1, or 0 where the gradient is 0.
+        // In mode `pca`, all tensors belong to the shortcut, which gets a hundredth of the given
+        // learning rate, here 1. So each update is +-1, or 0 where the gradient is 0.
         adam.update(&mut parameters, &gradients, 100.0);
         for tensor in TENSORS {
             let before = tensor.of(&start.weights).iter();

@@ -98,7 +98,8 @@ fn wrong_windows(integers: &IntegerModel, golden: &Golden) -> Vec<usize> {
 }
 
 impl Checked {
-    /// Returns whether all golden codes are right; true for a model without a network.
+    /// Returns whether there are golden codes and all are right; true for a model without a
+    /// network.
     pub(crate) fn is_good(&self) -> bool {
         let codes = self.codes.as_ref();
         codes.is_none_or(|codes| codes.wrong.is_empty() && codes.windows > 0)

@@ -63,7 +63,7 @@ fn extremes(cells: &[usize], dimensions: &Dimensions) -> Vec<Vec<i8>> {
         window_of(&|step, electrode| rails((step + electrode) % 2 == 0)),
     ];
     let (steps, electrodes) = (dimensions.steps, dimensions.electrodes);
-    // Set a single value to its maximum: the first, two near the middle, and the last.
+    // Impulses at the first value of the window, at two near its middle, and at the last one.
     for (at_step, at_electrode) in [
         (0, 0),
         (steps / 2 - 1, electrodes / 2 - 1),

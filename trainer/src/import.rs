@@ -37,7 +37,7 @@ pub(crate) struct Import {
     force: bool,
 }
 
-/// The imported model's id, and how far it agrees with the exported network.
+/// Id of the imported model, and how far it agrees with the exported network.
 #[derive(Clone, Debug)]
 pub(crate) struct Imported {
     pub(crate) id: ModelId,

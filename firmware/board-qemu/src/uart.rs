@@ -13,8 +13,8 @@ static RECEIVED: Pipe<RawMutex, 1024> = Pipe::new();
 /// Bytes to the host that have not been moved to [`OUTGOING`] yet.
 static SENDING: Pipe<RawMutex, 256> = Pipe::new();
 
-/// Enables both directions and their interrupts. QEMU ignores the baud rate, but requires a
-/// divider.
+/// Enables both directions and their interrupts. QEMU ignores the baud rate, but requires that its
+/// divider is set.
 pub(crate) fn start() {
     UART0.write(uart::BAUD_DIVIDER, 16);
     UART0.write(uart::CONTROL, 0b1111);

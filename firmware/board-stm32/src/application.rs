@@ -97,7 +97,7 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
             .map_or(board.reset_cause, FaultRecord::reset_cause),
         fault: clock_fault,
     };
-    // After any other reset the converters have had power for long enough, and need no wait.
+    // After other resets than these three, the converters have had power for long enough to start.
     let is_cold = matches!(
         board.reset_cause,
         ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::NotKnown

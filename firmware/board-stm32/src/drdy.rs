@@ -15,7 +15,7 @@ const LINES: u32 = 0b11_1110_0000;
 
 #[derive(Clone, Copy)]
 struct Edges {
-    /// Device time of the latest edge, which is that of its interrupt, microseconds since boot.
+    /// Device time at which the interrupt of the latest edge ran, microseconds since boot.
     last_us: u64,
     /// Number of edges of DRDY since boot; wraps.
     count: u32,
@@ -51,7 +51,7 @@ pub(crate) fn on_edge() {
     WAKER.wake();
 }
 
-/// Marks all edges so far as taken. Returns the state before this.
+/// Marks all edges so far as taken. Returns the state before they were marked.
 fn take_edges(section: CriticalSection<'_>) -> Edges {
     let edges = EDGES.borrow(section);
     let before = edges.get();
@@ -80,7 +80,8 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     .await
 }
 
-/// DRDY input that gives the device time of its edges. Before every wait it calls its function.
+/// DRDY input that gives the device time of its edges. Before every wait it calls the function in
+/// it.
 pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
 impl<F: Fn()> Drdy for DrdyEdges<F> {

@@ -38,7 +38,7 @@ pub fn nvic_priority(level: u8) -> Priority {
 /// # Panics
 /// On the second call.
 pub fn init_chip(config: Config) -> Peripherals {
-    // Within this critical section, those that embassy's `init` closes do not enable interrupts.
+    // In this critical section, leaving those of embassy's `init` does not enable interrupts.
     critical_section::with(|_| {
         let peripherals = embassy_stm32::init(config);
         // Writing 0 clears the flags of this register (RM0433 and RM0390, TIMx_SR).

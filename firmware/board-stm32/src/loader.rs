@@ -4,7 +4,7 @@
 use cortex_m::{asm, peripheral::SCB};
 use firmware::failure::take_bootloader_request;
 
-/// Boot loader that the manufacturer has built into a chip, by the chip.
+/// Boot loader that the manufacturer has built into a chip; one variant for each chip.
 #[derive(Clone, Copy, Debug)]
 pub enum Loader {
     /// Boot loader of the STM32H743, which is not at the start of the system memory.

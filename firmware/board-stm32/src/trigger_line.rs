@@ -10,8 +10,8 @@ pub(crate) struct Edge {
     pub(crate) lost: u32,
 }
 
-/// Level and stamp of the trigger input at its interrupt's last run, and how often that may still
-/// run.
+/// Level and stamp of the trigger input when its interrupt last ran, and how often the interrupt
+/// may still run.
 #[derive(Debug)]
 pub(crate) struct TriggerLine {
     is_high: bool,

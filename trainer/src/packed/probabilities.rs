@@ -89,7 +89,8 @@ pub(super) fn starts(histogram: &Histogram) -> Box<Starts> {
 }
 
 /// Returns the initial frequencies of a table's row: in proportion to the weights, each at least 1.
-/// The most frequent magnitude absorbs the rounding error, so that the sum is right.
+/// The most frequent magnitude absorbs the rounding error, so that the frequencies have a fixed
+/// sum.
 fn row_starts(weights: &[f64]) -> [u16; MAGNITUDES] {
     let total: f64 = weights.iter().sum();
     let all = f64::from(1_u32 << FREQUENCY_BITS);

@@ -110,7 +110,7 @@ fn pictures_have_every_fold_its_mean_and_its_epochs() {
         points(&folder.path("report/learning.svg"), "#2B6CB0"),
         [2; 5]
     );
-    // Merging finished folds alone can write another report.
+    // A merge of the finished folds is enough for another report.
     let merge = "merge out --out=merged --report=again";
     folder.succeed(merge);
     for name in ["index.html", "folds.svg", "learning.svg"] {

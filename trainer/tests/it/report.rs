@@ -65,7 +65,8 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     assert_near(bits[0], 16.0, 1e-12);
     assert_near(bits[numbers], figure("bits_per_window"), 1e-12);
     let picture = folder.path("report/rate.svg");
-    // One line has a point for each number of PCA; the line of 2 points is the legend's entry.
+    // The curve has a point for each length of a PCA code; the line of 2 points is the legend's
+    // entry.
     assert_eq!(points(&picture, "#DD6B20"), [numbers, 2]);
     assert_eq!(elements(&picture, "circle").len(), 2 + 2);
     let page = folder.read("report/index.html");
