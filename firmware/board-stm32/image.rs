@@ -1,9 +1,9 @@
-//! Shared by the boards' build scripts: linker arguments and version of an image.
+//! Part of the boards' build scripts: sets the linker arguments and the version of an image.
 
 use std::{env, fs, path::PathBuf, process::Command};
 
-/// Sets the linker arguments for a memory map, and the environment variable `CORTICODE_FIRMWARE` to
-/// version and commit.
+/// Sets the linker arguments for a memory map, and sets the environment variable
+/// `CORTICODE_FIRMWARE` to the image's version and commit.
 pub(crate) fn configure(memory_map: &str) {
     println!("cargo::rerun-if-changed={memory_map}");
     println!("cargo::rerun-if-changed=../../memory.x");
@@ -20,11 +20,11 @@ pub(crate) fn configure(memory_map: &str) {
     }
 }
 
-/// Returns version and commit, for example `0.1.0 5d4b736`, with a `+` if there are uncommitted
-/// changes. Without git, returns the version alone.
+/// Returns the image's version and commit, for example `0.1.0 5d4b736`, with a `+` if there are
+/// uncommitted changes. Without git, returns the version alone.
 fn version() -> String {
     let version = env::var("CARGO_PKG_VERSION").expect("cargo sets it");
-    // Git appends a line to this file at every commit and every change of branch.
+    // Build again when this file changes: git appends to it at every commit and change of branch.
     if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
         println!("cargo::rerun-if-changed={log}");
     }

@@ -14,9 +14,9 @@ use crate::{
 
 /// Runs the acquisition. Without an active run, samples are read and discarded.
 ///
-/// The task waits only for the converter, and neither allocates nor logs. When the encoder's queue
-/// is full, the sample is dropped and counted as an overrun, and the next sample that is queued
-/// carries an overrun mark.
+/// The task waits only for the converter, and neither allocates nor logs. When the queue to the
+/// encoder is full, the sample is dropped and counted as an overrun, and the next sample that is
+/// queued carries an overrun mark.
 pub async fn acquire(
     mut converter: impl Converter,
     shared: &Shared,
@@ -43,7 +43,7 @@ pub async fn acquire(
                 publish_self_test_result(&converter, shared);
                 publish_status(&converter, shared);
             }
-            // The conversation executes these itself.
+            // The conversation task executes these orders itself.
             Some(Order::Reset(_) | Order::SetRate(_)) | None => {}
         }
         samples_until_status -= 1;
@@ -91,7 +91,7 @@ fn publish_self_test_result(converter: &impl Converter, shared: &Shared) {
     shared.self_test_result.signal(result);
 }
 
-/// State of an active run.
+/// What the acquisition keeps of the active run.
 struct Running {
     /// Settings of the run, until its first queued sample has passed them to the encoder; then
     /// `None`.
@@ -100,8 +100,8 @@ struct Running {
     samples: u64,
     /// Steps produced in the run.
     steps: u64,
-    /// Faults of the samples that found no room after the last queued one; the next queued sample
-    /// carries them.
+    /// Faults of the samples for which the queue had no room since the last queued sample; the next
+    /// queued sample carries these faults.
     lost: Marks,
 }
 

@@ -19,21 +19,21 @@ use crate::{deadlines, memory::Frames, queues::OutputReceiver, shared::Shared, s
 /// Largest number of bytes read from the port in one call: one bulk packet of full-speed USB.
 const PACKET: usize = 64;
 
-/// Longest time for which the conversation waits for an output before it marks progress again; also
+/// Longest time for which the conversation waits for an output before it marks progress again. Also
 /// the delay before a closed port is read again.
 const TICK: embassy_time::Duration = embassy_time::Duration::from_millis(20);
 
-/// Both directions of a port.
+/// Both directions of a board's port to the host.
 #[derive(Debug)]
 pub struct Port<Input, Output> {
-    /// Bytes from the host.
+    /// Reader of the bytes from the host.
     pub input: Input,
-    /// Bytes to the host.
+    /// Writer of the bytes to the host.
     pub output: Output,
 }
 
-/// What the conversation needs from the microcontroller: its stack, to report the use, and its
-/// reset.
+/// What the conversation needs from the microcontroller: its stack, to report the use of it, and a
+/// way to reset the microcontroller.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
     /// Stack whose largest use the `Timing` message reports; `None` if the start-up code has not
@@ -103,7 +103,7 @@ impl Conversation<'_, '_> {
         let mut packet = [0; PACKET];
         loop {
             let Ok(length) = input.read(&mut packet).await else {
-                // The port is closed; it may open again.
+                // The port is closed. Read it again later, because it may open again.
                 Timer::after(TICK).await;
                 continue;
             };
@@ -176,7 +176,7 @@ impl Conversation<'_, '_> {
         }
     }
 
-    /// Writes the waiting frames to the port.
+    /// Writes the frames that wait in memory to the port.
     async fn write_frames(&self, mut output: impl Write) {
         let mut buffer = [0; MAX_FRAME];
         loop {

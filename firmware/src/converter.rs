@@ -10,7 +10,7 @@ use pipeline::Sample;
 pub struct Conversion {
     /// Device time of the DRDY edge, microseconds since boot.
     pub drdy_us: u64,
-    /// Time of the DRDY edge on the board's [`Clock`](crate::Clock), ticks.
+    /// Time of the sample's DRDY edge on the board's [`Clock`](crate::Clock), ticks.
     pub drdy_ticks: u32,
     /// Number of samples missed between the previous delivered sample and this one.
     pub missed: u32,

@@ -1,4 +1,4 @@
-//! All rates, deadlines, interrupt priorities and queue depths, each with its derivation.
+//! All periods, deadlines, interrupt priorities and queue depths, each with its derivation.
 
 use embassy_time::Duration;
 use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ};
@@ -16,10 +16,10 @@ pub const CODE: Duration = Duration::from_micros(HOP as u64 * 1_000_000 / STEP_R
 
 /// Interrupt priorities, from 0 to 15 as on an STM32 (4 bits); a smaller number is more urgent.
 ///
-/// Rate-monotonic (the shorter the period, the more urgent), except for the time driver, which
-/// comes first because everything that reads the time relies on its count. The interrupts of the
-/// trigger and of the port are less urgent than the acquisition task, so that neither a trigger
-/// signal nor a host can delay a sample.
+/// The shorter the period of an interrupt or a task, the more urgent it is (rate-monotonic), except
+/// for the time driver, which comes first because everything that reads the time relies on its
+/// count. The interrupts of the trigger and of the port are less urgent than the acquisition task,
+/// so that neither a trigger signal nor a host can delay a sample.
 pub mod priority {
     /// Time driver: counts half periods of its 16-bit timer, 32.768 ms each, and serves alarms, in
     /// some 100 instructions. More urgent than everything that reads the time, so that no reader
@@ -44,16 +44,16 @@ pub mod priority {
 /// When the encoder falls further behind, samples are dropped, counted and flagged.
 pub const SAMPLES_WAITING: usize = 16;
 
-/// Depth of the queue from encoder to conversation. One slot would be enough, because the
-/// conversation preempts the encoder.
+/// Depth of the queue from encoder to conversation. The conversation preempts the encoder, so one
+/// slot would be enough and the others are spare.
 pub const OUTPUTS_WAITING: usize = 4;
 
 /// Depth of the bulk queue, which holds the content of the large outputs among [`OUTPUTS_WAITING`].
-/// One slot is enough, because the conversation preempts the encoder.
+/// One slot is enough, because the conversation preempts the encoder and empties the slot.
 pub const BULK_WAITING: usize = 1;
 
 /// Depth of the queue of trigger events, which the encoder empties with every sample. Only a
-/// bouncing trigger can fill it, and the edges that are then dropped carry no information.
+/// bouncing trigger can fill it, and the edges that it then drops carry no information.
 pub const EVENTS_WAITING: usize = 16;
 
 /// Largest number of trigger edges handled between two samples; the event queue holds no more. A
@@ -71,13 +71,13 @@ pub const CONVERTERS_RETRY: Duration = Duration::from_secs(5);
 pub const DRAIN_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Size of the buffer for frames that wait for the host, bytes: with the built-in model 3 s of
-/// codes and reports. Raw samples may fill three quarters of the buffer, which they do in 90 ms
-/// with this model. If a host pauses for longer, raw samples are dropped at once, but codes only
-/// after another second.
+/// codes and reports. Raw samples may fill three quarters of the buffer, which takes 90 ms with
+/// this model. If a host pauses for longer, raw samples are dropped at once, but codes only after
+/// another second.
 pub const FRAME_BYTES_WAITING: usize = 12_288;
 
-/// Period of the progress check: eight steps, whatever the hop. A task that makes no progress for
-/// this time has hung, and the watchdog is no longer fed.
+/// Period of the progress check: eight steps, whatever the model's hop. A task that makes no
+/// progress for this time has hung, and the watchdog is no longer fed.
 pub const PROGRESS: Duration = Duration::from_micros(8 * 1_000_000 / STEP_RATE_HZ as u64);
 
 /// Period of the watchdog at the nominal 32 kHz of its oscillator (LSI). Over the frequency range
@@ -93,8 +93,8 @@ const LSI_FASTEST_HZ: u64 = 47_000;
 
 const _: () = {
     assert!(SAMPLE.as_micros() < STEP.as_micros());
-    // Up to two progress checks pass between two feeds, and even the fastest watchdog must not
-    // expire in this time.
+    // Up to two periods of the progress check pass between two feeds, and even the fastest watchdog
+    // must not expire in this time.
     assert!(2 * PROGRESS.as_micros() * LSI_FASTEST_HZ < WATCHDOG.as_micros() * LSI_HZ);
     assert!(
         priority::TIME < priority::DRDY

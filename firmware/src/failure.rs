@@ -40,8 +40,8 @@ pub fn previous_fault() -> Option<FaultRecord> {
     critical_section::with(|section| KEPT.take(section))
 }
 
-/// Returns whether the last reset was requested by the host to enter the microcontroller's own boot
-/// loader, and erases the request. A record with any other reason stays.
+/// Returns whether the host requested the last reset to enter the microcontroller's own boot
+/// loader, and erases this request. A record of another reason stays.
 pub fn take_bootloader_request() -> bool {
     critical_section::with(|section| {
         let Some(record) = KEPT.take(section) else {
@@ -61,8 +61,7 @@ pub fn end_run(record: FaultRecord, reset: fn() -> !) -> ! {
     reset()
 }
 
-/// Memory for one record. A reset leaves the memory unchanged; after power-on its content is
-/// random.
+/// Memory for one record, which a reset leaves unchanged; after power-on its content is random.
 #[repr(transparent)]
 struct KeptRecord(UnsafeCell<MaybeUninit<FaultRecord>>);
 

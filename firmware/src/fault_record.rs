@@ -1,4 +1,4 @@
-//! Record of why the firmware ended, and the fault text of `Hello` after the next boot.
+//! Record of why the firmware ended, from which `Hello` takes its fault text after the next boot.
 
 use core::fmt::{self, Write};
 
@@ -18,12 +18,12 @@ const MAGIC: u32 = 0x5245_434f;
 #[repr(C)]
 pub struct FaultRecord {
     magic: u32,
-    /// [`FAILURE`], [`HANG`], [`RESTART`] or [`RESTART_INTO_BOOTLOADER`].
+    /// Why the firmware ended: [`FAILURE`], [`HANG`], [`RESTART`] or [`RESTART_INTO_BOOTLOADER`].
     reason: u32,
-    /// Bytes of `text` in use.
+    /// Number of bytes of `text` in use.
     length: u32,
     text: [u8; TEXT_BYTES],
-    /// FNV-1a of all fields above.
+    /// FNV-1a hash of all fields above.
     checksum: u32,
 }
 
@@ -86,7 +86,7 @@ impl FaultRecord {
         let text = &self.text[..length];
         match core::str::from_utf8(text) {
             Ok(text) => text,
-            // `new` has cut the text within its last character.
+            // `new` has cut the text within its last character: leave that character out.
             Err(error) => core::str::from_utf8(&text[..error.valid_up_to()]).unwrap_or(""),
         }
     }
@@ -119,7 +119,7 @@ impl FaultRecord {
     }
 }
 
-/// Writer that keeps the bytes that fit and drops the rest.
+/// Writer that keeps the bytes for which `bytes` has room, and drops the rest.
 struct Text {
     bytes: [u8; TEXT_BYTES],
     length: usize,
@@ -135,7 +135,7 @@ impl Write for Text {
     }
 }
 
-/// Fault text of `Hello` if the model in flash does not match its checksum.
+/// Fault text of `Hello` if the model in flash does not match its own checksum.
 pub const MODEL_DAMAGED: &str = "the model in flash is damaged: flash the firmware again";
 
 /// Returns the fault text of `Hello`, the gravest fault first: a damaged model, then the fault of

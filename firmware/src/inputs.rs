@@ -63,8 +63,8 @@ impl Inputs {
         });
     }
 
-    /// Runs `action` on the queue within a critical section. The borrow cannot fail, because no
-    /// `action` calls this function.
+    /// Runs `action` on the queue within a critical section. Borrowing the queue cannot fail,
+    /// because no `action` calls this function.
     fn with_queue<T>(&self, action: impl FnOnce(&mut EventQueue) -> T) -> Option<T> {
         self.queue.lock(|queue| {
             let mut queue = queue.try_borrow_mut().ok()?;

@@ -19,8 +19,8 @@ pub type Frames = Sender<FrameRing<{ deadlines::FRAME_BYTES_WAITING }>>;
 
 /// Memory of a board's tasks and queues; a board declares one static of this type.
 ///
-/// Only what starts as zeros is initialised at compile time, because other initial values of a
-/// static take flash: the memory of the encoders `E`, by far the largest value, and the frames.
+/// A static takes flash for every initial value but zero. Only the encoders' memory `E`, by far the
+/// largest part, and the frames start as zeros, so they are initialised at compile time.
 /// [`init`](Self::init) initialises the rest.
 pub struct Memory<E: 'static> {
     frames: ConstStaticCell<Frames>,
@@ -78,7 +78,7 @@ impl<E: Encoders + 'static> Memory<E> {
     /// On the second call.
     #[inline(never)]
     pub fn init(&'static self) -> TaskMemory<E> {
-        // One slot at a time: an array of all slots, 10 KB, would be built on the stack.
+        // Push one slot at a time: an array of all slots, 10 KB, would be built on the stack.
         let samples = self.samples.take();
         while samples.push(SampleSlot::default()).is_ok() {}
         let samples = self.sample_channel.init(Channel::new(samples));

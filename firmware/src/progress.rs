@@ -6,8 +6,8 @@ use embassy_time::Timer;
 
 use crate::deadlines;
 
-/// One wrapping counter for each task, and one for the samples that the encoder must process. Only
-/// changes of the counters matter, not their values.
+/// One wrapping counter for each task, and one for the samples that the encoder must process. A
+/// task makes progress when its counter changes; the value itself has no meaning.
 #[derive(Debug)]
 pub struct Progress {
     acquired: AtomicU32,
@@ -54,7 +54,7 @@ impl Progress {
     }
 }
 
-/// Values of the counters at one moment.
+/// Values of all progress counters at one moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Snapshot {
     acquired: u32,
@@ -64,8 +64,8 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    /// Returns whether every task has made progress since `before`. The encoder is exempt if it was
-    /// given no sample since then.
+    /// Returns whether every task has made progress since `before`. An encoder that was given no
+    /// sample since then need not have.
     fn all_moved_since(self, before: Self) -> bool {
         self.acquired != before.acquired
             && self.conversed != before.conversed
@@ -74,7 +74,8 @@ impl Snapshot {
 }
 
 /// Checks the tasks after every period of [`deadlines::PROGRESS`], and calls `feed` if all of them
-/// have made progress in it. If a task hangs, `feed` is not called and the watchdog expires.
+/// have made progress in that period. If a task hangs, `feed` is not called and the watchdog
+/// expires.
 pub async fn keep_alive(progress: &Progress, mut feed: impl FnMut()) -> ! {
     let mut before = progress.snapshot();
     loop {

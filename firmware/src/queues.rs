@@ -14,10 +14,10 @@ use pipeline::{Code, PackedCode, Quality};
 /// interrupts.
 pub type RawMutex = CriticalSectionRawMutex;
 
-/// Slot of the queue from the acquisition to the encoder.
+/// What one slot of the queue from the acquisition to the encoder holds.
 #[derive(Clone, Debug, Default)]
 pub struct SampleSlot {
-    /// Sample, and its step if one is due.
+    /// The sample, with a step of the encoder if one is due.
     pub acquired: AcquiredSample,
     /// Time of the sample's DRDY edge, in ticks of the board's [`Clock`](crate::Clock).
     pub drdy_ticks: u32,
@@ -28,7 +28,7 @@ pub type SampleSender = Sender<'static, RawMutex, SampleSlot>;
 /// Receiving end of the sample queue, which [`encode`](fn@crate::encode) holds.
 pub type SampleReceiver = Receiver<'static, RawMutex, SampleSlot>;
 
-/// Slot of the queue from the encoder to the conversation: an output with its small content. Large
+/// Slot of the queue from the encoder to the conversation: an output whose content is small. Large
 /// content is in a [`BulkSlot`], so that the slots of codes stay small.
 #[derive(Clone, Debug)]
 pub struct OutputSlot {
@@ -42,7 +42,7 @@ pub struct OutputSlot {
 
 #[derive(Clone, Debug)]
 enum Content {
-    /// The content is in the oldest slot of the bulk queue.
+    /// The content is large, and lies in the oldest slot of the bulk queue.
     Bulk,
     Code(Code, Marks),
     PackedCode(PackedCode, Marks),
@@ -52,15 +52,15 @@ enum Content {
 /// Slot of the bulk queue: the content of a large output.
 #[derive(Clone, Debug)]
 pub enum BulkSlot {
-    /// See [`Payload::Raw`].
+    /// Unfiltered samples, of [`Payload::Raw`].
     Raw(RawChunk),
-    /// See [`Payload::CompressedRaw`].
+    /// Unfiltered samples, compressed, of [`Payload::CompressedRaw`].
     CompressedRaw(CompressedChunk),
-    /// See [`Payload::Filtered`].
+    /// Filtered steps, of [`Payload::Filtered`].
     Filtered(FilteredChunk),
-    /// See [`Payload::Audit`].
+    /// The planes of a window and its code, of [`Payload::Audit`].
     Audit(AuditedWindow),
-    /// See [`Payload::Quality`].
+    /// Signal quality of each electrode, of [`Payload::Quality`].
     Quality(Quality),
 }
 
@@ -75,8 +75,8 @@ impl OutputSlot {
 }
 
 impl BulkSlot {
-    /// Creates a slot that has not been used yet. A function, because a constant would take its
-    /// zeros in flash.
+    /// Creates a slot that has not been used yet. A function instead of a constant, because a
+    /// constant would take its zeros in flash.
     pub const fn empty() -> Self {
         Self::Raw(RawChunk::EMPTY)
     }
@@ -106,7 +106,7 @@ pub struct OutputReceiver {
     is_bulk: bool,
 }
 
-/// Splits the two channels of the output queue into the queue's ends.
+/// Makes the two ends of the output queue from its two channels: slots, and bulk.
 pub fn output_queue(
     slots: &'static mut Channel<'static, RawMutex, OutputSlot>,
     bulk: &'static mut Channel<'static, RawMutex, BulkSlot>,
@@ -136,7 +136,7 @@ impl OutputSender {
             Payload::PackedCode(code, marks) => Content::PackedCode(*code, marks),
             Payload::Event(event) => Content::Event(event),
             payload => {
-                // Queued first, so that the receiver of the slot finds it.
+                // Queue the bulk content first, because the receiver of the slot needs it.
                 let Some(bulk) = self.bulk.try_send() else {
                     return false;
                 };

@@ -27,9 +27,9 @@ pub struct Shared {
     adc_status_bad: AtomicU32,
     clipped: AtomicU32,
     /// Number of outputs for which the queue to the conversation had no room. The encoder counts
-    /// them; the conversation takes the count and resets it to 0.
+    /// them; the conversation reads this number and resets it to 0.
     pub(crate) outputs_lost: AtomicU32,
-    /// Rate of the packed code.
+    /// Rate of the packed code that the host has set, as its index.
     rate: AtomicU8,
     /// Captured events at the board's inputs, for the encoder.
     pub inputs: Inputs,
@@ -43,8 +43,7 @@ pub struct Shared {
 }
 
 impl Shared {
-    /// Creates the state at boot: no order, all counts zero. `clock` measures the durations of the
-    /// stages.
+    /// Creates the state at boot: no order, all counts zero. `clock` times the stages.
     pub const fn new(clock: Clock) -> Self {
         Self {
             orders: Signal::new(),
@@ -62,12 +61,12 @@ impl Shared {
         }
     }
 
-    /// Sends an order to the acquisition.
+    /// Sends `order` to the acquisition; it replaces an order that has not been read yet.
     pub fn send_order(&self, order: Order) {
         self.orders.signal(order);
     }
 
-    /// Sets the rate of the packed code, for the encoder.
+    /// Sets the rate at which the encoder makes the packed code.
     pub(crate) fn set_rate(&self, rate: Rate) {
         self.rate.store(rate.index(), Relaxed);
     }
@@ -76,7 +75,7 @@ impl Shared {
         Rate::new(self.rate.load(Relaxed)).unwrap_or(DEFAULT_RATE)
     }
 
-    /// Returns the acquisition's counts since boot.
+    /// Returns how many samples and faults the acquisition has counted since boot.
     pub fn counts(&self) -> Counts {
         // The acquisition can preempt any reader between the loads. If the count carries into the
         // upper half meanwhile, the two loads of the upper half differ, and the loop reads again.

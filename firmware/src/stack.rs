@@ -1,15 +1,15 @@
-//! Bounds of the stack, and the largest number of its bytes in use since boot.
+//! Bounds of the stack, and the largest number of its bytes that were in use since boot.
 #![expect(unsafe_code, reason = "reads memory below the stack pointer")]
 
-/// Word that cortex-m-rt's feature `paint-stack` fills the stack with at start-up.
+/// Word with which cortex-m-rt's feature `paint-stack` fills the unused stack at start-up.
 const PAINT: u32 = 0xCCCC_CCCC;
 
 /// Stack of all tasks and interrupts; it grows down from `start` to `end`.
 #[derive(Clone, Copy, Debug)]
 pub struct Stack {
-    /// Lowest address, a multiple of 4.
+    /// Lowest address of the stack, a multiple of 4.
     end: usize,
-    /// One past the highest address.
+    /// One past the highest address of the stack.
     start: usize,
 }
 

@@ -10,7 +10,7 @@ use link::{Stage, StageTiming};
 
 use crate::{deadlines, stack::Stack};
 
-/// Free-running 32-bit counter of a board.
+/// Free-running 32-bit counter of a board, with which stages are timed.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     /// Returns the counter in ticks. The counter must not wrap within the longest deadline.
@@ -52,12 +52,12 @@ impl Timing {
         timing
     }
 
-    /// Reads the board's clock, in ticks.
+    /// Returns the present count of the board's clock, in ticks.
     pub(crate) fn now(&self) -> u32 {
         (self.clock.now)()
     }
 
-    /// Records that a stage which started at `start_ticks` ends now.
+    /// Records that a stage that started at `start_ticks` ends now.
     pub(crate) fn record(&self, stage: Stage, start_ticks: u32) {
         let ticks = self.now().wrapping_sub(start_ticks);
         if let Some(time) = self.stages.get(usize::from(u8::from(stage))) {
@@ -87,7 +87,7 @@ impl Timing {
 /// Durations of one stage since boot. Only one task writes them.
 #[derive(Debug)]
 struct StageTime {
-    /// Width of a histogram bin, in ticks.
+    /// Width of a histogram bin, an eighth of the stage's deadline, in ticks.
     bin_ticks: NonZeroU32,
     worst_ticks: AtomicU32,
     histogram: [AtomicU32; BINS + 1],

@@ -5,9 +5,9 @@
 
 use crate::parameters::{Parameters, TENSORS, Weights};
 
-/// Factor by which the mean gradient decays in an update, beta1.
+/// Factor beta1 of Adam, by which the mean gradient decays in an update.
 const MEAN_DECAY: f32 = 0.9;
-/// Factor by which the mean squared gradient decays in an update, beta2.
+/// Factor beta2 of Adam, by which the mean squared gradient decays in an update.
 const SQUARE_DECAY: f32 = 0.999;
 /// Number added to the denominator of an update, which keeps it finite when gradients vanish.
 const EPSILON: f32 = 1e-8;
@@ -17,14 +17,14 @@ const EPSILON: f32 = 1e-8;
 pub struct Adam {
     /// Number of updates so far.
     pub(crate) updates: u64,
-    /// Decaying means of the gradients.
+    /// Decaying means of the gradients of all trained tensors.
     pub(crate) mean: Weights,
-    /// Decaying means of the squared gradients.
+    /// Decaying means of the squared gradients of all trained tensors.
     pub(crate) square: Weights,
 }
 
 impl Adam {
-    /// Creates an optimiser for all tensors of `parameters` except the running statistics.
+    /// Creates an optimiser for all trained tensors of `parameters`: not the running statistics.
     pub fn new(parameters: &Parameters) -> Self {
         let mut rest = Weights::default();
         for tensor in TENSORS.iter().filter(|tensor| tensor.is_trained()) {
@@ -37,7 +37,7 @@ impl Adam {
         }
     }
 
-    /// Updates the parameters against the gradients, with learning rate `rate`.
+    /// Moves the parameters against their gradients, with learning rate `rate`.
     ///
     /// # Panics
     /// If a tensor has no gradient.
@@ -87,8 +87,8 @@ mod tests {
             let values = tensor.of_mut(&mut gradients).iter_mut().enumerate();
             values.for_each(|(index, value)| *value = [2.0, -0.1, 0.0][index % 3]);
         }
-        // The shortcut has a hundredth of the learning rate, so each update is +-1, or 0 without a
-        // gradient.
+        // In mode `pca`, all tensors belong to the shortcut, which gets a hundredth of the given
+        // learning rate, here 1. So each update is +-1, or 0 where the gradient is 0.
         adam.update(&mut parameters, &gradients, 100.0);
         for tensor in TENSORS {
             let before = tensor.of(&start.weights).iter();

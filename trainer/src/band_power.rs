@@ -3,7 +3,7 @@
 use crate::in_parallel;
 use std::f64::consts::TAU;
 
-/// Bands, Hz: alpha and beta. The upper end is not part of the band.
+/// The alpha and the beta band, Hz. The upper end is not part of a band.
 const BANDS_HZ: [[usize; 2]; 2] = [[8, 13], [13, 30]];
 
 /// Logarithm of each band's power in each second, `[band][electrode][second]`.
@@ -16,7 +16,7 @@ pub(crate) struct BandPower {
     /// Number of steps in a second.
     second: usize,
     /// For each frequency bin of 1 Hz that is part of a band: the index of the band, and for each
-    /// step cosine and sine times a Hann window.
+    /// step cosine and sine of the bin's frequency times a Hann window.
     bins: Vec<(usize, Vec<[f64; 2]>)>,
 }
 
@@ -43,8 +43,8 @@ impl BandPower {
         }
     }
 
-    /// Returns the [`correlation`] of the powers of original and coded sequences. The values of a
-    /// sequence are in the order step, electrode.
+    /// Returns the [`correlation`] between each band's powers in the original and in the coded
+    /// sequences. The values of a sequence are in the order step, electrode.
     pub(crate) fn correlation(&self, original: &[Vec<f32>], coded: &[Vec<f32>]) -> [f64; 2] {
         let powers =
             |sequences| in_parallel::map(sequences, |values: &Vec<f32>| self.log_powers(values));
@@ -77,8 +77,8 @@ impl BandPower {
     }
 }
 
-/// Returns the correlation of each band's power in two lists of sequences: Pearson's, mean over the
-/// electrodes.
+/// Returns, for each band, Pearson's correlation of the powers in two lists of sequences, as the
+/// mean over the electrodes.
 pub(crate) fn correlation(one: &[LogPowers], other: &[LogPowers]) -> [f64; 2] {
     [0, 1].map(|band| {
         let electrodes = one.first().map_or(0, |powers| powers[band].len());
@@ -111,8 +111,8 @@ fn pearson(one: &[f64], other: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Returns two electrodes at 128 Hz: a tone of 10 Hz and one of 20 Hz, with these amplitudes in
-    /// each second.
+    /// Returns the signals of two electrodes at 128 Hz, a tone of 10 Hz and a tone of 20 Hz.
+    /// `amplitudes` holds the amplitudes of both for each second.
     #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
     fn tones(amplitudes: &[[f64; 2]]) -> Vec<f32> {
         let value = |index: usize, tone: usize| {
@@ -129,8 +129,8 @@ mod tests {
     fn a_tone_has_its_power_in_its_band_only() {
         let powers = BandPower::new(2, 128).log_powers(&tones(&[[2.0, 3.0]]));
         let [alpha, beta] = powers;
-        // A Hann window halves the amplitude: |X|^2 = (a / 2 * 64)^2 in its bin, a quarter of that
-        // in each neighbour.
+        // A Hann window halves the amplitude a: |X|^2 = (a / 2 * 64)^2 in the bin of the tone, and
+        // a quarter of that in each of the two bins beside it.
         let expected = |amplitude: f64| ((amplitude * 32.0).powi(2) * 1.5).ln();
         assert!((alpha[0][0] - expected(2.0)).abs() < 1e-3, "{alpha:?}");
         assert!((beta[1][0] - expected(3.0)).abs() < 1e-3, "{beta:?}");

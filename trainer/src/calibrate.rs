@@ -19,7 +19,7 @@ const MIN_RANGE: f32 = 10.0;
 ///
 /// The calibration holds the smallest and largest value of each dimension of the code (at most -10
 /// and at least 10), the largest input and the largest activations. These ranges have no head room;
-/// model-gen adds it. Silent channels are held at the bias of their norm
+/// model-gen adds it. Channels that never vary are held at the bias of their norm
 /// ([`Parameters::hold_silent_channels`]).
 ///
 /// # Errors
@@ -66,7 +66,8 @@ mod tests {
     use super::*;
     use crate::testing;
 
-    /// Returns the tensor of the calibration that has an end of each number's range.
+    /// Returns the tensor `name` of the calibration: the lower or upper ends of all numbers'
+    /// ranges.
     fn range<'a>(artifact: &'a Artifact, name: &str) -> &'a [f32] {
         let numbers = artifact.description.code.numbers;
         artifact.calibration.tensor(name, &[numbers]).unwrap()
@@ -78,8 +79,8 @@ mod tests {
         dataset.scale(20.0);
         let parameters = testing::pca();
         let artifact = testing::model(&parameters, &dataset);
-        // Each test direction selects one feature, so the range of a code dimension is the range of
-        // its feature.
+        // Each direction of the test's PCA selects one feature, so the range of a code dimension is
+        // the range of its feature.
         let feature = testing::feature(5);
         let windows = dataset.aligned(8);
         let values = || windows.iter().map(|window| window[feature]);
@@ -111,7 +112,7 @@ mod tests {
     fn a_model_with_a_silent_channel_can_be_quantised() {
         let dataset = testing::dataset(3, 64);
         let mut parameters = testing::shortcut(1);
-        // ReLU never lets this channel of conv2 pass.
+        // Make channel 17 of conv2 silent: with this bias its ReLU always returns 0.
         let encoder = &mut parameters.weights.encoder;
         encoder.conv2.bias[17] = -1e6;
         encoder.norm2.running_var[17] = 0.0;

@@ -1,4 +1,4 @@
-//! The description of a new artifact, and its training card.
+//! The description of a new artifact, and the training card in it.
 
 use crate::error::TrainerError;
 use crate::montage_check::MontageCheck;
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Rate of the time steps, Hz.
 const STEP_RATE_HZ: u32 = 128;
 
-/// Content of the default montage file.
+/// Content of the default montage file, that of the paper.
 const PAPER: &str = include_str!("../../files/montages/paper-61.toml");
 
 /// Montage and shape of a model.
@@ -70,8 +70,8 @@ pub(crate) struct Shape {
     pub(crate) format: CodeFormat,
 }
 
-/// Returns a parser for an option with these values: pairs of a name, which `T` deserializes, and
-/// its help.
+/// Returns a parser for an option that takes one of `values`: pairs of a name, which `T`
+/// deserializes, and the name's help.
 fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static, const N: usize>(
     values: [(&'static str, &'static str); N],
 ) -> impl TypedValueParser<Value = T> {
@@ -81,7 +81,7 @@ fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static, const N: usize>(
 }
 
 impl fmt::Display for Shape {
-    /// Writes everything but the format of the codes, which the training does not depend on.
+    /// Writes the shape as text, without the code format, which does not change the training.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             mode,
@@ -114,8 +114,8 @@ impl ModelOptions {
 }
 
 /// Returns the description of the paper's chain (arXiv 2008.13485) for a montage, with an empty
-/// training card. Only an ADC rate that is no multiple of the step rate needs another decimation
-/// than the paper's.
+/// training card. The decimation differs from the paper's only if the ADC rate is no multiple of
+/// the step rate.
 pub(crate) fn description(montage: &MontageFile, shape: Shape) -> Description {
     let adc = montage.adc();
     let decimation = if adc.rate_hz.is_multiple_of(STEP_RATE_HZ) {
@@ -150,14 +150,14 @@ pub(crate) fn description(montage: &MontageFile, shape: Shape) -> Description {
             order: 5,
             decimation,
         },
-        // Replaced by the standard deviation of the recordings.
+        // Training replaces this value by the standard deviation of the recordings.
         input: Input { sd_uv: 1.0 },
         training: TrainingCard::default(),
     }
 }
 
-/// Returns the training card's note on recorded and interpolated electrodes. `signals` is the
-/// number of recorded signals from which all electrodes were computed.
+/// Returns the training card's note on how many electrodes were recorded and how many interpolated.
+/// `signals` is the number of recorded signals from which all electrodes were computed.
 fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
     if interpolated == 0 {
         return "All electrodes were recorded.".to_owned();
@@ -169,8 +169,8 @@ fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
     )
 }
 
-/// Fills in how many electrodes all training recordings have, and which ones were interpolated in
-/// any of them.
+/// Fills in how many electrodes every training recording has, and which electrodes at least one
+/// recording lacks, so that they were interpolated there.
 pub(crate) fn fill_electrodes(card: &mut TrainingCard, electrodes: &[String], tracks: &[Track]) {
     let is_interpolated = |label: &&String| tracks.iter().any(|t| t.interpolated.contains(label));
     card.interpolated = electrodes.iter().filter(is_interpolated).cloned().collect();
@@ -204,8 +204,8 @@ pub(crate) fn checked_description(
     description_to_compare(montage, shape)
 }
 
-/// Returns the description of a model that is trained only for a comparison, so its codes need not
-/// be decodable. Makes every check that is possible before recordings are read.
+/// Returns the description of a model that is trained only for a comparison, so that its codes need
+/// not be decodable. Makes every check that is possible before recordings are read.
 ///
 /// # Errors
 /// If the montage has mistakes, or no model can have this shape.

@@ -24,33 +24,33 @@ pub(crate) struct CheckOptions {
     pub(crate) json: bool,
 }
 
-/// Result of a check.
+/// Result of the check of a model, which `trainer check` prints.
 #[derive(Clone, Debug)]
 pub(crate) struct Checked {
     pub(crate) model: String,
-    /// Number of electrodes that were recorded in training.
+    /// Number of electrodes that were recorded in training, not interpolated.
     pub(crate) real_electrodes: usize,
-    /// The golden codes; `None` if the model has no network.
+    /// Result for the golden codes; `None` if the model has no network.
     pub(crate) codes: Option<CheckedCodes>,
     pub(crate) comparison: Option<Comparison>,
 }
 
-/// The golden codes of a network.
+/// Comparison of a network's golden codes with those of its integer encoder.
 #[derive(Clone, Debug)]
 pub(crate) struct CheckedCodes {
-    /// Bits of an integer code.
+    /// Length of an integer code in bits.
     pub(crate) bits_per_window: usize,
     pub(crate) windows: usize,
-    /// Golden windows whose stored code is not that of the integer encoder.
+    /// Indices of the golden windows whose stored code is not that of the integer encoder.
     pub(crate) wrong: Vec<usize>,
 }
 
-/// Reads a model, turns it into integers, which proves that no sum overflows, compares its golden
-/// codes, and measures its error on recordings if the options name any.
+/// Checks a model: reads it, turns it into integers, which proves that no sum overflows, compares
+/// its golden codes, and measures its error on recordings if the options name any.
 ///
 /// # Errors
 /// If a file cannot be read, the model cannot be turned into integers, or a recording cannot be
-/// used. Golden codes that differ are no error: [`CheckedCodes::wrong`] has them.
+/// used. Golden codes that differ are no error: [`CheckedCodes::wrong`] lists their windows.
 pub(crate) fn check(
     options: &CheckOptions,
     observer: &mut impl ProgressObserver,
@@ -83,7 +83,8 @@ pub(crate) fn check(
     })
 }
 
-/// Returns the golden windows whose code differs; all, if their shape or format is not the model's.
+/// Returns the indices of the golden windows whose code is not that of the integer encoder; all
+/// indices if the golden codes' shape or format is not the model's.
 fn wrong_windows(integers: &IntegerModel, golden: &Golden) -> Vec<usize> {
     let dimensions = integers.geometry.dimensions;
     let all = 0..golden.windows.len();
@@ -97,15 +98,16 @@ fn wrong_windows(integers: &IntegerModel, golden: &Golden) -> Vec<usize> {
 }
 
 impl Checked {
-    /// Returns whether all golden codes are right, if the model has a network.
+    /// Returns whether there are golden codes and all are right; true for a model without a
+    /// network.
     pub(crate) fn is_good(&self) -> bool {
         let codes = self.codes.as_ref();
         codes.is_none_or(|codes| codes.wrong.is_empty() && codes.windows > 0)
     }
 
-    /// Returns the result as a JSON object. With recordings it has the keys of `trainer evaluate
-    /// --json`, and `real_electrodes` counts those of the recordings. A model without a network has
-    /// no key of its codes.
+    /// Returns the result as a JSON object. If recordings were measured, it has the keys of
+    /// `trainer evaluate --json`, and `real_electrodes` counts the recorded electrodes of these
+    /// recordings. Without a network, the keys about codes are left out.
     pub(crate) fn to_json(&self) -> Json {
         let mut object = json!({
             "model": self.model,

@@ -30,9 +30,8 @@ pub(crate) fn write(path: &Path, training: &Training, data: &str) -> Result<(), 
     std::fs::rename(&partial, path).map_err(file_error)
 }
 
-/// Reads a training run that [`write()`] has written with the same settings and data. If it is
-/// finished and `settings` has more epochs, they are added with a learning rate that begins another
-/// cycle.
+/// Reads a training run that [`write()`] has written with the same settings and data. If the run is
+/// finished and `settings` has more epochs, these are added as another cycle of the learning rate.
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or belongs to another training run.
@@ -116,10 +115,10 @@ pub(crate) fn read(
 /// Key of the [`State`] in the metadata of a checkpoint.
 const STATE: &str = "state";
 
-/// Everything of a training run but its tensors, as JSON.
+/// Everything of a training run but its tensors; stored as JSON.
 #[derive(Serialize, Deserialize)]
 struct State {
-    /// Settings and data, as [`training_identity`] returns them.
+    /// Settings and data of the checkpoint, in the text that [`training_identity`] returns.
     training: String,
     /// Number of epochs of the training run.
     epochs: u32,
@@ -134,7 +133,7 @@ struct State {
 }
 
 /// Returns settings and data as text, without the number of epochs. A training run can be resumed
-/// only if this text is the same.
+/// only if it yields the same text.
 fn training_identity(settings: Settings, data: &str) -> String {
     format!("{settings}, on {data}")
 }
@@ -240,7 +239,7 @@ mod tests {
         assert!(!longer.is_done());
         let before = longer.parameters.clone();
         run.run_epoch(&mut longer);
-        // The first rate of the new cycle is not 0.
+        // The epoch has changed the parameters, so the new cycle begins with a rate above 0.
         assert_ne!(longer.parameters, before);
         assert_eq!(
             (longer.epoch, longer.settings.epochs, longer.cycle_start),

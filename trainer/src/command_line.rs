@@ -1,4 +1,4 @@
-//! The command line of `trainer`.
+//! The command line of `trainer`: its commands and options, and how it prints results.
 
 mod terminal;
 
@@ -140,11 +140,11 @@ enum MontageVerb {
     },
 }
 
-/// Exit status of wrong usage, and of every error of a command that checks.
+/// Exit status of wrong usage, and of every error of a command that checks something.
 const USAGE: u8 = 2;
 
 /// Runs the program. Returns 0, 1 for a failure, 2 for wrong usage and 130 after Ctrl-C. Commands
-/// that check return 2 for every error, and 1 or 2 for what they find.
+/// that check something return 1 or 2 for what they find, and 2 for every error.
 pub fn run() -> ExitCode {
     let (result, on_failure) = match Cli::parse().verb {
         Verb::Train(options) => (train(&options), 1),
@@ -180,7 +180,7 @@ fn train(options: &TrainOptions) -> Result<ExitCode, TrainerError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Prints the figures of a model and of its PCA.
+/// Prints the figures of a model and of its PCA on recordings.
 fn evaluate(args: &EvaluateArgs) -> Result<ExitCode, TrainerError> {
     let folder = args.report.report.as_deref();
     report::prepare(folder, args.report.force)?;
@@ -215,7 +215,7 @@ fn cross_validate(args: &CrossvalArgs) -> Result<ExitCode, TrainerError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Merges the outcomes of shards and prints the table.
+/// Merges the outcomes of a cross-validation's shards and prints the table.
 fn merge(args: &MergeArgs) -> Result<ExitCode, TrainerError> {
     report::prepare(args.report.report.as_deref(), args.report.force)?;
     let table = crossval::merge(&args.folders, &args.out)?;
@@ -234,7 +234,7 @@ fn print_table(table: &Table, folder: &Path, report: &ReportArgs) -> Result<(), 
     Ok(())
 }
 
-/// Returns wall time, processor time and peak memory of this process, as text.
+/// Returns wall time since `start`, processor time and peak memory of this process, as text.
 fn cost(start: Instant) -> String {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     let wall = start.elapsed().as_secs_f64();
@@ -251,8 +251,8 @@ fn peak_memory_mb() -> Option<u64> {
     Some(kib * 1024 / 1_000_000)
 }
 
-/// Trains a packed model, and prints its bits and errors at each rate, and those of the same
-/// transform code without prediction.
+/// Trains a packed model, and prints its bits and errors at each rate, and for comparison those of
+/// the same transform code without prediction.
 fn train_packed(options: &PackedOptions) -> Result<ExitCode, TrainerError> {
     let trained = packed::train(options, &mut Terminal::new())?;
     println!("packed code");
@@ -304,7 +304,7 @@ fn check_montage(file: &Path, recording: Option<&Path>) -> Result<ExitCode, Trai
     Ok(ExitCode::SUCCESS)
 }
 
-/// Prints an object, as JSON if there is any.
+/// Prints `json` if it is given, otherwise `object` as text.
 fn print(object: &impl fmt::Display, json: Option<Json>) {
     match json {
         Some(json) => println!("{json:#}"),

@@ -1,4 +1,4 @@
-//! Figures of a model on recordings, of its training or others.
+//! Figures of a model on recordings: those that it was trained on, or others.
 
 use crate::band_power::BandPower;
 use crate::dataset::Dataset;
@@ -26,21 +26,22 @@ pub struct Comparison {
     pub mode: Mode,
     /// Number of electrodes.
     pub electrodes: usize,
-    /// Number of electrodes that every recording has.
+    /// Number of electrodes that are recorded, not interpolated, in every recording.
     pub real_electrodes: usize,
     /// File names of the recordings.
     pub recordings: Vec<String>,
-    /// Codes of the network and of PCA; `None` if the model has no network.
+    /// Figures of the codes of the network and of PCA; `None` if the model has no network.
     pub codes: Option<CodeComparison>,
     /// Bits and error of the packed model at each rate, finest first; empty if the artifact has
     /// none.
     pub packed: Vec<RateFigures>,
-    /// Rate that a device starts with; `None` without a packed model.
+    /// Rate with which a device starts; `None` without a packed model.
     pub packed_rate: Option<u8>,
-    /// Figures of the Karhunen-Loeve transform of a block, coded alike but without prediction, from
-    /// the packed model's card; empty if its test recordings are others.
+    /// Figures of a code that transforms each block by the Karhunen-Loeve transform and differs
+    /// from the packed code only in that it does not predict. From the packed model's card; empty
+    /// if the card has other test recordings.
     pub without_prediction: Vec<PackedFigures>,
-    /// Number of time steps from one code, and one packed block, to the next.
+    /// Number of time steps from one code to the next, and from one packed block to the next.
     pub hop: usize,
     /// Unit of the network's input, `input.sd_uv`, uV.
     pub sd_uv: f64,
@@ -89,8 +90,7 @@ impl Comparison {
         })
     }
 
-    /// Returns the figures as a JSON object. Those of a network are missing where the model has
-    /// none.
+    /// Returns the figures as a JSON object. Without a network, those of codes are missing.
     pub fn to_json(&self) -> Json {
         let mut object = json!({
             "model": self.model,
@@ -108,8 +108,8 @@ impl Comparison {
         object
     }
 
-    /// Returns the figures that `figure` selects, for the training card, rounded to six decimals:
-    /// one training run on one subject does not make more decimals significant.
+    /// Returns the figures that `figure` selects, for the training card. They are rounded to six
+    /// decimals, because one training run on one subject makes no more of them significant.
     pub(crate) fn figures(&self, figure: fn(&ReconstructionError) -> f64) -> Option<Figures> {
         let codes = self.codes.as_ref()?;
         let pca = codes.pca.as_ref()?;
@@ -181,8 +181,8 @@ impl fmt::Display for Comparison {
     }
 }
 
-/// Returns the figures of the KLT in the packed model's card; none unless `tracks` are the test
-/// recordings of that card.
+/// Returns the figures of the Karhunen-Loeve transform from the packed model's card; none unless
+/// `tracks` are the test recordings of that card.
 fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> {
     let card = model
         .packed
@@ -193,9 +193,9 @@ fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> 
     of_these.map_or_else(Vec::new, |card| card.without_prediction.clone())
 }
 
-/// Evaluates the artifact in `folder`, and its PCA, on recordings. `names` selects them in `data`
-/// or by path; if it is empty, those of the training card are used. `mains_hz` replaces the mains
-/// frequency of the training.
+/// Evaluates the artifact in `folder`, and its PCA, on recordings. `names` selects the recordings,
+/// in `data` or by path; if it is empty, those of the training card are used. `mains_hz` replaces
+/// the mains frequency of the training.
 ///
 /// # Errors
 /// If the artifact or a recording cannot be used.
@@ -239,11 +239,10 @@ pub fn compare(
 /// Figures of the codes of one model.
 #[derive(Clone, Copy, Debug)]
 pub struct CodeFigures {
-    /// Errors of float and integer codes.
+    /// Reconstruction errors with float and with integer codes.
     pub errors: Evaluation,
-    /// Correlation of band powers with those of the original, of integer codes: overlapping windows
-    /// are averaged, as in a stream. The bands are those of
-    /// `RateFigures`.
+    /// Correlation of the power of the alpha and the beta band before and after integer coding;
+    /// overlapping windows are averaged, as in a stream.
     pub bands: [f64; 2],
 }
 
@@ -255,11 +254,12 @@ pub struct CodeComparison {
     pub network: CodeFigures,
     /// Figures of PCA; `None` if the artifact has no `pca.safetensors`.
     pub pca: Option<CodeFigures>,
-    /// Number of numbers in a code.
+    /// How many numbers a code has.
     pub numbers: usize,
     /// Errors of the network at each electrode, in the order of the montage.
     pub(crate) electrode_errors: Vec<ElectrodeError>,
-    /// Errors of PCA with fewer numbers, in ascending order, up to all of them; empty without PCA.
+    /// Errors of PCA with the first n numbers of a code only, for ascending n up to all; empty
+    /// without PCA.
     pub(crate) pca_by_numbers: Vec<TruncationError>,
 }
 
@@ -305,8 +305,8 @@ impl CodeComparison {
         })
     }
 
-    /// Returns the figures of the network, called `name`, and of PCA; of PCA alone in mode `pca`,
-    /// in which both are the same.
+    /// Returns the figures of the network, called `name`, and of PCA. In mode `pca` both are the
+    /// same, so it returns those of PCA alone.
     pub(crate) fn models(&self, name: &str, mode: Mode) -> Vec<(String, CodeFigures)> {
         let network = (mode != Mode::Pca).then(|| (name.to_owned(), self.network));
         let pca = self.pca.map(|pca| (format!("PCA-{}", self.numbers), pca));
@@ -339,18 +339,19 @@ impl CodeComparison {
         })
     }
 
-    /// Returns the number of bits of an integer code.
+    /// Returns the length of an integer code in bits.
     pub fn bits_per_window(&self) -> usize {
         self.bits_of(self.numbers)
     }
 
-    /// Returns the number of bits of an integer code with this number of numbers.
+    /// Returns the length in bits of an integer code that has `numbers` numbers.
     pub fn bits_of(&self, numbers: usize) -> usize {
         self.network.errors.format.bits(numbers)
     }
 }
 
-/// Measures a model on a dataset, and passes each block of windows to `observe`.
+/// Measures a model on a dataset, the correlation of its band powers included, and passes each
+/// block of windows to `observe`.
 fn evaluate_with_bands(
     model: &Artifact,
     dataset: &Dataset,

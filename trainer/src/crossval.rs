@@ -109,7 +109,7 @@ pub(crate) fn run(
             observer.message(&format!("{}: done before", fold.name()));
             continue;
         }
-        // The recordings of one subject are in memory at a time.
+        // Only the recordings of one subject are in memory at the same time.
         if tracks
             .as_ref()
             .is_none_or(|(name, _)| *name != subject.name)
@@ -158,8 +158,8 @@ pub(crate) fn merge(folders: &[PathBuf], out: &Path) -> Result<Table, TrainerErr
     Ok(table)
 }
 
-/// Returns all settings that determine an outcome except the fold's number, as text. All outcomes
-/// of a subject in a table have the same text.
+/// Returns as text all settings that determine an outcome, except the number of the fold. All
+/// outcomes of a subject in a table have the same text.
 fn identity(options: &CrossvalOptions, montage: &str, fold: &Fold) -> String {
     format!(
         "montage {montage}, {}, codes {}, mains {} Hz; {} epochs in {}; {} folds of {} in {} repetitions",

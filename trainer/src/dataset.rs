@@ -6,7 +6,7 @@ use crate::track::Track;
 use artifact::Dimensions;
 use rand::{Rng, RngExt};
 
-/// Number of parts of a track, of which the last is the validation part.
+/// Number of equal parts of a track, of which the last is the validation part.
 const VALIDATION_PART: usize = 8;
 
 /// Contiguous segments of filtered recordings, from which windows are cut.
@@ -38,9 +38,9 @@ impl Dataset {
         })
     }
 
-    /// Splits every track: the last eighth is for validation, the rest for training. The time steps
-    /// of one window between the two parts are in neither, so that windows of different parts are
-    /// not adjacent.
+    /// Splits every track: the last eighth is for validation, the rest for training. A gap of one
+    /// window's time steps between the two parts is in neither, so that windows of different parts
+    /// are not adjacent.
     ///
     /// # Errors
     /// If the last eighth of a track would be shorter than two windows.
@@ -162,7 +162,7 @@ impl Dataset {
     }
 }
 
-/// Training tracks in units of the standard deviation of their training part.
+/// Training tracks whose values are in units of the standard deviation of their training part.
 #[derive(Clone, Debug)]
 pub(crate) struct TrainingSet {
     /// Training part and validation part.
@@ -174,7 +174,8 @@ pub(crate) struct TrainingSet {
 }
 
 impl TrainingSet {
-    /// Splits and scales tracks.
+    /// Splits tracks into training and validation part, and scales them to units of the training
+    /// part's standard deviation.
     ///
     /// # Errors
     /// If a track is too short, or all values of the training part are 0.
@@ -202,7 +203,7 @@ impl TrainingSet {
     }
 }
 
-/// The two parts of the training tracks.
+/// Training part and validation part of the training tracks.
 #[derive(Clone, Debug)]
 pub(crate) struct Split {
     pub(crate) training: Dataset,

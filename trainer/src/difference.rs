@@ -1,4 +1,4 @@
-//! Differences between two models.
+//! Compares two models and lists their differences.
 
 use crate::error::TrainerError;
 use artifact::{Artifact, ArtifactError, Golden, PackedModel, Tensors};
@@ -24,19 +24,19 @@ pub(crate) struct Difference {
     pub(crate) golden_differ: Option<bool>,
 }
 
-/// A field that differs.
+/// A field of `model.toml` that differs between two models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct FieldDifference {
-    /// Name of the field, with dots.
+    /// Name of the field after those of its tables, separated by dots.
     pub(crate) field: String,
     /// Value in each model; `None` where it is missing.
     pub(crate) values: [Option<String>; 2],
 }
 
-/// A tensor that differs.
+/// A tensor that differs between two models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct TensorDifference {
-    /// Name of the file and of the tensor.
+    /// Name of the tensor, after that of its file.
     pub(crate) tensor: String,
     #[serde(flatten)]
     pub(crate) kind: Kind,
@@ -56,9 +56,10 @@ pub(crate) enum Kind {
         /// Number of elements that differ.
         differ: usize,
         elements: usize,
-        /// Largest difference.
+        /// Largest magnitude of the difference of two elements.
         largest: f32,
-        /// Root mean square of the difference, relative to that of the first model's tensor.
+        /// Root mean square of the difference, relative to the root mean square of the first
+        /// model's tensor.
         relative_rms: f64,
     },
 }
@@ -128,10 +129,10 @@ fn read_golden(folder: &Path) -> Result<Option<Golden>, TrainerError> {
     }
 }
 
-/// Returns the fields of a description as text, by their names with dots.
+/// Returns the fields of a model's description as text, by their names with those of their tables.
 fn fields(artifact: &Artifact) -> BTreeMap<String, String> {
     let mut fields = BTreeMap::new();
-    // A description always has a form as JSON: its keys are texts and its numbers finite.
+    // Conversion to JSON cannot fail: the keys of a description are texts and its numbers finite.
     if let Ok(Json::Object(description)) = serde_json::to_value(&artifact.description) {
         for (name, value) in description {
             flatten(&name, &value, &mut fields);
@@ -202,7 +203,7 @@ fn compare(file: &str, one: &Tensors, other: &Tensors) -> Vec<TensorDifference> 
         .collect()
 }
 
-/// Returns how elements differ; `None` if they are equal.
+/// Returns how the elements of two tensors of the same shape differ; `None` if they are equal.
 fn values(one: &[f32], other: &[f32]) -> Option<Kind> {
     let differences = || {
         let pairs = one.iter().zip(other);

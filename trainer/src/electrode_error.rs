@@ -24,7 +24,7 @@ pub(crate) struct ElectrodeError {
 pub(crate) struct ElectrodeSums {
     /// Sums with float codes and with integer codes, for each electrode.
     squares: Vec<[f64; 2]>,
-    /// Number of time steps.
+    /// Number of time steps over which the errors are summed.
     steps: usize,
 }
 
@@ -60,8 +60,8 @@ impl ElectrodeSums {
         }
     }
 
-    /// Returns the errors of the electrodes of a description; `is_recorded` returns whether
-    /// every recording has one.
+    /// Returns the errors of the electrodes of a description; `is_recorded` tells for an electrode
+    /// whether every recording has it.
     pub(crate) fn errors(
         &self,
         description: &Description,
@@ -97,7 +97,8 @@ mod tests {
         let dimensions = description.dimensions();
         let window = vec![0.0; dimensions.window_electrodes()];
         let (mut float, mut integer) = (window.clone(), window.clone());
-        // Electrode 3 at two time steps, electrode 5 at one.
+        // Set errors with float codes at electrode 3 at two time steps, and with integer codes at
+        // electrode 5 at one time step.
         float[3] = 2.0;
         float[7 * electrodes + 3] = -1.0;
         integer[4 * electrodes + 5] = 3.0;

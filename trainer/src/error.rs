@@ -13,7 +13,8 @@ pub enum TrainerError {
     // Usage errors, which the user can correct on the command line.
     #[error("{} has a packed model already; --force replaces it", .0.display())]
     PackedExists(PathBuf),
-    /// A block cannot have this number of coefficients; `most` is 0 if it has fewer than 16 values.
+    /// A block cannot have `count` coefficients. `most` is the largest number that it can have, 0
+    /// if it has fewer than 16 values.
     #[error(
         "a block cannot have {count} coefficients: they are a multiple of 16, and at most {most} \
          with this montage and hop"
@@ -26,7 +27,7 @@ pub enum TrainerError {
     TargetOutOfReach { target: f64, least: f64 },
     #[error("{} holds a model already; choose another folder, or replace it with --force", .0.display())]
     ArtifactExists(PathBuf),
-    /// A name selects no recording of a folder, whose recordings are `found`.
+    /// A name selects no recording in a folder; the folder's recordings are `found`.
     #[error("no recording in {} ends with {name}; {}", folder.display(), found_words(found))]
     NothingFound {
         name: String,
@@ -74,14 +75,16 @@ pub enum TrainerError {
          paper-code-only or shortcut"
     )]
     PaperMode,
-    /// A checkpoint was written with other settings or data: those found, and those expected.
+    /// A checkpoint was written with other settings or data. Holds the text found and the expected
+    /// one.
     #[error(
         "{} belongs to a training with {}, this one has {}; use the same settings, or train without \
          --resume",
         .0.display(), .1, .2
     )]
     OtherTraining(PathBuf, String, String),
-    /// A checkpoint has another number of epochs, and is not finished or has more.
+    /// A checkpoint's training run has another number of epochs than requested, and it is not
+    /// finished, or has more epochs.
     #[error(
         "{} has finished {finished} of {stored} epochs; resume it with --epochs {stored}, then \
          more epochs can be added ({requested} were asked for)",
@@ -103,7 +106,8 @@ pub enum TrainerError {
         blocks: usize,
         folds: usize,
     },
-    /// A folder has an outcome of another cross-validation: settings found, and those expected.
+    /// A folder has an outcome of another cross-validation. Holds the settings found and those
+    /// expected.
     #[error(
         "{} belongs to another cross-validation; choose another folder for --out\n  \
          it has:   {}\n  expected: {}",
@@ -121,7 +125,7 @@ pub enum TrainerError {
     #[error("the training card names no test recordings; name recordings with --test")]
     NothingToTest,
 
-    // Files.
+    // Errors of files.
     #[error("cannot access {}", .0.display())]
     File(PathBuf, #[source] io::Error),
     #[error("{} cannot be written; name another folder", .0.display())]
@@ -151,7 +155,7 @@ pub enum TrainerError {
     #[error(transparent)]
     Picture(#[from] picture::canvas::PictureError),
 
-    // The outcomes of a cross-validation.
+    // Errors of a cross-validation's outcomes.
     #[error("{} is no outcome of a fold; delete it, and its fold is computed again", .0.display())]
     Outcome(PathBuf, #[source] serde_json::Error),
     #[error(
@@ -176,8 +180,8 @@ pub enum TrainerError {
     )]
     MissingOutcomes(Vec<String>),
 
-    // The model.
-    /// The filters for a mains frequency, Hz, cannot be realised.
+    // Errors of the model.
+    /// The filters cannot be realised for this mains frequency, Hz.
     #[error("the filters for {0} Hz mains cannot be realised")]
     Filter(u32, #[source] model_gen::FilterError),
     #[error("the decimation cannot be realised")]
@@ -187,7 +191,7 @@ pub enum TrainerError {
     #[error("the loss of epoch {0} is {1}: training diverged; use a lower --learning-rate")]
     Diverged(u32, f64),
 
-    // An import.
+    // Errors of an import.
     #[error("{} is no specification of an import; docs/importing.md has an example", .0.display())]
     Spec(PathBuf, #[source] Box<toml::de::Error>),
     #[error("{} describes no possible model", .0.display())]
@@ -201,8 +205,9 @@ pub enum TrainerError {
     Unusable(PathBuf, #[source] Box<TrainerError>),
     #[error("{} and {} do not fit together:\n  {}", .0.display(), .1.display(), .2.join("\n  "))]
     ImportMistakes(PathBuf, PathBuf, Vec<String>),
-    /// The same weights yield other values here than in the exported network. `what` is `code` or
-    /// `reconstruction`; `difference` is the largest one, `rms` that of all reference values.
+    /// This program computes other values from the same weights than the exported network did.
+    /// `what` is `code` or `reconstruction`; `difference` is the largest difference, `rms` the RMS
+    /// of all reference values.
     #[error(
         "{what} {index} of the reference differs by {difference:.3e} in element {element}, more \
          than {tolerance:.0e} of the RMS of all {what}s ({rms:.3e}): the exported network is not \
@@ -218,7 +223,7 @@ pub enum TrainerError {
         tolerance: f32,
     },
 
-    // Ctrl-C.
+    // Errors that concern Ctrl-C.
     #[error("the program cannot listen for Ctrl-C")]
     Signals(#[source] io::Error),
     #[error("interrupted after {} epochs; {}", .0, resume_words(*.0, .1))]
@@ -256,18 +261,18 @@ impl TrainerError {
         )
     }
 
-    /// Returns a function that adds a path to an error of the operating system.
+    /// Returns a function that makes an error of the operating system one of the file at `path`.
     pub(crate) fn file(path: &Path) -> impl Fn(io::Error) -> Self + Copy + '_ {
         |source| Self::File(path.to_owned(), source)
     }
 
-    /// Returns a function that adds a folder to an error of reading its model.
+    /// Returns a function that makes an error of reading a model one of the model in `folder`.
     pub(crate) fn no_model(folder: &Path) -> impl Fn(artifact::ArtifactError) -> Self + Copy + '_ {
         |source| Self::NoModel(folder.to_owned(), Box::new(source))
     }
 }
 
-/// Returns the recordings of a folder, in words.
+/// Returns in words, for an error message, which recordings a folder has.
 fn found_words(found: &[String]) -> String {
     match found {
         [] => "the folder has none: name the folder of the recordings with --data".to_owned(),
@@ -275,7 +280,7 @@ fn found_words(found: &[String]) -> String {
     }
 }
 
-/// Returns how to resume an interrupted training run, in words.
+/// Returns in words, for an error message, how to resume an interrupted training run.
 fn resume_words(epochs: u32, checkpoint: &Path) -> String {
     if epochs == 0 {
         return "there is no checkpoint yet".to_owned();

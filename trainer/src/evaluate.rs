@@ -26,10 +26,10 @@ pub struct Evaluation {
     /// Signal-to-quantisation-noise ratio of the integer codes relative to the float codes, over
     /// all dimensions, dB.
     pub code_sqnr_db: f64,
-    /// Number of values of the quantised windows that saturated.
+    /// Number of values that saturated when the windows were quantised.
     pub input_clipped: u64,
-    /// Number of values of the integer codes at either end of their range; with an exponent,
-    /// counted only in codes with the largest exponent.
+    /// Number of values of the integer codes at either end of their range. If codes have an
+    /// exponent, only those with the largest exponent are counted.
     pub code_clipped: u64,
 }
 
@@ -41,12 +41,12 @@ pub struct ReconstructionError {
     pub mse: f64,
     /// Mean squared error, in microvolts squared.
     pub mse_uv2: f64,
-    /// Percent root-mean-square difference: root of the squared error over root of the squared
-    /// signal.
+    /// Percent root-mean-square difference: the root of the sum of the squared errors, divided by
+    /// the root of the sum of the squared values.
     pub prd_percent: f64,
 }
 
-/// Sums of squares, and counts of clipped values, over windows.
+/// Sums of squares, and counts of clipped values, over all measured windows.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     signal: f64,
@@ -58,7 +58,7 @@ struct Sums {
     code_clipped: u64,
 }
 
-/// Encoders and decoder of a model.
+/// Encoders and decoder with which a model is measured.
 struct Codec {
     network: Network,
     parameters: Parameters,
@@ -67,14 +67,15 @@ struct Codec {
     sd_uv: f64,
 }
 
-/// A block of windows, with their codes and reconstructions; each list is concatenated.
+/// A block of windows, with their codes and reconstructions; each slice holds those of one window
+/// after the other.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CodedBlock<'a> {
     /// Windows, in units of `input.sd_uv`.
     pub(crate) windows: &'a [&'a Window],
-    /// Float codes.
+    /// Codes of the float encoder.
     pub(crate) codes: &'a [f32],
-    /// Integer codes, dequantised.
+    /// Integer codes after dequantisation, as a host receives them.
     pub(crate) received: &'a [f32],
     /// Windows decoded from the float codes.
     pub(crate) decoded: &'a [f32],
@@ -139,7 +140,8 @@ pub(crate) fn evaluate_blocks(
 }
 
 impl Codec {
-    /// Adds the sums of a block of windows, which `observe` receives.
+    /// Encodes and decodes a block of windows, adds its errors to `total`, and passes it to
+    /// `observe`.
     fn measure(
         &self,
         windows: &[&Window],
@@ -279,7 +281,7 @@ mod tests {
     #[test]
     fn the_error_is_that_outside_the_directions_and_slightly_larger_in_int8() {
         let mut dataset = testing::dataset(9, 256);
-        // Scale the data so that they fill the minimum range of the calibration.
+        // Scale the data so that they fill the smallest range that the calibration gives a code.
         dataset.scale(5.0);
         let parameters = testing::pca();
         let model = testing::model(&parameters, &dataset);

@@ -1,5 +1,5 @@
-//! The device's front end for any description: filters and resampler with sizes that are known only
-//! at run time, whose outputs equal the device's bit for bit.
+//! The device's front end for any description: filters and resampler whose sizes are known only at
+//! run time. Their outputs equal the device's bit for bit.
 
 use crate::error::TrainerError;
 use artifact::Description;
@@ -11,12 +11,12 @@ use std::collections::VecDeque;
 /// The filters of all electrodes.
 pub(crate) struct Filters {
     sections: Vec<Cascade<1>>,
-    /// State of each section, for each electrode.
+    /// For each electrode, the states of all sections.
     states: Vec<Vec<CascadeState<1>>>,
 }
 
 impl Filters {
-    /// Creates the filters of a description at rest, for a mains frequency.
+    /// Creates the filters of a description for a mains frequency; their states are 0.
     pub(crate) fn new(description: &Description, mains_hz: u32) -> Result<Self, TrainerError> {
         let rate_hz = description.adc.rate_hz;
         let sections = model_gen::filter_cascade(&description.filters, rate_hz, mains_hz)
@@ -31,7 +31,7 @@ impl Filters {
         })
     }
 
-    /// Filters one sample of each electrode, counts; returns counts x 2^5 (Q27.5).
+    /// Filters one sample of each electrode, in counts; returns counts x 2^5 (Q27.5).
     pub(crate) fn filter_sample(&mut self, counts: &[i32]) -> Vec<i32> {
         let electrodes = counts.iter().zip(&mut self.states);
         let filtered = electrodes.map(|(&count, states)| {
@@ -47,10 +47,10 @@ impl Filters {
 /// Resampler from the ADC's rate to the step rate.
 pub(crate) struct Resampler {
     table: ResamplerTable,
-    /// The last filtered samples, one for each tap of a phase, newest first.
+    /// The last filtered samples, as many as a phase has taps, newest first.
     newest: VecDeque<Vec<i32>>,
-    /// Time from the next input sample to the next output, in units of 1 / phases of a sample
-    /// period.
+    /// Time from the next input sample to the next output, in units of a sample period divided by
+    /// the number of phases.
     ahead: usize,
 }
 
@@ -91,7 +91,7 @@ impl Resampler {
                 .zip(samples)
                 .map(|(&tap, x)| i64::from(tap) * i64::from(x))
                 .sum();
-            // The Q2.30 taps add 30 fraction bits to the sum. They are removed by rounding half up.
+            // The Q2.30 taps add 30 fraction bits to the sum. Round half up to remove them.
             i32::try_from((sum + (1 << 29)) >> 30).expect("model-gen proves the head room")
         };
         Some((0..electrodes).map(output).collect())

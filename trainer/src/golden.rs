@@ -14,8 +14,8 @@ const WINDOWS_PER_AMPLITUDE: usize = 3;
 /// Seed of the noise windows.
 const SEED: u64 = 0x60_1D;
 
-/// Returns synthetic windows, extremes and noise, and the codes that model-gen's integer reference
-/// computes for them.
+/// Returns synthetic windows, namely extremes and noise, and the codes that model-gen's integer
+/// reference computes for them.
 pub(crate) fn golden_windows(integers: &IntegerModel) -> Golden {
     let cells: Vec<usize> = integers
         .cells
@@ -63,7 +63,7 @@ fn extremes(cells: &[usize], dimensions: &Dimensions) -> Vec<Vec<i8>> {
         window_of(&|step, electrode| rails((step + electrode) % 2 == 0)),
     ];
     let (steps, electrodes) = (dimensions.steps, dimensions.electrodes);
-    // The corners of the window, and two places in its middle.
+    // Impulses at the first value of the window, at two near its middle, and at the last one.
     for (at_step, at_electrode) in [
         (0, 0),
         (steps / 2 - 1, electrodes / 2 - 1),

@@ -37,16 +37,16 @@ pub(crate) struct Import {
     force: bool,
 }
 
-/// Result of an import.
+/// Id of the imported model, and how far it agrees with the exported network.
 #[derive(Clone, Debug)]
 pub(crate) struct Imported {
     pub(crate) id: ModelId,
     /// Differences from the exported network; `None` if the file has no reference.
     pub(crate) agreement: Option<Agreement>,
     /// Error of float and integer codes on the windows of the calibration; `None` if the file has
-    /// ranges only.
+    /// ranges instead of such windows.
     pub(crate) evaluation: Option<Evaluation>,
-    /// Number of channels that never vary, and are held at the bias of their norm.
+    /// Number of channels that never vary, and are therefore held at the bias of their norm.
     pub(crate) silent_channels: usize,
 }
 
@@ -55,8 +55,8 @@ impl Import {
     /// checks pass.
     ///
     /// # Errors
-    /// If a file cannot be read or written, the tensors are not those of the specification, the
-    /// reference disagrees, or the model cannot be turned into integers.
+    /// If a file cannot be read or written, the tensors do not fit the specification, the model
+    /// yields other values than the reference, or the model cannot be turned into integers.
     pub(crate) fn run(&self) -> Result<Imported, TrainerError> {
         refuse_model(&self.out, self.force)?;
         let spec = Spec::read(&self.spec)?;
@@ -86,7 +86,7 @@ impl Import {
     }
 }
 
-/// Returns the calibrated model, its number of silent channels, and the windows of its calibration.
+/// Returns the calibrated model, its number of silent channels, and its calibration windows.
 fn calibrated(
     description: Description,
     weights: &Tensors,
@@ -109,7 +109,7 @@ fn calibrated(
     Ok((model, silent_channels, dataset))
 }
 
-/// Returns the note of the training card: which file was imported, and how it was checked.
+/// Returns the note for the training card: which file was imported, and how it was checked.
 fn note(tensors: &Path, agreement: Option<&Agreement>) -> Result<String, TrainerError> {
     let bytes = std::fs::read(tensors).map_err(TrainerError::file(tensors))?;
     let mut sum = String::new();
@@ -163,10 +163,10 @@ const TOLERANCE: f32 = 2e-3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Agreement {
     pub(crate) windows: usize,
-    /// Largest difference of a number of a code, relative to the RMS of all codes.
+    /// Largest difference between two numbers of codes, relative to the RMS of all codes.
     pub(crate) codes: f32,
-    /// Largest difference of a reconstructed value, relative to the RMS of all reconstructions;
-    /// `None` if the file has no reconstructions.
+    /// Largest difference between two reconstructed values, relative to the RMS of all
+    /// reconstructions; `None` if the file has no reconstructions.
     pub(crate) reconstructions: Option<f32>,
 }
 
@@ -198,7 +198,7 @@ fn check_reference(model: &Artifact, reference: &Reference) -> Result<Agreement,
     })
 }
 
-/// Returns the largest difference of any value, relative to the RMS of all expected values.
+/// Returns the largest difference of a value, relative to the RMS of all expected values.
 fn largest_difference(
     what: &'static str,
     found: &[Vec<f32>],
@@ -211,7 +211,7 @@ fn largest_difference(
     for (index, (found, expected)) in found.iter().zip(expected).enumerate() {
         for (element, (found, expected)) in found.iter().zip(expected).enumerate() {
             let difference = (found - expected).abs();
-            // A difference of NaN counts as the largest.
+            // A difference that is NaN counts as the largest.
             if difference.is_nan() || difference > largest.0 {
                 largest = (difference, index, element);
             }
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn differences_are_relative_to_the_rms_and_refused_if_too_large_or_not_finite() {
         let largest = difference(&[3.0, 4.001, 4.0, -3.002]).expect("within the tolerance");
-        // sqrt(12.5) is the RMS of all values.
+        // The RMS of all expected values is sqrt(12.5), about 3.535534.
         assert!((largest - 0.002 / 3.535_534).abs() < 1e-6, "{largest}");
         for wrong in [f32::NAN, f32::INFINITY, -3.1] {
             let error = difference(&[3.0, 4.0, 4.0, wrong]).expect_err("a wrong value");

@@ -1,4 +1,4 @@
-//! Parallel map over all cores.
+//! Applies a function to many items in parallel, on all cores.
 
 use std::num::NonZero;
 use std::thread;

@@ -52,9 +52,9 @@ pub(crate) fn total(lanes: &Lanes) -> f32 {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Volume {
     pub(crate) channels: usize,
-    /// Steps, rows and columns.
+    /// Numbers of steps, rows and columns.
     pub(crate) size: [usize; 3],
-    /// Values in row-major order.
+    /// Values of the feature map, column fastest, then row, step and channel.
     pub(crate) values: Vec<Lanes>,
 }
 
@@ -121,8 +121,8 @@ impl Volume {
         }
     }
 
-    /// Sets the values to 0 at which `activation`, the output of a ReLU, is 0: the gradient of the
-    /// ReLU.
+    /// Sets values to 0 where `activation`, the output of a ReLU, is 0. So a gradient at the output
+    /// of the ReLU becomes the gradient at its input.
     pub(crate) fn rectify_gradient(&mut self, activation: &Self) {
         let active = activation.values.as_flattened();
         for (gradient, active) in self.values.as_flattened_mut().iter_mut().zip(active) {

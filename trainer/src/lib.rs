@@ -24,8 +24,8 @@
 //! defaults are the paper's dimensions. Mode `pca` has linear maps only, which need no epochs. The
 //! default mode is `shortcut`: the paper's encoder and decoder, plus a linear map from window to
 //! code and back. The linear map starts as PCA, and the convolutions contribute exactly 0 at the
-//! start. Epoch 0 is a candidate, so on the validation windows the float codes are never worse than
-//! PCA's.
+//! start. These first parameters are a candidate for the best ones, so on the validation windows
+//! the float codes are never worse than PCA's.
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_precision_loss,

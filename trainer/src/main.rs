@@ -1,4 +1,4 @@
-//! The program `trainer`: see [`trainer::command_line`].
+//! The program `trainer`, which runs [`trainer::command_line`].
 #![forbid(unsafe_code)]
 
 use std::process::ExitCode;

@@ -1,5 +1,5 @@
-//! Checks a montage file (every mistake at once, and notes about what is allowed but unusual), and
-//! compares a recording with it.
+//! Checks a montage file, with every mistake at once and notes about what is allowed but unusual,
+//! and compares a recording with it.
 
 use crate::error::TrainerError;
 use crate::selection::file_name;
@@ -12,13 +12,13 @@ use recordings::{Electrode, Missing, MontageMap, Position, Recording};
 use std::fmt;
 use std::path::Path;
 
-/// Angle between neighbours on the grid from which a note is printed, degrees: twice the angle
+/// Angle between neighbours on the grid above which a note is printed, degrees: twice the angle
 /// between neighbours of the 10-20 system on the midline.
 const FAR_DEGREES: f64 = 72.0;
-/// Smallest numbers of rows and columns that a pool of 2 x 2 cells needs; the pools of a row must
-/// cover at least three columns.
+/// Smallest numbers of rows and columns that pools of 2 x 2 cells need. The pools of a row must
+/// cover at least three columns, so it takes two pools.
 const POOLED: [usize; 2] = [2, 4];
-/// Rows, and columns, that two convolutions of 3 x 3 cells without padding remove.
+/// Number of rows, and of columns, that two convolutions of 3 x 3 cells without padding remove.
 const REMOVED: usize = 4;
 
 /// Row and column of a cell, from 1.
@@ -36,7 +36,7 @@ pub struct MontageCheck {
 }
 
 impl MontageCheck {
-    /// Checks a montage.
+    /// Checks a montage file for mistakes and for unusual properties.
     pub fn new(file: &MontageFile) -> Self {
         let grid = file.grid();
         let mut mistakes = size_mistakes(&grid);
@@ -59,7 +59,7 @@ fn list(values: &[u32]) -> String {
     values.join(", ")
 }
 
-/// Returns the label and the cell of each electrode, row-major.
+/// Returns the label and the cell of each electrode, row by row.
 fn electrodes(grid: &Grid) -> Vec<(&str, Cell)> {
     let mut electrodes = Vec::new();
     for (row, cells) in (1..).zip(&grid.cells) {
@@ -248,7 +248,7 @@ impl RecordingCheck {
     /// Reads the labels of a recording and compares them with a montage.
     ///
     /// # Errors
-    /// If the recording cannot be read or has none of the electrodes.
+    /// If the recording cannot be read or has no electrode of the montage.
     pub fn read(path: &Path, montage: &MontageFile) -> Result<Self, TrainerError> {
         let name = file_name(path);
         let recording = Recording::open(path)
@@ -261,7 +261,7 @@ impl RecordingCheck {
     /// Compares the labels of a recording with a montage.
     ///
     /// # Errors
-    /// If there is none of the montage's electrodes.
+    /// If the recording has no electrode of the montage.
     pub fn new(
         name: String,
         labels: Vec<String>,

@@ -15,10 +15,10 @@ use group::{Group, Layout, by_window, lanes};
 
 pub use backward::BatchGradients;
 
-/// Weight of a batch in the running statistics; PyTorch's default.
+/// Weight of a new batch in the running statistics, as by default in PyTorch.
 const MOMENTUM: f32 = 0.1;
 
-/// The autoencoder, computed on the CPU.
+/// The autoencoder without its parameters, computed on the CPU.
 #[derive(Debug)]
 pub struct Network {
     layout: Layout,
@@ -107,8 +107,8 @@ impl Network {
         (windows.len() * self.layout.geometry.dimensions.window_electrodes()) as f64
     }
 
-    /// Returns the windows that codes, one after the other, decode to; batch norm uses the running
-    /// statistics.
+    /// Decodes codes that follow one another, and returns their windows; batch norm uses the
+    /// running statistics.
     ///
     /// # Panics
     /// In mode `paper`, whose codes cannot be decoded.

@@ -1,14 +1,14 @@
-//! Continuous signals from overlapping windows: the mean of all windows at each step.
+//! Continuous signals from overlapping windows: at each step, the mean of those that cover it.
 
 use crate::dataset::Dataset;
 
-/// Sums of decoded windows at the steps of a dataset, from which a continuous signal follows.
+/// Sums of the decoded windows at each step of a dataset, from which the continuous signals follow.
 pub(crate) struct OverlapMean<'d> {
     dataset: &'d Dataset,
     hop: usize,
-    /// For each segment, the values that its windows cover, in the order step, electrode.
+    /// For each segment, the sums at all steps that windows cover, in the order step, electrode.
     sums: Vec<Vec<f32>>,
-    /// Index of the segment of the next window, and number of windows added to that segment.
+    /// Index of the segment to which the next window belongs, and number of its windows so far.
     segment: usize,
     window: usize,
 }
@@ -29,8 +29,8 @@ impl<'d> OverlapMean<'d> {
         }
     }
 
-    /// Adds decoded windows, which follow each other and those that were added before, in the order
-    /// of [`Dataset::aligned`].
+    /// Adds decoded windows. All calls together must pass the windows in the order of
+    /// [`Dataset::aligned`].
     pub(crate) fn add(&mut self, decoded: &[f32]) {
         let dimensions = self.dataset.dimensions();
         for window in decoded.chunks_exact(dimensions.window_electrodes()) {
@@ -47,7 +47,7 @@ impl<'d> OverlapMean<'d> {
         }
     }
 
-    /// Returns the mean of the windows at each step, segment by segment.
+    /// Returns the mean of the windows at each step, for each segment.
     pub(crate) fn mean(&self) -> Vec<Vec<f32>> {
         let dimensions = self.dataset.dimensions();
         let per_hop = self.hop * dimensions.electrodes;
@@ -55,7 +55,7 @@ impl<'d> OverlapMean<'d> {
         let mean = |sums: &Vec<f32>| {
             let hops = sums.len() / per_hop;
             let hop = |(index, sums): (usize, &[f32])| -> Vec<f32> {
-                // A hop near either end of a segment, or of a short one, is in fewer windows.
+                // A hop near either end of a segment, or in a short segment, is in fewer windows.
                 let windows = hops + 1 - open;
                 let covering = open.min(windows).min(index + 1).min(hops - index);
                 let factor = 1.0 / covering as f32;
@@ -69,7 +69,7 @@ impl<'d> OverlapMean<'d> {
         self.sums.iter().map(mean).collect()
     }
 
-    /// Returns the dataset's values at the same steps.
+    /// Returns the dataset's values at the steps of [`Self::mean`].
     pub(crate) fn original(&self) -> Vec<Vec<f32>> {
         let segments = self.dataset.segments().zip(&self.sums);
         segments
@@ -98,14 +98,14 @@ mod tests {
             electrodes: 4,
             numbers: 8,
         };
-        // Two segments, whose last steps no window covers.
+        // In both segments, no window covers the last steps.
         let segment =
             |steps: u16, first: u16| (0..4 * steps).map(|v| f32::from(v + first)).collect();
         let dataset = Dataset::from_segments(vec![segment(45, 3), segment(16, 900)], dimensions);
         let mut mean = OverlapMean::new(&dataset, 4);
         let windows = dataset.aligned(4);
         assert_eq!(windows.len(), 8 + 1);
-        // In two parts, neither of which ends with a segment.
+        // Add the windows in two parts, neither of which ends with a segment.
         for part in [&windows[..3], &windows[3..]] {
             mean.add(&part.concat());
         }

@@ -28,7 +28,7 @@ pub(crate) use evaluation::evaluate;
 pub(crate) use evaluation::{RateFigures, RateTable};
 pub(crate) use fit::PackedTrained;
 
-/// Number of time steps that `model.toml` states for a window, which only a network reads.
+/// Number of time steps that `model.toml` states for a window. Only a network reads this number.
 const STEPS: usize = 16;
 
 /// Options of `trainer packed`.
@@ -92,7 +92,7 @@ struct FitOptions {
     target_mse: Option<f64>,
 }
 
-/// Recordings after the front end, to train on and to test with.
+/// Recordings to train on and to test with, after the front end.
 struct Tracks {
     train: Vec<Track>,
     test: Vec<Track>,

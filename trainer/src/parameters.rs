@@ -1,4 +1,5 @@
-//! The parameters of the network: a field for each tensor, with the artifact's name.
+//! The parameters of the network, with a field for each tensor that has the tensor's name in the
+//! artifact.
 
 use artifact::{ArtifactError, Geometry, Mode, NORM_EPSILON, Tensors, weight_shapes};
 use rand::{RngExt, SeedableRng};
@@ -61,10 +62,10 @@ pub struct Linear {
     pub weight: Vec<f32>,
 }
 
-/// A tensor: its name in files, and its field.
+/// A tensor of the network: its name in files, its role, and its field in [`Weights`].
 #[derive(Debug)]
 pub struct Tensor {
-    /// Name in the artifact and in checkpoints.
+    /// Name of the tensor in the artifact and in checkpoints.
     pub name: &'static str,
     role: Role,
     get: fn(&Weights) -> &Vec<f32>,
@@ -74,11 +75,11 @@ pub struct Tensor {
 /// Role of a tensor, which determines how it is initialised and trained.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Role {
-    /// Kernels, matrix or bias.
+    /// Kernels, matrix or bias of a layer that is not the last one.
     Layer,
     /// Kernels, matrix or bias of the last layer of encoder or decoder. Starts at 0 if there is a
-    /// shortcut, so that the convolutions contribute nothing at first. Its gradients are not 0,
-    /// because the inputs of the layer are not.
+    /// shortcut, so that the convolutions contribute nothing at first. Its gradients are not 0
+    /// then, because the inputs of the layer are not 0.
     LastLayer,
     /// Factor of a batch norm.
     Gain,
@@ -103,7 +104,7 @@ macro_rules! tensors {
     };
 }
 
-/// All tensors.
+/// All tensors that a network can have.
 pub const TENSORS: &[Tensor] = tensors! {
     Layer     encoder.conv1.weight
     Layer     encoder.conv1.bias
@@ -134,17 +135,17 @@ pub const TENSORS: &[Tensor] = tensors! {
 };
 
 impl Tensor {
-    /// Returns the elements.
+    /// Returns the elements of this tensor in `weights`.
     pub fn of<'w>(&self, weights: &'w Weights) -> &'w [f32] {
         (self.get)(weights)
     }
 
-    /// Returns the elements, to change them.
+    /// Returns the elements of this tensor in `weights`, for changes.
     pub fn of_mut<'w>(&self, weights: &'w mut Weights) -> &'w mut Vec<f32> {
         (self.get_mut)(weights)
     }
 
-    /// Returns whether gradients train the tensor, unlike a running statistic of a batch norm.
+    /// Returns whether gradients train the tensor; they do not train running statistics.
     pub(crate) fn is_trained(&self) -> bool {
         !matches!(self.role, Role::Mean | Role::Variance)
     }
@@ -168,12 +169,12 @@ pub(crate) fn shapes(mode: Mode, geometry: &Geometry) -> Vec<(&'static Tensor, V
     shapes.into_iter().map(tensor).collect()
 }
 
-/// The parameters of a network of a mode.
+/// The parameters of a network, with the mode that determines which tensors it has.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     mode: Mode,
     geometry: Geometry,
-    /// The tensors of the mode.
+    /// The tensors of the mode; all others are empty.
     pub weights: Weights,
 }
 
@@ -181,9 +182,9 @@ impl Parameters {
     /// Returns the initial parameters of a training run.
     ///
     /// The shortcut, if the mode has one, is the projection onto `directions` and back, which is
-    /// PCA. `encoder.fc` and `decoder.conv2`, the last layers of the convolutional encoder and
-    /// decoder, are then 0, so that the convolutions contribute nothing. All other layers are
-    /// random; batch norm starts with factor 1 and offset 0.
+    /// PCA. With a shortcut, the last layers of the convolutional encoder and decoder, `encoder.fc`
+    /// and `decoder.conv2`, are 0, so that the convolutions contribute nothing. All other layers
+    /// are random; batch norm starts with factor 1 and offset 0.
     ///
     /// # Panics
     /// In a mode with a shortcut, unless there is a direction for each number of the code, with an
@@ -218,16 +219,17 @@ impl Parameters {
         parameters
     }
 
-    /// Draws the initial values of all tensors except those of the shortcut.
+    /// Sets the initial values of all tensors except those of the shortcut; those of layers are
+    /// random.
     fn draw_convolutions(&mut self, seed: u64) {
         let has_shortcut = self.mode.has_shortcut();
-        // The bias of a layer follows its weight, and has the same range.
+        // A bias follows the weight of its layer in the list, and is drawn from the same range.
         let mut fan_in = 1.0_f32;
         for (index, (tensor, shape)) in shapes(self.mode, &self.geometry).into_iter().enumerate() {
             let count = shape.iter().product();
             if shape.len() > 1 {
-                // PyTorch's count of a layer's inputs; initial values are within +-1 /
-                // sqrt(fan-in).
+                // Number of the layer's inputs as PyTorch counts it. Initial values are within +-1
+                // / sqrt(fan-in).
                 fan_in = shape[1..].iter().product::<usize>() as f32;
             }
             let values = match tensor.role {
@@ -236,8 +238,8 @@ impl Parameters {
                 Role::Offset | Role::Mean => vec![0.0; count],
                 Role::LastLayer if has_shortcut => vec![0.0; count],
                 Role::Layer | Role::LastLayer => {
-                    // One random stream for each tensor, so that no tensor depends on the size of
-                    // another.
+                    // Each tensor has a random stream of its own, so that its values do not depend
+                    // on the size of another tensor.
                     let mut rng = ChaCha8Rng::seed_from_u64(seed);
                     rng.set_stream(index as u64);
                     let bound = 1.0 / fan_in.sqrt();
@@ -279,13 +281,13 @@ impl Parameters {
         tensors
     }
 
-    /// Returns the mode, which determines which tensors there are.
+    /// Returns the mode of the network, which determines which tensors it has.
     pub fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// Holds the channels of batch norm whose input does not vary at the norm's bias, and returns
-    /// their number.
+    /// Holds each channel whose input to a batch norm does not vary at the norm's bias, by a weight
+    /// of 0. Returns the number of these channels.
     ///
     /// ReLU can silence a channel for good. Its variance then decays towards 0, and the norm would
     /// amplify the first window that excites the channel several hundred times, beyond the range of
@@ -305,7 +307,8 @@ impl Parameters {
     }
 }
 
-/// Largest variance of a silent channel: the norm's output varies by a thousandth of its weight.
+/// Largest variance of a channel that counts as silent. With this variance, the norm's output
+/// varies by a thousandth of the norm's weight.
 const SILENT_VARIANCE: f32 = 1e-6 * NORM_EPSILON;
 
 #[cfg(test)]

@@ -4,11 +4,11 @@
 use crate::dataset::Dataset;
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Number of windows in one matrix product.
+/// Number of windows that are multiplied as one matrix.
 const BLOCK: usize = 512;
 
-/// Returns the second-moment matrix of the dataset's windows, one every half a window. It is used
-/// instead of the covariance: the band-pass removes the mean, and without subtraction of a mean the
+/// Returns the second-moment matrix of the dataset's windows, one every half a window. It replaces
+/// the covariance: the band-pass removes the mean anyway, and because no mean is subtracted, the
 /// code of a zero window is 0.
 pub(crate) fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     let windows = dataset.aligned(dataset.dimensions().steps / 2);
@@ -30,8 +30,8 @@ pub(crate) fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
 
 /// Returns the `count` orthonormal directions with the largest second moment, largest first.
 ///
-/// The sign of each direction is chosen such that the element of largest magnitude is positive, so
-/// that the same data yield the same signs.
+/// The sign of each direction is such that its element of largest magnitude is positive. So the
+/// same data always yield the same signs.
 ///
 /// # Panics
 /// If the matrix has fewer than `count` rows.
@@ -60,8 +60,8 @@ mod tests {
 
     #[test]
     fn the_directions_of_a_known_matrix_are_in_descending_order() {
-        // The matrix has the eigenvalues 1 and 4 in a plane rotated by 30 degrees, and 2
-        // perpendicular to this plane.
+        // The matrix has the eigenvalues 1 and 4 in a plane rotated by 30 degrees, and the
+        // eigenvalue 2 perpendicular to this plane.
         let (sin, cos) = std::f64::consts::FRAC_PI_6.sin_cos();
         let rotation =
             DMatrix::from_row_slice(3, 3, &[cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0]);

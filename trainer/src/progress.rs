@@ -1,11 +1,12 @@
-//! Progress of a training run, an evaluation or a cross-validation.
+//! Interface through which a command reports its progress and learns that the user wants to stop.
 
 use crate::crossval::Outcome;
 use crate::training::EpochLosses;
 
-/// Receives the progress of a command. All methods but the first do nothing by default.
+/// Receives the progress of a command. All methods but [`message`](Self::message) do nothing by
+/// default.
 pub trait ProgressObserver {
-    /// Reports a message for the user, one line.
+    /// Reports a message of one line to the user.
     fn message(&mut self, text: &str);
 
     /// Reports the start of epoch `epoch` of `epochs`, which has `batches` batches of `windows`
@@ -18,7 +19,7 @@ pub trait ProgressObserver {
     /// Reports the losses of a finished epoch, whose number counts from 1.
     fn epoch_finished(&mut self, _epoch: u32, _losses: EpochLosses) {}
 
-    /// Returns whether the user asked to stop. Called after each batch.
+    /// Returns whether the user has asked to stop. Training calls this after each batch.
     fn is_interrupted(&self) -> bool {
         false
     }

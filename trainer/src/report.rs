@@ -1,5 +1,5 @@
-//! Report of a training run, an evaluation or a cross-validation: pictures, their values as CSV,
-//! and a page that shows them.
+//! Report of a training run, an evaluation or a cross-validation: pictures, the values in them as
+//! CSV, and a page that shows the pictures.
 
 mod cross_validation;
 mod evaluation;
@@ -17,12 +17,12 @@ use picture::page::Page;
 use std::fs;
 use std::path::Path;
 
-/// File name of the page.
+/// File name of a report's page.
 const PAGE: &str = "index.html";
 /// Label of an axis with mean squared errors in units of `input.sd_uv` squared.
 const MSE: &str = "mean squared error (1 = variance of the training part)";
 
-/// A report; its page is written last.
+/// A report in progress. Its page is written last, when all pictures are there.
 struct Report<'a> {
     folder: &'a Path,
     page: Page,
@@ -36,8 +36,8 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Draws a picture with its values, both of which have `name` before the ending, and adds them
-    /// to the page.
+    /// Draws the picture `name` and writes the values in it to a CSV file of the same name, and
+    /// adds both to the page.
     fn add_picture(
         &mut self,
         name: &str,
@@ -62,7 +62,7 @@ impl<'a> Report<'a> {
     }
 }
 
-/// Creates the folder of a report, if one is named, and tries to write to it.
+/// Creates the folder of a report, if `folder` names one, and tries to write to it.
 ///
 /// # Errors
 /// If the folder holds a report already and `force` is false, or it cannot be written.
@@ -77,14 +77,14 @@ pub(crate) fn prepare(folder: Option<&Path>, force: bool) -> Result<(), TrainerE
     check_writable(folder)
 }
 
-/// Returns a message with the path of a report.
+/// Returns a message that tells the user where the report is.
 pub(crate) fn message(folder: &Path) -> String {
     format!("report written to {}", folder.join(PAGE).display())
 }
 
 /// Writes the report of a training run or an evaluation into a folder: learning curves if there
-/// were epochs, and error of each electrode and of PCA with fewer numbers if there were recordings
-/// to test with.
+/// were epochs, and the errors of each electrode and of PCA with fewer numbers if there were
+/// recordings to test with.
 ///
 /// # Errors
 /// If a file cannot be written.

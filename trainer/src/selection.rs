@@ -1,11 +1,11 @@
-//! Paths that a user names: recordings by path, pattern or name, and folders to write to.
+//! Finds what a user names: recordings by path, pattern or name, and folders to write to.
 
 use crate::error::TrainerError;
 use clap::Args;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// File extensions of recordings.
+/// File extensions of recordings, in lower case.
 const EXTENSIONS: [&str; 3] = ["edf", "bdf", "gdf"];
 
 /// Names of recordings to train on and to test with.
@@ -61,7 +61,7 @@ pub(crate) fn mains_hz(text: &str) -> Result<u32, String> {
     }
 }
 
-/// Recordings to train on and to test with; none is in both lists.
+/// Recordings to train on and to test with; no recording is in both lists.
 pub(crate) struct Selected {
     pub(crate) train: Vec<PathBuf>,
     pub(crate) test: Vec<PathBuf>,
@@ -71,12 +71,12 @@ impl TrainingFiles {
     /// Finds the recordings to train on and to test with.
     ///
     /// # Errors
-    /// Those of [`recordings()`], and [`TrainerError::TrainedOn`] if one is both for training and
-    /// for tests.
+    /// Those of [`recordings()`], and [`TrainerError::TrainedOn`] if a recording is named both for
+    /// training and for tests.
     pub(crate) fn find(&self) -> Result<Selected, TrainerError> {
         let train = recordings(&self.data, &self.train)?;
         let test = recordings(&self.data, &self.test)?;
-        // A relative path and a symbolic link can denote the same recording.
+        // Compare real paths: a relative path and a symbolic link can denote the same recording.
         let trained: BTreeSet<_> = train.iter().map(|path| identity(path)).collect();
         if let Some(both) = test.iter().find(|path| trained.contains(&identity(path))) {
             return Err(TrainerError::TrainedOn(file_name(both)));
@@ -92,7 +92,8 @@ impl Selected {
     }
 }
 
-/// Creates a folder if necessary, and a file in it, which it deletes again.
+/// Checks that files can be written to a folder: creates the folder if necessary and a file in it,
+/// and deletes the file again.
 ///
 /// # Errors
 /// If the folder or the file cannot be created.
@@ -115,12 +116,12 @@ pub(crate) fn refuse_model(folder: &Path, force: bool) -> Result<(), TrainerErro
     Ok(())
 }
 
-/// Returns the recordings that `names` select, sorted by path, without duplicates. A name is
+/// Returns the recordings that `names` select, sorted by path, without duplicates. A name is:
 ///
 /// * the path of a recording, or of a folder, which selects all recordings in it;
 /// * a pattern of paths with `*`, `?` or `[...]`;
-/// * the end of the stem or of the whole name of recordings in `folder`; `R03..R10` means R03, R04,
-///   ... R10.
+/// * the end of the file names of recordings in `folder`, with or without extension; `R03..R10`
+///   means R03, R04, ... R10.
 ///
 /// # Errors
 /// If a folder cannot be read, a range cannot be expanded or a name selects no recording.
@@ -144,7 +145,8 @@ pub(crate) fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>
     Ok(selected)
 }
 
-/// Returns the absolute path without symbolic links; the path itself if the file cannot be reached.
+/// Returns the absolute path without symbolic links, or `path` itself if the file cannot be
+/// reached.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }
@@ -192,7 +194,8 @@ fn matching(pattern: &str) -> Result<Vec<PathBuf>, TrainerError> {
     Ok(files)
 }
 
-/// Returns the recordings in a folder whose stem or name ends with a name or a range of names.
+/// Returns the recordings in a folder whose file name, with or without extension, ends with `name`
+/// or a name of the range `name`.
 fn named(folder: &Path, name: &str) -> Result<Vec<PathBuf>, TrainerError> {
     let files = list(folder)?;
     let mut selected = Vec::new();
@@ -229,8 +232,8 @@ fn matches(name: &str, path: &Path) -> bool {
     stem.ends_with(name) || file_name(path).ends_with(name)
 }
 
-/// Returns the names in a range, for example R03, R04 and R05 for `R03..R05`; a name that is no
-/// range is returned alone.
+/// Returns the names in a range, for example R03, R04 and R05 for `R03..R05`. Returns `name` alone
+/// if it is no range.
 fn expand(name: &str) -> Result<Vec<String>, TrainerError> {
     let Some((first, last)) = name.split_once("..") else {
         return Ok(vec![name.to_owned()]);
@@ -246,8 +249,8 @@ fn expand(name: &str) -> Result<Vec<String>, TrainerError> {
         .collect())
 }
 
-/// Splits a name into the prefix, the number at its end, and the number of digits; `None` if the
-/// name does not end with a number.
+/// Splits a name into the text before the number at its end, this number, and its count of digits.
+/// Returns `None` if the name does not end with a number.
 fn split_number(name: &str) -> Option<(&str, u32, usize)> {
     let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());
     let digits = &name[prefix.len()..];
@@ -266,7 +269,7 @@ mod tests {
         folder
     }
 
-    /// Returns the names of the files that `names` select in a folder.
+    /// Returns the file names of the recordings that `names` select in a folder.
     fn select(folder: &Path, names: &[&str]) -> Result<Vec<String>, TrainerError> {
         let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
         let files = recordings(folder, &names)?;

@@ -1,4 +1,4 @@
-//! Trains a model from recordings.
+//! The command `trainer train`: trains a model from recordings.
 
 use crate::calibrate::calibrated_artifact;
 use crate::card::ModelOptions;
@@ -61,7 +61,7 @@ pub(crate) fn train(
     options: &TrainOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<Option<Comparison>, TrainerError> {
-    // All checks come before the training, which takes hours.
+    // Make all checks first, because the training can take hours.
     let montage = options.model.montage()?;
     refuse_model(&options.out, options.force)?;
     let mut description = card::checked_description(&montage, options.model.shape)?;
@@ -147,8 +147,9 @@ pub(crate) fn train(
     Ok(comparison)
 }
 
-/// Runs the remaining epochs of a training run from `start`, or from its checkpoint, and writes a
-/// checkpoint after each epoch. `data` is the text by which the checkpoint identifies `split`.
+/// Runs the remaining epochs of a training run, which begins with the parameters `start` or
+/// continues from its checkpoint, and writes a checkpoint after each epoch. `data` is the text by
+/// which the checkpoint identifies the data in `split`.
 fn run_epochs(
     options: &TrainOptions,
     (split, data): (&Split, &str),
@@ -199,7 +200,7 @@ fn run_epochs(
     Ok(training)
 }
 
-/// Fills the training card, except for electrodes and figures.
+/// Fills in the training card, except for its entries on electrodes and figures.
 fn fill_card(
     description: &mut Description,
     options: &TrainOptions,
@@ -222,7 +223,8 @@ fn fill_card(
     Ok(())
 }
 
-/// Runs the epochs of a training run as [`run_epochs`] does, and completes the training card.
+/// Runs the epochs of a training run as [`run_epochs`] does, and fills in its results on the
+/// training card.
 fn train_network(
     options: &TrainOptions,
     description: &mut Description,

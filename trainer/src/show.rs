@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
 
-/// A model, with its integers.
+/// A model, together with the integers that a device computes with.
 #[derive(Clone, Debug)]
 pub(crate) struct Shown {
     artifact: Artifact,
@@ -54,7 +54,7 @@ impl Shown {
     }
 }
 
-/// Returns whether the codes of a mode can be decoded without anything else.
+/// Returns whether a window can be decoded from its code alone in this mode.
 fn is_decodable(mode: Mode) -> bool {
     mode != Mode::Paper
 }

@@ -13,8 +13,8 @@ use rand_chacha::ChaCha8Rng;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Returns orthonormal directions. Each selects a single feature, and the selected features are
-/// spread evenly over the window.
+/// Returns orthonormal directions, each of which selects a single value of a window. The selected
+/// values are spread evenly over the window.
 pub(crate) fn directions() -> Vec<Vec<f32>> {
     (0..geometry().dimensions.numbers)
         .map(|index| {
@@ -25,14 +25,13 @@ pub(crate) fn directions() -> Vec<Vec<f32>> {
         .collect()
 }
 
-/// Returns the index of the value in a window that direction `index` of [`directions`] selects.
+/// Returns the index in a window of the value that direction `index` of [`directions`] selects.
 pub(crate) fn feature(index: usize) -> usize {
     let dimensions = geometry().dimensions;
     index * dimensions.window_electrodes() / dimensions.numbers
 }
 
-/// Returns a dataset of a few low-pass-filtered sources shared by all electrodes, plus a little
-/// noise.
+/// Returns a dataset whose electrodes share a few low-pass-filtered sources and have some noise.
 pub(crate) fn dataset(seed: u64, steps: usize) -> Dataset {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut sources = [0.0_f32; 4];
@@ -70,17 +69,17 @@ pub(crate) fn description() -> Description {
     description
 }
 
-/// Returns the parameters of PCA with [`directions`].
+/// Returns the parameters of mode `pca`, whose shortcut projects onto [`directions`].
 pub(crate) fn pca() -> Parameters {
     Parameters::initial(Mode::Pca, geometry(), &directions(), 0)
 }
 
-/// Returns the initial parameters of mode `shortcut` with [`directions`].
+/// Returns the initial parameters of mode `shortcut`, whose shortcut projects onto [`directions`].
 pub(crate) fn shortcut(seed: u64) -> Parameters {
     Parameters::initial(Mode::Shortcut, geometry(), &directions(), seed)
 }
 
-/// Returns a model with these parameters, calibrated on a dataset.
+/// Returns a model with `parameters`, calibrated on a dataset.
 pub(crate) fn model(parameters: &Parameters, dataset: &Dataset) -> Artifact {
     calibrated_artifact(description(), parameters, dataset).unwrap()
 }
@@ -90,7 +89,7 @@ pub(crate) fn geometry() -> Geometry {
     Geometry::new(&description())
 }
 
-/// Returns a track without defects.
+/// Returns a track of a recording that has all electrodes.
 pub(crate) fn track(name: &str, electrodes: usize, values: Vec<f32>) -> Track {
     Track {
         name: name.to_owned(),
@@ -101,7 +100,7 @@ pub(crate) fn track(name: &str, electrodes: usize, values: Vec<f32>) -> Track {
     }
 }
 
-/// Settings of [`Run`].
+/// Settings of the training run of [`Run`], small so that tests are fast.
 pub(crate) const SETTINGS: Settings = Settings {
     epochs: 2,
     batch: 8,

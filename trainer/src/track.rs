@@ -10,11 +10,11 @@ use recordings::montage_map::Origin;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 use std::path::{Path, PathBuf};
 
-/// Number of units of the front end's output in one ADC count.
+/// Number of units of the front end's output, Q27.5, in one ADC count.
 const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
 
-/// A recording in the form that the encoder receives: filtered, at 128 Hz, in the order of the
-/// montage.
+/// A recording in the form that the encoder receives: filtered, at 128 Hz, electrodes in the order
+/// of the montage.
 #[derive(Clone, Debug)]
 pub(crate) struct Track {
     /// File name of the recording.
@@ -29,7 +29,7 @@ pub(crate) struct Track {
     pub(crate) signals: usize,
 }
 
-/// Reads recordings as [`Track::read`] does.
+/// Reads each recording of a list as [`Track::read`] does.
 pub(crate) fn read_tracks(
     files: &[PathBuf],
     description: &Description,
@@ -42,8 +42,8 @@ pub(crate) fn read_tracks(
         .collect()
 }
 
-/// Returns the number of time steps at the start of a recording in which the filters respond to its
-/// offset: as long as the device keeps its flag `settling` set.
+/// Returns the number of time steps at the start of a recording in which the filters still respond
+/// to the recording's offset. For this time a device sets its flag `settling`.
 ///
 /// # Errors
 /// If the filters cannot be realised.
@@ -126,7 +126,7 @@ impl Track {
         Ok(track)
     }
 
-    /// Returns a part of the recording, in time steps.
+    /// Returns the part of the recording at the given time steps.
     ///
     /// # Panics
     /// If the part is not within the recording.

@@ -36,7 +36,7 @@ pub(crate) struct Settings {
 }
 
 impl fmt::Display for Settings {
-    /// Writes all settings but the number of epochs.
+    /// Writes all settings but the number of epochs, which may grow when a training run is resumed.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             epochs: _,
@@ -52,7 +52,8 @@ impl fmt::Display for Settings {
 }
 
 /// A one-cycle schedule of the learning rate: it rises to the peak, then falls to almost 0, both
-/// along a cosine (Smith and Topin, arXiv 1708.07120; shape and ratios of PyTorch's `OneCycleLR`).
+/// along a cosine (Smith and Topin, arXiv 1708.07120; shape and ratios as in PyTorch's
+/// `OneCycleLR`).
 struct OneCycle {
     /// Largest learning rate, reached after 15 % of the updates.
     peak: f64,
@@ -60,15 +61,15 @@ struct OneCycle {
     updates: u64,
 }
 
-/// Fraction of the updates during which the learning rate rises to its peak.
+/// Part of the updates of a cycle during which the learning rate rises to its peak.
 const WARM_UP: f64 = 0.15;
-/// Ratio of the peak rate to the first rate.
+/// Ratio of the peak learning rate to the first one of a cycle.
 const RISE: f64 = 25.0;
-/// Ratio of the first rate to the last rate.
+/// Ratio of the first learning rate of a cycle to the last one.
 const FALL: f64 = 1e4;
 
 impl OneCycle {
-    /// Returns the learning rate of an update, counted from 0.
+    /// Returns the learning rate of update number `update` of the cycle, counted from 0.
     fn rate(&self, update: u64) -> f64 {
         let last = self.updates.saturating_sub(1).max(1) as f64;
         let peak_at = WARM_UP * last;
@@ -127,7 +128,7 @@ pub struct EpochLosses {
 /// Learning curve of a training run, with the chosen epoch and the error of PCA beside it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Learning {
-    /// Errors of all epochs; those of a resumed run begin before its checkpoint.
+    /// Errors of all epochs, also of those before the checkpoint from which a run was resumed.
     pub(crate) curve: LearningCurve,
     /// Epoch with the smallest validation error; 0 for the initial parameters.
     pub(crate) best_epoch: u32,
@@ -136,7 +137,7 @@ pub(crate) struct Learning {
 }
 
 impl LearningCurve {
-    /// Returns the validation errors from epoch 0, that of the initial parameters.
+    /// Returns the validation errors of all epochs, from epoch 0, which has the initial parameters.
     pub(crate) fn validations(&self) -> impl Iterator<Item = f64> {
         let epochs = self.epochs.iter().map(|epoch| epoch.validation);
         std::iter::once(self.initial_validation).chain(epochs)
@@ -154,8 +155,8 @@ pub(crate) struct Candidate {
 }
 
 impl Training {
-    /// Creates a training run before its first epoch; the initial parameters are the first
-    /// candidate.
+    /// Creates a training run before its first epoch. The initial parameters are the first
+    /// candidate for the best ones.
     pub(crate) fn start(
         settings: Settings,
         parameters: Parameters,
@@ -260,8 +261,8 @@ impl Training {
     }
 }
 
-/// Returns disjoint windows of the validation part; overlapping windows would slow down every
-/// epoch.
+/// Returns the windows of the validation part, without overlap, because overlapping windows would
+/// slow down every epoch.
 pub(crate) fn validation_windows(split: &Split) -> Vec<&Window> {
     split
         .validation
@@ -299,7 +300,7 @@ mod tests {
         let directions = testing::directions();
         let mut sum = 0.0;
         for window in &windows {
-            // The directions are orthonormal, so the error is the energy outside their span.
+            // The directions are orthonormal: the error is the window's energy outside their span.
             let energy = |values: &[f32]| values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
             let code: Vec<f32> = directions
                 .iter()

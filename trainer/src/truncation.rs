@@ -1,11 +1,11 @@
-//! Reconstruction error of PCA with the first numbers of a code only.
+//! Reconstruction error of PCA codes from which only the first numbers are decoded.
 
 use crate::dataset::Window;
 use crate::evaluate::CodedBlock;
 use crate::in_parallel;
 use artifact::{Artifact, ArtifactError};
 
-/// Error of PCA with the first `numbers` numbers of its code only, over all measured windows.
+/// Error over all windows of PCA codes of which only the first `numbers` numbers are decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TruncationError {
     pub(crate) numbers: usize,
@@ -15,19 +15,20 @@ pub(crate) struct TruncationError {
     pub(crate) mse_int8: f64,
 }
 
-/// Sums of squared errors of codes with the first number, the first two, up to all.
+/// Sums of squared errors of codes decoded from the first number only, the first two, up to all.
 #[derive(Clone, Debug)]
 pub(crate) struct TruncationSums {
-    /// Columns of the decoder: the window of a code whose only number is 1, for each number.
+    /// Columns of the decoder's matrix, one for each number of a code: the window to which a code
+    /// decodes in which this number is 1 and all others are 0.
     components: Vec<Vec<f32>>,
-    /// Sums with float codes and with integer codes, for the first number, the first two, ...
+    /// Sums with float and integer codes, for the first number only, the first two, up to all.
     squares: Vec<[f64; 2]>,
-    /// Number of values of all windows.
+    /// Number of values in all windows added so far.
     values: usize,
 }
 
 impl TruncationSums {
-    /// Creates sums over no windows for a model of mode `pca`.
+    /// Creates the sums for a model of mode `pca`, before any window is added.
     ///
     /// # Errors
     /// If the model has another mode.
@@ -51,8 +52,7 @@ impl TruncationSums {
         let codes = block.codes.chunks_exact(numbers);
         let codes = codes.zip(block.received.chunks_exact(numbers));
         let coded: Vec<_> = block.windows.iter().zip(codes).collect();
-        // Summed in the order of the windows, so that the result does not depend on the number of
-        // processors.
+        // Add up in the order of the windows, so that the number of processors does not matter.
         let errors = in_parallel::map(&coded, |(window, (float, integer))| {
             [self.errors(window, float), self.errors(window, integer)]
         });
@@ -69,8 +69,8 @@ impl TruncationSums {
             .sum::<usize>();
     }
 
-    /// Returns the squared errors of a window that is decoded from the first number of its code,
-    /// the first two, ...
+    /// Returns the squared errors of a window that is decoded from the first number of its code
+    /// only, from the first two, up to all.
     fn errors(&self, window: &Window, code: &[f32]) -> Vec<f64> {
         let mut rest = window.to_vec();
         let numbers = self.components.iter().zip(code);
@@ -86,7 +86,7 @@ impl TruncationSums {
             .collect()
     }
 
-    /// Returns the errors in ascending order of the number of numbers.
+    /// Returns the errors with the first number only, the first two, up to all.
     pub(crate) fn errors_by_numbers(&self) -> Vec<TruncationError> {
         let values = self.values as f64;
         let sums = (1..).zip(&self.squares);
@@ -113,8 +113,9 @@ mod tests {
         let model = testing::model(&parameters, &dataset);
         let mut sums = TruncationSums::new(&model).unwrap();
         let (mut windows, mut energy) = (0, 0.0);
-        // Independent of the decoder, because the directions are orthonormal:
-        // |x - sum of zq d|^2 = |x|^2 + sum of (zq^2 - 2 z zq).
+        // The expected errors follow from the codes alone, because the directions d are
+        // orthonormal: |x - sum of zq d|^2 = |x|^2 + sum of (zq^2 - 2 z zq), where z is a float
+        // number and zq an integer one.
         let numbers = testing::directions().len();
         let mut gains = vec![[0.0; 2]; numbers];
         evaluate_blocks(&model, &dataset, |block| {
@@ -140,7 +141,7 @@ mod tests {
         for (error, gain) in errors.iter().zip(gains) {
             expected = [expected[0] + gain[0], expected[1] + gain[1]];
             for (mse, sum) in [error.mse_float, error.mse_int8].iter().zip(expected) {
-                // f32 of the decoder; measured: 5e-7.
+                // The bound allows for the decoder's f32; the measured difference is 5e-7.
                 let difference = (mse * values / sum - 1.0).abs();
                 assert!(difference < 1e-5, "{error:?}, {difference}");
             }

@@ -1,4 +1,4 @@
-//! Start of the board: pins, clocks and memory, then the tasks.
+//! Starts the application on the board: sets up pins, clocks and memory, then starts the tasks.
 
 use board_stm32::{
     Board, Bus, ClockSource, FRAME_BYTES, Loader, Port, Trigger, Wires, init_chip, sleep,
@@ -56,7 +56,7 @@ async fn feed_watchdog(watchdog: Peri<'static, IWDG>) {
     board_stm32::feed_watchdog(watchdog).await;
 }
 
-/// DMA buffer of the SPI to the converters.
+/// Buffer through which the DMA transfers SPI data to and from the converters.
 static SPI_BUFFER: ConstStaticCell<[u8; FRAME_BYTES]> = ConstStaticCell::new([0; FRAME_BYTES]);
 
 #[cfg(feature = "uart")]

@@ -1,4 +1,4 @@
-//! Clock tree: 168 MHz for the core, 21 MHz for SPI, 48 MHz for USB.
+//! Configuration of the chip's clocks: 168 MHz for the core, 21 MHz for SPI, 48 MHz for USB.
 
 use board_stm32::{ClockSource, nvic_priority};
 use embassy_stm32::{
@@ -12,11 +12,11 @@ use embassy_stm32::{
 };
 use firmware::deadlines::priority;
 
-/// Frequency of the core after a reset, Hz: that of the internal oscillator HSI (RM0390, RCC).
+/// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0390, RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 16_000_000;
 
-/// Returns the configuration of the clocks. All clocks have the same frequencies with either
-/// source.
+/// Returns the configuration of the clocks. Each clock has the same frequency whether the ST-LINK's
+/// clock or the internal oscillator is the source.
 pub(crate) fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = nvic_priority(priority::DRDY);
@@ -34,7 +34,7 @@ pub(crate) fn config(source: ClockSource) -> Config {
         ClockSource::Internal => (PllSource::HSI, PllPreDiv::DIV8),
     };
     // The PLL runs at 2 MHz * 168 = 336 MHz; half of that clocks the core, and a seventh clocks
-    // USB. With a core at 180 MHz, another PLL would have to generate USB's 48 MHz.
+    // USB. With the core at its maximum of 180 MHz, USB's 48 MHz would need another PLL.
     rcc.pll_src = source;
     rcc.pll = Some(Pll {
         prediv,
@@ -48,8 +48,8 @@ pub(crate) fn config(source: ClockSource) -> Config {
     rcc.ahb_pre = AHBPrescaler::DIV1;
     // APB1, the bus of SPI and UART, runs at 21 MHz. For bursts, SPI divides this by 2 to 10.5 MHz,
     // which is 165 us per sample. For registers, SPI divides it by 256, its largest divider, to 82
-    // kHz; at most 105 kHz are allowed. From an APB1 of 42 MHz the slowest SPI clock would be 164
-    // kHz, which is too fast.
+    // kHz; the resistors at the converters' DOUT allow at most 105 kHz. From an APB1 of 42 MHz the
+    // slowest SPI clock would be 164 kHz, which is too fast.
     //
     // The UART divides 21 MHz by 23: 913,043 baud, 0.93 % below the nominal 921,600. Neither 42 MHz
     // / 46 nor oversampling by 8 comes closer. The ST-LINK/V2-1's rate is derived, not measured:

@@ -1,5 +1,5 @@
-//! Pins of the board. The chip selects are on port C, because with them there all signals of the
-//! converter chain are on the board's morpho headers.
+//! Pins of the board. The chip selects are on port C, so that the board's morpho headers carry all
+//! signals of the converter chain.
 
 board_stm32::parts! {
     pins {

@@ -1,11 +1,12 @@
-//! Cause of the last reset, the memory map for the boot loader, and the watchdog under a debugger.
+//! Reads the cause of the last reset, maps the boot loader's memory to address 0, and stops the
+//! watchdog while a debugger halts the core.
 
 use embassy_stm32::pac::{DBGMCU, RCC, SYSCFG};
 use link::ResetCause;
 
-/// Returns the cause of the last reset and clears the reset flags (RM0390, RCC_CSR). A reset by the
-/// watchdog or by software also sets the flag of the reset pin, and power-on also sets that of the
-/// brown-out reset. The flags are therefore tested in this order.
+/// Returns the cause of the last reset and clears the reset flags (RM0390, RCC_CSR). One reset can
+/// set several flags: one by the watchdog or by software also sets the reset pin's flag, and
+/// power-on that of the brown-out reset. The more specific flag is therefore tested first.
 pub(crate) fn take_cause() -> ResetCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|flags| flags.set_rmvf(true));

@@ -30,21 +30,21 @@ impl Uart for Usart2 {
         });
     }
 
-    /// Masks the interrupts of the flags until the next byte arrives; the interrupt of that byte
-    /// (RXNEIE) unmasks them.
+    /// Masks the interrupts of the flags IDLE, FE and NF until the next byte arrives; the interrupt
+    /// of that byte (RXNEIE) unmasks them.
     ///
-    /// IDLE, FE and NF are cleared by a read of SR followed by a read of DR (RM0390, USART_SR). The
-    /// CPU must not read DR: a byte can arrive between its two reads, and the DMA would not store
-    /// that byte in the ring. So the CPU reads SR, and the DMA reads DR when it moves the next
-    /// byte. If the DMA's read did not clear the flags, each byte would interrupt and wake the
-    /// reader, which is slower but loses nothing.
+    /// A read of SR followed by a read of DR clears these flags (RM0390, USART_SR). The CPU must
+    /// not read DR: a byte can arrive between its two reads, and the DMA would not store that byte
+    /// in the ring. So the CPU reads SR, and the DMA reads DR when it moves the next byte. If the
+    /// DMA's read did not clear the flags, each byte would interrupt and wake the reader, which is
+    /// slower but loses nothing.
     ///
-    /// ORE is the exception. It means that a byte is lost already, and with RXNEIE it would
-    /// interrupt continuously, so the CPU clears it at once by reading DR.
+    /// The flag ORE is the exception. It means that a byte is lost already, and with RXNEIE it
+    /// would interrupt continuously, so the CPU clears it at once by reading DR.
     fn acknowledge() {
         let uart = pac::USART2;
         let status = uart.sr().read();
-        // If DR still holds a byte, the DMA is about to read it, and this read clears the flags.
+        // If DR still holds a byte, the DMA is about to read it, which then clears the flags.
         let is_moved = !status.rxne();
         if status.ore() && is_moved {
             let _ = uart.dr().read();

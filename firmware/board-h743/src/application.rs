@@ -1,4 +1,4 @@
-//! Start of the board: pins, clocks and memory, then the tasks.
+//! Starts the application on the board: sets up pins, clocks and memory, then starts the tasks.
 
 use board_stm32::{
     Board, Bus, ClockSource, Loader, Port, Trigger, Wires, init_chip, sleep, start_tasks,

@@ -1,4 +1,4 @@
-//! Clock tree: 480 MHz for the core, 25.6 MHz for SPI, 48 MHz for USB.
+//! Configuration of the chip's clocks: 480 MHz for the core, 25.6 MHz for SPI, 48 MHz for USB.
 
 use board_stm32::{ClockSource, nvic_priority};
 use embassy_stm32::{
@@ -11,11 +11,11 @@ use embassy_stm32::{
 };
 use firmware::deadlines::priority;
 
-/// Frequency of the core after a reset, Hz: that of the internal oscillator HSI (RM0433, RCC).
+/// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0433, RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 64_000_000;
 
-/// Returns the configuration of the clocks. All clocks have the same frequencies with either
-/// source.
+/// Returns the configuration of the clocks. Each clock has the same frequency whether the ST-LINK's
+/// clock or the internal oscillator is the source.
 pub(crate) fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = nvic_priority(priority::DRDY);
@@ -31,11 +31,12 @@ pub(crate) fn config(source: ClockSource) -> Config {
         }
         ClockSource::Internal => (PllSource::HSI, PllPreDiv::DIV8),
     };
-    // The core's clock is 8 MHz * 120 / 2 = 480 MHz: the maximum of revision V, at the highest core
-    // voltage (DS12110, section 6.3.1). PLL1's 960 MHz / 20 = 48 MHz clocks USB and the random
-    // number generator, and is as accurate as the ST-LINK's crystal. HSI48, the alternative for
-    // USB, would have to be synchronised by CRS. But embassy-stm32 0.6.0 synchronises CRS to the
-    // start of frame of USB1, and PA11 and PA12 belong to USB2 (RM0433, CRS_CFGR, SYNCSRC).
+    // The core's clock is 8 MHz * 120 / 2 = 480 MHz: the maximum of the chip's revision V, at the
+    // highest core voltage (DS12110, section 6.3.1). PLL1's 960 MHz / 20 = 48 MHz clocks USB and
+    // the random number generator, and is as accurate as the ST-LINK's crystal. The alternative for
+    // USB, the oscillator HSI48, would need synchronisation by the unit CRS. But embassy-stm32
+    // 0.6.0 synchronises CRS to the start of frame of USB1, and PA11 and PA12 belong to USB2
+    // (RM0433, CRS_CFGR, SYNCSRC).
     rcc.pll1 = Some(Pll {
         source,
         prediv,

@@ -1,4 +1,4 @@
-//! Memory that the DMA can access, and the caches.
+//! Sets up the memory that the DMA can access, and the caches.
 #![expect(unsafe_code, reason = "the MPU, and memory that nothing initialises")]
 
 use board_stm32::FRAME_BYTES;
@@ -8,11 +8,11 @@ use cortex_m::Peripherals;
 use embassy_stm32::pac::RCC;
 use grounded::uninit::GroundedCell;
 
-/// Buffers that DMA1 reads and writes.
+/// Buffers through which DMA1 transfers data of the converters and the port.
 pub(crate) struct DmaMemory {
-    /// Buffer of the SPI to the converters.
+    /// Buffer for SPI transfers to and from the converters.
     pub(crate) converters: [u8; FRAME_BYTES],
-    /// Buffers of the UART to the host.
+    /// Buffers for the bytes to and from the host, over the UART.
     #[cfg(feature = "uart")]
     pub(crate) port: PortMemory,
 }

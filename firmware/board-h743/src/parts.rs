@@ -1,5 +1,5 @@
-//! Pins of the board. The chip selects are on port E, because with them there all signals of the
-//! converter chain are on the board's pin headers.
+//! Pins of the board. The chip selects are on port E, so that the board's pin headers carry all
+//! signals of the converter chain.
 
 board_stm32::parts! {
     pins {

@@ -1,4 +1,4 @@
-//! Start of the emulated board: peripherals, queues, executors, tasks.
+//! Starts the application on the emulated board: peripherals, queues, executors and tasks.
 
 use core::sync::atomic::Ordering::Relaxed;
 
@@ -22,9 +22,8 @@ use crate::semihosting::{Arguments, HostFile};
 use crate::uart::{self, Receiver, Transmitter};
 use crate::{commands, drdy, time_driver, trigger};
 
-/// Delay between the end of the file of samples and the end of the emulation, for sending the last
-/// frames. Shorter than the watchdog's period, because the watchdog is not fed while there are no
-/// samples.
+/// Time for the last frames, from the end of the file of samples to the end of the emulation.
+/// Shorter than the watchdog's period, because the watchdog is not fed while there are no samples.
 const DRAIN_TIMEOUT: Duration = Duration::from_millis(60);
 
 static MEMORY: Memory<BothEncoders> = Memory::new(BothEncoders::EMPTY);
@@ -84,8 +83,8 @@ async fn converse(
     firmware::converse(port, &mut session, start, memory, &SHARED, machine).await;
 }
 
-/// Prints the counts and ends the emulation, [`DRAIN_TIMEOUT`] after the end of the file of
-/// samples.
+/// Ends the emulation [`DRAIN_TIMEOUT`] after the end of the file of samples; first prints how many
+/// samples were read and how many the encoder's queue had no room for.
 #[embassy_executor::task]
 async fn end() {
     while !FILE_ENDED.load(Relaxed) {
@@ -109,7 +108,7 @@ async fn feed_watchdog() {
     firmware::keep_alive(&SHARED.progress, failure::feed_watchdog).await;
 }
 
-/// Causes the requested failure, one second after the start.
+/// Calls `cause` one second after the start, so that this task fails as a test has requested.
 #[embassy_executor::task]
 async fn fail(cause: fn()) {
     Timer::after_secs(1).await;

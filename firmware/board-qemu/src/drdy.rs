@@ -16,9 +16,9 @@ use crate::{
 struct Edges {
     /// Time of the first edge on the free-running timer, ticks.
     first: u64,
-    /// Number of edges so far.
+    /// Number of edges since the converter was started.
     count: u64,
-    /// Value of `count` when a task last took the edges.
+    /// Value of `count` when [`next_edge`] last returned.
     taken: u64,
 }
 
@@ -36,8 +36,8 @@ fn due(first: u64, index: u64) -> u64 {
 }
 
 /// Starts the converter. Returns the time of its first edge in ticks: one sampling period from now,
-/// rounded up to a whole microsecond. Because of this rounding, the device times of all edges in
-/// two emulations differ only by one constant.
+/// rounded up to a whole microsecond. Because of this rounding, the device times of two emulations
+/// differ by the same constant at all edges.
 pub(crate) fn start() -> u64 {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
@@ -51,7 +51,7 @@ pub(crate) fn start() -> u64 {
     })
 }
 
-/// Counts an edge; called when timer 1 expires.
+/// Counts an edge of DRDY; called when timer 1 expires.
 pub(crate) fn on_edge() {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
@@ -78,7 +78,7 @@ fn arm(edges: Edges) {
     TIMER1.write(timer::CONTROL, timer::RUN);
 }
 
-/// Newest edge of DRDY when [`next_edge`] returns.
+/// Newest edge of DRDY, as [`next_edge`] returns it.
 pub(crate) struct Edge {
     /// Device time of the edge, microseconds since boot. Computed from the edge's number, so an
     /// interrupt that runs late does not change it.

@@ -57,8 +57,8 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     )))
 }
 
-/// Failures that a test can request: the argument of the emulator that requests each, and the
-/// function that causes it in the calling task.
+/// Failures that a test can request: for each, the emulator argument that requests it, and a
+/// function that makes the calling task fail in this way.
 pub(crate) const FAILURES: [(&str, fn()); 3] = [
     ("hang", || {
         loop {

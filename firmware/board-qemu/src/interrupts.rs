@@ -10,8 +10,8 @@ use firmware::{Clock, Shared};
 use crate::registers::CLOCK_HZ;
 use crate::{drdy, time_driver, trigger, uart};
 
-/// Interrupts of the MPS2 that the image uses. No peripheral raises the last three here; they run
-/// the executors.
+/// Interrupts of the MPS2 that the image uses. The last three, `Encode`, `Acquire` and `Converse`,
+/// belong to no peripheral of the emulated boards, so they run the executors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
 pub(crate) enum Interrupt {
@@ -123,7 +123,7 @@ static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
     table
 };
 
-/// Shared state of the tasks. The free-running timer measures the durations of the stages.
+/// Shared state of the tasks. Its clock, the free-running timer, measures how long the stages take.
 pub(crate) static SHARED: Shared = Shared::new(Clock {
     now: time_driver::ticks,
     hz: CLOCK_HZ,

@@ -1,11 +1,11 @@
-//! Registers of the emulated peripherals.
+//! Addresses and registers of the emulated peripherals.
 #![expect(unsafe_code, reason = "registers have addresses")]
 
 /// Frequency of the clock of all peripherals, Hz (ARM DAI 0386 and 0400, application notes of the
 /// FPGA images).
 pub(crate) const CLOCK_HZ: u32 = 25_000_000;
 
-/// Register block of a peripheral.
+/// Registers of one peripheral, which start at the address `base`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Registers {
     base: usize,
@@ -73,16 +73,16 @@ impl Registers {
     #[inline]
     pub(crate) fn read(self, offset: usize) -> u32 {
         // SAFETY: `base` is the address of one of the peripherals above, and the callers pass the
-        // offsets above, at which these have one-word registers. Reading them has no effect outside
-        // the peripheral.
+        // offsets above, at which these peripherals have one-word registers. Reading a register has
+        // no effect outside its peripheral.
         unsafe { ((self.base + offset) as *const u32).read_volatile() }
     }
 
     #[inline]
     pub(crate) fn write(self, offset: usize, value: u32) {
         // SAFETY: `base` is the address of one of the peripherals above, and the callers pass the
-        // offsets above, at which these have one-word registers. None of them makes its peripheral
-        // access memory.
+        // offsets above, at which these peripherals have one-word registers. No register starts an
+        // access to memory.
         unsafe { ((self.base + offset) as *mut u32).write_volatile(value) }
     }
 }

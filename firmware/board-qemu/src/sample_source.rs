@@ -18,7 +18,7 @@ pub(crate) const SAMPLES: &core::ffi::CStr = c"samples.i32";
 /// Set when all samples of the file have been read.
 pub(crate) static FILE_ENDED: AtomicBool = AtomicBool::new(false);
 
-/// Source of the samples.
+/// Where the samples of the emulated converter come from.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is exactly one value")]
 pub(crate) enum SampleSource {
@@ -100,7 +100,7 @@ impl Eeg {
         }
     }
 
-    /// Writes the counts of the next sample.
+    /// Writes the next sample's synthetic counts to `sample`.
     pub(crate) fn fill(&mut self, sample: &mut Sample) {
         let ([c, s], [x, y]) = (ROTATION, self.wave);
         self.wave = [(c * x - s * y) >> 15, (s * x + c * y) >> 15];

@@ -3,11 +3,11 @@
 
 use cortex_m_semihosting::{nr, syscall, syscall1};
 
-/// SYS_GET_CMDLINE (ARM semihosting, section 7.7).
+/// Number of the semihosting call SYS_GET_CMDLINE (ARM semihosting, section 7.7).
 const GET_CMDLINE: usize = 0x15;
 
-/// Size of the buffer for the command line, bytes. QEMU refuses to fill it with a longer line, and
-/// then there are no arguments.
+/// Size of the buffer for the command line, bytes. QEMU does not fill it with a longer line; the
+/// image then runs as without arguments.
 const MAX_LINE: usize = 128;
 
 /// Arguments that QEMU was started with, as `-semihosting-config arg=`.
@@ -28,7 +28,7 @@ impl Arguments {
         Self { line }
     }
 
-    /// Compares `word` with whole arguments, which are separated by single spaces.
+    /// Returns whether `word` is one of the arguments, which are separated by single spaces.
     pub(crate) fn has(&self, word: &str) -> bool {
         let end = self.line.iter().position(|&byte| byte == 0);
         let line = &self.line[..end.unwrap_or(MAX_LINE)];
@@ -37,7 +37,7 @@ impl Arguments {
     }
 }
 
-/// Handle of a file on the PC, open for reading.
+/// File on the PC, open for reading, by the handle that the PC has given it.
 #[derive(Debug)]
 pub(crate) struct HostFile(usize);
 

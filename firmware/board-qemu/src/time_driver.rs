@@ -14,8 +14,8 @@ use crate::registers::{CLOCK_HZ, DUAL_TIMER, TIMER0, dual_timer, timer};
 
 /// Ticks of a timer per microsecond.
 pub(crate) const TICKS_PER_US: u32 = CLOCK_HZ / 1_000_000;
-/// Longest time between two alarms, microseconds. The free-running timer wraps every 171 s and must
-/// be read at least once between two wraps, or a wrap is not counted. Each alarm reads it.
+/// Longest time between two alarms, microseconds. Each alarm reads the free-running timer. The
+/// timer wraps every 171 s, and a wrap is counted only if the timer is read before the next wrap.
 const LONGEST_US: u64 = 40_000_000;
 
 struct Time {
@@ -84,8 +84,8 @@ impl embassy_time_driver::Driver for Time {
 
 impl Time {
     /// Sets timer 0 to expire at `next`, in microseconds since boot, but at the latest after
-    /// [`LONGEST_US`]. If `next` has passed, wakes the tasks that are due and takes the next alarm
-    /// of the queue.
+    /// [`LONGEST_US`]. If `next` has passed already, wakes the tasks that are due and continues
+    /// with the next alarm of the queue.
     fn arm(&self, _: CriticalSection<'_>, mut next: u64, queue: &mut Queue) {
         let now = loop {
             let now = self.now();

@@ -12,8 +12,8 @@ use crate::{
     time_driver::{TICKS_PER_US, ticks_since_boot},
 };
 
-/// Name of the file of edges, which alternately rise and fall, beginning with a rise. It holds for
-/// each edge the microseconds after the converter's first DRDY edge, 64 bits, little endian.
+/// Name of the file of edges, which alternately rise and fall, beginning with a rise. For each edge
+/// the file holds the microseconds since the converter's first DRDY edge: 64 bits, little endian.
 pub(crate) const EDGES: &core::ffi::CStr = c"trigger.u64";
 
 /// State of the trigger input until the last edge of the file.
@@ -21,7 +21,7 @@ struct Trigger {
     file: HostFile,
     /// Time of the converter's first DRDY edge, ticks.
     origin: u64,
-    /// Next edge, and its time, ticks.
+    /// Kind of the next edge, and its time in ticks.
     next: (EventKind, u64),
 }
 

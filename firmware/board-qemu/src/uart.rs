@@ -13,7 +13,7 @@ static RECEIVED: Pipe<RawMutex, 1024> = Pipe::new();
 /// Bytes to the host that have not been moved to [`OUTGOING`] yet.
 static SENDING: Pipe<RawMutex, 256> = Pipe::new();
 
-/// Enables both directions and their interrupts. QEMU ignores the baud rate, but requires that the
+/// Enables both directions and their interrupts. QEMU ignores the baud rate, but requires that its
 /// divider is set.
 pub(crate) fn start() {
     UART0.write(uart::BAUD_DIVIDER, 16);
@@ -32,8 +32,8 @@ pub(crate) fn on_receive() {
 /// Queues bytes for the conversation. Bytes for which the queue has no room are lost, and so is
 /// their frame; the host repeats the command.
 pub(crate) fn push_received(mut bytes: &[u8]) {
-    // In several writes, because one write stops at the end of the pipe's memory even if there is
-    // room at its start.
+    // Write in a loop: one write stops at the end of the pipe's memory even if there is room at its
+    // start.
     while let Ok(taken) = RECEIVED.try_write(bytes)
         && taken > 0
     {
@@ -58,8 +58,8 @@ fn fill_transmitter() {
     });
 }
 
-/// Bytes taken from [`SENDING`] that the UART has not accepted yet: up to 64, because taking one
-/// byte costs as much as taking 64.
+/// Bytes that were taken from [`SENDING`] and that the UART has not accepted yet: up to 64 at a
+/// time, because taking one byte costs as much as taking 64.
 struct Outgoing {
     bytes: [u8; 64],
     next: usize,

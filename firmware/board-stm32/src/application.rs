@@ -1,5 +1,4 @@
-//! Start of the application: queues, executors, tasks, the encoders of the image and the shared
-//! state.
+//! Starts the application: queues, executors, tasks, the image's encoders and the shared state.
 
 use ads1299::SelfTest;
 use defmt::{info, warn};
@@ -34,8 +33,8 @@ static MEMORY: Memory<ImageEncoders> = Memory::new(ImageEncoders::EMPTY);
 static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 static ADC: StaticCell<Adc> = StaticCell::new();
 
-/// What these boards offer to a host. Over the UART they refuse raw samples, which need 101 kB/s:
-/// the UART carries only 92 kB/s. Compressed raw samples take about half of that.
+/// What these boards offer to a host. Over the UART they refuse raw samples: these need 101 kB/s,
+/// and the UART carries only 92 kB/s. Compressed raw samples need about half of the 101 kB/s.
 const ABILITIES: Abilities = Abilities {
     streams: {
         let too_fast = if cfg!(feature = "uart") {
@@ -50,9 +49,9 @@ const ABILITIES: Abilities = Abilities {
     clock: true,
 };
 
-/// Everything that differs between the boards.
+/// What `start_tasks` must know of a board: its names, parts and state after the reset.
 pub struct Board {
-    /// Name in `Hello`.
+    /// Name of the board, which the frame `Hello` tells the host.
     pub name: &'static str,
     /// Version and commit of the image.
     pub firmware: &'static str,
@@ -98,8 +97,7 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
             .map_or(board.reset_cause, FaultRecord::reset_cause),
         fault: clock_fault,
     };
-    // After any other reset the converters' supply has been on for long enough, so they need no
-    // wait.
+    // After other resets than these three, the converters have had power for long enough to start.
     let is_cold = matches!(
         board.reset_cause,
         ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::NotKnown
@@ -131,7 +129,7 @@ fn self_test() -> &'static mut SelfTest<CHIPS> {
     TEST.init_with(SelfTest::new)
 }
 
-/// Feeds the watchdog while all tasks make progress. Starts the watchdog only when every task has
+/// Feeds the watchdog while all tasks make progress. The watchdog starts only when every task has
 /// made progress once, because bringing up the converters takes longer than the watchdog's period.
 pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
@@ -197,15 +195,15 @@ async fn converse(
     port.converse(&mut session, memory, machine).await;
 }
 
-/// Network and packed code.
+/// Memory of the image's encoders: the network and the packed code.
 #[cfg(all(feature = "network", feature = "packed"))]
 pub(crate) type ImageEncoders = device::BothEncoders;
 
-/// The network alone.
+/// Memory of the image's encoder: the network alone.
 #[cfg(all(feature = "network", not(feature = "packed")))]
 pub(crate) type ImageEncoders = pipeline::EncoderMemory;
 
-/// The packed code alone.
+/// Memory of the image's encoder: the packed code alone.
 #[cfg(all(feature = "packed", not(feature = "network")))]
 pub(crate) type ImageEncoders = pipeline::PackedMemory;
 

@@ -9,29 +9,29 @@ use embassy_time::{Duration, Timer, block_for};
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::spi::{ErrorType, SpiBus};
 
-/// Bytes per sample of the whole chain, status words included.
+/// Number of bytes that the whole chain of converters sends per sample, status words included.
 pub const FRAME_BYTES: usize = ads1299::frame_bytes(device::CHIPS);
 
 /// Fastest SCLK of an ADS1299, Hz (data sheet SBAS499C, section 7.6: a period of 50 ns with DVDD
 /// from 2.7 V).
 const FASTEST_HZ: u32 = 20_000_000;
 
-/// Fastest SCLK at which registers can be read through the series resistors at DOUT, Hz (decision
-/// 0011).
+/// Fastest SCLK at which registers can be read through the series resistors at DOUT, Hz
+/// (docs/decisions/0011-daisy-chain-with-read-back.md).
 const FASTEST_REGISTERS_HZ: u32 = 105_000;
 
-/// SPI bus of the converters, which copies every transfer through a buffer for the DMA.
+/// SPI bus of the converters. It copies every transfer through a buffer that the DMA can access.
 pub struct Bus {
     spi: Spi<'static, Async, Master>,
     config: Config,
-    /// Memory that the DMA reads and writes. A caller's buffer can be in memory that the DMA cannot
-    /// access.
+    /// Memory that the DMA reads and writes instead of a caller's buffer, which can be in memory
+    /// that the DMA cannot access.
     buffer: &'static mut [u8; FRAME_BYTES],
 }
 
 impl Bus {
-    /// Returns the configuration with which a board creates its [`Spi`]: mode 1, SCLK for register
-    /// transfers.
+    /// Returns the configuration with which a board creates its [`Spi`]: SPI mode 1, and SCLK at
+    /// the frequency for register transfers.
     pub fn config() -> Config {
         let mut config = Config::default();
         config.mode = MODE_1;
@@ -51,8 +51,8 @@ impl Bus {
 }
 
 impl ads1299::Bus for Bus {
-    /// Selects the divider whose SCLK is nearest to the limit for this kind of transfer. Fails if
-    /// that SCLK is faster than the limit.
+    /// Selects the divider whose SCLK is nearest to the limit for transfers of the kind `speed`.
+    /// Fails if that SCLK is faster than the limit.
     fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast> {
         let fastest_hz = match speed {
             Speed::Registers => FASTEST_REGISTERS_HZ,
@@ -113,8 +113,8 @@ impl SpiBus for Bus {
     }
 }
 
-/// Longest delay during which the core is kept busy, microseconds. Setting an alarm takes about as
-/// long.
+/// Longest delay for which the core waits in a loop, microseconds. For such a short delay, setting
+/// an alarm would take about as long as the delay.
 const SHORT_US: u32 = 10;
 
 /// Delays that are at least as long as requested.
@@ -126,7 +126,7 @@ impl DelayNs for Delay {
     }
 
     async fn delay_us(&mut self, us: u32) {
-        // Add one microsecond, because part of the current microsecond has already passed.
+        // Add one microsecond: the current one has partly passed, so the delay could be too short.
         let wait = Duration::from_micros(u64::from(us) + 1);
         if us <= SHORT_US {
             block_for(wait);

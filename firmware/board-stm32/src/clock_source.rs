@@ -1,4 +1,4 @@
-//! Source of the core's clock.
+//! Selects the source of the core's clock at start: the ST-LINK's clock or the internal oscillator.
 
 #[cfg(target_os = "none")]
 use {cortex_m::asm, embassy_stm32::pac::RCC};
@@ -18,11 +18,11 @@ const TIMEOUT_MS: u32 = 500;
 
 impl ClockSource {
     /// Returns the ST-LINK's clock if it starts within 500 ms, and the internal oscillator
-    /// otherwise; `core_hz` is the core's clock after a reset. Replaces embassy's own wait, which
-    /// has no limit and takes place before the watchdog runs.
+    /// otherwise; `core_hz` is the core's clock after a reset. Replaces embassy's own wait for the
+    /// clock, which has no limit and takes place before the watchdog runs.
     #[cfg(target_os = "none")]
     pub fn find(core_hz: u32) -> Self {
-        // HSEBYP can be set only while HSE is off (RM0433 and RM0390, RCC_CR).
+        // Set HSEBYP first: it can be set only while HSE is off (RM0433 and RM0390, RCC_CR).
         RCC.cr().modify(|control| control.set_hsebyp(true));
         RCC.cr().modify(|control| control.set_hseon(true));
         let is_ready = || RCC.cr().read().hserdy();
@@ -46,8 +46,7 @@ impl ClockSource {
     }
 }
 
-/// Calls `pause` up to `pauses` times, until `is_ready` is true. Returns whether `is_ready` became
-/// true.
+/// Calls `pause` until `is_ready()`, but at most `pauses` times. Returns whether it became ready.
 fn poll_until(pauses: u32, mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
     for _ in 0..pauses {
         if is_ready() {
@@ -64,8 +63,8 @@ mod tests {
 
     use super::*;
 
-    /// Waits for a clock that becomes ready after `until_ready` ms. Returns the milliseconds
-    /// waited, and whether the clock was found.
+    /// Waits as the board does for a clock that becomes ready after `until_ready` ms. Returns the
+    /// milliseconds waited, and whether the clock was found.
     fn waited(until_ready: u32) -> (u32, bool) {
         let waited = Cell::new(0);
         let is_ready = || waited.get() >= until_ready;

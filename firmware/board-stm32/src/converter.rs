@@ -75,19 +75,19 @@ fn chain_selects(selects: [Peri<'static, AnyPin>; link::MAX_CHIPS]) -> [Output<'
     })
 }
 
-/// Returns the DRDY input. Before every wait for an edge, it refills the budget of the trigger's
-/// interrupt.
+/// Returns the DRDY input, which refills the budget of the trigger's interrupt before every wait
+/// for an edge.
 fn drdy_edges() -> impl Drdy {
     DrdyEdges(trigger::refill_budget)
 }
 
-/// Chain of converters: running, or retried after a failed start. Kept in a static, because a task
-/// that owned it by value would copy it through the task's stack.
+/// Chain of converters, which is started again and again until a start succeeds. Kept in a static,
+/// because a task that owned it by value would copy it through the task's stack.
 pub(crate) struct Adc {
     chain: RetryingSampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
     drdy: ExtiInput<'static, Blocking>,
     test: &'static mut SelfTest<CHIPS>,
-    /// Outcome of the attempt that was logged last: its error, or `None` if it succeeded.
+    /// Outcome of the start that was logged last: its error, or `None` if it succeeded.
     logged: Option<Error>,
 }
 
@@ -112,7 +112,7 @@ impl Adc {
         self.log();
     }
 
-    /// Logs the outcome of the last attempt.
+    /// Logs the outcome of the chain's last start.
     fn log(&mut self) {
         self.logged = self.chain.failure().copied();
         match self.logged {
@@ -165,7 +165,8 @@ impl Converter for &mut Adc {
         ))
     }
 
-    /// Also resets and sets up a chain whose start has failed, without waiting for the next retry.
+    /// Runs the self-test, after which a chain whose start had failed is set up again without
+    /// waiting for the next retry.
     async fn self_test(&mut self, alive: impl FnMut()) {
         self.chain
             .sampler_mut()

@@ -15,9 +15,9 @@ const LINES: u32 = 0b11_1110_0000;
 
 #[derive(Clone, Copy)]
 struct Edges {
-    /// Device time of the latest edge, microseconds since boot.
+    /// Device time at which the interrupt of the latest edge ran, microseconds since boot.
     last_us: u64,
-    /// Number of edges since boot; wraps.
+    /// Number of edges of DRDY since boot; wraps.
     count: u32,
     /// Value of `count` when a task last took the edges.
     taken: u32,
@@ -30,7 +30,7 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Handles a falling edge of DRDY; called by DRDY's interrupt, the most urgent one after the time
+/// Handles a falling edge of DRDY; called by its interrupt, the most urgent after the time
 /// driver's.
 ///
 /// # Timing
@@ -80,7 +80,8 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     .await
 }
 
-/// DRDY with its edges in device time. The function in the field is called before every wait.
+/// DRDY input that gives the device time of its edges. Before every wait it calls the function in
+/// it.
 pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
 impl<F: Fn()> Drdy for DrdyEdges<F> {

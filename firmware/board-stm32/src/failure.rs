@@ -35,7 +35,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 
 /// Handles a hard fault. If the stack pointer is outside the stack or has less than 2 KiB left,
 /// first sets it back to the start of the stack: a further fault in the handler would lock up the
-/// core. By the stack frames in an image, the handler needs about 1 KiB.
+/// core. The handler needs about 1 KiB, as the stack frames of a compiled image show.
 #[unsafe(export_name = "HardFault")]
 #[unsafe(naked)]
 unsafe extern "C" fn hard_fault() -> ! {
@@ -75,8 +75,8 @@ unsafe extern "C" fn record(stacked: *const [u32; 8]) -> ! {
         )))
     }
     // SAFETY: `stacked` points to aligned words within the stack, as checked above, which the core
-    // has just written. This handler's stack frames are below these words, or at the other end of
-    // the stack.
+    // has just written. This handler's stack frames are below these words or, after the stack
+    // pointer was set back, at the other end of the stack.
     let [.., lr, pc, _] = unsafe { stacked.read_volatile() };
     fail(FaultRecord::from_failure(format_args!(
         "hard fault at {pc:#010x}, called from {lr:#010x} (CFSR {cfsr:#010x})"

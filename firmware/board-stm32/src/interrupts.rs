@@ -1,5 +1,5 @@
-//! Interrupts from the chip's initialisation on: their handlers, their priorities, and the
-//! executors, which run in interrupts of unused peripherals.
+//! Interrupts: their initialisation, handlers and priorities, and the executors, which run in
+//! interrupts of unused peripherals.
 #![expect(
     unsafe_code,
     reason = "interrupts are enabled, and an executor is run by its own interrupt alone"
@@ -27,19 +27,18 @@ pub fn nvic_priority(level: u8) -> Priority {
 /// Initialises the chip: clocks, DMA, GPIO, time driver. The interrupts of all pins are disabled
 /// afterwards ([`disable_pins`]).
 ///
-/// The time driver (embassy-stm32 0.6.0, `time_driver/gp16.rs`) generates an update while the
-/// timer's counter and its compare register 1 are both 0. The update sets the flag CC1IF, and the
-/// driver enables the interrupt of this flag without clearing the flag. The driver would therefore
-/// count half a period that has not passed. From then on, `now()` would be ahead by 65,536 us, and
-/// for a moment at each half period it would jump back by as much. This function therefore clears
-/// the flags before the interrupt first runs. By then the counter has been running for some
-/// microseconds, far less than its half period of 32.768 ms.
+/// Also mends an error of the time driver (embassy-stm32 0.6.0, `time_driver/gp16.rs`). The driver
+/// generates an update while the timer's counter and its compare register 1 are both 0. The update
+/// sets the flag CC1IF, and the driver enables the interrupt of this flag without clearing the
+/// flag. The driver would therefore count half a period that has not passed. From then on, `now()`
+/// would be ahead by 65,536 us, and for a moment at each half period it would jump back by as much.
+/// This function therefore clears the flags before the interrupt first runs. By then the counter
+/// has been running for some microseconds, far less than its half period of 32.768 ms.
 ///
 /// # Panics
 /// On the second call.
 pub fn init_chip(config: Config) -> Peripherals {
-    // Embassy's `init` has critical sections of its own. Nested in this one, they do not enable
-    // interrupts when they end.
+    // In this critical section, leaving those of embassy's `init` does not enable interrupts.
     critical_section::with(|_| {
         let peripherals = embassy_stm32::init(config);
         // Writing 0 clears the flags of this register (RM0433 and RM0390, TIMx_SR).
@@ -50,8 +49,8 @@ pub fn init_chip(config: Config) -> Peripherals {
     })
 }
 
-/// Sets the priorities and enables DRDY's interrupt. A board itself sets the priorities of
-/// peripherals that only this board uses.
+/// Sets the priorities and enables DRDY's interrupt. For peripherals that only one board uses, that
+/// board sets the priorities.
 pub(crate) fn init() {
     interrupt::EXTI9_5.set_priority(nvic_priority(priority::DRDY));
     interrupt::EXTI15_10.set_priority(nvic_priority(priority::TRIGGER));
@@ -85,12 +84,12 @@ fn disable_pins() {
     }
 }
 
-/// Clears the pending bits of `lines`, so that an edge runs the handler only once.
+/// Clears the pending bits of the EXTI lines in `lines`, so that an edge runs the handler once.
 pub(crate) fn clear_pending(lines: u32) {
     EXTI.pr(0).write_value(Lines(lines));
-    // The write is posted: if the handler returned before the write takes effect, it would run
-    // again and count an edge that did not happen. A read from the same peripheral waits for the
-    // write.
+    // The core does not wait for this write. If the handler returned before the write takes effect,
+    // it would run again and count an edge that did not happen. A read from the same peripheral
+    // waits for the write.
     let _ = EXTI.pr(0).read();
 }
 

@@ -4,12 +4,12 @@
 use cortex_m::{asm, peripheral::SCB};
 use firmware::failure::take_bootloader_request;
 
-/// Built-in boot loader, by the chip that contains it.
+/// Boot loader that the manufacturer has built into a chip; one variant for each chip.
 #[derive(Clone, Copy, Debug)]
 pub enum Loader {
-    /// STM32H743: not at the start of the system memory.
+    /// Boot loader of the STM32H743, which is not at the start of the system memory.
     Stm32H743,
-    /// STM32F446: at the start of the system memory.
+    /// Boot loader of the STM32F446, which is at the start of the system memory.
     Stm32F446,
 }
 
@@ -23,8 +23,8 @@ impl Loader {
     }
 
     /// If the host requested the boot loader before the last reset, calls `prepare` and runs the
-    /// boot loader, without returning; otherwise does nothing. `main` calls this function first,
-    /// because the boot loader expects the chip in the state after a reset.
+    /// boot loader, without returning; otherwise does nothing. `main` must call this function
+    /// first, because the boot loader expects the chip in the state after a reset.
     pub fn run_if_requested(self, prepare: impl FnOnce()) {
         if !take_bootloader_request() {
             return;

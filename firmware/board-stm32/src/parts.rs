@@ -1,4 +1,4 @@
-//! Pins and peripherals of a board: as rows of the documentation, and as types of the HAL.
+//! Pins and peripherals of a board, as rows of its documentation and as types of the HAL.
 
 use core::fmt;
 

@@ -1,6 +1,7 @@
 //! Port to the host: USB, or with the feature `uart` the UART of the ST-LINK.
 //!
-//! The modules with the streams do not depend on the chip, so their tests run on a PC.
+//! The modules `usb_stream` and `uart_stream` are independent of the chip, so their tests run on a
+//! PC.
 
 #[cfg(all(target_os = "none", feature = "uart"))]
 mod uart;

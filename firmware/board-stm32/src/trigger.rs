@@ -1,4 +1,4 @@
-//! Trigger input: its edges are stamped by the timer that counts the device time.
+//! Trigger input: the timer that counts the device time also stamps the input's edges.
 //!
 //! The time driver counts microseconds with TIM2, in periods of 2^16, and uses the timer's channels
 //! 1 and 2. Channel 3 captures the counter at rising and falling edges (RM0433 and RM0390, TIM2,
@@ -38,9 +38,9 @@ pub struct Trigger {
     pub line: Peri<'static, EXTI10>,
 }
 
-/// Number of the pin in its port, and of the pin's EXTI line.
+/// Number of the pin in its port, which is also the number of its EXTI line.
 const PIN: usize = 10;
-/// Number of the timer's channel, counted from 0.
+/// Index of TIM2's channel 3, counted from 0.
 const CHANNEL: usize = 2;
 /// Alternate function that connects the pin to TIM2 (DS12110 and DS10693, alternate functions).
 const FUNCTION: u8 = 1;
@@ -54,7 +54,7 @@ impl Trigger {
             ExtiInput::new_blocking(self.pin, self.line, Pull::Down, TriggerEdge::Any);
         // Dropping `input` would release the pin.
         core::mem::forget(input);
-        // A pin in alternate-function mode still passes its level to EXTI (RM0433, GPIO, external
+        // Connect the pin to TIM2. EXTI still receives the pin's level (RM0433, GPIO, external
         // interrupt lines).
         GPIOB
             .afr(PIN / 8)
@@ -62,7 +62,7 @@ impl Trigger {
         GPIOB
             .moder()
             .modify(|pins| pins.set_moder(PIN, Moder::ALTERNATE));
-        // Connect the channel to its own input; there is no filter and no prescaler.
+        // Connect the timer's channel to its own input; there is no filter and no prescaler.
         TIM2.ccmr_input(CHANNEL / 2)
             .modify(|channels| channels.set_ccs(CHANNEL % 2, CcmrInputCcs::from_bits(0b01)));
         // Capture rising and falling edges.
@@ -78,8 +78,8 @@ impl Trigger {
     }
 }
 
-/// Allows the trigger's interrupt to run [`deadlines::TRIGGER_EDGES`] times before the next call.
-/// The DRDY input calls this before every wait for an edge.
+/// Allows the trigger's interrupt to run [`deadlines::TRIGGER_EDGES`] times until the next call of
+/// this function. The DRDY input calls it before every wait for an edge.
 pub(crate) fn refill_budget() {
     let was_exhausted = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
@@ -90,18 +90,17 @@ pub(crate) fn refill_budget() {
     }
 }
 
-/// Handles an edge; called by the trigger's interrupt. When the budget is exhausted, disables this
-/// interrupt.
+/// Handles an edge; called by the trigger's interrupt. Disables the interrupt once the budget is
+/// spent.
 ///
 /// The timer continues to capture edges, and after the next [`refill_budget`] the interrupt handles
-/// the latest one. If no samples are read for a time, this edge's time can be wrong by multiples of
-/// 65.536 ms; no run is active then.
+/// the latest one. If no samples are read for a time, the time of this latest edge can be wrong by
+/// multiples of 65.536 ms; no run is active then.
 pub(crate) fn on_edge() {
     interrupts::clear_pending(1 << PIN);
     let edge = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
-        // Read the level before the stamp: an edge after the level was read raises the interrupt
-        // again.
+        // Read the level before the stamp: an edge in between raises a new interrupt.
         let (is_high, stamp) = (is_high(), stamp());
         let edge = line.observe(is_high, stamp, Instant::now().as_micros());
         if line.budget_exhausted() {

@@ -6,12 +6,12 @@ pub(crate) struct Edge {
     pub(crate) is_rise: bool,
     /// Device time of the edge, microseconds since boot.
     pub(crate) at_us: u64,
-    /// Lower bound of the number of edges since the previous reported edge that were not observed.
+    /// Least number of edges that must have occurred unobserved since the previous reported edge.
     pub(crate) lost: u32,
 }
 
-/// Level and stamp of the trigger input when its interrupt last ran, and the budget of its
-/// interrupt.
+/// Level and stamp of the trigger input when its interrupt last ran, and how often the interrupt
+/// may still run.
 #[derive(Debug)]
 pub(crate) struct TriggerLine {
     is_high: bool,
@@ -22,7 +22,7 @@ pub(crate) struct TriggerLine {
 }
 
 impl TriggerLine {
-    /// Creates the state of a low line. The interrupt may not run before the first refill.
+    /// Creates the state of a low input. The interrupt may not run before the first refill.
     pub(crate) const fn new() -> Self {
         Self {
             is_high: false,
@@ -42,7 +42,7 @@ impl TriggerLine {
         core::mem::replace(&mut self.budget, observations) == 0
     }
 
-    /// Returns whether no observation is left until the next refill.
+    /// Returns whether the interrupt may not observe the input again until the next refill.
     pub(crate) const fn budget_exhausted(&self) -> bool {
         self.budget == 0
     }
@@ -50,8 +50,8 @@ impl TriggerLine {
     /// Returns the new edge that a level and a stamp show, or `None` if both are unchanged. `stamp`
     /// is that of the latest edge, which must be less than 32 ms before or after `now_us`.
     ///
-    /// Rising and falling edges alternate, so a new stamp with an unchanged level means that the
-    /// edge in between was lost.
+    /// Rising and falling edges alternate, so a new stamp with an unchanged level means that
+    /// another edge in between was lost.
     pub(crate) fn observe(&mut self, is_high: bool, stamp: u16, now_us: u64) -> Option<Edge> {
         // An observation without a new edge counts too, because the interrupt has run for it.
         self.budget = self.budget.saturating_sub(1);
@@ -97,7 +97,7 @@ mod tests {
             line.observe(false, 3, 0x1_0009),
             Some(edge(false, 0x1_0003, 0))
         );
-        // A stamp 2 us after the given time is extended forwards, across the wrap.
+        // This stamp is 2 us after `now_us`, past the wrap of 16 bits, so the upper bits count up.
         assert_eq!(
             line.observe(true, 1, 0x7_ffff_ffff),
             Some(edge(true, 0x8_0000_0001, 0))

@@ -17,17 +17,17 @@ pub(crate) struct Segment {
     /// Address in flash. It differs from `address` for variables, which the start-up code copies to
     /// RAM.
     pub(crate) load_address: u64,
-    /// Number of bytes in flash.
+    /// Number of bytes that the segment takes in flash.
     pub(crate) file_size: u64,
     /// Number of bytes in memory while the program runs; it includes variables that start at zero.
     pub(crate) memory_size: u64,
 }
 
-/// Parts of an ELF file from which the budget is computed.
+/// Parts of an image's ELF file from which the budget of flash and RAM is computed.
 #[derive(Debug)]
 pub(crate) struct Image {
     pub(crate) segments: Vec<Segment>,
-    /// Name, address and bytes of each section that takes memory when the program runs.
+    /// Name, address and size in bytes of each section that takes memory when the program runs.
     pub(crate) sections: Vec<(String, u64, u64)>,
     /// Address of each symbol, by name.
     pub(crate) symbols: BTreeMap<String, u64>,
@@ -75,8 +75,8 @@ mod tests {
 
     use super::*;
 
-    /// Builds an ELF file for the machine number `machine` (40 is ARM): a header, one program
-    /// header and 256 bytes.
+    /// Builds an ELF file for the machine with the ELF number `machine` (40 is ARM): a header, one
+    /// program header and 256 bytes.
     fn elf(machine: u8) -> Vec<u8> {
         let mut image = vec![0; 52];
         image[..7].copy_from_slice(b"\x7fELF\x01\x01\x01");

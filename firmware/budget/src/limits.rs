@@ -1,6 +1,6 @@
 //! Limits on the memory that each board's image takes.
 
-/// A board and limits of its image.
+/// A board, and the limits on the memory that its images take.
 #[derive(Debug)]
 pub(crate) struct Limits {
     /// Name of the board in the printed table.
@@ -24,8 +24,8 @@ pub(crate) const BOARDS: [Limits; 3] = [
         images: &["h743", "h743-uart"],
         is_default: true,
         memory_map: "firmware/board-h743/stm32h743.x",
-        // Limits above the sizes measured with USB: 9 % above 662 KB of flash, 7 % above 90 KB of
-        // RAM. The DMA may use half of SRAM1. The ITCM stays empty, because the kernels run
+        // The limits are above the sizes measured with USB: 9 % above 662 KB of flash, 7 % above 90
+        // KB of RAM. The DMA may use half of SRAM1. The ITCM stays empty, because the kernels run
         // from flash (docs/decisions/0015-kernels-run-from-flash.md).
         regions: &[
             ("FLASH", 704 << 10),
@@ -40,8 +40,8 @@ pub(crate) const BOARDS: [Limits; 3] = [
         images: &["f446", "f446-usb"],
         is_default: true,
         memory_map: "firmware/board-f446/stm32f446.x",
-        // Limits above the sizes measured with the UART: 2 % above 500 KB of flash, 7 % above 84 KB
-        // of RAM. The flash limit is low because the chip has only 512 KiB.
+        // The limits are above the sizes measured with the UART: 2 % above 500 KB of flash, 7 %
+        // above 84 KB of RAM. The flash limit is low because the chip has only 512 KiB.
         regions: &[("FLASH", 496 << 10), ("RAM", 88 << 10)],
         stack: 32 << 10,
     },
@@ -50,8 +50,8 @@ pub(crate) const BOARDS: [Limits; 3] = [
         images: &["f446-packed"],
         is_default: false,
         memory_map: "firmware/board-f446/stm32f446.x",
-        // The flash limit is the flash of the STM32F446RC, the same chip with half the flash: the
-        // image fits it.
+        // The flash limit is the whole flash of the STM32F446RC, the same chip with half the flash,
+        // so that the image fits that chip too.
         regions: &[("FLASH", 256 << 10), ("RAM", 77 << 10)],
         stack: 32 << 10,
     },

@@ -24,15 +24,15 @@ use crate::image::{Image, Segment};
 use crate::limits::{BOARDS, Limits};
 use crate::memory_map::Region;
 
-/// Figures of a board's image.
+/// A board with the figures of its image, as the table and the JSON object show them.
 #[derive(Debug, Serialize)]
 struct Board {
     board: &'static str,
     regions: Vec<Row>,
 }
 
-/// Figures of a memory region, bytes. Where no limit is set, the image must take no memory, and
-/// only `length` is stated.
+/// Figures of one memory region, bytes. In a region without a limit the image must take no memory,
+/// and only `length` is stated.
 #[derive(Debug, Serialize)]
 struct Row {
     region: String,
@@ -71,7 +71,7 @@ fn main() -> ExitCode {
 }
 
 /// Prints the figures of every board's first image as a table, or as one JSON object if `json` is
-/// true. Returns one sentence for each fault of any image in `folder`; with `default_images`,
+/// true. Returns one sentence for each fault of any image in `folder`; if `default_images` is true,
 /// leaves out all images but the default ones.
 fn budget(folder: &Path, json: bool, default_images: bool) -> Result<Vec<String>, String> {
     let (mut boards, mut faults) = (Vec::new(), Vec::new());
@@ -101,7 +101,7 @@ fn budget(folder: &Path, json: bool, default_images: bool) -> Result<Vec<String>
         }
     }
     let object = json!({"boards": boards, "faults": faults});
-    // `cargo xtask test` compares this file with docs/figures.md.
+    // `cargo xtask test` sets the variable, and compares the object with docs/figures.md.
     if let Some(file) = env::var_os("CORTICODE_OBJECT") {
         let written = fs::write(&file, object.to_string());
         written.map_err(|error| format!("writing {} failed: {error}", file.display()))?;
@@ -121,8 +121,8 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(|error| format!("reading {} failed: {error}\n  {NEXT}", path.display()))
 }
 
-/// Returns the figures of all regions for an image with these segments, and one sentence for each
-/// exceeded limit.
+/// Returns the figures of all regions for an image that consists of `segments`, and one sentence
+/// for each exceeded limit.
 fn measure(limits: &Limits, segments: &[Segment], regions: &[Region]) -> (Vec<Row>, Vec<String>) {
     let (mut rows, mut faults) = (Vec::new(), Vec::new());
     for region in regions {
@@ -156,7 +156,7 @@ fn measure(limits: &Limits, segments: &[Segment], regions: &[Region]) -> (Vec<Ro
 }
 
 /// Returns the number of bytes from a region's start to the end of the last segment in the region.
-/// A segment counts both where it is flashed and where it is while the program runs.
+/// A segment counts both where it is flashed and where the program runs it.
 fn used(region: &Region, segments: &[Segment]) -> u64 {
     let flashed = segments.iter().map(|one| (one.load_address, one.file_size));
     let running = segments.iter().map(|one| (one.address, one.memory_size));

@@ -1,6 +1,6 @@
-//! Regions of a linker's memory map.
+//! Parses the regions of a linker's memory map.
 
-/// A region of memory: name, first address, bytes.
+/// A region of memory: its name, its first address and its length in bytes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Region {
     pub(crate) name: String,
@@ -9,7 +9,7 @@ pub(crate) struct Region {
 }
 
 impl Region {
-    /// First address after the region.
+    /// Returns the first address after the region.
     pub(crate) const fn end(&self) -> u64 {
         self.origin + self.length
     }

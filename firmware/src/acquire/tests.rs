@@ -84,13 +84,13 @@ fn start(number: u32) -> Order {
     })
 }
 
-/// A sample that the task has queued: number of the run that it starts, index, and whether an
-/// overrun marks it.
+/// A sample that the task has queued: number of the run if the sample starts one, index of the
+/// sample, and whether an overrun marks it.
 type Queued = (Option<u32>, u64, bool);
 
 /// Runs an acquisition task through `acts`: each act is an optional order, followed by a number of
-/// samples. Returns the samples that each act queued; they leave the queue at the end of the act
-/// only if `is_read` is true for the number of the act.
+/// samples. Returns the samples that each act queued. `is_read` decides by the number of the act
+/// whether these samples leave the queue at the end of the act.
 fn handed_over(
     shared: &Shared,
     converter: Counted<'_>,

@@ -1,4 +1,4 @@
-//! Test of the conversation task with a simulated host.
+//! Test, with a simulated host, that the conversation task counts the outputs that were lost.
 
 use core::{
     convert::Infallible,
@@ -109,7 +109,7 @@ fn the_answer_to_a_stop_counts_the_outputs_that_the_encoder_could_not_queue() {
     let mut buffer = [0; MAX_FRAME];
     let stop = Encoder::starting_at(0).encode(0, &ToDevice::Stop, &mut buffer);
     let stop = stop.expect("it fits").to_vec();
-    // No waker is needed, because the test polls the task itself.
+    // No waker is needed here, because the test itself polls the task until it is done.
     host.commands.borrow_mut().push_back(stop);
     assert!(task.as_mut().poll(&mut context).is_pending());
 

@@ -1,4 +1,4 @@
-//! Progress on the terminal.
+//! Shows the progress of a command on the terminal.
 
 use crate::crossval::Outcome;
 use crate::error::TrainerError;
@@ -14,7 +14,7 @@ use std::time::Instant;
 pub(crate) struct Terminal {
     bar: ProgressBar,
     start: Option<Instant>,
-    /// Number of batches of an epoch, and of windows in a batch.
+    /// Number of batches of an epoch, and number of windows of a batch.
     size: [usize; 2],
     /// Number of batches finished by this process.
     finished: usize,
@@ -22,7 +22,7 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
-    /// Creates the display; Ctrl-C ends the program, as without a display.
+    /// Creates a display that leaves Ctrl-C alone, so that it ends the program.
     pub(crate) fn new() -> Self {
         Self {
             bar: ProgressBar::hidden(),
@@ -34,7 +34,7 @@ impl Terminal {
     }
 
     /// Creates the display, and catches Ctrl-C: the first one stops a training run after its
-    /// present batch, the second one ends the program.
+    /// present batch, and the second one ends the program.
     ///
     /// # Errors
     /// If the system refuses to report Ctrl-C.
@@ -83,7 +83,7 @@ impl ProgressObserver for Terminal {
 
     fn epoch_finished(&mut self, epoch: u32, EpochLosses { loss, validation }: EpochLosses) {
         if self.start.is_none() {
-            // An epoch of a fold: the bar shows the folds.
+            // In a cross-validation the bar counts folds, so an epoch changes only its text.
             let text = format!("epoch {epoch}, validation MSE {validation:.5}");
             self.bar.set_message(text);
             return;

@@ -64,7 +64,7 @@ pub(super) fn test_fold(
     let pca = evaluate(&pca, &test)?;
     let windows = test.aligned(description.window.hop).len();
     let model = if description.mode == Mode::Paper {
-        // Integer codes of this mode have no decoder. The float network is tested instead, whose
+        // Integer codes of mode `paper` have no decoder. So the float network is tested, whose
         // decoder gets the places of the pools' maxima.
         let [mse, signal] = network.errors(&best, &test.aligned(description.window.hop));
         let error = ReconstructionError {
@@ -110,9 +110,9 @@ fn seed(first: u64, fold: &Fold) -> u64 {
         .wrapping_add(fold.number as u64)
 }
 
-/// Returns the contiguous parts of the tracks that belong to the fold's test, or, if `is_test` is
-/// false, to its training. A part that does not start its recording lacks its first `gap` steps, so
-/// that no window of the training overlaps a window of the test.
+/// Returns the contiguous parts of the tracks on which the fold is tested or, if `is_test` is
+/// false, trained. A part that does not start its recording lacks its first `gap` steps, so that no
+/// window of the training overlaps a window of the test.
 fn parts(tracks: &[Track], fold: &Fold, gap: usize, is_test: bool) -> Vec<Track> {
     let mut parts = Vec::new();
     for (recording, track) in tracks.iter().enumerate() {
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
     use crate::testing;
 
-    /// Returns a track whose values are 1000 times the recording plus the step.
+    /// Returns a track whose value is 1000 times the recording's number plus the step's number.
     fn track(recording: usize, steps: usize) -> Track {
         let values = (0..steps).map(|step| (1000 * recording + step) as f32);
         testing::track(&format!("run{recording}"), 1, values.collect())

@@ -1,4 +1,4 @@
-//! The outcome of one fold, as a file.
+//! The outcome of one fold, and the file that holds it.
 
 use super::plan::Fold;
 use crate::error::TrainerError;
@@ -9,11 +9,11 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Folder of the outcomes, below that of the tables.
+/// Name of the folder of the outcomes, within the folder of the tables.
 const FOLDER: &str = "folds";
 
-/// Errors of the models of one fold. All figures are over the windows of the test at every hop, and
-/// all electrodes.
+/// Errors of the models of one fold. All figures are over all electrodes, and over the windows of
+/// the test at every hop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outcome {
@@ -29,17 +29,17 @@ pub struct Outcome {
     pub(crate) numbers: usize,
     /// Whether the signal can be decoded from the code alone.
     pub(crate) is_decodable: bool,
-    /// Recordings of the test, or blocks of them.
+    /// Recordings on which the model was tested, or blocks of them, as text.
     pub(crate) tested_on: String,
-    /// Number of windows of the test.
+    /// Number of windows on which the model was tested.
     pub(crate) windows: usize,
     /// Standard deviation of the training part, uV.
     pub(crate) sd_uv: f64,
     /// Epoch with the smallest validation error; 0 for the initial parameters.
     pub(crate) best_epoch: u32,
     pub(crate) validation: Validation,
-    /// Errors of all epochs; absent in mode `pca`, which has none, and in files of earlier
-    /// versions.
+    /// Training and validation errors of all epochs; absent in mode `pca`, which has none, and in
+    /// files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) curve: Option<LearningCurve>,
     /// Error of the model with float codes.
@@ -57,7 +57,7 @@ pub struct Outcome {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Validation {
-    /// Error of the model at its best epoch.
+    /// Error of the model with the parameters of its best epoch.
     pub(crate) model: f64,
     pub(crate) pca: f64,
 }
@@ -79,13 +79,13 @@ impl Outcome {
     }
 }
 
-/// Creates a folder for tables, and in it the folder of the outcomes.
+/// Creates `folder` for the tables, and in it the folder of the outcomes.
 pub(super) fn prepare(folder: &Path) -> Result<(), TrainerError> {
     let path = folder.join(FOLDER);
     fs::create_dir_all(&path).map_err(TrainerError::file(&path))
 }
 
-/// Reads the outcome of a fold; `None` if it has none yet.
+/// Reads the outcome of a fold from a folder; `None` if the folder has no outcome of it yet.
 pub(super) fn read(
     folder: &Path,
     fold: &Fold,

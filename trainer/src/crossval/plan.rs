@@ -18,10 +18,11 @@ pub(crate) struct Subject {
     pub(crate) recordings: Vec<PathBuf>,
 }
 
-/// Groups recordings by subject. With a name, all belong to one subject; else the subject's name is
-/// that of the file without its ending, the number of the run and the word before the number:
-/// `S001R03.edf` and `S001R04.edf` belong to `S001`, `motorexecution_subject2_run1.gdf` to
-/// `motorexecution_subject2`. A file without a number is a subject of its own.
+/// Groups recordings by subject. If `name` is given, all belong to the subject of this name.
+/// Otherwise the subject's name is that of the file without its ending, the number of the run and
+/// the word before the number: `S001R03.edf` and `S001R04.edf` belong to `S001`,
+/// `motorexecution_subject2_run1.gdf` to `motorexecution_subject2`. A file without a number is a
+/// subject of its own.
 pub(crate) fn group(recordings: &[PathBuf], name: Option<&str>) -> Vec<Subject> {
     let mut subjects: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
     for recording in recordings {
@@ -45,7 +46,7 @@ fn subject_of(recording: &Path) -> String {
     }
     let without_word = without_number.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let subject = without_word.trim_end_matches(['_', '-', ' ']);
-    // A name of one word and a number, such as run3, has no subject.
+    // A file name of one word and a number, such as run3, names no subject.
     if subject.is_empty() {
         "all".to_owned()
     } else {
@@ -53,7 +54,7 @@ fn subject_of(recording: &Path) -> String {
     }
 }
 
-/// A fold: the blocks of its test. Its model is trained on all other blocks of the subject.
+/// Blocks on which a model is tested that was trained on all other blocks of the subject.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Fold {
     pub(crate) subject: String,
@@ -63,7 +64,7 @@ pub(crate) struct Fold {
     pub(crate) number: usize,
     /// Number of blocks into which each recording is divided; 1 for whole runs.
     pub(crate) blocks: usize,
-    /// Blocks of the test, in their order.
+    /// Blocks on which the model is tested, in their order.
     pub(crate) test: Vec<Block>,
     /// File names of the subject's recordings.
     pub(crate) recordings: Vec<String>,
@@ -84,7 +85,7 @@ impl Fold {
         format!("{}-r{}-f{}", self.subject, self.repetition, self.number)
     }
 
-    /// Returns what is dealt to the folds, as text: whole runs, or blocks of runs.
+    /// Returns as text what is dealt to the folds: whole runs, or blocks of runs.
     pub(crate) fn kind(&self) -> String {
         if self.blocks == 1 {
             "whole runs".to_owned()
@@ -93,8 +94,8 @@ impl Fold {
         }
     }
 
-    /// Returns the test as text: names of runs, each with the number of its block (from 1) if runs
-    /// are divided into blocks.
+    /// Returns as text on what the model is tested: names of runs, each with the number of its
+    /// block (from 1) if runs are divided into blocks.
     pub(crate) fn tested_on(&self) -> String {
         let mut text = String::new();
         for block in &self.test {

@@ -21,11 +21,11 @@ pub(crate) struct Table {
 pub(crate) struct Row {
     /// Name of the subject; `all` for the mean over the subjects' means.
     pub(crate) subject: String,
-    /// Number of folds over all repetitions, or of subjects.
+    /// Number of folds over all repetitions; for `all`, number of subjects.
     pub(crate) folds: usize,
     /// Mode of the model, or PCA with the number of its components.
     pub(crate) model: String,
-    /// `float` or `integer`.
+    /// Kind of the codes, `float` or `integer`.
     pub(crate) codes: &'static str,
     /// Whether the signal can be decoded from the code alone.
     is_decodable: bool,
@@ -38,7 +38,8 @@ pub(crate) struct Row {
 }
 
 impl Row {
-    /// Returns subject, folds, model, codes, and mean and deviation of the three errors.
+    /// Returns the cells of the printed row: subject, folds, model, codes, and mean and deviation
+    /// of the three errors.
     pub(crate) fn cells(&self) -> [String; 7] {
         let spread =
             |Spread { mean, sd }: Spread, digits| format!("{mean:.digits$} ± {sd:.digits$}");
@@ -54,7 +55,7 @@ impl Row {
     }
 }
 
-/// Mean and sample standard deviation.
+/// Mean and sample standard deviation of an error, over folds or subjects.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Spread {
     pub(crate) mean: f64,
@@ -99,15 +100,14 @@ impl Table {
         &self.outcomes
     }
 
-    /// Returns montage, shape and training of the first fold's model, as text.
+    /// Returns as text the settings of the first fold's model: montage, shape and training.
     pub(crate) fn settings(&self) -> &str {
         self.outcomes
             .first()
             .map_or("", |outcome| outcome.settings.as_str())
     }
 
-    /// Returns the rows: those of each subject in turn, and those over all subjects if there are
-    /// several.
+    /// Returns the rows of each subject in turn, then those over all subjects if there are several.
     pub(crate) fn rows(&self) -> &[Row] {
         &self.rows
     }
@@ -186,8 +186,7 @@ impl fmt::Display for Table {
     }
 }
 
-/// Returns whether two outcomes have the same settings. The blocks of a run may differ between
-/// subjects.
+/// Returns whether two outcomes have the same settings. The number of blocks in a run may differ.
 fn is_same_kind(a: &Outcome, b: &Outcome) -> bool {
     if a.subject == b.subject {
         return a.settings == b.settings;
@@ -222,8 +221,9 @@ fn check_complete(outcomes: &[Outcome]) -> Result<(), TrainerError> {
     Err(TrainerError::MissingOutcomes(missing))
 }
 
-/// Returns the errors of an outcome, each with the model, the kind of codes, and whether the signal
-/// can be decoded from the code alone. The model's own errors are `None` in mode `pca`.
+/// Returns the four errors of an outcome, each with the model, the kind of codes, and whether the
+/// signal can be decoded from the code alone. In mode `pca` those of the model itself are `None`,
+/// because they would equal those of PCA.
 pub(crate) fn columns(
     outcome: &Outcome,
 ) -> [(String, &'static str, bool, Option<ReconstructionError>); COLUMNS] {
@@ -240,7 +240,7 @@ pub(crate) fn columns(
     ]
 }
 
-/// Returns the rows of one subject.
+/// Returns the rows of one subject, from the outcomes of its folds.
 fn rows_of(outcomes: &[Outcome]) -> Vec<Row> {
     let columns: Vec<_> = outcomes.iter().map(columns).collect();
     let rows = (0..COLUMNS).filter_map(|at| {
@@ -263,7 +263,7 @@ fn rows_of(outcomes: &[Outcome]) -> Vec<Row> {
     rows.collect()
 }
 
-/// Returns the rows over the means of the subjects; none for one subject.
+/// Returns the rows with the means over all subjects; none if there is only one subject.
 fn over_subjects(rows: &[Row]) -> Vec<Row> {
     let Some(first) = rows.first() else {
         return Vec::new();
@@ -292,7 +292,7 @@ fn over_subjects(rows: &[Row]) -> Vec<Row> {
 }
 
 impl Spread {
-    /// Returns mean and sample standard deviation, which is 0 for one value.
+    /// Returns mean and sample standard deviation of `values`; for one value, the latter is 0.
     fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
         let count = values.clone().count() as f64;
         let mean = values.clone().sum::<f64>() / count;
@@ -361,11 +361,11 @@ mod tests {
             table.rows.iter().find(is).unwrap().mse
         };
         let spread = |mean, sd| Spread { mean, sd };
-        // The sample deviation of two values is their difference over the root of 2.
+        // The sample standard deviation of two values is their difference over the root of 2.
         let root = 2.0_f64.sqrt();
         assert_eq!(row("a", "shortcut", "float"), spread(2.0, root));
         assert_eq!(row("b", "PCA-16", "integer"), spread(24.0, 4.0 * root));
-        // Subject means 2 and 6.
+        // The mean errors of the two subjects are 2 and 6.
         let all = row("all", "shortcut", "float");
         assert!(
             (all.mean - 4.0).abs() < 1e-12 && (all.sd - 4.0 / root).abs() < 1e-12,

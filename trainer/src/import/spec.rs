@@ -15,12 +15,11 @@ pub(super) struct Spec {
     montage: String,
     /// Layers of the network.
     mode: Mode,
-    /// Standard deviation of the training data, uV; the network's input is in units of it.
+    /// Standard deviation of the training data, uV, in units of which the network gets its input.
     sd_uv: f64,
-    /// Length of a code; 128 if not stated. This and the next five defaults are the paper's
-    /// dimensions, and the code format with the least loss for its bits.
+    /// Length of a code; 128, as in the paper, if not stated.
     numbers: Option<usize>,
-    /// Time steps of a window; 16 if not stated.
+    /// Time steps of a window; 16, as in the paper, if not stated.
     steps: Option<usize>,
     /// Time steps from the start of one window to the start of the next; 8 if not stated.
     hop: Option<usize>,
@@ -28,7 +27,7 @@ pub(super) struct Spec {
     padding: Option<Padding>,
     /// Steps, rows and columns of the max-pool; 2 of each if not stated.
     pool: Option<[usize; 3]>,
-    /// Integer format of the codes; `int8-exponent` if not stated.
+    /// Integer format of the codes; if not stated `int8-exponent`, which loses least for its bits.
     code_format: Option<CodeFormat>,
     /// Mains frequency of the training data, Hz.
     mains_hz: u32,
@@ -41,8 +40,8 @@ pub(super) struct Spec {
     /// Labels of electrodes that were interpolated in training.
     #[serde(default)]
     interpolated: Vec<String>,
-    /// Names in the file, by the names of this project: of tensors, or of layers with all their
-    /// tensors.
+    /// Maps names of this project, of a tensor or of a layer with all its tensors, to the names in
+    /// the file.
     #[serde(default)]
     pub(super) names: BTreeMap<String, String>,
 }
@@ -58,7 +57,8 @@ impl Spec {
             .map_err(|source| TrainerError::Spec(path.to_owned(), Box::new(source)))
     }
 
-    /// Returns the description of the model. `path` is that of the specification.
+    /// Returns the description of the model. `path` is the path of the specification, to which the
+    /// montage file's path is relative.
     ///
     /// # Errors
     /// If the montage cannot be used, or no model can have this shape.
@@ -96,8 +96,9 @@ impl Spec {
         "imported".clone_into(&mut card.optimiser);
     }
 
-    /// Returns the name in the file of a tensor of this project: that of the longest entry of
-    /// `names` that is the tensor or its layer; its own name if there is none.
+    /// Returns the name that a tensor of this project has in the file. It follows from the longest
+    /// entry of `names` that names the tensor or its layer; without such an entry, both names are
+    /// the same.
     pub(super) fn name_in_file(&self, name: &str) -> String {
         let entry = self.names.iter().filter_map(|(ours, theirs)| {
             let rest = name.strip_prefix(ours.as_str())?;

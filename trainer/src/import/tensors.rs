@@ -1,4 +1,4 @@
-//! The tensors of a safetensors file: those of a model, and every mistake at once.
+//! Collects the tensors of a model from a safetensors file, and reports all mistakes together.
 
 use super::spec::Spec;
 use crate::error::TrainerError;
@@ -10,11 +10,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Counter of PyTorch's batch norm, which inference does not need.
+/// Name of the counter in PyTorch's batch norm, which inference does not need.
 const COUNTER: &str = "num_batches_tracked";
 /// Prefix of the tensors from which the model is calibrated.
 const CALIBRATION: &str = "calibration.";
-/// Windows of the reference, their codes, and their reconstructions, which are optional.
+/// Names of the tensors to compare with: windows, their codes, and their reconstructions, which the
+/// file may lack.
 const REFERENCE: [&str; 3] = [
     "reference.windows",
     "reference.codes",
@@ -34,13 +35,13 @@ struct Entry {
     values: Option<Vec<f32>>,
 }
 
-/// The tensors of a model.
+/// What an import takes from the tensors of a file.
 #[derive(Debug)]
 pub(super) struct Collected {
     pub(super) weights: Tensors,
-    /// Ranges, or windows to measure them on.
+    /// Ranges from which the int8 scales are derived, or windows on which to measure these ranges.
     pub(super) calibration: Calibration,
-    /// Reference to compare with, if the file has one.
+    /// Windows and outputs of the exported network to compare with, if the file has them.
     pub(super) reference: Option<Reference>,
 }
 
@@ -85,7 +86,7 @@ impl StateDict {
     /// Returns weights, calibration and reference.
     ///
     /// # Errors
-    /// Every mistake in names, shapes, element types and values, in words.
+    /// All mistakes in names, shapes, element types and values, in words.
     pub(super) fn collect(
         &self,
         spec: &Spec,
@@ -122,17 +123,17 @@ impl StateDict {
     }
 }
 
-/// A search in a file, and the mistakes found so far.
+/// A search for tensors in a file, with the mistakes found so far.
 struct Search<'a> {
     file: &'a StateDict,
     used: BTreeSet<String>,
     mistakes: Vec<String>,
-    /// Missing tensors: index of the mistake, and expected shape.
+    /// For each missing tensor: index of its message in the list of mistakes, and expected shape.
     missing: Vec<(usize, Vec<usize>)>,
 }
 
 impl Search<'_> {
-    /// Finds entries of `[names]` that are neither a tensor nor a layer.
+    /// Notes each entry of `[names]` that names neither a tensor nor a layer.
     fn check_names<'n>(&mut self, spec: &Spec, names: impl Iterator<Item = &'n str>) {
         let names: Vec<&str> = names.collect();
         for entry in spec.names.keys() {
@@ -181,7 +182,7 @@ impl Search<'_> {
         fits.then(|| values.clone())
     }
 
-    /// Returns the rows of a required tensor, whose first dimension is the number of rows.
+    /// Returns the rows of a required tensor, which are of shape `row` each.
     fn rows(&mut self, name: &str, row: &[usize]) -> Option<Vec<Vec<f32>>> {
         let values = self.tensor(name, &[&[0], row].concat())?;
         let length = row.iter().product();
@@ -266,7 +267,7 @@ impl Search<'_> {
         })
     }
 
-    /// Finds windows with values in cells without an electrode.
+    /// Notes each windows tensor with values other than 0 in cells without an electrode.
     fn check_empty_cells(&mut self, description: &Description) {
         let dimensions = description.dimensions();
         let (cells, columns) = (dimensions.cells(), dimensions.columns);
@@ -291,8 +292,8 @@ impl Search<'_> {
         }
     }
 
-    /// Finds tensors that are not part of the model, and proposes them where one of their shape is
-    /// missing.
+    /// Notes tensors that are not part of the model, and proposes each in place of a missing tensor
+    /// of the same shape.
     fn check_unused(&mut self) {
         let unused = self.file.0.iter();
         let unused: Vec<_> = unused
@@ -319,7 +320,8 @@ impl Search<'_> {
     }
 }
 
-/// Returns whether a shape is the expected one, in which 0 stands for any length of at least 1.
+/// Returns whether a found shape is the expected one. An expected length of 0 stands for any length
+/// of at least 1.
 fn fits(found: &[usize], expected: &[usize]) -> bool {
     let is_right = |(found, expected): (&usize, &usize)| match *expected {
         0 => *found > 0,
@@ -328,7 +330,7 @@ fn fits(found: &[usize], expected: &[usize]) -> bool {
     found.len() == expected.len() && found.iter().zip(expected).all(is_right)
 }
 
-/// Returns an expected shape in brackets, with N for a length of 0.
+/// Returns an expected shape in brackets, with N for a length of 0, which stands for any length.
 fn in_words(shape: &[usize]) -> String {
     let lengths = shape.iter().map(|length| match length {
         0 => "N".to_owned(),

@@ -34,7 +34,8 @@ impl Moments {
         }
     }
 
-    /// Returns the moments of both sets of values (Chan, Golub and LeVeque 1979).
+    /// Returns the moments of the values of `self` and `other` together (Chan, Golub and LeVeque
+    /// 1979).
     pub(crate) fn merge(mut self, other: &Self) -> Self {
         let count = self.count + other.count;
         for channel in 0..self.mean.len() {
@@ -52,7 +53,7 @@ impl Moments {
         self.mean.iter().map(|mean| *mean as f32).collect()
     }
 
-    /// Returns the variance of each channel, which normalises the batch.
+    /// Returns the variance of each channel, by which a batch is normalised.
     pub(crate) fn variance(&self) -> Vec<f32> {
         self.variance_with(self.count)
     }
@@ -98,7 +99,7 @@ impl<'a> BatchNorm<'a> {
         }
     }
 
-    /// Returns the normalised volume.
+    /// Returns the volume after batch norm.
     pub(crate) fn apply(&self, x: &Volume) -> Volume {
         let mut y = x.clone();
         for (channel, values) in y.by_channel_mut().enumerate() {
@@ -111,8 +112,8 @@ impl<'a> BatchNorm<'a> {
         y
     }
 
-    /// Returns the largest value of the first `windows` windows times the magnitude of its
-    /// channel's factor.
+    /// Returns the largest product of a value and the magnitude of its channel's factor, in the
+    /// first `windows` windows. The factor is gain times `inverse`.
     pub(crate) fn largest_scaled(&self, x: &Volume, windows: usize) -> f32 {
         let channels = x.by_channel().enumerate();
         let largest = channels.map(|(channel, values)| {
@@ -123,8 +124,8 @@ impl<'a> BatchNorm<'a> {
         largest.fold(0.0, f32::max)
     }
 
-    /// Returns the gradients of gain and offset, from input and gradient at the output. Windows
-    /// without a gradient do not count.
+    /// Returns the gradients of gain and offset from input and gradient at the output. A window
+    /// whose gradient is 0 contributes nothing.
     pub(crate) fn parameter_gradient(&self, x: &Volume, gradient: &Volume) -> NormGradient {
         let pairs = x.by_channel().zip(gradient.by_channel()).enumerate();
         let (gain, offset) = pairs
@@ -147,9 +148,9 @@ impl<'a> BatchNorm<'a> {
         NormGradient { gain, offset }
     }
 
-    /// Returns the gradient at the input. `total` and `values` are the gradients of gain and offset
-    /// over all groups of the batch, and the number of values of a channel; of this group, the
-    /// first `windows` windows belong to the batch.
+    /// Returns the gradient at the input. `total` holds the gradients of gain and offset over all
+    /// groups of the batch, and `values` is the number of values of a channel in the batch. Only
+    /// the first `windows` windows of this group belong to the batch.
     pub(crate) fn input_gradient(
         &self,
         x: &Volume,
@@ -179,7 +180,7 @@ impl<'a> BatchNorm<'a> {
 }
 
 impl NormGradient {
-    /// Adds the gradients of another group of the batch.
+    /// Returns the sum of these gradients and those of another group of the batch.
     pub(crate) fn add(mut self, other: &Self) -> Self {
         let sums = self.gain.iter_mut().chain(&mut self.offset);
         for (sum, value) in sums.zip(other.gain.iter().chain(&other.offset)) {
@@ -194,7 +195,7 @@ impl NormGradient {
     }
 }
 
-/// Returns the sum of a function of all values of the first `windows` windows.
+/// Returns the sum of `function` over all values of the first `windows` windows.
 fn sum(values: &[Lanes], windows: usize, function: impl Fn(f32) -> f32) -> f64 {
     let mut sums = [0.0; LANES];
     for value in values {

@@ -8,7 +8,7 @@ use crate::parameters;
 use artifact::KERNEL;
 use pulp::{NullaryFnOnce, Simd, WithSimd};
 
-/// Number of channels that are computed together: their sums fill the registers of AVX2.
+/// Number of channels that are computed together, so that their sums fill the registers of AVX2.
 const TILE: usize = 4;
 /// Number of values of a kernel.
 const TAPS: usize = KERNEL * KERNEL * KERNEL;
@@ -19,9 +19,10 @@ pub(crate) struct Layer<'a> {
     /// Kernels: \[output, input, step, row, column\] of a convolution, \[input, output, step, row,
     /// column\] of a transposed one.
     pub(crate) weight: &'a [f32],
-    /// A number for each output channel.
+    /// Bias of each output channel.
     pub(crate) bias: &'a [f32],
-    /// Zeros at both ends of each axis, 0 or 1; a transposed convolution leaves out as many places.
+    /// Number of zeros at both ends of each axis, 0 or 1. A transposed convolution leaves out as
+    /// many places of its output instead.
     pub(crate) pads: [usize; 3],
 }
 
@@ -36,8 +37,8 @@ impl Layer<'_> {
         )
     }
 
-    /// Returns the gradient at the input of a convolution with `inputs` channels, from that at its
-    /// output.
+    /// Returns the gradient at the input of a convolution with `inputs` channels, from the gradient
+    /// at its output.
     pub(crate) fn convolve_gradient(&self, inputs: usize, gradient: &Volume) -> Volume {
         let kernels = self.turned_kernels(inputs, gradient.channels);
         correlate(gradient, &kernels, &vec![0.0; inputs], self.turned_pads())
@@ -50,7 +51,7 @@ impl Layer<'_> {
     }
 
     /// Returns the gradient at the input of a transposed convolution with `inputs` channels, from
-    /// that at its output.
+    /// the gradient at its output.
     pub(crate) fn convolve_transposed_gradient(&self, inputs: usize, gradient: &Volume) -> Volume {
         let kernels = self.kernels(inputs, gradient.channels);
         correlate(gradient, &kernels, &vec![0.0; inputs], self.pads)
@@ -78,14 +79,16 @@ impl Layer<'_> {
         }
     }
 
-    /// Returns the kernels as they are: \[first, second, tap\], from the second index to the first.
+    /// Returns the kernels, \[first, second, tap\], as maps from channels of the second index to
+    /// channels of the first.
     fn kernels(&self, first: usize, second: usize) -> Kernels {
         Kernels::new(first, second, |output, input, tap| {
             self.weight[(output * second + input) * TAPS + tap]
         })
     }
 
-    /// Returns the kernels turned around: from the first index to the second, taps in reverse.
+    /// Returns the kernels with reversed taps, as maps from channels of the first index to channels
+    /// of the second.
     fn turned_kernels(&self, second: usize, first: usize) -> Kernels {
         Kernels::new(second, first, |output, input, tap| {
             self.weight[(input * second + output) * TAPS + TAPS - 1 - tap]
@@ -104,8 +107,8 @@ fn channel_sums(volume: &Volume) -> Vec<f32> {
     channels.map(sum).collect()
 }
 
-/// Kernels in the order in which [`correlate`] reads them: tile of outputs, input, tap, output of
-/// the tile.
+/// Kernels in the order in which [`correlate`] reads them: tile of output channels, input channel,
+/// tap, output channel within the tile.
 #[derive(Clone, Debug)]
 struct Kernels {
     outputs: usize,
@@ -115,8 +118,8 @@ struct Kernels {
 }
 
 impl Kernels {
-    /// Arranges kernels; `value` returns that from an input channel to an output channel at a tap,
-    /// the index of step, row and column (the last fastest).
+    /// Arranges kernels; `value` returns the weight from an input channel to an output channel at a
+    /// tap. A tap is an index of step, row and column (the last fastest).
     fn new(outputs: usize, inputs: usize, value: impl Fn(usize, usize, usize) -> f32) -> Self {
         let tile = if outputs.is_multiple_of(TILE) {
             TILE
@@ -160,7 +163,7 @@ fn correlate(x: &Volume, kernels: &Kernels, bias: &[f32], pads: [usize; 3]) -> V
     y
 }
 
-/// The arguments of a correlation, which pulp runs with the instructions that the processor has.
+/// Arguments of a correlation; the crate pulp runs it with the widest vectors of the processor.
 struct Correlate<'a> {
     x: &'a Volume,
     kernels: &'a Kernels,
@@ -182,13 +185,13 @@ impl NullaryFnOnce for Correlate<'_> {
     }
 }
 
-/// Taps along one axis that meet the input at one place of the output.
+/// Taps of a kernel along one axis that lie within the input, for one place of the output.
 #[derive(Clone, Copy)]
 struct Reach {
-    /// First tap.
+    /// First tap that lies within the input.
     first: usize,
     count: usize,
-    /// Place of the input that the first tap meets.
+    /// Place of the input at which the first tap lies.
     input: usize,
 }
 
@@ -238,8 +241,8 @@ impl Correlate<'_> {
         }
     }
 
-    /// Returns the sums of one place of `T` output channels, which meets `C` columns of each
-    /// kernel.
+    /// Returns the sums of `T` output channels at one place, where `C` kernel columns lie within
+    /// the input.
     #[inline(always)]
     fn sums<const T: usize, const C: usize>(
         &self,
@@ -300,7 +303,7 @@ fn weight_gradient(small: &Volume, large: &Volume) -> Vec<f32> {
     gradient
 }
 
-/// The arguments, which pulp runs with the instructions that the processor has.
+/// Arguments of a weight gradient; the crate pulp runs it with the widest vectors of the processor.
 struct WeightGradient<'a> {
     small: &'a Volume,
     large: &'a Volume,
@@ -354,8 +357,8 @@ impl WithSimd for WeightGradient<'_> {
     }
 }
 
-/// The processor's vectors of both volumes for a part of the windows of a group. `large` starts at
-/// the first place that a step and a row of the kernel meet.
+/// Both volumes as vectors of the processor, for some windows of a group. `large` starts at the
+/// place where one step and row of the kernel lies for the first place of `small`.
 struct Vectors<'a, V> {
     small: &'a [V],
     small_size: [usize; 3],
@@ -366,7 +369,7 @@ struct Vectors<'a, V> {
 }
 
 impl<V: Copy> Vectors<'_, V> {
-    /// Returns the sums for a tile of channels of the small volume and the columns of a kernel.
+    /// Returns the sums over all places, for each channel of a tile and each column of the kernel.
     #[inline(always)]
     fn sums<S: Simd<f32s = V>>(&self, simd: S) -> [[V; KERNEL]; TILE] {
         let [steps, rows, columns] = self.small_size;
@@ -412,7 +415,7 @@ mod tests {
         Volume::from_values(channels, size, values.as_chunks().0.to_vec())
     }
 
-    /// Returns the convolution of one window by its definition:
+    /// Returns the convolution of window `lane`, computed by its definition:
     /// \[output\]\[step\]\[row\]\[column\].
     fn plain(x: &Volume, layer: &Layer<'_>, lane: usize) -> Vec<f64> {
         let [steps, rows, columns] = x.size;
@@ -425,7 +428,7 @@ mod tests {
                 for input in 0..x.channels {
                     for tap in 0..TAPS {
                         let tap_at = [tap / 9, tap / 3 % 3, tap % 3];
-                        // An index below 0 wraps around, beyond every size.
+                        // An index below 0 wraps around, so that it exceeds every size.
                         let [t, r, c] = [0, 1, 2]
                             .map(|axis| (at[axis] + tap_at[axis]).wrapping_sub(layer.pads[axis]));
                         if t < steps && r < rows && c < columns {
@@ -473,8 +476,8 @@ mod tests {
         }
     }
 
-    /// A linear map and its gradient are adjoint: `<g, A x> = <A^T g, x>`. The same inner product
-    /// is that of the kernels with their gradient, because the map is also linear in the kernels.
+    /// A linear map A and its gradient are adjoint: `<g, A x> = <A^T g, x>`. The map is also linear
+    /// in its kernels, so the inner product of the kernels with their gradient has the same value.
     #[test]
     fn gradients_are_adjoint_to_both_convolutions_with_every_padding() {
         let weight = numbers(4, CHANNELS[0] * CHANNELS[1] * TAPS);

@@ -4,7 +4,7 @@ use pulp::NullaryFnOnce;
 
 use super::{LANES, Lanes, add_scaled};
 
-/// Number of outputs that are computed together: their sums fill the registers of AVX2.
+/// Number of outputs that are computed together, so that their sums fill the registers of AVX2.
 const TILE: usize = 4;
 
 /// A matrix of \[outputs, inputs\] in PyTorch's order, the inputs fastest.
@@ -16,7 +16,7 @@ pub(crate) struct Matrix<'a> {
 }
 
 impl<'a> Matrix<'a> {
-    /// Creates a matrix with this number of inputs.
+    /// Creates a matrix with `inputs` columns.
     pub(crate) fn new(values: &'a [f32], inputs: usize) -> Self {
         Self {
             values,
@@ -36,8 +36,8 @@ impl<'a> Matrix<'a> {
         });
     }
 
-    /// Adds the product of the transposed matrix and `gradient` to `sums`: the gradient at the
-    /// layer's input.
+    /// Adds the product of the transposed matrix and `gradient`, the gradient at the layer's
+    /// output, to `sums`. This is the gradient at the layer's input.
     pub(crate) fn multiply_transposed(&self, gradient: &[Lanes], sums: &mut [Lanes]) {
         pulp::Arch::new().dispatch(Product {
             values: self.values,
@@ -49,12 +49,12 @@ impl<'a> Matrix<'a> {
     }
 }
 
-/// Returns the gradient of a matrix, in its order: the sum over the windows of the gradient at an
-/// output times an input.
+/// Returns the gradient of a matrix, in its own order: for each output and input, the sum over the
+/// windows of the gradient at the output times the input.
 pub(crate) fn matrix_gradient(x: &[Lanes], gradient: &[Lanes]) -> Vec<f32> {
     let inputs = x.len();
     let mut sums = vec![0.0; gradient.len() * inputs];
-    // One row of the inputs for each window, so that a row of the matrix is a vector.
+    // Store the inputs of each window as one row, so that vectors run along a row of the matrix.
     let mut by_window = vec![0.0; LANES * inputs];
     for (window, row) in by_window.chunks_exact_mut(inputs).enumerate() {
         for (value, lanes) in row.iter_mut().zip(x) {
@@ -69,7 +69,7 @@ pub(crate) fn matrix_gradient(x: &[Lanes], gradient: &[Lanes]) -> Vec<f32> {
     sums
 }
 
-/// The arguments of a product of a matrix, as it is or transposed, and a vector of each window.
+/// Arguments of the product of a matrix, as it is or transposed, with one vector for each window.
 struct Product<'a> {
     values: &'a [f32],
     /// Number of elements of the result.
@@ -108,7 +108,7 @@ impl NullaryFnOnce for Product<'_> {
     }
 }
 
-/// The arguments of a sum of outer products.
+/// Arguments of a sum of outer products, one for each window.
 struct OuterProduct<'a> {
     by_window: &'a [f32],
     gradient: &'a [Lanes],

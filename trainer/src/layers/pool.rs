@@ -1,10 +1,10 @@
-//! Max-pool, and both ways to undo it.
+//! Max-pool, and both ways to undo it: at the places of the maxima, and by nearest neighbour.
 
 use artifact::{CONV2_CHANNELS, Geometry};
 
 use super::{LANES, Lanes, Volume, product};
 
-/// The output of a max-pool, and where each maximum was.
+/// The output of a max-pool, and the place of each maximum.
 #[derive(Clone, Debug)]
 pub(crate) struct Pooled {
     /// Largest value of each pool: channel, step, row, column, lane.
@@ -13,8 +13,8 @@ pub(crate) struct Pooled {
     places: Vec<[u16; LANES]>,
 }
 
-/// Returns the max-pool of a feature map. Places that do not fill a pool are dropped; of equal
-/// values the first counts.
+/// Returns the max-pool of a feature map. Places beyond the last whole pool are dropped; the first
+/// of equal values is the maximum.
 pub(crate) fn max_pool(x: &Volume, geometry: &Geometry) -> Pooled {
     let count = x.channels * product(geometry.pooled);
     let mut pooled = Pooled {
@@ -59,7 +59,7 @@ impl Pooled {
         x
     }
 
-    /// Returns the values at the places of the maxima: the gradient of [`Self::scatter`].
+    /// Returns the values at the places of the maxima, which is the gradient of [`Self::scatter`].
     pub(crate) fn gather(&self, x: &Volume) -> Vec<Lanes> {
         let per_channel = self.places.len() / x.channels;
         let places = self.places.chunks_exact(per_channel);

@@ -9,7 +9,7 @@ use crate::layers::{LANES, Lanes, Volume};
 use crate::parameters::{self, Norm, Parameters, Weights};
 use artifact::Mode;
 
-/// The autoencoder with its parameters.
+/// The autoencoder's layers together with their parameters.
 #[derive(Debug)]
 pub(super) struct Autoencoder<'a> {
     pub(super) layout: &'a Layout,
@@ -17,18 +17,18 @@ pub(super) struct Autoencoder<'a> {
     pub(super) weights: &'a Weights,
 }
 
-/// A code, and the places of the maxima, which the decoder needs in mode `paper`.
+/// A code, and the places of the max-pool's maxima, which the decoder needs in mode `paper`.
 #[derive(Clone, Debug)]
 pub(super) struct Encoded {
     pub(super) pooled: Pooled,
     pub(super) code: Vec<Lanes>,
 }
 
-/// Output of the decoder's first convolution, and its input.
+/// Input and output of the decoder's first convolution.
 #[derive(Clone, Debug)]
 pub(super) struct Expanded {
     pub(super) unpooled: Volume,
-    /// Output of the ReLU.
+    /// Output of the convolution and the ReLU after it.
     pub(super) hidden: Volume,
 }
 
@@ -41,7 +41,8 @@ impl<'a> Autoencoder<'a> {
         }
     }
 
-    /// Returns a convolution, plain or transposed.
+    /// Returns a convolution or transposed convolution from its kernels and bias, with the model's
+    /// padding.
     pub(super) fn convolution(&self, layer: &'a parameters::Layer) -> Layer<'a> {
         Layer {
             weight: &layer.weight,
@@ -77,8 +78,8 @@ impl<'a> Autoencoder<'a> {
         self.layout.geometry.dimensions.numbers
     }
 
-    /// Returns code and reconstructed electrodes of a group; batch norm uses the running
-    /// statistics.
+    /// Returns the codes of a group and the electrode values decoded from them; batch norm uses the
+    /// running statistics.
     pub(super) fn reconstruct(&self, group: &Group) -> (Vec<Lanes>, Vec<Lanes>) {
         if !self.mode.has_convolutions() {
             let code = self.project(group);
@@ -93,7 +94,8 @@ impl<'a> Autoencoder<'a> {
         (encoded.code, window)
     }
 
-    /// Returns the electrodes that a code decodes to; batch norm uses the running statistics.
+    /// Returns the values of all electrodes that a code decodes to; batch norm uses the running
+    /// statistics.
     pub(super) fn decode(&self, code: &[Lanes]) -> Vec<Lanes> {
         if self.mode.has_convolutions() {
             return self.decode_running(code, None);
@@ -136,7 +138,7 @@ impl<'a> Autoencoder<'a> {
         code
     }
 
-    /// Returns the output of the first convolution and its ReLU.
+    /// Returns the output of the encoder's first convolution and its ReLU.
     pub(super) fn first(&self, group: &Group) -> Volume {
         let mut x = self
             .convolution(&self.weights.encoder.conv1)
@@ -145,14 +147,14 @@ impl<'a> Autoencoder<'a> {
         x
     }
 
-    /// Returns the output of the second convolution and its ReLU.
+    /// Returns the output of the encoder's second convolution and its ReLU.
     pub(super) fn second(&self, x: &Volume) -> Volume {
         let mut x = self.convolution(&self.weights.encoder.conv2).convolve(x);
         x.rectify();
         x
     }
 
-    /// Returns the code from the normalised output of the second convolution.
+    /// Returns the code from `x`, the output of the second convolution after its batch norm.
     pub(super) fn encode(&self, group: &Group, x: &Volume) -> Encoded {
         let pooled = max_pool(x, &self.layout.geometry);
         let bias = self.weights.encoder.fc.bias.iter();
@@ -164,8 +166,8 @@ impl<'a> Autoencoder<'a> {
         Encoded { pooled, code }
     }
 
-    /// Returns the output of the decoder's first convolution. In mode `paper`, the places of the
-    /// encoder's maxima come with the pools.
+    /// Returns the output of the decoder's first convolution. In mode `paper`, `pooled` gives the
+    /// places of the encoder's maxima.
     pub(super) fn expand(&self, code: &[Lanes], pooled: Option<&Pooled>) -> Expanded {
         let geometry = &self.layout.geometry;
         let decoder = &self.weights.decoder;
@@ -186,8 +188,8 @@ impl<'a> Autoencoder<'a> {
         Expanded { unpooled, hidden }
     }
 
-    /// Returns the reconstructed electrodes from the normalised output of the decoder's first
-    /// convolution.
+    /// Returns the reconstructed electrode values from `x`, the output of the decoder's first
+    /// convolution after its batch norm.
     pub(super) fn window(&self, x: &Volume, code: &[Lanes]) -> Vec<Lanes> {
         let layer = self.convolution(&self.weights.decoder.conv2);
         let mut window = self.layout.gather(&layer.convolve_transposed(x));
@@ -198,13 +200,13 @@ impl<'a> Autoencoder<'a> {
     }
 }
 
-/// Returns a batch norm with the statistics of a batch.
+/// Returns a batch norm that normalises with the statistics of one batch.
 pub(super) fn of_batch<'a>(norm: &'a Norm, moments: &Moments) -> BatchNorm<'a> {
     let parameters = [norm.weight.as_slice(), &norm.bias];
     BatchNorm::new(parameters, moments.mean(), &moments.variance())
 }
 
-/// Returns a batch norm with the running statistics.
+/// Returns a batch norm that normalises with the running statistics.
 fn running(norm: &Norm) -> BatchNorm<'_> {
     let parameters = [norm.weight.as_slice(), &norm.bias];
     BatchNorm::new(parameters, norm.running_mean.clone(), &norm.running_var)

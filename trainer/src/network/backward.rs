@@ -1,7 +1,7 @@
 //! Forward and backward pass of a batch, whose groups are computed in parallel.
 //!
-//! Batch norm needs the whole batch, so each pass consists of stages, between which the statistics
-//! of the groups are added, always in their order.
+//! Batch norm needs the whole batch, so each pass consists of stages. Between two stages the
+//! statistics of all groups are added, always in the order of the groups.
 
 use super::autoencoder::{Autoencoder, Encoded, Expanded, of_batch};
 use super::group::Group;
@@ -33,16 +33,17 @@ struct Activations {
     expanded: Expanded,
 }
 
-/// Gradients of one group, and the gradient that the next stage continues with.
+/// Result of a stage of the backward pass for one group: gradients of parameters, and the gradient
+/// at which the next stage begins.
 struct Stage {
     gradients: Weights,
     norm: NormGradient,
-    /// Gradient at the output of the batch norm.
+    /// Gradient at the output of the batch norm at which the next stage begins.
     output: Volume,
 }
 
-/// Computes loss and gradients of a batch. Also returns the statistics of the batch norms: those of
-/// the encoder, then that of the decoder.
+/// Computes loss and gradients of a batch. Also returns the statistics of the three batch norms:
+/// first the encoder's two, then the decoder's.
 pub(super) fn gradients(
     autoencoder: &Autoencoder<'_>,
     groups: &[Group],
@@ -96,7 +97,7 @@ fn each<R: Send>(groups: usize, f: impl Fn(usize) -> R + Sync) -> Vec<R> {
     in_parallel::map(&indices, |&at| f(at))
 }
 
-/// Returns the moments of a volume over all groups.
+/// Returns the moments of each channel of a volume, over the windows of all groups.
 fn moments<'a>(groups: &[Group], volume: impl Fn(usize) -> &'a Volume + Sync) -> Moments {
     let moments = each(groups.len(), |at| {
         Moments::new(volume(at), groups[at].windows)
@@ -105,7 +106,7 @@ fn moments<'a>(groups: &[Group], volume: impl Fn(usize) -> &'a Volume + Sync) ->
     rest.iter().fold(first.clone(), Moments::merge)
 }
 
-/// The backward pass of a batch.
+/// What the backward pass of a batch reads: network, windows and activations.
 struct Backward<'a> {
     autoencoder: &'a Autoencoder<'a>,
     groups: &'a [Group],
@@ -151,7 +152,8 @@ impl Backward<'_> {
         (losses.iter().sum(), all)
     }
 
-    /// Returns the gradient at the input of a ReLU and the batch norm after it.
+    /// Returns the gradient at the input of a ReLU, from `gradient` at the output of the batch norm
+    /// after it.
     fn through(
         &self,
         norm: &BatchNorm<'_>,
@@ -167,8 +169,8 @@ impl Backward<'_> {
         gradient
     }
 
-    /// Computes the loss and the gradients of the decoder's output; also returns the part of the
-    /// gradient at the code that comes through the shortcut.
+    /// Computes the loss and the gradients of the decoder's last layers. Also returns the part of
+    /// the gradient at the code that comes through the shortcut.
     fn output_stage(&self, at: usize, norm: &BatchNorm<'_>) -> (f64, (Stage, Vec<Lanes>)) {
         let (group, activations) = (&self.groups[at], &self.activations[at]);
         let code = &activations.encoded.code;
@@ -208,7 +210,7 @@ impl Backward<'_> {
         (loss, (stage, at_code))
     }
 
-    /// Continues from the decoder's first convolution to the encoder's second batch norm.
+    /// Backward pass from the decoder's first convolution to the encoder's second batch norm.
     fn code_stage(
         &self,
         at: usize,
@@ -252,7 +254,7 @@ impl Backward<'_> {
         }
     }
 
-    /// Continues from the encoder's second convolution to its first batch norm.
+    /// Backward pass from the encoder's second convolution to its first batch norm.
     fn second_stage(&self, at: usize, gradient: &Volume, norm: &BatchNorm<'_>) -> Stage {
         let activations = &self.activations[at];
         let encoder = &self.autoencoder.weights.encoder;

@@ -4,7 +4,7 @@ use crate::dataset::Window;
 use crate::layers::{LANES, Lanes, Volume};
 use artifact::{Description, Geometry, ScalpGrid};
 
-/// Sizes between the layers, and the cell of each electrode.
+/// Sizes of the feature maps between the layers, and the grid cell of each electrode.
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) geometry: Geometry,
@@ -20,8 +20,8 @@ impl Layout {
         }
     }
 
-    /// Returns electrodes (step, electrode) on the scalp grid (step, row, column); other cells are
-    /// 0.
+    /// Puts electrode values (step, electrode) on the scalp grid (step, row, column); cells without
+    /// an electrode are 0.
     pub(super) fn scatter(&self, electrodes: &[Lanes]) -> Volume {
         let dimensions = self.geometry.dimensions;
         let size = [dimensions.steps, dimensions.rows, dimensions.columns];
@@ -35,7 +35,7 @@ impl Layout {
         volume
     }
 
-    /// Returns the electrodes (step, electrode) of a volume of one channel on the scalp grid.
+    /// Returns the electrode values (step, electrode) of a one-channel volume on the scalp grid.
     pub(super) fn gather(&self, volume: &Volume) -> Vec<Lanes> {
         let planes = volume.values.chunks_exact(self.geometry.dimensions.cells());
         planes
@@ -55,7 +55,7 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// Lays out at most [`LANES`] windows.
+    /// Makes a group of at most [`LANES`] windows.
     pub(super) fn new(layout: &Layout, windows: &[&Window]) -> Self {
         let dimensions = layout.geometry.dimensions;
         let electrodes = lanes(windows, dimensions.window_electrodes());
@@ -78,7 +78,7 @@ impl Group {
     }
 }
 
-/// Lays out at most [`LANES`] vectors of a length, one in each lane; the other lanes are 0.
+/// Arranges at most [`LANES`] vectors with `length` elements, one in each lane; other lanes are 0.
 pub(super) fn lanes(vectors: &[&[f32]], length: usize) -> Vec<Lanes> {
     let mut values = vec![[0.0; LANES]; length];
     for (lane, vector) in vectors.iter().enumerate() {

@@ -16,12 +16,12 @@ fn network() -> Network {
     Network::new(&testing::description())
 }
 
-/// Returns parameters in which no layer is 0.
+/// Returns parameters with which every layer contributes to the output.
 fn parameters() -> Parameters {
     changed(testing::shortcut(3))
 }
 
-/// Changes every value of the parameters, each by another amount.
+/// Changes every value of the parameters, each by a different amount.
 fn changed(mut parameters: Parameters) -> Parameters {
     for tensor in TENSORS {
         let values = tensor.of_mut(&mut parameters.weights);
@@ -72,11 +72,12 @@ fn network_and_trace_equal_the_artifacts_float_encoder_and_decoder() {
     let dataset = testing::dataset(5, 16 * 20);
     let artifact = testing::model(&parameters, &testing::dataset(1, 64));
     let worst = worst_difference(&network(), &parameters, &artifact, &dataset);
-    // Each implementation adds at most 1152 products in f32, in its own order. Measured: 9e-6.
+    // Each implementation adds at most 1152 products in f32, in its own order, so the outputs
+    // differ; the measured difference is 9e-6.
     assert!(worst < 1e-4, "{worst}");
     let encoder = FloatEncoder::new(&artifact).unwrap();
     let grid = ScalpGrid::new(&artifact.description);
-    // More windows than a group has, and not a multiple of them.
+    // 20 windows are more than one group, but no whole number of groups.
     let windows = dataset.aligned(16);
     assert_eq!(windows.len(), 20);
     let trace = network().trace(&parameters, &windows);
@@ -100,7 +101,8 @@ fn network_and_trace_equal_the_artifacts_float_encoder_and_decoder() {
     }
 }
 
-/// Compares gradients, each at an index of a tensor, with finite differences of the loss.
+/// Compares gradients with finite differences of the loss, each at an index of a tensor in
+/// `places`.
 fn compare_gradients(network: &Network, parameters: &Parameters, places: &[(&str, usize)]) {
     let dataset = testing::dataset(6, 64);
     let windows = dataset.aligned(16);
@@ -115,7 +117,7 @@ fn compare_gradients(network: &Network, parameters: &Parameters, places: &[(&str
         };
         let slope = (loss(change) - loss(-change)) / (2.0 * f64::from(change));
         let gradient = f64::from(tensor.of(&batch.gradients)[index]);
-        // The loss is in f32 and only piecewise smooth: measured deviations of up to 2 %.
+        // The loss is in f32 and only piecewise smooth, so slope and gradient differ by up to 2 %.
         assert!(
             (slope - gradient).abs() < 0.05 * gradient.abs() + 1e-3,
             "{name}: {slope} {gradient}"
@@ -171,7 +173,7 @@ fn running_statistics_move_a_tenth_towards_the_batch() {
     network().gradients(&mut parameters, &windows);
     let second = mean(&parameters);
     for ((before, first), second) in before.iter().zip(first).zip(second) {
-        // The batch is the same twice, and each update removes a tenth of the remaining difference.
+        // The second batch equals the first, and each update removes a tenth of what is left.
         assert!(((second - first) - 0.9 * (first - before)).abs() < 1e-5);
     }
 }
@@ -206,7 +208,7 @@ fn networks_of_other_shapes_equal_the_artifacts_float_encoder_and_decoder() {
         let artifact = calibrated_artifact(description.clone(), &parameters, &dataset).unwrap();
         let network = Network::new(&description);
         let worst = worst_difference(&network, &parameters, &artifact, &dataset);
-        // The bound of the paper's network, which has more products.
+        // The same bound as for the paper's network, which adds more products than these networks.
         assert!(worst < 1e-4, "{mode:?} {padding:?}: {worst}");
     }
 }

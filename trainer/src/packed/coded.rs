@@ -1,30 +1,30 @@
-//! Blocks coded with the device's quantiser and range coder.
+//! Codes blocks with the device's quantiser and range coder.
 
 use crate::in_parallel;
 use artifact::PackedModel;
 use packed::{Context, Header, LEVELS, MAGNITUDES, Magnitude, Rate, Tables};
 
-/// Size of the buffer of a block, bytes; no block is longer.
+/// Size of the buffer for one coded block, bytes; no block is longer.
 const MAX_BYTES: usize = 2048;
 
-/// Number of times each magnitude was coded: quantiser, level, magnitude.
+/// Number of times that each magnitude was coded, by quantiser, level and magnitude.
 pub(super) type Histogram = [[[u32; MAGNITUDES]; LEVELS]; 2];
 
-/// A coded sequence of blocks.
+/// A sequence of blocks after coding.
 #[derive(Clone, Debug)]
 pub(super) struct Coded {
     /// State after each block, block by block.
     pub(super) states: Vec<i16>,
-    /// Signed magnitudes, block by block.
+    /// Magnitudes of all coefficients with their signs, block by block.
     pub(super) magnitudes: Vec<i32>,
-    /// Bytes of each block.
+    /// Length of each block in bytes.
     pub(super) bytes: Vec<usize>,
-    /// Number of magnitudes coded with each table.
+    /// Number of times that each magnitude was coded with each table.
     pub(super) histogram: Box<Histogram>,
 }
 
-/// Codes sequences of coefficients `[sequence][block][coefficient]` at a rate. The first block of
-/// each sequence, and every `reset`-th block after it, is coded without prediction.
+/// Codes sequences of coefficients `[sequence][block][coefficient]` at a rate. Without prediction
+/// it codes the first block of each sequence and every `reset`-th block after it.
 pub(super) fn code(
     model: &PackedModel,
     coefficients: &[Vec<i16>],

@@ -14,30 +14,31 @@ use packed::Rate;
 use serde_json::{Value as Json, json};
 use std::fmt;
 
-/// Blocks from one reset to the next, as on a device: 4 s.
+/// Number of blocks from one that is coded without prediction to the next, as on a device: 4 s.
 const RESET: usize = 64;
 
-/// Blocks at both ends of a sequence that are excluded: at the start the state has not settled, at
-/// the end there is no next block.
+/// Number of blocks at each end of a sequence that are excluded from errors: at the start the state
+/// has not settled, and at the end there is no next block to smooth with.
 const EDGE: usize = 4;
 
 /// Bits and error at one rate, measured on recordings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateFigures {
-    /// The rate, 0..=15.
+    /// Rate of the packed code, 0 (finest) to 15 (coarsest).
     pub rate: u8,
-    /// Bits of a block, mean: its bytes times 8.
+    /// Mean number of bits of a block, 8 times its length in bytes.
     pub bits: f64,
-    /// Bytes of the longest block.
+    /// Length of the longest block in bytes.
     pub longest: usize,
     /// Mean squared error of the signal decoded from each block when it arrives, in units of
     /// `input.sd_uv` squared.
     pub mse: f64,
-    /// Mean squared error of the signal smoothed by the next block, which arrives a hop later.
+    /// Mean squared error of the signal smoothed by the next block, which arrives a hop later, in
+    /// units of `input.sd_uv` squared.
     pub mse_smoothed: f64,
     /// Correlation of the power of the alpha band (8 to 13 Hz) and of the beta band (13 to 30 Hz)
-    /// with that of the original, without smoothing: Pearson's, of the logarithm in each second,
-    /// mean over the electrodes.
+    /// before and after coding, without smoothing: Pearson's, of the logarithm of the power in each
+    /// second, as the mean over the electrodes.
     pub band_correlation: [f64; 2],
 }
 
@@ -55,7 +56,8 @@ impl RateFigures {
         })
     }
 
-    /// Returns rate, bits, bytes of the longest block, both errors and both correlations as text.
+    /// Returns the cells of a printed row: rate, bits, bytes of the longest block, both errors and
+    /// both correlations.
     pub(crate) fn cells(&self) -> [String; 7] {
         [
             self.rate.to_string(),
@@ -92,7 +94,7 @@ pub(crate) fn evaluate(
     evaluate_with_resets(model, tracks, description, RESET)
 }
 
-/// Measures a packed model as [`evaluate`] does, with every `reset`-th block without prediction.
+/// Measures a packed model like [`evaluate`], but codes every `reset`-th block without prediction.
 pub(super) fn evaluate_with_resets(
     model: &PackedModel,
     tracks: &[Track],
@@ -150,7 +152,8 @@ fn mean_squared_error(original: &[DMatrix<f32>], decoded: &[DMatrix<f32>]) -> f6
     error / values.max(1.0)
 }
 
-/// Returns the pseudoinverse of the analysis, `[value, coefficient]`, in units of `input.sd_uv`.
+/// Returns the matrix that decodes coefficients, `[value, coefficient]`, in units of `input.sd_uv`.
+/// It is the pseudoinverse of the analysis.
 fn synthesis(model: &PackedModel) -> Result<DMatrix<f32>, TrainerError> {
     let count = model.coefficients();
     let analysis =
@@ -160,7 +163,7 @@ fn synthesis(model: &PackedModel) -> Result<DMatrix<f32>, TrainerError> {
     Ok(to_f32(&(analysis.transpose() * inverse)))
 }
 
-/// The figures of all rates as a table.
+/// The figures of all rates, printed as a table.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RateTable<'f>(pub &'f [RateFigures]);
 

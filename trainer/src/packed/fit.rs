@@ -15,7 +15,7 @@ use artifact::{
 };
 use packed::{LEVELS, MAGNITUDES, MAX_COEFFICIENTS, RATES, Rate};
 
-/// Rate at which the probabilities are trained; the other rates follow from it.
+/// Rate at which the probabilities are trained; those of the other rates follow from it.
 const BASE_RATE: Rate = Rate::MIDDLE;
 
 /// Threshold of a misfit, in units of the training data's variance: a block is a misfit if the mean
@@ -26,21 +26,22 @@ const MISFIT: f64 = 0.01;
 /// Number of coefficients that represents EEG of 61 electrodes within 0.3 % of its variance.
 const COEFFICIENTS: usize = 176;
 
-/// Number of rounds, each of which codes the training blocks and counts the magnitudes.
+/// Number of rounds of training the probabilities, each of which codes the training blocks and
+/// counts the magnitudes.
 const ROUNDS: usize = 4;
 
-/// Figures of a trained packed model on the test recordings; without any, on the training
-/// recordings.
+/// Figures of a trained packed model on the test recordings; without any, on those of the training.
 #[derive(Clone, Debug)]
 pub(crate) struct PackedTrained {
     /// Figures of the model at each rate, finest first.
     pub(crate) figures: Vec<RateFigures>,
-    /// Figures of the Karhunen-Loeve transform of a block, coded in the same way but without
-    /// prediction.
+    /// For comparison, figures of the Karhunen-Loeve transform of a block, coded in the same way
+    /// but without prediction.
     pub(crate) without_prediction: Vec<RateFigures>,
 }
 
-/// Returns the number of coefficients of a block of this description's montage and hop.
+/// Returns the number of coefficients of a block: `wanted` if it is given, otherwise the default
+/// for the description's montage and hop.
 ///
 /// # Errors
 /// If a block cannot have the wanted number.
@@ -141,12 +142,12 @@ fn fit_model(
     Ok(model)
 }
 
-/// Returns the first steps of four series of blocks, a quarter of a block apart.
+/// Returns the steps at which four series of blocks begin, a quarter of a block apart.
 fn every_quarter(hop: usize) -> Vec<usize> {
     (0..hop).step_by((hop / 4).max(1)).collect()
 }
 
-/// Returns the coarsest rate whose error at once is at most `target`.
+/// Returns the coarsest rate whose error without smoothing is at most `target`.
 fn coarsest_within(figures: &[RateFigures], target: f64) -> Result<u8, TrainerError> {
     let within = figures.iter().rev().find(|figures| figures.mse <= target);
     within.map(|figures| figures.rate).ok_or_else(|| {
@@ -158,7 +159,8 @@ fn coarsest_within(figures: &[RateFigures], target: f64) -> Result<u8, TrainerEr
     })
 }
 
-/// Codes the training blocks in rounds, each with the levels and frequencies of the round before.
+/// Fits levels and frequencies in rounds, each of which codes the training blocks with those of the
+/// round before.
 fn fit_probabilities(
     model: &mut PackedModel,
     coefficients: &[Vec<i16>],
@@ -166,7 +168,7 @@ fn fit_probabilities(
     observer: &mut impl ProgressObserver,
 ) -> Result<(), TrainerError> {
     let count = model.coefficients();
-    // A magnitude of 1 is two steps.
+    // A magnitude of 1 stands for two steps of the quantiser.
     let two_steps = 2.0 * f64::from(BASE_RATE.step());
     let (mut predicted, unpredicted) = first_guess(model, coefficients, two_steps);
     for round in 0..ROUNDS {
@@ -193,7 +195,8 @@ fn fit_probabilities(
     Ok(())
 }
 
-/// Returns estimates of the mean magnitudes of predicted blocks and of blocks without prediction.
+/// Returns estimates of each coefficient's mean magnitude: first in predicted blocks, then in
+/// blocks without prediction. A magnitude of 1 is `two_steps`.
 fn first_guess(
     model: &PackedModel,
     coefficients: &[Vec<i16>],
@@ -238,9 +241,9 @@ fn refitted_prediction(
 }
 
 /// Fits the Karhunen-Loeve transform of a block to `tracks`, with the number of coefficients of
-/// `model`, and with the quantiser, contexts and range coder of the packed code, every block
-/// without prediction. Returns its figures on `tested` at every rate, finest first: the gain by
-/// prediction is the difference.
+/// `model`, and with the quantiser, contexts and range coder of the packed code, but every block
+/// without prediction. Returns its figures on `tested` at every rate, finest first. The packed
+/// model's figures are better by what prediction gains.
 ///
 /// # Errors
 /// If the recordings are silent.
@@ -270,7 +273,7 @@ fn fit_without_prediction(
     }
     model.reset_levels = probabilities::levels(&means);
     let figures = evaluation::evaluate_with_resets(&model, tested, description, 1)?;
-    // Without prediction, a block has no information about the one before it.
+    // A block without prediction says nothing about the block before it, so it smooths nothing.
     let alone = |figures: RateFigures| RateFigures {
         mse_smoothed: figures.mse,
         ..figures

@@ -1,26 +1,26 @@
-//! Transform and prediction as integers of proven ranges, and integers as floats.
+//! Transform and prediction as integers whose sums provably stay in range, and integers as floats.
 
 use super::transform::{Blocks, Transform};
 use crate::in_parallel;
 use artifact::{IntegerMatrix, LARGEST_STATE, PackedModel, SUM_LIMIT};
 use nalgebra::DMatrix;
 
-/// Microvolts of one unit of an input value, and of a coefficient. Rounding of the inputs adds 1e-5
-/// to the mean squared error of EEG.
+/// Size of one unit of an input value, and of a coefficient, in microvolts. Rounding inputs to it
+/// adds 1e-5 to the mean squared error of EEG.
 pub(super) const UNIT_UV: f64 = 0.5;
 
-/// Largest magnitude of an input value: 2 mV. It takes 12 bits, so that the sums of a slice of
-/// inputs stay below 2^23.
+/// Largest magnitude of an input value, 2 mV in units of [`UNIT_UV`]. It takes 12 bits, so that the
+/// sums of a slice of inputs stay below 2^23.
 pub(super) const INPUT_LIMIT: i16 = 4095;
 
-/// Smallest sum of magnitudes by which a scale is divided.
+/// Smallest sum of weights' magnitudes by which a scale is divided, so that no scale is infinite.
 const SMALLEST_SUM: f64 = 1e-12;
 
-/// Units of the state in one unit of the rounded state.
+/// Number of units of the state in one unit of the rounded state, from which blocks are predicted.
 const STATE_UNIT: f64 = 8.0;
 
-/// Returns the analysis of blocks in integers. `slices` are the ends of the inputs that the device
-/// adds at each step.
+/// Returns the analysis of blocks in integers. `slices` holds the ends of the slices of a block's
+/// inputs, of which the device adds one at each step.
 pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix {
     let directions = &transform.directions;
     IntegerMatrix::quantised(directions.as_slice(), directions.nrows(), 1.0, |weights| {
@@ -34,14 +34,14 @@ pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix
     })
 }
 
-/// Returns the largest sum of magnitudes that the `count` weights of a coefficient's prediction can
-/// have: with a larger one, the weights would need a factor of 1/2 or more, so that no sum leaves
-/// its range.
+/// Returns the largest sum of magnitudes that the `count` weights of a coefficient's prediction may
+/// have. With a larger sum, the weights would need a factor of 1/2 or more so that no integer sum
+/// leaves its range.
 pub(super) fn largest_prediction(count: usize) -> f64 {
     scale_for(&vec![0.0; count], LARGEST_STATE) * SMALLEST_SUM / (2.0 * STATE_UNIT)
 }
 
-/// Returns the prediction in integers.
+/// Returns the matrix of the prediction as integers.
 pub(super) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
     let rows = prediction.transpose();
     IntegerMatrix::quantised(rows.as_slice(), rows.nrows(), STATE_UNIT, |weights| {
@@ -49,8 +49,8 @@ pub(super) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
     })
 }
 
-/// Returns the largest scale with which rounded weights times inputs up to `limit` sum to at most
-/// [`SUM_LIMIT`].
+/// Returns the largest scale with which the sum of rounded weights times inputs, each at most
+/// `limit`, does not exceed [`SUM_LIMIT`].
 fn scale_for(weights: &[f64], limit: i16) -> f64 {
     let (most, rounding) = (
         (SUM_LIMIT / i64::from(limit)) as f64,
@@ -60,7 +60,7 @@ fn scale_for(weights: &[f64], limit: i16) -> f64 {
     (most - rounding) / sum.max(SMALLEST_SUM)
 }
 
-/// Returns the coefficients of all blocks, block by block.
+/// Returns the integer coefficients of all blocks, one block after the other in each sequence.
 pub(super) fn analysed(model: &PackedModel, blocks: &Blocks, sd_uv: f64) -> Vec<Vec<i16>> {
     let limit = f64::from(INPUT_LIMIT);
     in_parallel::map(&blocks.sequences, |blocks| {
@@ -80,7 +80,7 @@ pub(super) fn analysed(model: &PackedModel, blocks: &Blocks, sd_uv: f64) -> Vec<
     })
 }
 
-/// Converts coefficients to the columns of a matrix, in units of `input.sd_uv`.
+/// Converts integer coefficients to columns of a matrix, in units of `input.sd_uv`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     /// Number of coefficients of a block.
@@ -97,7 +97,8 @@ impl Scale {
         }
     }
 
-    /// Returns coefficients, block by block, as the columns of a matrix.
+    /// Returns `values`, the coefficients of one block after the other, as a matrix with a column
+    /// for each block.
     pub(super) fn columns(self, values: &[i16]) -> DMatrix<f32> {
         #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
         let scaled = values

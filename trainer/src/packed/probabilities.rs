@@ -1,18 +1,18 @@
-//! Levels of the mean magnitudes and frequencies of the magnitudes.
+//! Levels, which stand for mean magnitudes, and initial frequencies of the magnitudes.
 
 use super::coded::{Coded, Histogram};
 use packed::{FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts};
 
-/// Mean magnitude of level 0.
+/// Mean magnitude for which level 0 stands.
 const LEAST_MEAN: f64 = 0.0015;
 
-/// The last level.
+/// Highest level.
 const LAST_LEVEL: f64 = 63.0;
 
-/// Weight of the assumed distribution of a level, in blocks.
+/// Weight, in blocks, of the distribution that is assumed for a level beside the counted one.
 const ASSUMED: f64 = 20.0;
 
-/// Natural logarithm of the ratio of neighbouring levels' mean magnitudes.
+/// Returns the natural logarithm of the ratio of the mean magnitudes of two neighbouring levels.
 fn log_ratio() -> f64 {
     8000_f64.ln() / 55.0
 }
@@ -32,8 +32,8 @@ pub(super) fn levels(means: &[f64]) -> Vec<u8> {
     means.iter().map(level).collect()
 }
 
-/// Returns the mean of `size` of each of `count` coefficients, over all blocks of all sequences but
-/// the first block of each sequence.
+/// Returns, for each of `count` coefficients, the mean of `size` over all blocks but the first of
+/// each sequence.
 fn means<'s, T: 's>(
     sequences: impl Iterator<Item = &'s [T]>,
     count: usize,
@@ -50,7 +50,7 @@ fn means<'s, T: 's>(
     means.iter().map(|sum| sum / blocks.max(1.0)).collect()
 }
 
-/// Returns the mean magnitude of each coefficient, without the first block of each sequence.
+/// Returns the mean magnitude of each coefficient, over all blocks but the first of each sequence.
 pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
     let magnitudes = coded.iter().map(|coded| coded.magnitudes.as_slice());
     means(magnitudes, count, |magnitude| {
@@ -58,9 +58,9 @@ pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
     })
 }
 
-/// Returns an estimate of the mean magnitude of each coefficient without prediction, without the
-/// first block of each sequence: its mean size in units of `two_steps`, which is a magnitude of 1,
-/// less the part that the quantiser's dead zone removes.
+/// Estimates the mean magnitude of each coefficient without prediction, over all blocks but the
+/// first of each sequence. The estimate is the mean size in units of `two_steps`, each a magnitude
+/// of 1, less the part that the quantiser's dead zone removes.
 pub(super) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64) -> Vec<f64> {
     let coefficients = coefficients.iter().map(Vec::as_slice);
     let size = |coefficient: &i16| (f64::from(*coefficient).abs() / two_steps - 0.2).max(0.0);
@@ -68,8 +68,8 @@ pub(super) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64
     means.iter().map(|mean| mean + 0.0005).collect()
 }
 
-/// Returns the initial frequencies of the magnitudes: the counted ones, plus a geometric
-/// distribution with the level's mean and the weight of [`ASSUMED`] blocks.
+/// Returns the initial frequencies of the magnitudes: the counted ones, plus an assumed geometric
+/// distribution that has the level's mean and the weight of [`ASSUMED`] blocks.
 pub(super) fn starts(histogram: &Histogram) -> Box<Starts> {
     let mut table = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     for (rows, counts) in table.iter_mut().zip(histogram) {
@@ -88,8 +88,9 @@ pub(super) fn starts(histogram: &Histogram) -> Box<Starts> {
     table
 }
 
-/// Returns the initial frequencies of a row: in proportion to the weights, each at least 1. The
-/// most frequent magnitude absorbs the error of rounding.
+/// Returns the initial frequencies of a table's row: in proportion to the weights, each at least 1.
+/// The most frequent magnitude absorbs the rounding error, so that the frequencies have a fixed
+/// sum.
 fn row_starts(weights: &[f64]) -> [u16; MAGNITUDES] {
     let total: f64 = weights.iter().sum();
     let all = f64::from(1_u32 << FREQUENCY_BITS);

@@ -1,5 +1,5 @@
-//! Ridge regression, and the smoother: the error of a state, estimated from the residual of the
-//! next block.
+//! Ridge regression, and the smoother, which estimates the error of a state from the residual of
+//! the next block.
 
 use super::coded::Coded;
 use super::integers::Scale;
@@ -7,16 +7,16 @@ use crate::error::TrainerError;
 use artifact::PackedModel;
 use nalgebra::{DMatrix, DMatrixView};
 
-/// Penalty for each sequence of training blocks.
+/// Penalty of the ridge regressions for each sequence of training blocks.
 const PENALTY: f64 = 12.5;
 
-/// Returns the penalty for a number of sequences.
+/// Returns the penalty of a ridge regression over `sequences` sequences of blocks.
 pub(super) fn penalty(sequences: usize) -> f64 {
     PENALTY * sequences as f64
 }
 
-/// Sums from which a linear map is fitted: products of its inputs with themselves and with its
-/// outputs.
+/// Sums from which a linear map is fitted: products of the map's inputs with each other and with
+/// its outputs.
 #[derive(Clone, Debug)]
 pub(super) struct Ridge {
     /// Sums of the products of inputs with inputs, `[input, input]`.
@@ -40,9 +40,9 @@ impl Ridge {
         self.products.gemm(1.0, &inputs, &outputs.transpose(), 1.0);
     }
 
-    /// Returns the matrix of [`Self::solve`] with the smallest penalty of `penalty` times a power
-    /// of two for which the magnitudes of each output's weights sum to at most `largest_sum`.
-    /// Little data allows large weights.
+    /// Returns what [`Self::solve`] returns for the smallest penalty with which the magnitudes of
+    /// each output's weights sum to at most `largest_sum`. Tries `penalty` times 1, 2, 4, ...,
+    /// because little data can yield large weights.
     ///
     /// # Errors
     /// See [`Self::solve`].
@@ -61,8 +61,8 @@ impl Ridge {
         }
     }
 
-    /// Returns the matrix `[output, input]` with the least sum of squared errors plus `penalty`
-    /// times its own squares.
+    /// Returns the matrix `[output, input]` for which the sum of squared errors plus `penalty`
+    /// times the sum of its squared weights is least.
     ///
     /// # Errors
     /// If the inputs are all zero and the penalty is 0, or not finite.
@@ -75,7 +75,7 @@ impl Ridge {
     }
 }
 
-/// Fits the smoother of one rate to coded blocks, `[coefficient][residual of the next block]`.
+/// Fits the smoother of one rate, `[coefficient][residual of the next block]`, to coded blocks.
 pub(super) fn fit_smoother(
     model: &PackedModel,
     coded: &[Coded],
@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn a_linear_map_is_found_and_a_penalty_shrinks_it() {
-        // y = 2 a - b, at four points.
+        // The map y = 2 a - b at four points, each a column.
         let inputs = DMatrix::from_row_slice(2, 4, &[1.0, 0.0, 2.0, -1.0, 0.0, 1.0, 1.0, 3.0]);
         let outputs = DMatrix::from_row_slice(1, 4, &[2.0, -1.0, 3.0, -5.0]);
         let mut ridge = Ridge::new(2, 1);
@@ -121,7 +121,7 @@ mod tests {
         assert!((exact[(0, 0)] - 2.0).abs() < 1e-9 && (exact[(0, 1)] + 1.0).abs() < 1e-9);
         assert!(solve(10.0).norm() < exact.norm());
         assert!(Ridge::new(2, 1).solve(0.0).is_err());
-        // The penalty grows until the weights of the output are within the limit.
+        // The penalty grows until the magnitudes of the output's weights sum to at most the limit.
         for (limit, least) in [(3.0, 2.5), (1.0, 0.5)] {
             let matrix = ridge.solve_within(0.1, limit).unwrap();
             let sum = matrix.abs().sum();

@@ -1,4 +1,4 @@
-//! The transform of a block and the prediction of the next one, in floats.
+//! The transform of a block and the prediction of the next block, in floats.
 
 use super::ridge::{Ridge, penalty};
 use crate::error::TrainerError;
@@ -6,14 +6,15 @@ use crate::pca::principal_directions;
 use crate::track::Track;
 use nalgebra::{DMatrix, DVector};
 
-/// Rounds of fitting the predictor on decoded states and rotating the transform to its residual.
+/// Number of rounds, each of which fits the prediction to decoded states and rotates the transform
+/// to the prediction's residual.
 const ROUNDS: usize = 2;
 
-/// Step of the dead-zone quantiser that replaces the device's quantiser here, units of
-/// `input.sd_uv`. With the rounding offset, its error is about that of rate 4.
+/// Step of the dead-zone quantiser that stands for the device's quantiser during the fit, in units
+/// of `input.sd_uv`. With [`ROUNDING`], its error is about that of rate 4.
 const STEP: f32 = 0.6;
 
-/// Part of a step of that quantiser that is added to a magnitude before rounding down.
+/// Part of a [`STEP`] that is added to a magnitude before rounding down.
 const ROUNDING: f32 = 0.35;
 
 /// Consecutive blocks of one or several recordings. A block is a hop of time steps.
@@ -25,8 +26,8 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Cuts tracks into blocks of `hop` steps, once from each of the first steps in `offsets`. So
-    /// the statistics do not depend on where the first block begins.
+    /// Cuts tracks into blocks of `hop` steps, once from each of the first steps in `offsets`, so
+    /// that the statistics do not depend on where the first block begins.
     pub(super) fn cut(tracks: &[Track], hop: usize, sd_uv: f64, offsets: &[usize]) -> Self {
         let sequences = offsets.iter().flat_map(|&offset| {
             tracks.iter().map(move |track| {
@@ -58,8 +59,8 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// Fits `count` coefficients to blocks: the subspace with the most energy, rotated until the
-    /// coefficients of the prediction's residual are uncorrelated.
+    /// Fits a transform with `count` coefficients to blocks: the subspace with the most energy,
+    /// rotated until the prediction's residuals of different coefficients are uncorrelated.
     pub(super) fn fit(blocks: &Blocks, count: usize) -> Result<Self, TrainerError> {
         let mut transform = Self::without_prediction(blocks, count);
         let mut coefficients = transform.coefficients(blocks);
@@ -80,8 +81,7 @@ impl Transform {
         Ok(transform)
     }
 
-    /// Fits `count` coefficients to blocks: the Karhunen-Loeve transform, with a prediction of
-    /// zeros.
+    /// Fits the Karhunen-Loeve transform with `count` coefficients to blocks. The prediction is 0.
     pub(super) fn without_prediction(blocks: &Blocks, count: usize) -> Self {
         let directions = principal_directions(second_moment(&blocks.sequences), count);
         Self {
@@ -115,8 +115,8 @@ impl Transform {
         Ok(())
     }
 
-    /// Codes a sequence in a closed loop with a dead-zone quantiser, and returns the decoded
-    /// states.
+    /// Codes a sequence with a dead-zone quantiser, predicting each block from the decoded state
+    /// before it, and returns the decoded states.
     fn decoded(&self, coefficients: &DMatrix<f32>) -> DMatrix<f32> {
         let prediction = to_f32(&self.prediction);
         let mut states = DMatrix::zeros(coefficients.nrows(), coefficients.ncols());
@@ -142,7 +142,7 @@ impl Transform {
     }
 }
 
-/// Returns the mean of the columns' outer products.
+/// Returns the mean of the outer products of all columns with themselves.
 fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
     let rows = sequences.first().map_or(0, DMatrix::nrows);
     let mut moment = DMatrix::zeros(rows, rows);
@@ -155,7 +155,7 @@ fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
     moment / count
 }
 
-/// Returns directions as the columns of a matrix.
+/// Returns a matrix whose columns are `directions`.
 fn to_matrix(directions: &[Vec<f32>]) -> DMatrix<f64> {
     let rows = directions.first().map_or(0, Vec::len);
     let values = directions.iter().flatten().map(|&value| f64::from(value));

@@ -1,4 +1,4 @@
-//! Error of each electrode, and error of PCA with fewer numbers.
+//! Part of a report: error of each electrode, and error of PCA with fewer numbers.
 
 use super::{MSE, Report};
 use crate::comparison::{CodeComparison, CodeFigures, Comparison};
@@ -134,8 +134,8 @@ fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
     }
 }
 
-/// Returns the places of the electrodes on the map: those of their labels, or those of their cells
-/// of the scalp grid if a label has no place in the 10-20 system.
+/// Returns the places of the electrodes on the map of the head. Their labels determine them or, if
+/// a label has no place in the 10-20 system, their cells of the scalp grid.
 fn places(errors: &[ElectrodeError]) -> Vec<[f64; 2]> {
     let labelled = errors.iter().map(|error| {
         let Position { x, y, z } = Position::from_label(&error.label)?;
@@ -146,7 +146,8 @@ fn places(errors: &[ElectrodeError]) -> Vec<[f64; 2]> {
         let largest = [0, 1].map(|side| errors.iter().map(|error| error.cell[side]).max());
         let [rows, columns] = largest.map(|largest| largest.unwrap_or(0));
         let on_side = |cell: usize, largest: usize| {
-            /// Largest distance from the centre of the map, so that the corners are on the head.
+            /// Largest distance of a cell from the centre along each side of the map, small enough
+            /// that the corners of the grid are on the head.
             const REACH: f64 = 0.65;
             let part = cell as f64 / largest.max(1) as f64;
             if largest == 0 {
@@ -218,8 +219,8 @@ fn rate(comparison: &Comparison, codes: &CodeComparison) -> Lines {
     }
 }
 
-/// Returns the errors of PCA over the bits of a code with the first number, the first two, up to
-/// all; no curves without PCA.
+/// Returns curves of the error of PCA over the bits of a code, with the first number only, the
+/// first two, up to all; no curves without PCA.
 pub(super) fn pca_curves(codes: &CodeComparison) -> Vec<Series> {
     if codes.pca_by_numbers.is_empty() {
         return Vec::new();
@@ -241,13 +242,13 @@ pub(super) fn pca_curves(codes: &CodeComparison) -> Vec<Series> {
     ]
 }
 
-/// Returns the bits of an integer code of `numbers` numbers, as a value on an axis.
+/// Returns the length in bits of an integer code with `numbers` numbers, as a value on an axis.
 pub(super) fn bits(codes: &CodeComparison, numbers: usize) -> f64 {
     f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX))
 }
 
-/// Returns the values of the picture as CSV: a line for each number of numbers of PCA, and one for
-/// the model.
+/// Returns the values of the rate picture as CSV: a line for PCA with each number of numbers, and
+/// one for the model.
 fn rate_csv(codes: &CodeComparison) -> String {
     let mut text = "model,numbers,bits_per_window,mse_float,mse_int8\n".to_owned();
     for error in &codes.pca_by_numbers {

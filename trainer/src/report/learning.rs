@@ -1,4 +1,4 @@
-//! Learning curves of a training run.
+//! Part of a report: the learning curves of a training run.
 
 use super::{MSE, Report};
 use crate::error::TrainerError;
@@ -8,7 +8,7 @@ use picture::canvas::{FAINT, INK, RESULT, SOURCE};
 use picture::lines::{Lines, Mark, Series};
 use std::fmt::Write as _;
 
-/// Adds the learning curves to a report.
+/// Adds the learning curves of a training run to a report, as a picture with its values.
 pub(super) fn add(report: &mut Report, learning: &Learning) -> Result<(), TrainerError> {
     let lines = lines(learning);
     report.add_picture(
@@ -61,12 +61,13 @@ fn lines(learning: &Learning) -> Lines {
     }
 }
 
-/// Returns points of a learning curve: the number of an epoch, from `first` on, and its value.
+/// Returns the points of a learning curve: each value with the number of its epoch, from `first`
+/// on.
 pub(super) fn numbered(values: impl Iterator<Item = f64>, first: u32) -> Vec<(f64, f64)> {
     (first..).map(f64::from).zip(values).collect()
 }
 
-/// Returns the values of the picture as CSV.
+/// Returns the values of the learning curves as CSV.
 fn csv(learning: &Learning) -> String {
     let mut text = format!("{CSV_HEAD}\n");
     for line in csv_lines(&learning.curve, learning.pca_validation) {
@@ -76,7 +77,7 @@ fn csv(learning: &Learning) -> String {
     text
 }
 
-/// Names of the fields of [`csv_lines`].
+/// First line of a CSV file whose other lines [`csv_lines`] returns: names of the fields.
 pub(super) const CSV_HEAD: &str = "epoch,training_loss,validation_mse,validation_mse_pca";
 
 /// Returns a line of CSV for each epoch; epoch 0 has no training loss.

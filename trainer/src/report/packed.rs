@@ -1,4 +1,4 @@
-//! Rate and error of the packed model, compared with the codes of the network and of PCA.
+//! Part of a report: rate and error of the packed model, and of the codes of network and PCA.
 
 use super::evaluation::{bits, pca_curves};
 use super::{MSE, Report};
@@ -10,7 +10,7 @@ use picture::canvas::{INK, REFERENCE, SOURCE};
 use picture::lines::{Lines, Mark, Series};
 use std::fmt::Write as _;
 
-/// Adds the figures of all rates, and their picture.
+/// Adds the packed model's figures at all rates to a report, as a table and as a picture.
 pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), TrainerError> {
     report.page.push_table(&table(&comparison.packed));
     let lines = lines(comparison);
@@ -90,9 +90,9 @@ fn lines(comparison: &Comparison) -> Lines {
     }
 }
 
-/// Returns the values of the picture as CSV: a line for each rate, for each number of numbers of
-/// PCA, and for the network. Codes of network and PCA have no error a block later, and PCA has band
-/// powers with all its numbers only.
+/// Returns the values of the packed picture as CSV: a line for each rate, for each rate without
+/// prediction (KLT), for PCA with each number of numbers, and for the network. Only the packed code
+/// has an error a block later, and PCA has band powers only with all numbers.
 fn csv(comparison: &Comparison) -> String {
     let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later,\
                     band_correlation_8_13,band_correlation_13_30\n"

@@ -1,11 +1,12 @@
-//! Files that cannot be imported: each message says what, why and what to do next.
+//! Tests with files that cannot be imported: each message says what, why and what to do next.
 
 use super::Folder;
 use super::export::{Exported, File, SPEC, export, write};
 use super::import::{IMPORT, network};
 use safetensors::Dtype;
 
-/// Imports a file and a specification after a change; returns the message.
+/// Imports a network's file, changed by `edit` and its bytes by `damage`, with a specification;
+/// returns the message with which this must fail.
 fn refusal(spec: &str, edit: impl FnOnce(&mut File), damage: impl FnOnce(&mut Vec<u8>)) -> String {
     let folder = Folder::new();
     let mut file = export(&network());
@@ -24,7 +25,7 @@ fn edited(edit: impl FnOnce(&mut File)) -> String {
     refusal(SPEC, edit, |_| {})
 }
 
-/// Replaces an element of a tensor of 32-bit floats.
+/// Replaces an element of a tensor of 32-bit floats in a file.
 fn set(file: &mut File, name: &str, element: usize, value: f32) {
     let bytes = &mut file.get_mut(name).expect("a tensor").bytes;
     bytes[4 * element..][..4].copy_from_slice(&value.to_le_bytes());
@@ -70,7 +71,7 @@ if it is the same tensor, add it to [names]
     );
 }
 
-/// A change of a file.
+/// A change that a test makes to a file before the import.
 type Edit<'a> = &'a dyn Fn(&mut File);
 
 #[test]
@@ -84,11 +85,11 @@ fn a_file_that_cannot_be_calibrated_or_disagrees_with_its_reference() {
         }
     };
     let with_a_value_in_an_empty_cell = |file: &mut File| {
-        // The second window's first cell.
+        // The first cell of the second window, which has 16 steps of 90 cells.
         set(file, "calibration.windows", 16 * 90, 1.0);
     };
     let of_another_network = |file: &mut File| {
-        // The third window's sixth number.
+        // The sixth number of the third code, where a code has 128 numbers.
         set(file, "reference.codes", 2 * 128 + 5, 1e6);
     };
     let cases: [(Edit, &[&str]); 4] = [

@@ -1,4 +1,4 @@
-//! `trainer crossval` and `trainer merge`.
+//! Tests of `trainer crossval` and `trainer merge`.
 
 use super::files::{Values, assert_near, elements, mean, points};
 use super::{Folder, SMALL, assert_has};
@@ -26,7 +26,7 @@ fn merged_shards_are_the_table_of_one_process_bit_for_bit() {
         let read = |out: &str| folder.read(&format!("{out}/{name}"));
         assert_eq!(read("table"), read("whole"), "{name}");
     }
-    // Shards may also share a folder: the last one makes the table.
+    // Shards may also share a folder: the shard that finishes last makes the table.
     for shard in ["1/2", "2/2"] {
         folder.succeed(&crossval("pca", &format!("--out=shared --shard={shard}")));
     }
@@ -75,7 +75,7 @@ fn pictures_have_every_fold_its_mean_and_its_epochs() {
     assert!(!folder.path("out").exists());
     folder.succeed(&crossval("shortcut", "--out=out --report=report"));
     let folds = Values::read(&folder.path("report/folds.csv"));
-    // 2 folds, 2 repetitions; model and PCA, float and integer codes.
+    // 2 folds and 2 repetitions, each for model and PCA with float and integer codes.
     assert_eq!(folds.rows.len(), 16);
     let table = Values::read(&folder.path("out/table.csv"));
     let models = table.column("model").into_iter().zip(table.column("codes"));
@@ -90,7 +90,8 @@ fn pictures_have_every_fold_its_mean_and_its_epochs() {
         let squares = errors.iter().map(|mse| (mse - expected).powi(2));
         assert_near((squares.sum::<f64>() / 3.0).sqrt(), sd, 1e-9);
     }
-    // Each of four kinds has circles for four folds, the mean and the legend; each mean has a bar.
+    // Each of the four kinds of code has circles for four folds, for their mean and for the legend.
+    // Two kinds share a colour, and the mean of each has a bar.
     let picture = folder.path("report/folds.svg");
     assert_eq!(elements(&picture, "circle").len(), 4 * (4 + 1 + 1));
     assert_eq!(points(&picture, "#2B6CB0"), [2, 2]);
@@ -98,18 +99,18 @@ fn pictures_have_every_fold_its_mean_and_its_epochs() {
 
     let learning = Values::read(&folder.path("report/learning.csv"));
     assert_eq!(learning.column("epoch"), ["0", "1"].repeat(4));
-    // The shortcut starts as PCA.
+    // At epoch 0, every second line, the shortcut equals PCA.
     let pca = learning.numbers("validation_mse_pca");
     let errors = learning.numbers("validation_mse").into_iter().zip(pca);
     for (mse, pca) in errors.step_by(2) {
         assert_near(mse, pca, 1e-5);
     }
-    // The curves of four folds, and the entry in the legend.
+    // Two epochs of each of four folds, and the two points of the legend's line.
     assert_eq!(
         points(&folder.path("report/learning.svg"), "#2B6CB0"),
         [2; 5]
     );
-    // Finished folds are enough for another report.
+    // A merge of the finished folds is enough for another report.
     let merge = "merge out --out=merged --report=again";
     folder.succeed(merge);
     for name in ["index.html", "folds.svg", "learning.svg"] {

@@ -1,11 +1,11 @@
-//! Files as a training framework exports them.
+//! Files for tests of the import, as a training framework exports them.
 
 use super::Folder;
 use artifact::{Artifact, FloatDecoder, FloatEncoder, ScalpGrid, Tensors};
 use safetensors::{Dtype, tensor::TensorView};
 use std::collections::BTreeMap;
 
-/// A specification for the built-in model's shape.
+/// Specification of an import of a network that has the built-in model's shape.
 pub(crate) const SPEC: &str = r#"
 montage = "MONTAGES/ten-ten-61.toml"
 mode = "shortcut"
@@ -14,7 +14,7 @@ mains_hz = 60
 dataset = "random"
 "#;
 
-/// A tensor of a file.
+/// A tensor of an exported file.
 #[derive(Clone)]
 pub(crate) struct Exported {
     pub(crate) dtype: Dtype,
@@ -35,14 +35,15 @@ impl Exported {
     }
 }
 
-/// Tensors of a file by name.
+/// Tensors of an exported file by name.
 pub(crate) type File = BTreeMap<String, Exported>;
 
-/// Number of windows to calibrate with, and to compare with.
+/// Number of windows to calibrate with, and also of windows to compare with.
 pub(crate) const WINDOWS: usize = 24;
 
-/// Returns what a framework would export for a model: its weights with the usual counters, windows
-/// to calibrate with, and windows with codes and reconstructions to compare with.
+/// Returns what a framework would export for a model: its weights with the counters of PyTorch's
+/// batch norm, windows to calibrate with, and windows with codes and reconstructions to compare
+/// with.
 pub(crate) fn export(model: &Artifact) -> File {
     let mut file = File::new();
     insert_all(&mut file, "", &model.weights);
@@ -79,7 +80,7 @@ pub(crate) fn export(model: &Artifact) -> File {
     file
 }
 
-/// Inserts all tensors of a set.
+/// Inserts all tensors of a set into a file, with `prefix` before their names.
 pub(crate) fn insert_all(file: &mut File, prefix: &str, tensors: &Tensors) {
     for (name, shape) in tensors.shapes() {
         let values = tensors.tensor(name, shape).expect("its own shape");
@@ -87,7 +88,7 @@ pub(crate) fn insert_all(file: &mut File, prefix: &str, tensors: &Tensors) {
     }
 }
 
-/// Writes `network.safetensors` and `network.toml` into a folder.
+/// Writes a file's tensors to `network.safetensors` and its specification to `network.toml`.
 pub(crate) fn write(folder: &Folder, file: &File, spec: &str) {
     let views = file.iter().map(|(name, tensor)| {
         let view = TensorView::new(tensor.dtype, tensor.shape.clone(), &tensor.bytes);

@@ -1,12 +1,12 @@
-//! Files of a report: elements of pictures, and their values.
+//! Reads the files of a report: elements of pictures, and values of CSV files.
 
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use std::fs;
 use std::path::Path;
 
-/// Returns the elements of an SVG file with this name, each as its attributes. The file must be
-/// well-formed.
+/// Returns the elements called `name` of an SVG file, each as the text of its attributes. The file
+/// must be well-formed.
 pub(crate) fn elements(path: &Path, name: &str) -> Vec<String> {
     let text = fs::read_to_string(path).expect("a picture");
     let mut reader = Reader::from_str(&text);
@@ -30,7 +30,7 @@ pub(crate) fn elements(path: &Path, name: &str) -> Vec<String> {
     }
 }
 
-/// Returns the numbers of points of the lines in this colour.
+/// Returns, for each line of this colour in a picture, its number of points.
 pub(crate) fn points(path: &Path, color: &str) -> Vec<usize> {
     let lines = elements(path, "polyline");
     let lines = lines.iter().filter(|line| line.contains(color));
@@ -40,7 +40,7 @@ pub(crate) fn points(path: &Path, color: &str) -> Vec<usize> {
         .collect()
 }
 
-/// Lines of a CSV file after its head, as texts by column.
+/// A CSV file: names of its columns, and its other lines as texts by column.
 pub(crate) struct Values {
     head: Vec<String>,
     pub(crate) rows: Vec<Vec<String>>,

@@ -1,5 +1,5 @@
-//! Files that can be imported, also those of the program in docs/importing.md where PyTorch is
-//! installed.
+//! Tests with files that can be imported, also with those of the program in docs/importing.md where
+//! PyTorch is installed.
 
 use super::export::{self, SPEC, WINDOWS, export, insert_all, write};
 use super::{Folder, assert_has, skip};
@@ -13,11 +13,11 @@ pub(crate) fn network() -> Artifact {
     any_artifact(5, Mode::Shortcut, Padding::None, [2, 2, 2], 8).expect("a model")
 }
 
-/// The command that imports `network.safetensors` and `network.toml`.
+/// Command that imports `network.safetensors` with the specification `network.toml`.
 pub(crate) const IMPORT: &str =
     "import --safetensors=network.safetensors --spec=network.toml --out=model";
 
-/// Imports a network's file after a change, and returns the artifact and what the program prints.
+/// Imports a network's file after a change. Returns the imported artifact and the program's output.
 fn import(
     folder: &Folder,
     network: &Artifact,
@@ -33,8 +33,8 @@ fn import(
     (model.expect("a model"), printed)
 }
 
-/// Returns the error of the integer codes relative to the float codes, both RMS over windows unlike
-/// those of the calibration.
+/// Returns the error of the integer codes relative to the float codes, as a ratio of their RMS
+/// values, on windows that differ from those of the calibration.
 fn relative_code_error(model: &Artifact) -> f64 {
     let integers = model_gen::quantise(model).expect("integers");
     let encoder = FloatEncoder::new(model).expect("an encoder");
@@ -84,7 +84,8 @@ fn an_exported_network_is_imported_with_its_weights_and_codes() {
         (card.optimiser.as_str(), card.dataset.as_str()),
         ("imported", "random")
     );
-    // Random networks amplify the rounding of their inputs more than trained ones.
+    // The bound is wide, because random networks amplify the rounding of their inputs more than
+    // trained ones.
     let error = relative_code_error(&model);
     assert!(error < 0.05, "{error}");
 }
@@ -100,7 +101,7 @@ fn tensors_of_other_names_and_of_64_bits_are_imported_by_the_table_of_names() {
     let (model, _) = import(&folder, &network, &spec, |file| {
         for (from, to) in [
             ("encoder.conv1.weight", "features.0.weight"),
-            // The longest entry that names a tensor or its layer counts.
+            // Of several entries that name a tensor or its layer, the longest one counts.
             ("encoder.conv1.bias", "b"),
             ("encoder.fc.bias", "to_code.offset"),
         ] {
@@ -183,12 +184,12 @@ fn a_model_in_the_folder_is_replaced_by_force_only() {
     assert_ne!(Artifact::read(&out).expect("a model").id, before.id);
 }
 
-/// The page with the program.
+/// The page whose Python program a test runs.
 const PAGE: &str = include_str!("../../../docs/importing.md");
-/// Python interpreters, tried in this order.
+/// Python interpreters, of which the first one with PyTorch is used.
 const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
 
-/// Returns the code block of the page that starts with a line.
+/// Returns the code block of the page whose first line is `first_line`.
 fn block(first_line: &str) -> &'static str {
     let (_, rest) = PAGE
         .split_once(&format!("{first_line}\n"))

@@ -1,4 +1,4 @@
-//! The program, as a user runs it, on small synthetic recordings and random networks.
+//! Tests of the program, run as a user runs it, on small synthetic recordings and random networks.
 #![forbid(unsafe_code)]
 
 mod broken_import;
@@ -22,13 +22,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
 
-/// Electrodes of `files/montages/cyton-8.toml`.
+/// Labels of the electrodes in `files/montages/cyton-8.toml`.
 const LABELS: [&str; 8] = ["Fp1", "Fp2", "C3", "C4", "P7", "P8", "O1", "O2"];
 
-/// Options of a small model for [`LABELS`], and the folder of its recordings.
+/// Options of a small model whose electrodes are [`LABELS`], with the recordings in the program's
+/// own folder.
 const SMALL: &str = "--mains=50 --numbers=16 --padding=space --montage=cyton-8.toml --data=.";
 
-/// A temporary folder in which the program runs; it has a montage file.
+/// A temporary folder in which the program runs, with a copy of the montage file `cyton-8.toml`.
 struct Folder(TempDir);
 
 impl Folder {
@@ -39,7 +40,7 @@ impl Folder {
         folder
     }
 
-    /// Returns a folder with `run1.gdf`, `run2.gdf`, ... of these lengths.
+    /// Returns a folder with `runs` recordings `run1.gdf`, `run2.gdf`, ..., of `seconds` seconds.
     fn with_runs(runs: u64, seconds: u32) -> Self {
         let folder = Self::new();
         for run in 1..=runs {
@@ -60,7 +61,7 @@ impl Folder {
         fs::write(self.path(name), text).expect("a file");
     }
 
-    /// Returns a command with arguments that are separated by spaces.
+    /// Returns the command that runs the program in the folder, with arguments separated by spaces.
     fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trainer"));
         command
@@ -69,7 +70,7 @@ impl Folder {
         command
     }
 
-    /// Runs a command, which must end with this status; returns standard output and error.
+    /// Runs the program, which must end with exit status `status`; returns stdout and stderr.
     fn run(&self, arguments: &str, status: i32) -> [String; 2] {
         let output = self.command(arguments).output().expect("the program");
         let [out, err] =
@@ -82,39 +83,40 @@ impl Folder {
         [out, err]
     }
 
-    /// Runs a command that must succeed; returns what it prints to standard output.
+    /// Runs the program, which must succeed; returns what it prints to standard output.
     fn succeed(&self, arguments: &str) -> String {
         let [out, _] = self.run(arguments, 0);
         out
     }
 
-    /// Runs a command that must succeed and print JSON.
+    /// Runs the program, which must succeed and print JSON; returns this JSON.
     fn json(&self, arguments: &str) -> Json {
         json(&self.succeed(arguments))
     }
 
-    /// Runs a command that must end with this status; returns what it prints to standard error.
+    /// Runs the program, which must end with exit status `status`; returns what it prints to
+    /// standard error.
     fn fail(&self, arguments: &str, status: i32) -> String {
         let [_, err] = self.run(arguments, status);
         err
     }
 
-    /// Trains a small model of a mode, `model` unless the arguments name another folder.
+    /// Trains a small model of a mode; its folder is `model` unless the arguments name one.
     fn train(&self, mode: &str, arguments: &str) -> String {
         self.succeed(&format!(
             "train {SMALL} --mode={mode} --out=model {arguments}"
         ))
     }
 
-    /// Writes a GDF file of these electrodes at 250 Hz: three low-pass-filtered sources and noise.
+    /// Writes a GDF file of electrodes `labels` at 250 Hz: three low-pass-filtered sources, noise.
     fn write_recording(&self, name: &str, labels: &[&str], seconds: u32, seed: u64) {
         let mix = |at: usize, sources: [f32; 3]| sources[at % 3] + 0.5 * sources[(at + 1) % 3];
         write_gdf(&self.path(name), labels, (250, seconds), (seed, 5.0), mix);
     }
 }
 
-/// Writes a GDF file with `seconds` of three low-pass-filtered sources, which `mix` mixes for the
-/// electrode of an index, and noise of this amplitude.
+/// Writes a GDF file of `seconds` seconds: three low-pass-filtered sources, which `mix` mixes for
+/// the electrode of each index, and noise of the given amplitude.
 fn write_gdf(
     path: &Path,
     labels: &[impl AsRef<str>],

@@ -1,4 +1,4 @@
-//! `show`, `diff` and `check`.
+//! Tests of `trainer show`, `trainer diff` and `trainer check`.
 
 use super::{Folder, assert_has, json, skip};
 use any_model::{MONTAGES, any_packed_alone};
@@ -7,8 +7,8 @@ use serde_json::Value as Json;
 use std::fs;
 use std::path::Path;
 
-/// Returns a folder with copies of the built-in model, `built-in` and `changed`, and of the model
-/// with the paper's montage, `paper`.
+/// Returns a folder with two copies of the built-in model, `built-in` and `changed`, and one of the
+/// model with the paper's montage, `paper`.
 fn models() -> Folder {
     let folder = Folder::new();
     let models = concat!(env!("CARGO_MANIFEST_DIR"), "/../signal/model");
@@ -111,7 +111,7 @@ fn check_is_0_for_a_sound_model_1_for_other_golden_codes_and_2_for_a_damaged_one
     assert_eq!(object["golden_wrong"], json("[]"));
     assert_eq!(object["real_electrodes"], 61);
 
-    // The last byte is part of a window, whose code changes.
+    // The file ends with a window of 16 * 90 values. Change one in its middle: its code changes.
     let golden = folder.path("changed/golden.safetensors");
     let mut bytes = fs::read(&golden).expect("golden codes");
     let at = bytes.len() - 16 * 90 / 2;
@@ -146,7 +146,7 @@ fn check_measures_the_error_on_recordings() {
     };
     assert_eq!(object["real_electrodes"], 61);
     assert_eq!(object["windows"], 3694);
-    // The figures of the training card, which the trainer measured on the same recordings.
+    // The training card holds the figures that the trainer measured on the same recordings.
     let shown = folder.json("show built-in --json");
     let card = &shown["description"]["training"]["mse"];
     for (key, figure) in [

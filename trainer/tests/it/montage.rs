@@ -1,5 +1,5 @@
-//! Montage files: mistakes and notes that `trainer montage check` prints, and a model for every
-//! file in `files/montages/`.
+//! Tests of montage files: mistakes and notes that `trainer montage check` prints, and a model for
+//! every file in `files/montages/`.
 
 use super::{Folder, assert_has, write_gdf};
 use any_model::MONTAGES;
@@ -13,7 +13,7 @@ use trainer::montage_check::{MontageCheck, RecordingCheck};
 const FOUR: &str = "name = \"four\"\ngrid = \"\"\"\nF3 Fz F4\nC3 _ C4\n\"\"\"\norder = [\"F3\", \"Fz\", \"F4\", \"C3\", \"C4\"]\n\
     [adc]\nchannels = 8\ngain = 24\nrate_hz = 250\n";
 
-/// Returns the check of [`FOUR`] with each of `changes` applied.
+/// Returns the check of the montage [`FOUR`] after each replacement in `changes`.
 fn check(changes: &[(&str, &str)]) -> MontageCheck {
     let mut text = FOUR.to_owned();
     for (from, to) in changes {
@@ -104,7 +104,7 @@ fn a_small_grid_and_far_neighbours_are_notes() {
     ];
     let expected = format!("2 x 4 {words}--padding space, or --mode pca");
     assert_eq!(check(&wide).notes, [expected]);
-    // O2 is below F4.
+    // On this grid, O2 lies directly below F4, from which it is far away on the head.
     let notes = check(&[("C3 _ C4", "C3 _ O2"), ("\"C4\"", "\"O2\"")]).notes;
     let [_, far] = notes.as_slice() else {
         panic!("{notes:?}");
@@ -170,8 +170,8 @@ fn fit(name: &str) {
     assert_eq!(model.description.adc, montage.adc());
     let device = model_gen::DeviceModel::new(&model).expect("integers");
     assert_eq!(device.integers.code_scale.len(), 48);
-    // Three sources in 16 steps span at most 48 dimensions, which 48 numbers hold; what remains is
-    // the noise of each electrode, 0.3 uV. Measured: at most 0.7 %, and with int8 codes 3.0 %.
+    // Three sources in 16 steps span at most 48 dimensions, which 48 numbers hold. What remains is
+    // the noise of each electrode, 0.3 uV; measured: at most 0.7 %, and with int8 codes 3.0 %.
     let prd = model.description.training.prd_percent;
     let prd = prd.expect("figures of the test recording");
     assert!(prd.pca_float < 1.0, "{prd:?}");

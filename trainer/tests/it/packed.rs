@@ -1,15 +1,15 @@
-//! `trainer packed`.
+//! Tests of `trainer packed`.
 
 use super::files::Values;
 use super::{Folder, assert_has};
 use artifact::{Artifact, Mode};
 
-/// Adds a packed model to the artifact `model`.
+/// Command that adds a packed model to the artifact `model`.
 const JOIN: &str = "packed --artifact=model --mains=50 --train=run1";
-/// Makes a new model without a network, in the folder `alone`.
+/// Command that makes a new packed model without a network, in the folder `alone`.
 const ALONE: &str = "packed --montage=cyton-8.toml --out=alone --mains=50 --train=run1";
 
-/// Returns a folder with two runs, and a model of PCA on the first.
+/// Returns a folder with two runs, and a PCA model trained on the first run.
 fn prepared() -> Folder {
     let folder = Folder::with_runs(2, 60);
     folder.train("pca", "--train=run1");
@@ -21,11 +21,11 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
     let folder = prepared();
     let before = folder.read("model/model.toml");
     let table = folder.succeed(&format!("{JOIN} --test=run2"));
-    // Two tables of 16 rates, each with two lines above and a title, and a blank line between them.
+    // Two tables of 16 rates, each under a title and two more lines, and a blank line between them.
     assert_eq!(table.lines().count(), 2 * 19 + 1, "{table}");
     assert_eq!(folder.read("model/model.toml"), before);
     let toml = folder.read("model/packed.toml");
-    // Eight electrodes and hops of eight steps have 64 values.
+    // A block of eight electrodes and eight steps has 64 values, so it has 64 coefficients.
     assert_has(&toml, &["coefficients = 64", "run2.gdf"]);
 
     let json = folder.json("evaluate --artifact=model --test=run2 --json --report=report");
@@ -37,14 +37,14 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
         assert!(bits <= figure(rate - 1, "bits_per_hop"), "{rate}");
         assert!(figure(rate, "mse") > figure(rate - 1, "mse"), "{rate}");
     }
-    // All 64 coefficients represent the block; what remains is the quantiser's error.
+    // 64 coefficients represent a block's 64 values fully; only the quantiser's error remains.
     assert!(figure(0, "mse") < 0.01, "{json}");
     assert!(figure(4, "mse_smoothed") < figure(4, "mse"), "{json}");
     for name in ["band_correlation_8_13", "band_correlation_13_30"] {
         let [finest, coarse] = [0, 12].map(|rate| figure(rate, name));
         assert!(finest > 0.97 && coarse < finest, "{json}");
     }
-    // The prediction saves bits at the same error, more than the trellis or the contexts do.
+    // At the same error, prediction saves bits compared with the KLT without it.
     let klt = &json["packed_without_prediction"];
     assert_eq!(klt.as_array().map(Vec::len), Some(16));
     for rate in [2, 4, 6] {
@@ -94,7 +94,7 @@ fn a_packed_model_alone_needs_no_network() {
 
     let log = folder.fail(ALONE, 2);
     assert!(log.contains("--force"), "{log}");
-    // Half the steps of a block have half the values.
+    // A block with half the steps has half the values, so it has half the coefficients.
     folder.succeed(&format!("{ALONE} --force --hop=4"));
     let toml = folder.read("alone/packed.toml");
     assert!(toml.contains("coefficients = 32"), "{toml}");
@@ -125,7 +125,7 @@ fn what_cannot_be_is_refused_with_status_2_before_recordings_are_read() {
         (JOIN, "--coefficients=24", "cannot have 24 coefficients"),
         (JOIN, "--test=run1.gdf", "run1.gdf"),
         (JOIN, "--train=run7", "run7"),
-        // A new model and an artifact exclude each other.
+        // Options of a new model and an existing artifact exclude each other.
         (JOIN, "--out=new", "cannot be used with"),
         (JOIN, "--hop=4", "cannot be used with"),
         (JOIN, "--citation=none", "cannot be used with"),

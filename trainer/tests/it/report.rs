@@ -1,4 +1,4 @@
-//! `trainer evaluate`, and `--report` of it and of `trainer train`.
+//! Tests of `trainer evaluate`, and of the option `--report` of it and of `trainer train`.
 
 use super::files::{Values, assert_near, elements, mean, points};
 use super::{Folder, LABELS, SMALL, assert_has};
@@ -10,23 +10,23 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let train = "--train=run1 --test=run2 --epochs=1 --code-format=int8-exponent";
     let trained = folder.train("shortcut", train);
     fs::remove_file(folder.path("run1.gdf")).expect("the training file");
-    // The recordings of the training card, whose figures are the same.
+    // Without `--test`, the training card's test recordings are used, which give the same figures.
     let again = folder.succeed("evaluate --artifact=model --data=.");
     assert_eq!(again, trained);
-    // A recording without the last two electrodes, by its path.
+    // A recording that lacks the last two electrodes, named by its path.
     folder.write_recording("other.gdf", &LABELS[..6], 30, 9);
     let evaluate = "evaluate --artifact=model --test=other.gdf --json --report=report";
     let json = folder.json(evaluate);
     let figure = |name: &str| json[name].as_f64().expect("a number");
-    // 16 numbers of 8 bits, and the exponent.
+    // A code has 16 numbers of 8 bits, and an exponent of 8 bits.
     assert_eq!(json["bits_per_window"], 136);
     assert_eq!(json["real_electrodes"], 6);
     assert_eq!(json["recordings"][0], "other.gdf");
     for name in ["mse_float", "mse_int8", "mse_pca", "mse_pca_int8"] {
         assert!((1e-9..2.0).contains(&figure(name)), "{name}: {json}");
     }
-    // Three sources in eight electrodes: codes of 16 numbers keep most of the power. Measured: 0.9
-    // and more.
+    // Eight electrodes share three sources, so codes of 16 numbers keep most of the power. The
+    // measured correlations are 0.9 and more.
     for name in ["band_correlation_8_13", "band_correlation_13_30"] {
         for name in [name.to_owned(), format!("{name}_pca")] {
             assert!((0.7..1.0).contains(&figure(&name)), "{name}: {json}");
@@ -41,7 +41,7 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let origins: Vec<&str> = electrodes.column("origin");
     assert_eq!(origins[..6], ["measured"; 6]);
     assert_eq!(origins[6..], ["interpolated"; 2]);
-    // The head, and two circles for each electrode, of which the inner one is hollow where it is
+    // One circle is the head. Each electrode has two, of which the inner one is hollow if
     // interpolated.
     let map = elements(&folder.path("report/electrodes.svg"), "circle");
     assert_eq!(map.len(), 1 + 2 * LABELS.len());
@@ -57,7 +57,7 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
         ("mse_int8", "mse_pca_int8", "mse_int8"),
     ] {
         let errors = rate.numbers(column);
-        // f32 in another order of summation.
+        // Both figures are sums of f32 in different order.
         assert_near(errors[numbers - 1], figure(pca), 1e-4);
         assert_near(errors[numbers], figure(model), 1e-12);
         assert!(errors[0] > errors[numbers - 1], "{errors:?}");
@@ -65,7 +65,8 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     assert_near(bits[0], 16.0, 1e-12);
     assert_near(bits[numbers], figure("bits_per_window"), 1e-12);
     let picture = folder.path("report/rate.svg");
-    // Two points are those of the entry in the legend.
+    // The curve has a point for each length of a PCA code; the line of 2 points is the legend's
+    // entry.
     assert_eq!(points(&picture, "#DD6B20"), [numbers, 2]);
     assert_eq!(elements(&picture, "circle").len(), 2 + 2);
     let page = folder.read("report/index.html");
@@ -102,12 +103,12 @@ fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
     let learning = || Values::read(&folder.path("report/learning.csv"));
     let first = learning();
     assert_eq!(first.column("epoch"), ["0", "1"]);
-    // Epochs can be added to a finished training run.
+    // Add epochs to a finished training run.
     folder.train("shortcut", &format!("{train} --epochs=3 --resume --force"));
     let resumed = learning();
     assert_eq!(resumed.column("epoch"), ["0", "1", "2", "3"]);
     assert_eq!(resumed.rows[..2], first.rows);
-    // The shortcut starts as PCA.
+    // At epoch 0 the shortcut equals PCA.
     let validation = resumed.numbers("validation_mse");
     let pca = resumed.numbers("validation_mse_pca");
     assert_near(validation[0], pca[0], 1e-5);
@@ -119,8 +120,8 @@ fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
         assert!(card.lines().any(|found| found == line), "{line}: {card}");
     }
     let picture = folder.path("report/learning.svg");
-    // Blue: validation errors; orange: those of PCA; with the two points of each entry in the
-    // legend.
+    // Blue lines are validation errors and orange ones those of PCA; the second line of each colour
+    // is its entry in the legend, of two points.
     assert_eq!(points(&picture, "#2B6CB0"), [4, 2]);
     assert_eq!(points(&picture, "#DD6B20"), [2, 2]);
     let page = folder.read("report/index.html");
@@ -132,7 +133,7 @@ fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
 #[test]
 fn folders_that_cannot_be_written_are_found_before_anything_is_read() {
     let folder = Folder::new();
-    // Neither a recording nor a model: reading one would fail with other words.
+    // This file is no recording, and there is no model: reading either would fail with other words.
     folder.write("run1.gdf", "nothing");
     folder.write("file", "");
     let train = format!("train {SMALL} --train=run1 --out=model");
@@ -149,7 +150,7 @@ fn folders_that_cannot_be_written_are_found_before_anything_is_read() {
         let expected = format!("{named} cannot be written; name another folder");
         assert!(log.contains(&expected), "{command} {option}: {log}");
     }
-    // Mode pca has no epochs.
+    // In mode pca there are no epochs, so a report would have nothing to show.
     let log = folder.fail(&format!("{train} --mode=pca --report=report"), 2);
     assert!(log.contains("--report has nothing to show"), "{log}");
     assert!(!folder.path("report").exists());

@@ -1,4 +1,4 @@
-//! `trainer train`.
+//! Tests of `trainer train`.
 
 use super::{Folder, SMALL, assert_has};
 use rustix::process::{Pid, Signal, kill_process};
@@ -27,7 +27,7 @@ fn ctrl_c_leaves_a_checkpoint_with_which_the_training_goes_on() {
     assert_eq!(output.status.code(), Some(130), "{log}");
     assert!(log.contains("--resume goes on"), "{log}");
     assert!(!folder.path("model/model.toml").exists());
-    // Fewer epochs than the checkpoint was started with.
+    // Request fewer epochs than the checkpoint was started with.
     let log = folder.fail(&format!("{train} --epochs=2 --resume"), 2);
     assert!(log.contains("of 100000 epochs"), "{log}");
 }
@@ -40,7 +40,7 @@ fn an_artifact_is_refused_before_the_training_and_not_touched() {
     let log = folder.fail(train, 2);
     assert!(log.contains("replace it with --force"), "{log}");
     assert_eq!(folder.read("model.toml"), "mine");
-    // With --force the recordings are searched.
+    // With --force, the artifact is no obstacle, so the program goes on to look for the recordings.
     let log = folder.fail(&format!("{train} --force"), 1);
     assert!(log.contains("/nowhere"), "{log}");
 }
@@ -66,7 +66,7 @@ fn a_model_of_all_recordings_in_a_folder_has_no_test_figures() {
     let folder = Folder::with_runs(2, 20);
     assert_eq!(folder.train("pca", "--train=."), "");
     let card = folder.read("model/model.toml");
-    // The last words: the device's flag `settling` is set for as long.
+    // The card says that training omits each recording's start, in which the filters settle.
     assert_has(
         &card,
         &["run1.gdf", "run2.gdf", "in which the filters settle"],

@@ -39,8 +39,8 @@ const BAUD: u32 = 921_600;
 /// reader can be late by this time without losing bytes.
 const BUFFER: usize = 512;
 
-/// Waker of the reader. The UART's interrupt wakes it when the line becomes idle after bytes and
-/// when a byte is damaged; on an STM32F446, also at the first byte after either of these.
+/// Waker of the reader of received bytes. The UART's interrupt wakes it when the line becomes idle
+/// after bytes and when a byte is damaged; on an STM32F446, also at the next byte.
 static IDLE: AtomicWaker = AtomicWaker::new();
 
 /// Buffers of both directions, in memory that the DMA can access.
@@ -57,7 +57,7 @@ impl PortMemory {
     };
 }
 
-/// Registers of a board's UART that concern reception; they differ from chip to chip.
+/// What reception needs from a board's UART, whose registers differ from chip to chip.
 pub trait Uart {
     /// UART peripheral, as a type of the HAL.
     type Instance: usart::Instance;
@@ -72,9 +72,9 @@ pub trait Uart {
     /// Enables the receiver, its DMA requests, and interrupts on an idle line and on damaged bytes.
     fn enable_receiver();
 
-    /// Clears the flags of an idle line and of damaged bytes, or masks their interrupts until the
-    /// next byte. Called by the UART's interrupt handler in a critical section, before the handler
-    /// wakes the reader.
+    /// Clears the flags of an idle line and of damaged bytes, or masks the interrupts of these
+    /// flags until the next byte. Called by the UART's interrupt handler in a critical section,
+    /// before the handler wakes the reader.
     fn acknowledge();
 }
 
@@ -106,7 +106,7 @@ impl Port {
         + 'static,
         memory: &'static mut PortMemory,
     ) -> Self {
-        // embassy has given all DMA streams the priority of DRDY, which is too urgent for the port.
+        // embassy has given all DMA streams DRDY's priority; the port must be less urgent.
         for interrupt in U::INTERRUPTS {
             interrupt.set_priority(nvic_priority(deadlines::priority::CONVERSE));
         }
@@ -114,7 +114,7 @@ impl Port {
         let mut pin = Flex::new(pin);
         // The pull-up keeps the line idle while the ST-LINK is off.
         pin.set_as_af_unchecked(function, AfType::input(Pull::Up));
-        // Dropping `pin` would release it.
+        // Dropping `pin` would disconnect it from the UART.
         mem::forget(pin);
         let request = stream.request();
         let channel = Channel::new(stream, interrupts);
@@ -170,8 +170,8 @@ impl Ring for DmaRing {
         taken.map(|(length, _)| length).map_err(|_| Overrun)
     }
 
-    /// Registers the waker for three events: the DMA reaches the middle of the ring or its end, or
-    /// the line becomes idle.
+    /// Registers the waker for three events: the DMA reaches the middle of the ring, the DMA
+    /// reaches its end, or the line becomes idle.
     fn register_waker(&mut self, waker: &Waker) {
         self.0.set_waker(waker);
         IDLE.register(waker);

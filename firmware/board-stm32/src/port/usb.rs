@@ -22,7 +22,7 @@ use crate::port::usb_stream::{
     Closed, PACKET, PacketReceiver, PacketSender, Receiver, Transmitter,
 };
 
-/// Vendor id of pid.codes. Together with [`PRODUCT`] it is for development only; devices that are
+/// Vendor id of pid.codes. With [`PRODUCT`] it serves for development only; devices that are
 /// distributed need a product id of their own.
 const VENDOR: u16 = 0x1209;
 /// Product id that pid.codes reserves for tests.
@@ -35,7 +35,7 @@ const _: () = assert!(PACKET <= u16::MAX as usize);
 /// embassy-usb sends an empty store.
 const OBJECT_STORE: usize = 5 + 7;
 
-/// Interval between two checks of whether the host has opened the port.
+/// Interval between two checks of whether the host still has the port open.
 const TICK: Duration = Duration::from_millis(20);
 
 bind_interrupts!(struct Irqs {
@@ -97,8 +97,8 @@ impl Port {
         let mut device = builder.build();
         let run = async {
             loop {
-                // `device.run()` never returns; only a missed reset of the bus ends it, and the
-                // loop restarts it.
+                // `device.run()` never returns, but is dropped when it has missed a reset of the
+                // bus; the loop then starts it again.
                 select(device.run(), wait_missed_reset()).await;
             }
         };
@@ -121,8 +121,7 @@ impl PacketSender for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
         self.wait_connection().await;
     }
 
-    /// While the future waits, it has passed no byte of `packet` to the peripheral. If the future
-    /// is dropped, nothing is sent.
+    /// Dropping this future while it waits sends nothing: no byte has reached the peripheral yet.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
         self.write_packet(packet).await.map_err(|_| Closed)
     }
@@ -132,23 +131,22 @@ impl PacketSender for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
     }
 }
 
-/// Registers of the USB core.
+/// Registers of the USB peripheral.
 const OTG: Otg = pac::USB_OTG_FS;
 /// Number of IN endpoints in use: control, notifications, data.
 const IN_ENDPOINTS: usize = 3;
 
-/// Largest number of polls of a flag. The USB core sets a flag within some cycles of the PHY's 48
-/// MHz, which is within a few polls.
+/// Largest number of times that a flag is polled. The USB peripheral sets the flag within some
+/// cycles of 48 MHz, so a few polls are enough.
 const MAX_POLLS: usize = 1_000;
 
 /// Period at which the flag of a bus reset is polled. The driver handles a bus reset at once,
 /// unless it waits for the rest of a control transfer.
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 
-/// Disables the IN endpoints when the host resets the bus, which embassy-usb-synopsys-otg 0.3.3
-/// does not.
+/// Disables the IN endpoints when the host resets the bus; embassy-usb-synopsys-otg 0.3.3 does not.
 ///
-/// A bus reset leaves an endpoint enabled if the host has not read the endpoint's packet. The
+/// If the host has not read an endpoint's packet, a bus reset leaves the endpoint enabled. The
 /// driver then waits without a limit until the endpoint is disabled, so a device that was unplugged
 /// while it streamed would never send again. Disabling an endpoint takes two steps: NAK, then
 /// disable (RM0433 and RM0390, OTG, IN data transfers, IN endpoint disable).

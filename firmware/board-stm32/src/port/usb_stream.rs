@@ -1,5 +1,4 @@
-//! Streams of bytes over the USB serial port, for a host that opens and closes the port at any
-//! time.
+//! Streams of bytes over the USB serial port, which the host opens and closes at any time.
 
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
@@ -37,7 +36,7 @@ pub(crate) trait PacketSender {
     /// If the future is dropped while it waits, no byte of `packet` is sent.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed>;
 
-    /// Waits until it is time for the next check of [`is_open`](Self::is_open).
+    /// Waits for the interval between two checks of [`is_open`](Self::is_open).
     fn tick(&self) -> impl Future<Output = ()> + use<Self>;
 }
 
@@ -59,8 +58,7 @@ impl<Port: PacketReceiver> Read for Receiver<Port> {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Closed> {
         loop {
             match self.0.receive(bytes).await? {
-                // An empty packet only ends a transfer. Returning 0 bytes would mean the end of the
-                // stream.
+                // An empty packet only ends a transfer. Returning 0 bytes would end the stream.
                 0 => {}
                 length => return Ok(length),
             }
@@ -118,7 +116,8 @@ impl<Port> ErrorType for Transmitter<Port> {
 }
 
 impl<Port: PacketSender> Write for Transmitter<Port> {
-    /// After an error, the caller must start the next write with a new frame.
+    /// Waits until the port is open, then sends one packet. After an error, the caller must start
+    /// the next write with a new frame.
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Closed> {
         let is_within_frame = core::mem::take(&mut self.is_within_frame);
         if !self.port.is_open() {

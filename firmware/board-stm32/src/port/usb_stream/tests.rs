@@ -9,7 +9,7 @@ use link::{Decoder, Encoder, Hello, MAX_FRAME, ResetCause, ToHost};
 
 use super::*;
 
-/// Number of packets for a host that reads all packets and never stalls.
+/// Number of packets that stands for a host that reads all packets and never stalls.
 const ALL: usize = usize::MAX;
 
 /// Action that the host takes at a tick.
@@ -21,9 +21,9 @@ struct Host {
     is_open: bool,
     /// Number of packets that the host still reads before it stalls.
     reads: usize,
-    /// Next actions, one for each tick.
+    /// Actions that the host takes at the next ticks, one at each tick.
     acts: VecDeque<Act>,
-    /// Packet in the endpoint's buffer, which the host has not read yet.
+    /// Packet that the host has not read yet, in the endpoint's buffer.
     waiting: Option<Vec<u8>>,
     /// Packets that a program on the host has read.
     packets: Vec<Vec<u8>>,
@@ -49,8 +49,7 @@ impl Host {
         act.expect("an action for every tick")(self);
     }
 
-    /// Returns the seq of each whole frame, and how often the decoder had to skip bytes that were
-    /// no frame.
+    /// Returns the seq of each whole frame, and how often the decoder skipped bytes of no frame.
     fn decode(&self) -> (Vec<u32>, u32) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut seqs = Vec::new();
@@ -101,7 +100,7 @@ struct Device {
 }
 
 impl Device {
-    /// Returns a device, and the cable to its host, which `prepare` has changed.
+    /// Returns a device and the cable to its host, after `prepare` has changed the host.
     fn plugged(prepare: impl FnOnce(&mut Host)) -> (Self, Cable) {
         let cable = Cable::default();
         prepare(&mut cable.0.borrow_mut());
@@ -131,8 +130,8 @@ impl Device {
         if block_on(self.transmitter.write_all(frame)).is_err() {
             self.dropped += 1;
         }
-        // Like the conversation, ignore the result: the packet that ends a transfer belongs to no
-        // frame.
+        // Like the conversation task, ignore the result: `flush` only sends the packet that ends a
+        // transfer, which belongs to no frame.
         let _ = block_on(self.transmitter.flush());
     }
 }
@@ -146,7 +145,8 @@ fn a_frame_cut_by_a_close_is_dropped_and_counted_and_the_next_one_is_whole() {
     let (mut device, cable) = Device::plugged(|host| {
         host.acts = VecDeque::from([
             act(|host| host.open(1)),
-            // At this tick, the second packet is in the endpoint's buffer, and the third one waits.
+            // At this tick, the second packet is in the endpoint, and the third waits in the
+            // device.
             act(|host| host.is_open = false),
             act(|_| {}),
             act(|host| host.open(ALL)),
@@ -207,8 +207,8 @@ fn a_port_that_closes_and_opens_between_two_checks_loses_nothing() {
 fn every_frame_is_received_or_counted_over_a_thousand_openings() {
     let (mut device, cable) = Device::plugged(|host| {
         for opening in 0..1_000_usize {
-            // 0 to 7 packets per opening, in the order 0, 7, 6, ... 1. A frame has three packets,
-            // so the port closes at different places within the frames.
+            // At each opening of the port, the host reads 0 to 7 packets, in the order 0, 7, 6, ...
+            // 1. A frame has three packets, so the port closes at various places of a frame.
             let reads = opening * 7919 % 8;
             host.acts.push_back(act(move |host| host.open(reads)));
             host.acts.push_back(act(|host| host.is_open = false));
