@@ -33,7 +33,7 @@ pub struct Description {
     pub filters: Filters,
     /// Scale of the values that the network gets.
     pub input: Input,
-    /// Training data, training settings and test results.
+    /// Training data, training settings and test errors.
     pub training: TrainingCard,
 }
 
@@ -293,8 +293,7 @@ pub struct Input {
     pub sd_uv: f64,
 }
 
-/// Training data, training settings and test results of a model: table `[training]` of
-/// `model.toml`.
+/// Training data, training settings and test errors of a model: table `[training]` of `model.toml`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingCard {
@@ -308,7 +307,7 @@ pub struct TrainingCard {
     pub interpolated_electrodes: usize,
     /// Labels of the interpolated electrodes.
     pub interpolated: Vec<String>,
-    /// Caveats about the test results, in words.
+    /// Caveats about the test errors, in words.
     pub note: String,
     /// Names, without folder, of the recordings on which the model was trained.
     pub train_files: Vec<String>,
@@ -337,8 +336,7 @@ pub struct TrainingCard {
     pub prd_percent: Option<Figures>,
 }
 
-/// Reconstruction error of the model and, for comparison, of PCA; each field of the card names its
-/// unit.
+/// Reconstruction errors of the model and, for comparison, of PCA.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Figures {

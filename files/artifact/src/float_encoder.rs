@@ -165,7 +165,7 @@ mod tests {
     fn the_pool_returns_the_maximum_of_each_block_and_drops_the_last_column() {
         // The values increase, so that the maximum of a pool is at its last step, row and column.
         // Each case has a position in the pooled volume and the position of its maximum in the
-        // input; both are in channel 0.
+        // input; both are in channel 1.
         for (padding, pool, pooled_at, largest_at) in [
             (Padding::None, [2, 2, 2], [2, 1, 1], [5, 3, 3]),
             (Padding::Space, [1, 3, 2], [2, 1, 2], [2, 5, 5]),

@@ -4,8 +4,7 @@
 use packed::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, RATES, Starts};
 use serde::{Deserialize, Serialize};
 
-/// Number of fraction bits that the state loses before prediction, so that sums of products fit 24
-/// bits.
+/// Fraction bits that the state loses before prediction, so that sums of products fit 24 bits.
 const STATE_BITS: u32 = 3;
 
 /// Dimensions and units of a packed model, and how it was trained: the contents of `packed.toml`.
@@ -38,9 +37,9 @@ pub struct PackedTraining {
     pub train_files: Vec<String>,
     /// File names of the test recordings.
     pub test_files: Vec<String>,
-    /// Results on the test recordings, one entry for each measured rate.
+    /// Figures (length and error) on the test recordings, one entry for each measured rate.
     pub figures: Vec<PackedFigures>,
-    /// Results of a Karhunen-Loeve transform of each block, for comparison: it has as many
+    /// Figures of a Karhunen-Loeve transform of each block, for comparison: it has as many
     /// coefficients, is trained and coded alike, but predicts nothing. Its `mse_smoothed` equals
     /// `mse`. Empty without test recordings.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -73,11 +72,10 @@ pub struct PackedModel {
     pub analysis: IntegerMatrix,
     /// Matrix that maps the state after a block to the prediction of the next block's coefficients.
     pub prediction: IntegerMatrix,
-    /// For each coefficient of a predicted block, the level, 0..64, of its mean magnitude at rate
-    /// 4.
+    /// Mean magnitude of each coefficient of a predicted block at rate 4, as a logarithmic level,
+    /// 0..64.
     pub predicted_levels: Vec<u8>,
-    /// For each coefficient of a block without prediction, the level, 0..64, of its mean magnitude
-    /// at rate 4.
+    /// Mean magnitude of each coefficient of a block without prediction at rate 4, as such a level.
     pub reset_levels: Vec<u8>,
     /// First frequency of each magnitude in the range coder's tables.
     pub starts: Box<Starts>,

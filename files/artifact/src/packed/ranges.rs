@@ -6,7 +6,7 @@ use crate::description::Description;
 use crate::error::{ArtifactError, TensorProblem};
 use packed::{LEVELS, MAX_COEFFICIENTS, Tables};
 
-/// Largest magnitude of a sum of products: a kernel packs two such sums into one register.
+/// Largest magnitude of a sum of products: kernels compute two such sums in one register.
 pub const SUM_LIMIT: i64 = (1 << 23) - 1;
 
 /// Largest magnitude that [`rounded_state`](super::rounded_state) returns.

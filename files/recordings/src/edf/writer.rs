@@ -1,4 +1,4 @@
-//! Writes EDF+ and BDF+: 16-bit or 24-bit samples of one rate, and events as annotations.
+//! Writes EDF+ and BDF+ files: samples of 16 or 24 bits at one rate, and events as annotations.
 //!
 //! Sources: Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
 
@@ -8,27 +8,27 @@ use crate::edf::date::DateTime;
 use crate::header::{FileToWrite, SignalToWrite, invalid};
 use crate::signal::Calibration;
 
-/// Offset of the number of records in the header.
+/// Byte offset of the number of records in the header.
 const RECORDS_AT: u64 = 236;
-/// Largest number of records that its field of 8 characters holds.
+/// Largest number of records that the header's field of 8 digits can state.
 const MAX_RECORDS: u64 = 99_999_999;
-/// Bytes of the time stamp that starts the annotations of a record: `+`, 16 digits with a point,
-/// 0x14 0x14 0.
+/// Length in bytes of the time stamp at the start of each record's annotations: `+`, 16 digits with
+/// a point, and the bytes 0x14, 0x14, 0.
 const TIME_STAMP: usize = 20;
 
-/// An annotation to write: the index of its row, and its text.
+/// An annotation to write: the index of the row it belongs to, and its text.
 pub type RowAnnotation = (u64, String);
 
-/// What differs between EDF+ and BDF+.
+/// The properties in which EDF+ and BDF+ differ.
 #[derive(Debug, Clone, Copy)]
 struct Variant {
-    /// Bytes of a sample.
+    /// Length of a sample in bytes.
     bytes: usize,
-    /// Smallest and largest digital value.
+    /// Smallest and largest integer that a sample can store.
     digital: [f64; 2],
-    /// First bytes of the file.
+    /// First eight bytes of the file, which identify the format.
     magic: [u8; 8],
-    /// Name of the format in the header and in the label of the annotations.
+    /// Name of the format in the header's reserved field and in the label of the annotation signal.
     name: &'static str,
 }
 
@@ -45,28 +45,28 @@ const BDF: Variant = Variant {
     name: "BDF",
 };
 
-/// Writes an EDF+ or BDF+ file record by record. Values are rounded to 16 or 24 bits of their
-/// signal's range; values outside the range become its ends.
+/// Writes an EDF+ or BDF+ file record by record. A signal's range is mapped to integers of 16 or 24
+/// bits; values are rounded, and values outside the range are limited to it.
 #[derive(Debug)]
 pub struct EdfWriter<W> {
     out: W,
     variant: Variant,
-    /// Calibration of each signal, except that of the annotations.
+    /// Calibration of each signal, without the annotation signal.
     lines: Vec<Calibration>,
     rows_per_record: usize,
     rate_hz: u32,
-    /// Bytes of the annotation signal in a record, a multiple of the bytes of a sample.
+    /// Length in bytes of the annotation signal in a record, a multiple of that of a sample.
     annotation_bytes: usize,
-    /// Annotations not written yet, each with the index of its record. The next one is the last
-    /// item.
+    /// Annotations that are not written yet, each with the index of its record, in reverse order,
+    /// so that the next one can be popped.
     annotations: Vec<(u64, RowAnnotation)>,
     records: u64,
     record: Vec<u8>,
 }
 
 impl<W: Write + Seek> EdfWriter<W> {
-    /// Writes the header of an EDF+ file with `rows` rows. `annotations` are in the order of their
-    /// rows; one after the last row is in the last record.
+    /// Writes the header of an EDF+ file with `rows` rows. `annotations` must be in the order of
+    /// their rows; those after the last row are put into the last record.
     ///
     /// # Errors
     /// `InvalidInput` if the file does not fit the format; otherwise the operating system's error.
@@ -79,7 +79,7 @@ impl<W: Write + Seek> EdfWriter<W> {
         Self::new(EDF, out, file, rows, annotations)
     }
 
-    /// Writes the header of a BDF+ file. Apart from the format, equals [`Self::edf`].
+    /// Writes the header of a BDF+ file; arguments as in [`Self::edf`].
     ///
     /// # Errors
     /// Those of [`Self::edf`].
