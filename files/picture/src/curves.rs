@@ -22,7 +22,8 @@ pub struct Curves {
     pub y: [f64; 2],
     /// Quantity and unit that label the y axis.
     pub y_label: &'static str,
-    /// Pass band of the filters, Hz: its two ends are marked and labelled.
+    /// Lowest and highest frequency of the filters' pass band, Hz; the band is shaded, its ends
+    /// labelled.
     pub band_hz: [f64; 2],
     /// Mains frequency, Hz, which is marked and labelled.
     pub mains_hz: f64,

@@ -45,9 +45,9 @@ pub struct Window {
 /// Which windows the values of a hop were computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// Only the window with which the hop is returned.
+    /// Only the newest window that contains the hop.
     Window,
-    /// The average of the window with which the hop is returned and of earlier ones.
+    /// The average of several windows that contain the hop, the newest among them.
     Average,
     /// Earlier windows only, because the code of the newest window is lost.
     Earlier,
@@ -61,7 +61,7 @@ pub enum Source {
 pub struct Hop {
     /// Which windows the values were computed from.
     pub source: Source,
-    /// Union of the flags of the hop's newest window and of all windows in the average.
+    /// Union of the flags of the newest window and of all windows in the average.
     pub flags: u16,
 }
 

@@ -28,7 +28,7 @@ struct Variant {
     digital: [f64; 2],
     /// First eight bytes of the file, which identify the format.
     magic: [u8; 8],
-    /// Name of the format in the header's reserved field and in the label of the annotation signal.
+    /// Name of the format, which is part of the header and of the annotation signal's label.
     name: &'static str,
 }
 
@@ -139,10 +139,10 @@ impl<W: Write + Seek> EdfWriter<W> {
         })
     }
 
-    /// Writes one record: its values row by row, and within a row in the order of the signals.
+    /// Writes one record from its values: all signals of the first row, then of the next row.
     ///
     /// # Errors
-    /// `InvalidInput` if this is not one record; otherwise the operating system's error.
+    /// `InvalidInput` if `rows` is not exactly one record; otherwise the operating system's error.
     pub fn write_record(&mut self, rows: &[f32]) -> io::Result<()> {
         let signals = self.lines.len();
         if rows.len() != signals * self.rows_per_record {
@@ -179,7 +179,7 @@ impl<W: Write + Seek> EdfWriter<W> {
         self.out.write_all(&self.record)
     }
 
-    /// Completes the header and returns the output.
+    /// Writes the number of records into the header and returns the output.
     ///
     /// # Errors
     /// The operating system's error.
@@ -192,8 +192,8 @@ impl<W: Write + Seek> EdfWriter<W> {
     }
 }
 
-/// Returns the calibration that a reader computes from the header of a signal, which states the
-/// physical ends in at most 8 characters.
+/// Returns the calibration that a reader of the file will compute. It differs a little from the
+/// signal's range, because the header states the ends of the range in at most 8 characters.
 fn calibration(signal: &SignalToWrite, variant: Variant) -> Calibration {
     let [least, most] = signal.range;
     let [least, most] = if least < most {
@@ -216,23 +216,23 @@ fn calibration(signal: &SignalToWrite, variant: Variant) -> Calibration {
     }
 }
 
-/// Returns a number in at most 8 characters, with as many digits as fit.
+/// Formats a number with as many decimal places as fit into 8 characters.
 fn number(value: f64) -> String {
     let texts = (0..8).rev().map(|digits| format!("{value:.digits$}"));
     let mut fitting = texts.filter(|text| text.len() <= 8);
     fitting.next().unwrap_or_else(|| "99999999".to_owned())
 }
 
-/// Returns the time of a row, seconds since the start of the file.
+/// Returns the time of a row in seconds since the start of the file, as text.
 fn onset(row: u64, rate_hz: u32) -> String {
     let rate_hz = u64::from(rate_hz.max(1));
     let (whole, rest) = (row / rate_hz, row % rate_hz);
     format!("{whole}.{:07}", rest * 10_000_000 / rate_hz)
 }
 
-/// Returns an annotation as a time-stamped list.
+/// Encodes an annotation as a time-stamped annotation list.
 fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
-    // The separators of the format cannot be part of a text.
+    // A text must not contain the bytes that separate parts of a list.
     let text = text.replace(['\x14', '\x15', '\0'], " ");
     format!("+{}\x14{text}\x14\0", onset(*row, rate_hz)).into_bytes()
 }
