@@ -1,5 +1,5 @@
-//! Sets `cfg(smlad)` for targets with the DSP extension of ARMv7E-M; stable Rust has no `cfg` for
-//! it.
+//! Sets `cfg(smlad)` for targets with the DSP extension of ARMv7E-M, for which stable Rust has no
+//! `cfg`.
 
 fn main() {
     println!("cargo::rustc-check-cfg=cfg(smlad)");

@@ -86,7 +86,7 @@ fn lost_samples_are_held_so_that_later_samples_keep_their_time() {
     adc.hold(2).expect("converted");
     adc.append(&[f32::NAN, -100.0]).expect("converted");
     let counts: Vec<i32> = std::iter::from_fn(|| adc.next_sample().map(|all| all[0])).collect();
-    // The last value is repeated three times, and every second repetition gets one count of dither.
+    // 100 uV is repeated three times; the first and the third repetition get one count of dither.
     assert_eq!(counts, [0, 4474, 4475, 4474, 4475, -4474]);
     assert_eq!(adc.counters().not_finite, 1);
 }
