@@ -53,8 +53,7 @@ impl Volume {
         self.part(pads, size)
     }
 
-    /// Returns a copy of the box of `size` positions that starts at position `first`, of all
-    /// channels.
+    /// Returns a copy of the box of `size` positions that starts at `first`, for all channels.
     fn part(&self, first: [usize; 3], size: [usize; 3]) -> Self {
         let mut values = Vec::with_capacity(self.channels * size.iter().product::<usize>());
         for channel in 0..self.channels {
@@ -217,8 +216,8 @@ pub(crate) struct Norm {
 }
 
 impl Norm {
-    /// Reads `{name}.weight`, `.bias`, `.running_mean` and `.running_var` and folds them into gain
-    /// and offset.
+    /// Reads `{name}.weight`, `.bias`, `.running_mean` and `.running_var`, and computes gain and
+    /// offset.
     pub(crate) fn read(
         weights: &Tensors,
         name: &str,

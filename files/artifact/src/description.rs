@@ -1,4 +1,4 @@
-//! The contents of `model.toml`.
+//! The description of a model: the contents of its file `model.toml`.
 
 use crate::geometry::Dimensions;
 use serde::{Deserialize, Serialize};
@@ -57,8 +57,7 @@ pub enum Mode {
     /// The network of arXiv 2008.13485 ("the paper"). Its decoder unpools with pool indices, which
     /// the code does not carry, so the code alone cannot be decoded.
     Paper,
-    /// The paper's network, but with nearest-neighbour unpooling, so that the code alone can be
-    /// decoded.
+    /// The paper's network, but with nearest-neighbour unpooling, which needs nothing but the code.
     PaperCodeOnly,
     /// [`Self::PaperCodeOnly`] plus linear maps from window to code and back.
     Shortcut,
@@ -101,16 +100,15 @@ impl Mode {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
-    /// Number of time steps in a window, 16 or 32. A block of the packed code covers one hop
-    /// instead.
+    /// Number of time steps in a window, 16 or 32.
     pub steps: usize,
-    /// Time steps from the start of one window to the start of the next, 4, 8 or 16.
+    /// Number of time steps from the start of one window to the start of the next, 4, 8 or 16.
     pub hop: usize,
-    /// Rate of the time steps in Hz, 128.
+    /// Rate of the time steps in Hz, always 128.
     pub rate_hz: u32,
 }
 
-/// The properties of the convolutions that differ between models.
+/// Padding of the convolutions and size of the max-pool, which differ between models.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkShape {
@@ -154,8 +152,7 @@ impl Padding {
         matches!(self, Self::All)
     }
 
-    /// Returns the numbers of steps, rows and columns of zeros added at each end of the axis, 0 or
-    /// 1.
+    /// Returns the numbers of steps, rows and columns of zeros at each end of the axis, 0 or 1.
     pub const fn pads(self) -> [usize; 3] {
         let space = self.pads_space() as usize;
         [self.pads_time() as usize, space, space]
@@ -209,7 +206,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Creates a grid from its cells, which are as many in each row.
+    /// Creates a grid from its rows of cells, which must all have the same length.
     pub fn new(cells: Vec<Vec<String>>) -> Self {
         Self {
             rows: cells.len(),
@@ -262,8 +259,7 @@ pub struct Filters {
     pub mains_hz: Vec<u32>,
     /// Quality factor of every notch: its centre frequency divided by its -3 dB width.
     pub notch_q: f64,
-    /// Number of harmonics of the mains with a notch of their own, from 2 times the mains frequency
-    /// on.
+    /// Number of notches at multiples of the mains frequency, from 2 times that frequency on.
     pub harmonics: u32,
     /// Lower and upper -3 dB edge of the Butterworth band-pass, Hz.
     pub band_hz: [f64; 2],
@@ -311,8 +307,7 @@ pub struct TrainingCard {
     pub note: String,
     /// Names, without folder, of the recordings on which the model was trained.
     pub train_files: Vec<String>,
-    /// Names of the recordings on which the model was tested; none was used in training or
-    /// validation.
+    /// Names of the recordings on which the model was tested, and not trained or validated.
     pub test_files: Vec<String>,
     /// Data by whose error the best epoch was chosen, in words.
     pub validation: String,

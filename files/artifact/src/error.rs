@@ -59,8 +59,7 @@ pub enum ArtifactError {
         /// Name of the file that exists.
         other: &'static str,
     },
-    /// An electrode label is malformed, occurs twice, or is only on the grid or only in the
-    /// montage.
+    /// An electrode label is malformed, occurs twice, or is missing on the grid or in the montage.
     #[error(
         "model.toml: electrode {label}: {problem}; grid.cells and montage.electrodes must hold the same labels, each once"
     )]

@@ -33,11 +33,11 @@ struct Convolutions {
 pub struct TracedCode {
     /// The code as floats, before quantisation.
     pub code: Vec<f32>,
-    /// Largest |g| * relu(conv1), where g = norm1.weight / sqrt(variance + 1e-5); 0 without
-    /// convolutions.
+    /// Largest |g| * relu(conv1), where g = norm1.weight / sqrt(variance + 1e-5); 0 if there is no
+    /// conv1.
     pub activation1_max: f32,
-    /// Largest |g| * relu(conv2), where g = norm2.weight / sqrt(variance + 1e-5); 0 without
-    /// convolutions.
+    /// Largest |g| * relu(conv2), where g = norm2.weight / sqrt(variance + 1e-5); 0 if there is no
+    /// conv2.
     pub activation2_max: f32,
 }
 

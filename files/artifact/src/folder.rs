@@ -31,8 +31,8 @@ pub struct Artifact {
     pub weights: Tensors,
     /// Ranges measured in calibration, f32; model-gen derives the int8 scales from them.
     pub calibration: Tensors,
-    /// Model of the packed code for the same montage and hop; `None` if there is none. Mode
-    /// `packed` needs one.
+    /// Model of the packed code for the same montage and hop, if there is one; mode `packed` needs
+    /// it.
     pub packed: Option<PackedModel>,
     /// Hash over the files of all these parts, which identifies the model.
     pub id: ModelId,

@@ -25,8 +25,7 @@ pub struct Dimensions {
 }
 
 impl Dimensions {
-    /// Returns the number of cells in one plane of the scalp grid; a cell without an electrode
-    /// holds 0.
+    /// Returns the number of cells of the scalp grid, including those without an electrode.
     pub const fn cells(&self) -> usize {
         self.rows * self.columns
     }

@@ -1,5 +1,4 @@
-//! Golden windows: quantised windows with the codes that every integer encoder must return for
-//! them.
+//! Golden windows: quantised windows, and the codes that every integer encoder must return.
 
 use crate::description::CodeFormat;
 use crate::error::ArtifactError;
@@ -14,9 +13,9 @@ pub(crate) const GOLDEN: &str = "golden.safetensors";
 /// Name of the tensor of exponents; only files with codes of format `Int8Exponent` have it.
 const EXPONENTS: &str = "exponents";
 
-/// Quantised windows, and the codes that the integer encoder of this model returns for them.
+/// Quantised windows of one model, and the codes that its integer encoder returns for them.
 ///
-/// `trainer` writes them from model-gen's integer reference; every other integer encoder must
+/// `trainer` computes them with model-gen's integer reference; every other integer encoder must
 /// return the same bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Golden {

@@ -16,7 +16,7 @@ pub struct IntegerCode {
 }
 
 impl IntegerCode {
-    /// Returns `value * 2^exponent` for each value.
+    /// Returns the levels of the code: `value * 2^exponent` for each value.
     pub fn levels(&self) -> Vec<i32> {
         let power = 2_i32.pow(self.exponent.into());
         let levels = self.values.iter().map(|&value| i32::from(value) * power);

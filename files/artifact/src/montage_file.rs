@@ -80,8 +80,7 @@ impl MontageFile {
         })
     }
 
-    /// Returns the scalp grid. Its rows can have different lengths, because the file was not
-    /// checked.
+    /// Returns the scalp grid, whose rows can have different lengths if the montage is invalid.
     pub fn grid(&self) -> Grid {
         let lines = self.grid.lines().map(str::trim);
         let cells = lines

@@ -15,8 +15,7 @@ type Outputs = [f32; CONV1_CHANNELS];
 /// Unpooling repeats each pooled value, for example 10 times; here each product of a pooled value
 /// and a weight is computed once and added to all outputs that need it. The output channels are
 /// innermost, so that the compiler vectorises the loops. With the built-in model, a window decodes
-/// in
-/// 0.37 ms instead of the 0.75 ms of two separate layers (x86-64 with SSE2, 7.3 million
+/// in 0.37 ms instead of the 0.75 ms of two separate layers (x86-64 with SSE2, 7.3 million
 /// instructions instead of 11.6 million).
 ///
 /// Each sum starts with its bias. The products are added in the order input channel, tap (step,

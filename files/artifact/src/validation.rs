@@ -20,8 +20,7 @@ const STEPS: [usize; 2] = [16, 32];
 const HOPS: [usize; 3] = [4, 8, 16];
 /// Largest number of rows, and also of columns, of the scalp grid.
 pub const LARGEST_SIDE: usize = 12;
-/// Permitted numbers of electrodes; at most 64, because a mask of 64 bits marks channels at the
-/// rail.
+/// Permitted numbers of electrodes: at most 64, so that a 64-bit mask can mark those at the rail.
 pub const ELECTRODES: RangeInclusive<usize> = 4..=64;
 /// Lengths that a code may have, in numbers.
 const NUMBERS: RangeInclusive<usize> = 8..=256;
@@ -47,8 +46,7 @@ pub const LARGEST_CHAIN: usize = 8;
 struct Field<'d>(&'static str, &'d dyn Display);
 
 impl Field<'_> {
-    /// Returns an error that names the field, its value and the `expected` values if `holds` is
-    /// false.
+    /// Returns an error with the field, its value and the `expected` values if `holds` is false.
     fn must(self, holds: bool, expected: impl Into<String>) -> Result<(), ArtifactError> {
         if holds {
             return Ok(());

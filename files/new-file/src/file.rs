@@ -15,12 +15,10 @@ use crate::{
     error::NewFileError,
 };
 
-/// Permissions of a new file before the umask applies. A temporary file would have fewer by
-/// default.
+/// Permissions of a new file before the umask applies; a temporary file has fewer by default.
 const MODE: u32 = 0o666;
 
-/// A file that is being written; [`NewFile::finish`] gives it its name. Dropping it without that
-/// call deletes it.
+/// A file that is being written; [`NewFile::finish`] gives it its name. Dropping it deletes it.
 #[derive(Debug)]
 pub struct NewFile {
     /// Name that the user chose.
@@ -91,8 +89,7 @@ impl NewFile {
         };
         file.disable_cleanup(true);
         let kept = file.path().to_owned();
-        // Without `sync_all`, a power failure after the rename could leave an empty file under the
-        // name.
+        // Without `sync_all`, a power failure after the rename could leave an empty file.
         let finished = file.as_file().sync_all().and_then(|()| {
             match self.existing {
                 Existing::Refuse => file.persist_noclobber(&self.target),
@@ -207,8 +204,7 @@ mod tests {
         for existing in [Existing::Refuse, Existing::Replace] {
             let mut file = NewFile::create(&path, existing, &[]).expect("writable");
             file.write_all(b"new").expect("the disk has room");
-            // Neither is replaced: a file of another program with `Refuse`, a folder not even with
-            // `Replace`.
+            // `Refuse` must not replace another program's file; `Replace` cannot replace a folder.
             match existing {
                 Existing::Refuse => fs::write(&path, b"other").expect("writable"),
                 Existing::Replace => fs::create_dir(&path).expect("writable"),

@@ -11,8 +11,7 @@ use crate::{
     error::NewFileError,
 };
 
-/// A file that has its final name while it grows, such as a recording that must survive a killed
-/// program.
+/// A file that has its final name while it grows, such as a recording that must outlive a kill.
 #[derive(Debug)]
 pub struct GrowingFile {
     file: File,

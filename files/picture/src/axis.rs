@@ -37,14 +37,13 @@ impl Axis {
         }
     }
 
-    /// Returns whether the axis can show a value: it must be finite, and on a logarithmic axis
-    /// above 0.
+    /// Returns whether the axis can show a value: a finite one, and on a logarithmic axis one above
+    /// 0.
     pub(crate) fn has(&self, value: f64) -> bool {
         value.is_finite() && (self.scale != Scale::Logarithmic || value > 0.0)
     }
 
-    /// Returns where a value is on the axis: the value, or its decimal logarithm on a logarithmic
-    /// axis.
+    /// Returns the coordinate of a value: the value itself, or its logarithm on a logarithmic axis.
     pub(crate) fn coordinate(&self, value: f64) -> f64 {
         match self.scale {
             Scale::Linear | Scale::Whole => value,

@@ -22,8 +22,7 @@ pub struct Curves {
     pub y: [f64; 2],
     /// Quantity and unit that label the y axis.
     pub y_label: &'static str,
-    /// Lowest and highest frequency of the filters' pass band, Hz; the band is shaded, its ends
-    /// labelled.
+    /// Pass band of the filters, Hz; the band is shaded, and its ends are labelled.
     pub band_hz: [f64; 2],
     /// Mains frequency, Hz, which is marked and labelled.
     pub mains_hz: f64,
@@ -59,8 +58,8 @@ impl Curves {
             .bold_line_style(GRID)
             .axis_style(FAINT)
             .disable_x_mesh()
-            // No ticks by plotters, which would label only powers of ten: the loop over `TICKS_HZ`
-            // below draws them.
+            // Hides the ticks of plotters, which labels only powers of ten; a loop below draws
+            // others.
             .x_labels(0)
             .x_label_formatter(&|_| String::new())
             .set_tick_mark_size(LabelAreaPosition::Bottom, 0)

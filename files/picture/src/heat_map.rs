@@ -15,7 +15,7 @@ pub struct HeatMap {
     pub codes: Vec<Option<Vec<f32>>>,
     /// Time of the first code since the device's start, s.
     pub start_s: f64,
-    /// Number of codes at the start that were computed before the filters had settled.
+    /// Time between two codes, s.
     pub interval_s: f64,
     /// Number of codes at the start that were made before the filters had settled.
     pub settling: usize,
@@ -70,8 +70,7 @@ impl HeatMap {
             .axis_desc_style(canvas::text(16, INK))
             .draw()?;
         for component in 0..components {
-            // Adjacent codes with the same level are drawn as one rectangle, which makes the file a
-            // third smaller.
+            // One rectangle for adjacent codes with the same level makes the file a third smaller.
             let mut code = 0;
             for run in self.levels(component).chunk_by(|a, b| a == b) {
                 let (left, right) = (start_of(code), start_of(code + run.len()));
@@ -121,8 +120,8 @@ impl HeatMap {
     }
 }
 
-/// Draws the colour scale, from far above the mean at the top to far below it, and the colour of a
-/// lost code.
+/// Draws the colour scale, from above the mean at the top to below it, and the colour of a lost
+/// code.
 fn draw_scale(area: &Area) -> Drawn {
     let (top, bottom, left, right) = (60, 560, 14, 34);
     let count = 2 * STRONGEST + 1;

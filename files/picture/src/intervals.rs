@@ -7,8 +7,7 @@ use plotters::prelude::*;
 use crate::canvas::{self, Area, Drawn, INK, PictureError, REFERENCE, RESULT, SOURCE, real};
 use crate::spread::Spread;
 
-/// Mean and SD of the interval between codes, ms, of the node on a PC in arXiv 2008.13485 (interval
-/// histogram).
+/// Mean and SD of the interval between codes in arXiv 2008.13485 (interval histogram), ms.
 const PAPER_MS: Spread = Spread {
     mean: 62.499,
     sd: 0.227,
@@ -126,8 +125,7 @@ impl Counted {
         counted
     }
 
-    /// Returns the legend's text for `series`: name, mean, SD, and the number of intervals outside
-    /// the axis.
+    /// Returns the legend's text for `series`: name, mean, SD, and how many intervals are outside.
     fn label(&self, series: &Series) -> String {
         let (spread, outside) = (Spread::from_values(&series.ms), self.outside);
         format!("{}: {spread} ms, {outside} beyond the axis", series.name)

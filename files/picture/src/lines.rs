@@ -33,8 +33,7 @@ pub struct Series {
     /// Points (x, y) in drawing order. A point is left out if an axis cannot show it, such as 0 on
     /// a logarithmic axis.
     pub points: Vec<(f64, f64)>,
-    /// Standard deviation of y at each point, drawn as a bar above and below it; empty to draw
-    /// none.
+    /// Standard deviation of y at each point, drawn as a vertical bar; empty to draw none.
     pub sd: Vec<f64>,
 }
 

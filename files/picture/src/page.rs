@@ -1,5 +1,4 @@
-//! The HTML page of a report, with text, tables and links to pictures; also the quoting of CSV
-//! fields.
+//! The HTML page of a report, with text, tables and links to pictures; also quotes CSV fields.
 
 use std::fmt::Write as _;
 

@@ -41,8 +41,7 @@ const RADIUS: i32 = 330;
 const SQUARE: i32 = 6;
 /// [`SQUARE`] in the type that ranges need.
 const STEP: usize = SQUARE.unsigned_abs() as usize;
-/// Distance from the nearest electrode up to which the map is coloured, in radii of the head's
-/// circle.
+/// Distance from the nearest electrode up to which the map is coloured, in head radii.
 const REACH: f64 = 0.26;
 /// Number of colour levels.
 const LEVELS: u8 = 24;

@@ -10,11 +10,11 @@ use crate::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError, RESULT, S
 /// The signal of one electrode before encoding and after decoding.
 #[derive(Debug, Clone)]
 pub struct Trace {
-    /// Signal before encoding, after filters and decimation, uV.
+    /// Name of the electrode, such as "Cz".
     pub label: String,
-    /// Signal after decoding, uV; as many values as `source_uv`.
+    /// Signal before encoding, after filters and decimation, uV.
     pub source_uv: Vec<f32>,
-    /// Decoded signal, uV; as many values as `source_uv`.
+    /// Signal after decoding, uV; as many values as `source_uv`.
     pub result_uv: Vec<f32>,
 }
 
@@ -97,8 +97,7 @@ impl Traces {
             area.draw(&Text::new(trace.label.clone(), (LEFT - 14, y), style))?;
         }
 
-        // All traces have the same vertical scale, so one scale bar, next to the lowest trace,
-        // suffices.
+        // One scale bar, next to the lowest trace, is enough: all traces have the same scale.
         let bar_uv = scale_bar_uv(spacing);
         let lowest = (1.0 - count) * spacing;
         let [base, top] = [-0.5, 0.5].map(|part| {

@@ -7,8 +7,7 @@ use std::fmt;
 pub(crate) struct Row {
     /// Name of the row in labels of columns z and 1 to 6, near the midline, such as `C`.
     inner: &'static str,
-    /// Name of the row in labels of columns 7 to 10, on and below the head's circumference, such as
-    /// `T`.
+    /// Name of the row in labels of columns 7 to 10, at the head's circumference, such as `T`.
     outer: &'static str,
     /// Distance of the row from the nasion along the midline, 0..=20, where 20 is the inion.
     pub(crate) twentieths: u8,
@@ -66,8 +65,7 @@ pub struct Electrode {
     pub(crate) row: Row,
     /// Column number, at most 10: 0 on the midline, odd on the left, even on the right.
     pub(crate) column: u8,
-    /// True if the label ends with `h`: the electrode is half a column closer to the midline than
-    /// `column`.
+    /// True if the label ends with `h`, which means half a column closer to the midline.
     pub(crate) half: bool,
 }
 
@@ -131,9 +129,8 @@ impl Electrode {
     }
 
     /// Returns whether the 10-5 system has this column in this row. The rows N, NFp, Fp, O, OI and
-    /// I have only the midline and columns 1 and 2 with their halves; Fp and O also have columns 9
-    /// and
-    /// 10. All other rows have every column.
+    /// I have only the midline and columns 1 and 2 with their halves, but Fp and O also have
+    /// columns 9 and 10. All other rows have every column.
     fn exists(self) -> bool {
         match self.row.twentieths {
             0 | 1 | 19 | 20 => self.column <= 2,

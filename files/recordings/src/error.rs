@@ -26,8 +26,7 @@ pub enum RecordingError {
     Folder { path: PathBuf },
     #[error("the file is empty; copy or download the recording again")]
     Empty,
-    /// The file has a format that is not supported; `how` names commands that export it to another
-    /// one.
+    /// The file has a format that is not supported; `how` names commands that export it.
     #[error(
         "this is {what}, which is not supported; export the recording to EDF, BDF or GDF: {how}"
     )]
@@ -105,8 +104,7 @@ pub enum RecordingError {
         "the montage has {electrodes} electrodes but the ADC only {channels} channels; use a smaller montage"
     )]
     TooManyElectrodes { electrodes: usize, channels: usize },
-    /// The resampler's buffers have inconsistent sizes, which is a defect of this crate, not of the
-    /// file.
+    /// The resampler's buffers have inconsistent sizes: a defect of this crate, not of the file.
     #[error("the resampler's buffers do not fit; please report it with the recording's header")]
     ResamplerBuffer,
     /// The resampler refused a block of samples, which is a defect of this crate, not of the file.

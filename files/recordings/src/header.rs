@@ -14,8 +14,7 @@ use crate::{
     warning::Warning,
 };
 
-/// Length in bytes of the fixed part of a header, and of the part for each signal; equal in EDF,
-/// BDF and GDF.
+/// Length in bytes of a header's fixed part, and of its part for each signal (EDF, BDF and GDF).
 pub(crate) const HEADER_BLOCK: usize = 256;
 
 #[derive(Debug, Clone)]
@@ -140,8 +139,7 @@ impl<'a> SignalFields<'a> {
     }
 }
 
-/// Decodes text of a header and removes its padding. Bytes that are not UTF-8 are decoded as
-/// Latin-1.
+/// Decodes text of a header and removes its padding. Bytes that are not UTF-8 are read as Latin-1.
 pub(crate) fn text(bytes: &[u8]) -> String {
     let text = match std::str::from_utf8(bytes) {
         Ok(text) => text.to_owned(),

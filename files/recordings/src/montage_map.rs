@@ -53,7 +53,7 @@ pub enum MontageMapError {
         found: Vec<String>,
         needed: Vec<String>,
     },
-    /// Electrodes are missing and [`Missing::Refuse`] was chosen.
+    /// Electrodes of the montage are missing, and the caller chose [`Missing::Refuse`].
     #[error("the recording lacks {}; interpolate them, set them to zero, or use another recording", labels.join(" "))]
     MissingElectrodes { labels: Vec<String> },
 }

@@ -58,8 +58,7 @@ impl<W: Write + Seek> NpzWriter<W> {
         let shape: String = lengths.collect();
         let mut text =
             format!("{{'descr': {element}, 'fortran_order': False, 'shape': ({shape}), }}");
-        // Pads the header so that the values start at a multiple of 64; magic, version and length
-        // take 10 bytes.
+        // Pads the header so that values start at a multiple of 64; 10 bytes come before the text.
         let header = (10 + text.len() + 1).next_multiple_of(64) - 10;
         while text.len() + 1 < header {
             text.push(' ');

@@ -73,15 +73,13 @@ impl Position {
         Electrode::parse(label).map(|electrode| Self::from_electrode(&electrode))
     }
 
-    /// Returns the square of the straight-line distance to another point; 0..=4 between points on
-    /// the sphere.
+    /// Returns the squared straight-line distance to another point; 0..=4 on the sphere.
     pub fn chord_squared(self, other: Self) -> f64 {
         let d = self.minus(other);
         d.dot(d)
     }
 
-    /// Returns the angle between this point and `other`, seen from the centre of the sphere, rad,
-    /// 0..=pi.
+    /// Returns the angle to `other`, seen from the centre of the sphere, rad, 0..=pi.
     pub fn angle_to(self, other: Self) -> f64 {
         self.cross(other)
             .dot(self.cross(other))

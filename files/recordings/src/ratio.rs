@@ -18,8 +18,7 @@ pub struct Ratio {
 const DENOMINATOR_MAX: u64 = 10_000_000;
 
 impl Ratio {
-    /// Creates the fraction `numerator / denominator`, reduced to lowest terms; `None` if either is
-    /// 0.
+    /// Creates the fraction `numerator / denominator` in lowest terms; `None` if either is 0.
     pub fn new(numerator: u64, denominator: u64) -> Option<Self> {
         if numerator == 0 || denominator == 0 {
             return None;

@@ -1,5 +1,4 @@
-//! Random access to the bytes of a recording, and detection of files that a transfer in text mode
-//! has damaged.
+//! Random access to the bytes of a recording, and detection of damage by a transfer in text mode.
 
 use std::io::{Read, Seek, SeekFrom};
 
@@ -38,8 +37,7 @@ pub(crate) fn in_memory(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
 }
 
-/// Number of bytes at the start of a file in which damage by a transfer in text mode is searched
-/// for.
+/// Number of bytes at the start of a file that are searched for damage by a transfer in text mode.
 const SEARCHED: u64 = 4 << 20;
 
 /// Smallest number of line feeds that can prove damage by text mode. In an undamaged file, a

@@ -183,8 +183,7 @@ mod tests {
     use crate::header::{FileToWrite, SignalToWrite};
     use crate::montage_map::Missing;
 
-    /// Returns a GDF file of `seconds` s with two signals of these rates, whose int16 samples are
-    /// all 1 uV.
+    /// Returns a GDF file of two signals with these rates, whose int16 samples are all 1 uV.
     fn file(rates: [u16; 2], seconds: u16) -> Vec<u8> {
         let signal = |label: &str| SignalToWrite {
             label: label.to_owned(),

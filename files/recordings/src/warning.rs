@@ -6,8 +6,7 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[expect(missing_docs, reason = "the messages say what each field means")]
 pub enum Warning {
-    /// The header states -1 records, so the number was derived from the size of the file, without
-    /// its event table.
+    /// The header states -1 records, so the number was derived from the size of the file.
     #[error(
         "the header does not contain the number of records (-1); the size of the file yields {derived}"
     )]

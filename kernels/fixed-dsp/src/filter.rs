@@ -60,9 +60,8 @@ pub trait Design<const N: usize> {
 /// The filter of a [`Design`]: code for this one cascade, with the section types and the integer
 /// parts of the coefficients built in. Only the fractions are loaded from memory.
 ///
-/// Filtered in blocks, six sections take 56 instructions per sample and channel. A [`Cascade`]
-/// takes 90 to 108, depending on the types of the sections (`cargo xtask bench filters`,
-/// simulated).
+/// Filtered in blocks, six sections take 56 simulated instructions per sample and channel; as a
+/// [`Cascade`], they take 90 to 108, depending on their types (`cargo xtask bench filters`).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Compiled<D, const N: usize>(PhantomData<D>);
 

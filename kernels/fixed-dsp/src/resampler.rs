@@ -18,8 +18,7 @@ pub struct Resampler<const PHASES: usize, const TAPS: usize> {
 /// When a resampler's next output is due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Position {
-    /// Time from the next input sample to the next output; `PHASES` is the time between two input
-    /// samples.
+    /// Time from the next input sample to the next output, in 1 / `PHASES` of the input interval.
     ahead: u16,
 }
 
@@ -59,8 +58,8 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
                 magnitude += self.taps[phase][age].unsigned_abs() as u64;
                 age += 1;
             }
-            // If the magnitudes sum to less than 2^31, their products with samples of at most 2^31
-            // sum to less than 2^62; rounding adds 2^29.
+            // If the magnitudes of the taps sum to less than 2^31, products with samples of at most
+            // 2^31 sum to less than 2^62; rounding adds 2^29.
             consistent = consistent && magnitude < 1 << 31;
             phase += 1;
         }
@@ -68,8 +67,8 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
     }
 
     /// Advances by one input sample. If an output is due before the next sample, returns the
-    /// output's phase: the time from this sample to the output, where `PHASES` is the time between
-    /// two input samples.
+    /// output's phase: its time after this sample, in 1 / `PHASES` of the interval between input
+    /// samples.
     #[inline]
     #[expect(
         clippy::cast_possible_truncation,

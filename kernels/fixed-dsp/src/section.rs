@@ -48,9 +48,9 @@ pub enum Section {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub(crate) struct SectionState {
-    /// Previous output.
+    /// Previous output of the section.
     y1: i32,
-    /// Output before the previous one.
+    /// Output of the section before the previous one.
     y2: i32,
     /// Rounding error of the previous output, Q0.32 in the unit of the output, in [0, 1).
     error: u32,

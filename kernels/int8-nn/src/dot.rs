@@ -1,5 +1,5 @@
-//! Dot products of the inputs of many positions with the weights of many outputs, the inner loop of
-//! every convolution.
+//! Dot products of inputs at many positions with weights of many outputs: the loop of a
+//! convolution.
 
 #[cfg(smlad)]
 mod cortex_m;
@@ -9,17 +9,15 @@ use crate::{
     pair::Pair,
 };
 
-/// Number of positions in a block, whose products with [`OUTPUTS`] outputs are computed together.
-/// Six accumulators, four weights, two inputs and two pointers fill a Cortex-M's 14 usable
-/// registers.
+/// Number of positions in a block, which are multiplied by [`OUTPUTS`] outputs together. A
+/// Cortex-M's 14 registers then hold six accumulators, four weights, two inputs and two pointers.
 pub(crate) const POSITIONS: usize = 3;
 /// Number of outputs in a block, which are computed together at [`POSITIONS`] positions.
 pub(crate) const OUTPUTS: usize = 2;
 /// Number of input pairs that one round of the unrolled loop multiplies.
 pub(crate) const ROUND: usize = 2;
 
-/// Returns the number of weight pairs of a block whose positions have `inputs` pairs of inputs
-/// each.
+/// Returns the number of weight pairs of a block, for positions with `inputs` pairs of inputs.
 pub(crate) const fn weights_len(inputs: usize) -> usize {
     OUTPUTS * inputs
 }

@@ -167,8 +167,8 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     /// Copies the inputs of each position side by side (im2col): first, for each (time, row), the
     /// pair in columns 0 and 1; then the inputs in column 2, of two rows in each pair; then a zero.
     fn gather_patches(&self, planes: [&[Pair]; 3], patches: &mut [Pair]) {
-        /// Returns how many inputs the rows of a 3x3 patch span in a plane, from its first to its
-        /// last.
+        /// Returns how many inputs of a plane lie between a 3x3 patch's first and last, both
+        /// included.
         const fn reach(columns: usize) -> usize {
             2 * columns + 3
         }

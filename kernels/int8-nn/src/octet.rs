@@ -49,9 +49,8 @@ pub(crate) trait Octet: Copy {
 /// A computation that [`run`] can execute with any implementation of octets.
 #[cfg(not(smlad))]
 pub(crate) trait Kernel {
-    /// Runs the computation. Every function between this one and the octets must be
-    /// `inline(always)`, because only inlined code is compiled with the instructions of the
-    /// implementation.
+    /// Runs the computation. Everything it calls down to the octets must be `inline(always)`,
+    /// because only inlined code is compiled with the instructions of the implementation.
     fn run<O: Octet>(self);
 }
 
@@ -121,15 +120,13 @@ mod tests {
 
     use super::*;
 
-    /// Results of one step of the test: sums of three positions, and sums with the weights' low
-    /// bytes.
+    /// Results of one test step: sums of three positions, and sums with the weights' low bytes.
     type Sums = ([i32; POSITIONS * OUTPUTS], [i32; OUTPUTS]);
 
     /// Number of steps of the test, each of which multiplies other numbers.
     const STEPS: usize = 1_000;
 
-    /// A computation that records its sums after every step; it multiplies the extremes of all
-    /// ranges.
+    /// A computation that records its sums after each step; its numbers are at the ends of ranges.
     struct Operations<'r>(&'r mut Vec<Sums>);
 
     impl Kernel for Operations<'_> {

@@ -17,8 +17,7 @@ impl<T: Copy, const LEN: usize, const DEPTH: usize> PlaneRing<T, LEN, DEPTH> {
         }
     }
 
-    /// Drops the oldest plane and returns its memory, which the caller must fill with the newest
-    /// plane.
+    /// Drops the oldest plane and returns its memory, which the caller fills with the newest one.
     #[inline]
     pub fn advance(&mut self) -> &mut [T; LEN] {
         // `next` is below `DEPTH` anyway; the remainder lets the compiler drop the bounds check.

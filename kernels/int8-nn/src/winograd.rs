@@ -36,8 +36,8 @@ const MAX_OUTPUTS: usize = 65_536;
 /// result equals the direct convolution bit for bit: the transformed weights are 48 times the usual
 /// fractions, and the sum, 48 times too large, is divided by 48 without remainder.
 ///
-/// In the columns, with inputs d, weights g and the points 0, 1, -1, 2, -2 and infinity of Lavin
-/// and Gray (arXiv 1509.09308):
+/// In the columns, inputs d become V and weights g become U, with the points 0, 1, -1, 2, -2 and
+/// infinity of Lavin and Gray (arXiv 1509.09308):
 /// `V = (4 d0 - 5 d2 + d4, p + q, p - q, r + 2 s, r - 2 s, 4 d1 - 5 d3 + d5)` with
 /// `p = d4 - 4 d2, q = d3 - 4 d1, r = d4 - d2, s = d3 - d1`, and
 /// `U = (6 g0, -4 (g0 + g1 + g2), -4 (g0 - g1 + g2), g0 + 2 g1 + 4 g2, g0 - 2 g1 + 4 g2, 24 g2)`.

@@ -22,7 +22,7 @@ pub enum Kind {
 /// A block of 1 to [`MAX_SAMPLES`] samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block<'b> {
-    /// Form of `bytes`.
+    /// Form of `bytes`, and what is needed to decode them.
     pub kind: Kind,
     /// Number of samples in the block.
     pub samples: usize,

@@ -30,8 +30,7 @@ impl Channel {
         order: Order::One,
     };
 
-    /// Returns the Rice parameter k of the next block: the base-2 logarithm of the mean, rounded
-    /// down.
+    /// Returns the Rice parameter k of the next block: log2 of the mean, rounded down.
     #[inline]
     pub(crate) fn k(&self) -> u32 {
         ((self.mean >> 4) | 1).ilog2().min(rice::MAX_K)
@@ -41,8 +40,7 @@ impl Channel {
     pub(crate) fn start_key(&mut self, first: i32, order: Order, k: u32) {
         self.past = Past::after(first);
         self.order = order;
-        // 1.5 * 2^k, a typical mean of values for which k is the best parameter; `mean` is times
-        // 16.
+        // 1.5 * 2^k, a typical mean of values for which k is right, in the unit of `mean`, 1/16.
         self.mean = 24 << k;
     }
 

@@ -159,8 +159,7 @@ fn decode_channel<'c>(
 /// Reason why a block was refused. After any error, the decoder needs a block without a past.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
-    /// The block continues from blocks that were not decoded or that had another number of
-    /// channels.
+    /// The block continues from blocks that were not decoded or had another number of channels.
     NoKey,
     /// No encoder writes such a block: its number of samples or channels, its length, the Rice
     /// parameter of a channel or a count is out of range.

@@ -19,8 +19,7 @@ pub struct Encoder {
 #[derive(Clone, Debug)]
 pub struct EncoderState<const CHANNELS: usize> {
     channels: [Channel; CHANNELS],
-    /// For each channel and order, the sum of absolute differences in key blocks, older ones
-    /// fading.
+    /// For each channel and order, the sum of absolute differences in key blocks; old ones fade.
     sizes: [[u32; 4]; CHANNELS],
     /// Number of blocks before the next key block; 0 if the next block is one.
     until_key: u16,

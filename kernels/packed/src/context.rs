@@ -131,8 +131,7 @@ pub struct Symbol {
     pub magnitude: Magnitude,
 }
 
-/// Returns a block's magnitudes with the tables that code them, from which the tables can be
-/// trained.
+/// Returns a block's magnitudes and the table that codes each; the tables are trained with them.
 pub fn symbols<'b>(
     magnitudes: &'b [Magnitude],
     contexts: &'b [Context],

@@ -69,8 +69,7 @@ impl<'b> RangeEncoder<'b> {
             u64::from(self.low) + u64::from(self.range),
         );
         let rounded_up = |zeros: u32| (low + (1 << zeros) - 1) >> zeros << zeros;
-        // Four zero bytes are possible for one block in five, three always, because the range is at
-        // least 2^24.
+        // Four zero bytes fit one block in five; three always fit, as the range is at least 2^24.
         let number = if rounded_up(32) < end {
             rounded_up(32)
         } else {

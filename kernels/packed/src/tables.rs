@@ -66,8 +66,7 @@ pub(crate) struct Frequencies {
 }
 
 impl Frequencies {
-    /// Returns the frequencies of a magnitude, at most 15; `starts` is one table of
-    /// [`Tables::starts`].
+    /// Returns the frequencies of a magnitude, 0..=15, from `starts`, a row of [`Tables::starts`].
     #[inline(always)]
     pub(crate) fn of_magnitude(starts: &[u16; MAGNITUDES], magnitude: usize) -> Self {
         let start = starts[magnitude % MAGNITUDES].into();

@@ -25,9 +25,8 @@ pub type Survivors = u8;
 /// For each coefficient, the candidates of a quantiser are its points on both sides of the value,
 /// and 0 if the lower one has magnitude 1. The Elias gamma code of magnitudes from 15 on is left
 /// out, because it is nearly the same for all candidates. `residual` is coefficient minus
-/// prediction,
-/// |x| < 2^17; `survivors` is scratch memory. All slices must have the same length, at most
-/// [`MAX_COEFFICIENTS`].
+/// prediction, below 2^17 in magnitude; `survivors` is scratch memory. All slices must have the
+/// same length, at most [`MAX_COEFFICIENTS`].
 ///
 /// # Timing
 /// Every coefficient takes the same work, whatever its value.
@@ -200,8 +199,7 @@ impl Paths {
     /// returns which path survived in each state.
     #[inline(always)]
     fn extend(&mut self, value: i32, context: Context, tables: &Tables<'_>) -> Survivors {
-        // Quantiser 0 leads from states 0 and 1 to states 0 and 2, quantiser 1 from 2 and 3 to 1
-        // and 3.
+        // Quantiser 0 leads from states 0 and 1 to 0 and 2, quantiser 1 from 2 and 3 to 1 and 3.
         let [zero, two] = self.extend_quantiser::<0>(value, context, tables);
         let [one, three] = self.extend_quantiser::<1>(value, context, tables);
         let ways = [zero, one, two, three];

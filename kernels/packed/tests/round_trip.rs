@@ -88,8 +88,7 @@ proptest! {
         let mut read = vec![Magnitude::default(); levels.len()];
         reader.read_magnitudes(&contexts, &tables, &mut read).expect("magnitudes");
         prop_assert_eq!(read, magnitudes.clone());
-        // With a buffer that is too short, the length stays the same and no byte after it is
-        // written.
+        // A buffer that is too short changes neither the length nor a byte after the buffer.
         let cut = length / 2;
         bytes[cut..].fill(0xaa);
         let again = packed::write_block(header, announced, &magnitudes, &contexts, &tables, &mut bytes[..cut]);
@@ -110,8 +109,7 @@ proptest! {
         let mut state = vec![0; residual.len()];
         packed::update_state(&magnitudes, rate, &mut state);
         for (state, residual) in state.iter().zip(&residual) {
-            // The largest error is that of magnitude 0, which may be chosen for values up to four
-            // steps.
+            // The error is largest where magnitude 0 replaces a point: up to four steps.
             prop_assert!((i32::from(*state) - residual).abs() <= 4 * rate.step() + 1);
         }
     }

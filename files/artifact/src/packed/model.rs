@@ -1,5 +1,4 @@
-//! The integers that encoder and decoder of the packed code share, and reference code that uses
-//! them.
+//! The integers that encoder and decoder of the packed code share, with reference computations.
 
 use packed::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, RATES, Starts};
 use serde::{Deserialize, Serialize};
@@ -13,8 +12,8 @@ const STATE_BITS: u32 = 3;
 pub struct PackedDescription {
     /// Version of the file format, always 1.
     pub format: u32,
-    /// Number of coefficients of a block: a multiple of 16, at most 256, and not more than a block
-    /// has values.
+    /// Number of coefficients of a block: a multiple of 16, at most 256 and at most the block's
+    /// values.
     pub coefficients: usize,
     /// Rate with which a device starts, 0..=15.
     pub rate: u8,
@@ -72,8 +71,8 @@ pub struct PackedModel {
     pub analysis: IntegerMatrix,
     /// Matrix that maps the state after a block to the prediction of the next block's coefficients.
     pub prediction: IntegerMatrix,
-    /// Mean magnitude of each coefficient of a predicted block at rate 4, as a logarithmic level,
-    /// 0..64.
+    /// Logarithmic level, 0..64, of each coefficient's mean magnitude at rate 4 in a predicted
+    /// block.
     pub predicted_levels: Vec<u8>,
     /// Mean magnitude of each coefficient of a block without prediction at rate 4, as such a level.
     pub reset_levels: Vec<u8>,
@@ -106,8 +105,7 @@ impl PackedModel {
         self.prediction.multiply(&rounded)
     }
 
-    /// Returns how long each magnitude with its sign is when coded, in 1/16 bit, from its
-    /// frequency.
+    /// Returns the length of the code of each magnitude with its sign, in 1/16 bit.
     pub fn costs(&self) -> Box<Costs> {
         let mut costs = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
         let rows = self.starts.iter().flatten();

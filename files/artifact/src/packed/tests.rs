@@ -11,8 +11,7 @@ use packed::{LEVELS, MAGNITUDES, RATES};
 
 const COEFFICIENTS: usize = 16;
 
-/// Returns a packed model for 61 electrodes and blocks of 8 steps, with small pseudo-random
-/// weights.
+/// Returns a packed model for 61 electrodes and 8 steps, with small pseudo-random weights.
 fn packed() -> PackedModel {
     let values = 61 * 8;
     let mut state = 7_u32;
@@ -186,8 +185,7 @@ fn numbers_of_a_code_without_a_network_are_refused() {
 fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
     type Change = fn(&mut PackedModel);
     let cases: [(Change, &str, usize); 8] = [
-        // The 40 weights are in the first slice of row 2: their sum, 40 * 127 * 4095, exceeds 23
-        // bits.
+        // The first slice of row 2 has 40 such weights; 40 * 127 * 4095 exceeds 23 bits.
         (
             |m| m.analysis.weights[2 * 488..][..40].fill(127),
             "analysis",

@@ -51,8 +51,7 @@ pub enum Source {
     Average,
     /// Earlier windows only, because the code of the newest window is lost.
     Earlier,
-    /// No window: the codes of all windows that contain the hop are lost. The values are left
-    /// unwritten.
+    /// No window: the codes of all windows that contain the hop are lost. No values are written.
     Missing,
 }
 
@@ -227,8 +226,7 @@ mod tests {
 
     #[test]
     fn all_windows_that_contain_a_hop_are_averaged() {
-        // A hop is one step of two electrodes, a window four steps, so four windows contain each
-        // hop.
+        // A window has four steps and a hop has one step, so four windows contain each hop.
         let windows: [(u32, Option<&[f32]>); 4] = [
             (0, Some(&[0.0, 0.0, 10.0, 10.0, 20.0, 20.0, 30.0, 30.0])),
             (1, Some(&[12.0, 12.0, 21.0, 21.0, 33.0, 33.0, 0.0, 0.0])),

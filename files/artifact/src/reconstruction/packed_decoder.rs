@@ -7,8 +7,7 @@ use super::synthesis::Synthesis;
 
 /// Number of predicted blocks after a loss until the decoding error is nearly that of a stream
 /// without loss. After 8 blocks, 1.12 to 1.20 times that error was measured where 1 to 12 blocks
-/// were lost, and
-/// 1.15 times where decoding began in the middle of a run of predicted blocks.
+/// were lost, and 1.15 times where decoding began in the middle of a run of predicted blocks.
 pub const HEALING_BLOCKS: usize = 8;
 
 /// Decodes consecutive blocks of the packed code.
@@ -56,8 +55,7 @@ pub struct PackedBlock {
 }
 
 impl PackedDecoder {
-    /// Creates a decoder that has seen no block; it is exact from the first block without
-    /// prediction on.
+    /// Creates a decoder that has seen no block yet.
     pub fn new(model: &PackedModel) -> Self {
         Self {
             costs: model.costs(),

@@ -8,8 +8,7 @@ use super::packed_decoder::PackedDecoder;
 /// Decodes blocks to hops. For each block it returns one hop: with low latency that of the block
 /// itself, otherwise that of the previous block, corrected with the help of the new block.
 ///
-/// `T` is a label, such as a time, that the caller passes with each block and gets back with its
-/// hop.
+/// `T` is a label, such as a time, that the caller passes with a block and gets back with its hop.
 #[derive(Clone, Debug)]
 pub struct PackedOverlap<T> {
     decoder: PackedDecoder,

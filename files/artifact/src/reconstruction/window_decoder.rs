@@ -16,8 +16,7 @@ impl WindowDecoder {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError`] if a tensor is missing, or if the model's decoder needs more than the
-    /// code.
+    /// [`ArtifactError`] if a tensor is missing, or if the decoder needs more input than the code.
     pub fn new(artifact: &Artifact) -> Result<WindowDecoder, ArtifactError> {
         #[expect(
             clippy::cast_possible_truncation,

@@ -18,8 +18,7 @@ impl DateTime {
     /// Hinnant, "chrono-Compatible Low-Level Date Algorithms", `civil_from_days`.
     pub(crate) fn new(wall_ns: i64) -> DateTime {
         let seconds = wall_ns.div_euclid(1_000_000_000);
-        // The formula counts days from 1 March of the year 0 and splits them into eras of 400
-        // years.
+        // The formula counts days from 1 March of the year 0, in eras of 400 years.
         let days = seconds.div_euclid(86_400) + 719_468;
         let (era, day_of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
         let leap_days = day_of_era / 1_460 - day_of_era / 36_524 + day_of_era / 146_096;

@@ -63,8 +63,7 @@ impl TablePrefix {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }
 
-    /// Returns the rate in which event positions count, Hz, > 0; `fallback_hz` if the file does not
-    /// state it.
+    /// Returns the rate in which event positions count, Hz; `fallback_hz` if the file states none.
     fn rate_or(&self, fallback_hz: f64) -> f64 {
         if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
             self.rate_hz
@@ -242,8 +241,7 @@ mod tests {
         };
         assert_eq!(prefix.events(&columns, 1.0), [sparse, plain]);
 
-        // Type 0x7fff is an ordinary event type in mode 1, which has no duration column for a
-        // value.
+        // In mode 1, which has no duration column, type 0x7fff is an ordinary event type.
         let prefix = TablePrefix { mode: 1, ..prefix };
         let events = prefix.events(&columns[..12], 1.0);
         assert_eq!(events[0].label, EventLabel::Type(0x7fff));

@@ -175,8 +175,7 @@ mod tests {
     #[test]
     fn a_day_is_2_to_the_32() {
         assert_eq!(gdf_time(0), 719_529 << 32);
-        // 2000-01-01 12:00 is 730,486.5 days after the start of the year 0 (proleptic Gregorian
-        // calendar).
+        // 2000-01-01 12:00 is 730,486.5 days after the start of the year 0.
         assert_eq!(
             gdf_time(946_728_000_000_000_000),
             (730_486 << 32) + (1 << 31)

@@ -27,8 +27,7 @@ pub(super) struct Conversion {
     groups: Vec<RateGroup>,
     /// Signals and weights whose sum is the value of an electrode, for each electrode.
     mixes: Vec<Vec<MixTerm>>,
-    /// Samples that are converted to counts but not delivered yet; boxed, because the block is
-    /// large.
+    /// Samples converted to counts but not delivered yet; boxed, because the block is large.
     converted: Box<CountBlock>,
     /// Dither of counts that repeat; `None` to convert exactly.
     pub(super) dither: Option<Dither>,
@@ -119,8 +118,7 @@ impl Conversion {
         self.converted.is_empty() && self.ready() == 0
     }
 
-    /// Returns the number of samples that are resampled in every group, but not yet converted to
-    /// counts.
+    /// Returns the number of samples that all groups have resampled but that are no counts yet.
     fn ready(&self) -> usize {
         let ready = self.groups.iter().map(|group| group.converter.ready());
         ready.min().unwrap_or(usize::MAX)

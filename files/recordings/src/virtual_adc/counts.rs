@@ -39,7 +39,7 @@ impl CountBlock {
         self.delivered == self.length
     }
 
-    /// Starts a block of at most `ready` samples, all counts 0, and returns their number.
+    /// Clears the block, sets its length to at most `ready` samples, and returns this length.
     pub(super) fn start(&mut self, ready: usize) -> usize {
         *self = Self::new();
         self.length = ready.min(SAMPLES);
@@ -54,8 +54,7 @@ impl CountBlock {
         terms: impl Iterator<Item = (&'v [f64], f64)>,
         lsb_uv: f64,
     ) {
-        // Adding to -0.0 changes no value, not even -0.0; the standard library's sums start with it
-        // too.
+        // Adding to -0.0 changes no value, not even -0.0; the standard library does the same.
         let mut sums = [-0.0; SAMPLES];
         for (values, weight) in terms {
             for (sum, value) in sums.iter_mut().zip(values) {

@@ -14,8 +14,7 @@ use crate::{
 /// requires less. With 1024 samples the edge of the anti-aliasing filter is at 0.987 of the lower
 /// Nyquist frequency.
 const BLOCK: u64 = 1024;
-/// Largest number of samples in a transform, at either rate. Pairs of rates that need more are
-/// refused.
+/// Largest number of samples in a transform, at either rate. Rates that need more are refused.
 const BLOCK_MAX: u64 = 1 << 17;
 
 /// Number of consumed outputs after which their memory is reused. It is small compared with a block
@@ -44,8 +43,7 @@ struct BlockResampler {
     converted: Vec<Vec<f64>>,
     block_in: usize,
     block_out: usize,
-    /// Number of outputs still to be discarded: the first block, which fills the filter, and the
-    /// filter's delay.
+    /// Number of outputs still to be discarded: the first block and the delay of the filter.
     skip: usize,
     primed: bool,
 }

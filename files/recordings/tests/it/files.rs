@@ -1,7 +1,6 @@
 //! Builds small EDF, EDF+, BDF and GDF files for the tests.
 
-/// Appends all records. Each signal is the length in bytes of its part of a record, and its data
-/// for all records.
+/// Appends all records. A signal is the bytes it has in each record, and its data for all records.
 fn append_records(out: &mut Vec<u8>, signals: &[(usize, &[u8])]) {
     let records = signals.iter().map(|(size, data)| data.len() / size.max(&1));
     for record in 0..records.max().unwrap_or(0) {
@@ -77,8 +76,7 @@ impl EdfFile {
         }
     }
 
-    /// Creates a BDF file of one signal `Cz` with `samples_per_record` samples of 3 bytes per
-    /// record.
+    /// Creates a BDF file of one signal `Cz` with `samples_per_record` samples of 3 bytes each.
     pub(crate) fn bdf(records: &'static str, samples_per_record: usize, data: Vec<u8>) -> Self {
         let signal = EdfSignal {
             ranges: ["-8388608", "8388607", "-8388608", "8388607"].map(str::to_owned),

@@ -76,8 +76,7 @@ impl Exact {
 proptest! {
     #[test]
     fn every_way_to_filter_returns_the_bits_of_the_exact_sum(
-        // Inputs are at most half of the device's full scale, so that no section's output
-        // overflows.
+        // Inputs up to half of full scale, so that no output of these sections overflows.
         input in prop::collection::vec(-(1_i32 << 27)..(1 << 27), BLOCK..400),
         channels in 1_usize..4,
     ) {

@@ -14,8 +14,7 @@ pub(super) const TRANSFORMED_TILE: [usize; 2] = [4, 6];
 /// Number of products that a tile takes for each pair of channels and time step: 24. A direct
 /// convolution needs 72, nine for each of the eight outputs.
 pub(super) const PRODUCTS: usize = TRANSFORMED_TILE[0] * TRANSFORMED_TILE[1];
-/// Factor by which sums of transformed products are too large: 2 from the rows, 24 from the
-/// columns.
+/// Factor by which the transforms enlarge a sum: 2 from the rows, times 24 from the columns.
 pub(super) const SCALE: usize = 48;
 /// Number of pool windows in a tile; they are side by side.
 pub(super) const WINDOWS: usize = 2;

@@ -6,8 +6,7 @@
 
 schedule! {
     [
-        // Load the weights of the first round; every later round's weights are loaded during the
-        // round before.
+        // Load the weights of the first round; those of a later round are loaded in the one before.
         ".if {shared} || (block == 0)",
         "ldm lr, {{r6-r9}}",
         ".endif",
@@ -74,8 +73,7 @@ schedule! {
         ".endif",
     ]
     [
-        // Move lr from the weights of the last round to the weights of the next block's first
-        // round.
+        // Move lr from the weights of the last round to those of the next block's first round.
         ".if {shared}",
         "sub lr, #({weights_of_block} - 16)",
         ".elseif block == {blocks} - 1",
