@@ -152,7 +152,7 @@ impl Padding {
         matches!(self, Self::All)
     }
 
-    /// Returns the numbers of steps, rows and columns of zeros at each end of the axis, 0 or 1.
+    /// Returns how many steps, rows and columns of zeros are added at each end: 0 or 1 of each.
     pub const fn pads(self) -> [usize; 3] {
         let space = self.pads_space() as usize;
         [self.pads_time() as usize, space, space]

@@ -185,7 +185,8 @@ impl Artifact {
         Ok(ModelId::from_files(&files))
     }
 
-    /// Returns how many microvolts one level of the encoder's int8 input is; its zero point is 0.
+    /// Returns the size in microvolts of one level of the encoder's int8 input, whose zero point is
+    /// 0.
     ///
     /// # Errors
     /// If the calibration has no `input.max_abs`; impossible after [`Artifact::read`].

@@ -3,8 +3,8 @@
 use sha2::{Digest, Sha256};
 use std::fmt;
 
-/// Identifies a model. Every frame carries it, and the bridge decodes only frames that carry the id
-/// of the model it has loaded.
+/// Identifies a model. Every frame carries this id, and the bridge decodes only frames that carry
+/// the id of the model it has loaded.
 ///
 /// The id is the first 8 bytes of a SHA-256 over `model.toml`, `weights.safetensors`,
 /// `calibration.safetensors`, `packed.toml` and `packed.safetensors`, in this order, without those

@@ -20,7 +20,8 @@ const STEPS: [usize; 2] = [16, 32];
 const HOPS: [usize; 3] = [4, 8, 16];
 /// Largest number of rows, and also of columns, of the scalp grid.
 pub const LARGEST_SIDE: usize = 12;
-/// Permitted numbers of electrodes: at most 64, so that a 64-bit mask can mark those at the rail.
+/// Permitted numbers of electrodes: at most 64, so that a 64-bit mask can mark channels at the
+/// rail.
 pub const ELECTRODES: RangeInclusive<usize> = 4..=64;
 /// Lengths that a code may have, in numbers.
 const NUMBERS: RangeInclusive<usize> = 8..=256;

@@ -18,12 +18,13 @@ use crate::{
 /// Permissions of a new file before the umask applies; a temporary file has fewer by default.
 const MODE: u32 = 0o666;
 
-/// A file that is being written; [`NewFile::finish`] gives it its name. Dropping it deletes it.
+/// A file that is being written; [`NewFile::finish`] gives it its name. Dropping it before that
+/// deletes the temporary file.
 #[derive(Debug)]
 pub struct NewFile {
     /// Name that the user chose.
     path: PathBuf,
-    /// Name at the end of the symbolic links, if `path` is one: the file that is really written.
+    /// Name of the file that is really written: `path`, or the target if `path` is a symbolic link.
     target: PathBuf,
     existing: Existing,
     bytes: Bytes,

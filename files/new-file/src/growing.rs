@@ -11,7 +11,8 @@ use crate::{
     error::NewFileError,
 };
 
-/// A file that has its final name while it grows, such as a recording that must outlive a kill.
+/// A file that has its final name while it grows, such as a recording that must stay readable if
+/// the program is killed.
 #[derive(Debug)]
 pub struct GrowingFile {
     file: File,

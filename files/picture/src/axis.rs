@@ -5,11 +5,12 @@ use std::ops::RangeInclusive;
 /// How values are spaced along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
-    /// Equal differences between values have equal lengths.
+    /// Equal differences between values have equal lengths on the axis.
     Linear,
     /// As [`Scale::Linear`], with ticks at whole numbers only.
     Whole,
-    /// Equal ratios between values have equal lengths. Values of 0 or less are not drawn.
+    /// Equal ratios between values have equal lengths on the axis. Values of 0 or less are not
+    /// drawn.
     Logarithmic,
 }
 

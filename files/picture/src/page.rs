@@ -24,7 +24,7 @@ impl Page {
         }
     }
 
-    /// Appends HTML. The caller must have [`escaped`] all text in it that is not its own.
+    /// Appends HTML. The caller must have [`escaped`] any text in it that comes from elsewhere.
     pub fn push_html(&mut self, html: &str) {
         self.body.push_str(html);
     }

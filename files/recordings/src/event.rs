@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-/// What happened at an event, in the form that the file format has for it.
+/// What an event means, in the form in which the file's format states it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
     /// A GDF event type, such as 0x0300 = 768 for the start of a trial. With bit 15 set, the type
@@ -37,7 +37,7 @@ pub struct Event {
     pub duration_s: Option<f64>,
     /// Index of the signal to which the event belongs; `None` if it belongs to all signals.
     pub signal: Option<u16>,
-    /// What happened: a GDF type, a sparse sample or the text of an annotation.
+    /// What the event means: a GDF type, a sparse sample or the text of an annotation.
     pub label: EventLabel,
 }
 

@@ -26,12 +26,12 @@ pub const NEIGHBOURS: usize = 4;
 /// Where the values of one electrode of the montage come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
-    /// The signal with this index.
+    /// Recorded: the values are those of the signal with this index.
     Real(usize),
-    /// A weighted sum of signals, given as pairs (signal index, weight), nearest electrode first.
-    /// The weights add up to 1.
+    /// Interpolated: a weighted sum of signals, as pairs (signal index, weight), nearest electrode
+    /// first. The weights add up to 1.
     Interpolated(Vec<(usize, f64)>),
-    /// No signal; the value is 0.
+    /// Neither recorded nor interpolated; the value is always 0.
     Zero,
 }
 
@@ -181,7 +181,7 @@ impl MontageMap {
         self.labels_with(|origin| matches!(origin, Origin::Zero))
     }
 
-    /// Returns the defects of the recording in spite of which it can be played.
+    /// Returns the defects of the recording that do not prevent playing it.
     pub fn warnings(&self) -> Vec<MontageWarning> {
         let mut warnings = Vec::new();
         let real = self.real();

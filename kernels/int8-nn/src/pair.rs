@@ -92,7 +92,7 @@ macro_rules! lane_wise {
 impl core::ops::Add for Pair {
     type Output = Self;
 
-    /// Adds first to first and second to second number, wrapping.
+    /// Adds each number of `other` to the one at the same place in `self`, wrapping.
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         #[cfg(smlad)]
@@ -105,7 +105,7 @@ impl core::ops::Add for Pair {
 impl core::ops::Sub for Pair {
     type Output = Self;
 
-    /// Subtracts first from first and second from second number, wrapping.
+    /// Subtracts each number of `other` from the one at the same place in `self`, wrapping.
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         #[cfg(smlad)]

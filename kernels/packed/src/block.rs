@@ -109,7 +109,7 @@ pub struct BlockReader<'b> {
 }
 
 impl<'b> BlockReader<'b> {
-    /// Reads the header of a block. `announced` is the rate that the encoder took as expected.
+    /// Reads the header of a block. `announced` must be the rate that [`write_block`] got.
     ///
     /// # Errors
     /// If the last byte is 0, which no encoder sends, or the header is invalid.

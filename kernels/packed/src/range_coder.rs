@@ -204,8 +204,8 @@ mod tests {
     fn write_one_half(symbols: usize, bytes: &mut [u8]) -> usize {
         let mut encoder = RangeEncoder::new(bytes);
         for _ in 0..symbols {
-            // While no byte is written, one half is the top bit of `low`; afterwards it is one
-            // above the largest `low`, which is 0 after wrapping.
+            // While no byte is written, one half is the top bit of `low`. Afterwards it is one
+            // above the largest `low`, which wraps to 0.
             let half = if encoder.length == 0 { 1_u32 << 31 } else { 0 };
             let to_half = half.wrapping_sub(encoder.low);
             let unit = encoder.range >> FREQUENCY_BITS;

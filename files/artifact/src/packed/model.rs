@@ -49,7 +49,7 @@ pub struct PackedTraining {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackedFigures {
-    /// The rate at which they were measured, 0..=15.
+    /// Rate at which length and error were measured, 0..=15.
     pub rate: u8,
     /// Mean length of a block in bits.
     pub bits: f64,
@@ -74,7 +74,8 @@ pub struct PackedModel {
     /// Logarithmic level, 0..64, of each coefficient's mean magnitude at rate 4 in a predicted
     /// block.
     pub predicted_levels: Vec<u8>,
-    /// Mean magnitude of each coefficient of a block without prediction at rate 4, as such a level.
+    /// Logarithmic level, 0..64, of each coefficient's mean magnitude at rate 4 in a block without
+    /// prediction.
     pub reset_levels: Vec<u8>,
     /// First frequency of each magnitude in the range coder's tables.
     pub starts: Box<Starts>,

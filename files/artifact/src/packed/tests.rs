@@ -163,7 +163,7 @@ fn a_part_of_another_length_is_refused_by_name() {
 fn a_tensor_that_no_packed_model_has_is_refused_by_name() {
     let [(_, toml), (_, mut tensors)] = packed().to_files().unwrap();
     let toml = String::from_utf8(toml).unwrap();
-    // A name as long as the old one keeps the offsets in the file.
+    // A name as long as the old one keeps the tensors at their offsets in the file.
     let at = tensors
         .windows(6)
         .position(|name| name == b"starts")
@@ -185,7 +185,7 @@ fn numbers_of_a_code_without_a_network_are_refused() {
 fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
     type Change = fn(&mut PackedModel);
     let cases: [(Change, &str, usize); 8] = [
-        // The first slice of row 2 has 40 such weights; 40 * 127 * 4095 exceeds 23 bits.
+        // Fills 40 weights of row 2's first slice with 127: 40 * 127 * 4095 exceeds 23 bits.
         (
             |m| m.analysis.weights[2 * 488..][..40].fill(127),
             "analysis",
@@ -289,7 +289,7 @@ fn damaged_files_are_refused() {
 
 #[test]
 fn every_round_of_inputs_is_added_as_soon_as_it_is_complete() {
-    // 61, 122, .. 488 inputs have arrived after the steps, rounded down to whole rounds of 16.
+    // After the steps, 61, 122, .. 488 inputs have arrived, rounded down to whole rounds of 16.
     assert_eq!(
         super::slice_ends(61, 8),
         [48, 112, 176, 240, 304, 352, 416, 488]

@@ -18,8 +18,8 @@ pub struct HopLayout {
 }
 
 impl HopLayout {
-    /// Returns the number of steps from the first step of a hop to the last step of the window with
-    /// which the hop is returned. A window has `window_steps` steps.
+    /// Returns the number of steps from the first step of a hop to the last step of the window that
+    /// [`Overlap::next_hop`] needed for the hop. A window has `window_steps` steps.
     pub fn lookback_steps(window_steps: u32, hop_steps: u32, low_latency: bool) -> u32 {
         let steps = if low_latency { hop_steps } else { window_steps };
         steps.saturating_sub(1)
@@ -45,11 +45,11 @@ pub struct Window {
 /// Which windows the values of a hop were computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// Only the newest window that contains the hop.
+    /// Only the window that was passed to [`Overlap::next_hop`].
     Window,
-    /// The average of several windows that contain the hop, the newest among them.
+    /// The average of the window that was passed to [`Overlap::next_hop`] and of earlier windows.
     Average,
-    /// Earlier windows only, because the code of the newest window is lost.
+    /// Earlier windows only, because the code of the window that was passed is lost.
     Earlier,
     /// No window: the codes of all windows that contain the hop are lost. No values are written.
     Missing,
@@ -60,7 +60,8 @@ pub enum Source {
 pub struct Hop {
     /// Which windows the values were computed from.
     pub source: Source,
-    /// Union of the flags of the newest window and of all windows in the average.
+    /// Flags of the window that was passed to [`Overlap::next_hop`] and of all windows in the
+    /// average.
     pub flags: u16,
 }
 
@@ -86,7 +87,7 @@ impl Overlap {
         self.earlier.clear();
     }
 
-    /// Writes one hop to `hop`, of which `window` is the newest window, and returns its source and
+    /// Takes the next window of the stream, writes one hop to `hop`, and returns its source and
     /// flags.
     ///
     /// With low latency, the hop is the last one of the window; otherwise it is the first one,

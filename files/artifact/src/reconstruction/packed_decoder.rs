@@ -160,8 +160,8 @@ impl PackedDecoder {
         }
     }
 
-    /// Returns the improved signals of the previous block, whose state was `before`: the newest
-    /// block's residual, its state minus its `prediction`, shows a part of the error of `before`.
+    /// Returns the improved signals of the previous block, whose state was `before`. The newest
+    /// block's residual, its state minus its `prediction`, reveals a part of the error of `before`.
     fn smoothed(&mut self, before: &[i16], prediction: &[i16], rate: Rate) -> Vec<f32> {
         let model = &self.model;
         let smoother = self

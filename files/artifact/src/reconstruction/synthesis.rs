@@ -2,7 +2,8 @@
 
 use crate::PackedModel;
 
-/// The pseudoinverse of the matrix that computes coefficients, of one packed model.
+/// The pseudoinverse of a packed model's matrix `analysis`, which leads from coefficients to
+/// signals.
 #[derive(Clone, Debug)]
 pub(crate) struct Synthesis {
     /// Microvolts that one unit of a coefficient adds to a value, `[coefficient][value]`.

@@ -10,7 +10,8 @@ const DURATION: u8 = 0x15;
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct RecordAnnotations {
     /// Start of the record, in seconds since the start of the file: the onset of the first list
-    /// whose first text is empty. EDF+ requires one in each record; `None` if it is missing.
+    /// whose first text is empty. EDF+ requires such a list in each record; `None` if it is
+    /// missing.
     pub(crate) record_start_s: Option<f64>,
     pub(crate) events: Vec<Event>,
     /// True if all bytes were parsed, that is, no list was invalid.

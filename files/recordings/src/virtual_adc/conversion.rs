@@ -118,7 +118,8 @@ impl Conversion {
         self.converted.is_empty() && self.ready() == 0
     }
 
-    /// Returns the number of samples that all groups have resampled but that are no counts yet.
+    /// Returns the number of samples that are resampled in all groups but not yet converted to
+    /// counts.
     fn ready(&self) -> usize {
         let ready = self.groups.iter().map(|group| group.converter.ready());
         ready.min().unwrap_or(usize::MAX)

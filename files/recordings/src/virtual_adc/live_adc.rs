@@ -65,7 +65,7 @@ impl LiveAdc {
         })
     }
 
-    /// Stands in for `samples` lost samples by repeating the last one.
+    /// Appends `samples` repetitions of each signal's last sample in place of lost samples.
     ///
     /// # Errors
     /// As [`LiveAdc::append`].

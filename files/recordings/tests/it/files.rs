@@ -1,6 +1,7 @@
 //! Builds small EDF, EDF+, BDF and GDF files for the tests.
 
-/// Appends all records. A signal is the bytes it has in each record, and its data for all records.
+/// Appends all records. A signal is given as its length in a record, bytes, and its data for all
+/// records.
 fn append_records(out: &mut Vec<u8>, signals: &[(usize, &[u8])]) {
     let records = signals.iter().map(|(size, data)| data.len() / size.max(&1));
     for record in 0..records.max().unwrap_or(0) {
