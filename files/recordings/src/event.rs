@@ -51,8 +51,8 @@ const END_OF_EVENT: u16 = 0x8000;
 /// Times at which the events of a recording start when it is played.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Onsets {
-    /// Starts in ascending order, in seconds of the signal that a [`crate::VirtualAdc`] plays, >=
-    /// 0. Events that start together have one entry each.
+    /// Starts in ascending order, in seconds since the start of the signal that a
+    /// [`crate::VirtualAdc`] plays. Events that start together have one entry each.
     pub seconds: Vec<f64>,
     /// Label of each event in `seconds`, in the same order.
     pub labels: Vec<EventLabel>,

@@ -5,8 +5,8 @@ use std::fmt;
 /// A positive fraction in lowest terms: a rate in Hz or a duration in s.
 ///
 /// A file states the number of samples in a record, and the duration of a record as a decimal or as
-/// two integers. Exact fractions keep the virtual ADC free of time drift: sample k is at the time k
-/// / rate.
+/// two integers. Exact fractions keep the virtual ADC free of time drift: sample k is at the time
+/// `k / rate`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Ratio {
     numerator: u64,

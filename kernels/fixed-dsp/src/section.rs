@@ -128,9 +128,10 @@ impl Section {
     }
 }
 
-/// Filters with a notch by computing the change `u = y - x`: `u0 = -u2 + a1 u1 + (1 - b0) (u2 + y2
-/// - x0)`. This takes two multiplications; `b0 (x0 + x2) + a1 (y1 - x1) + a2 y2` would take three.
-/// `u1` and the bracket are multiplied, so both must fit 32 bits.
+/// Filters with a notch by computing the change `u = y - x`:
+/// `u0 = -u2 + a1 u1 + (1 - b0) (u2 + y2 - x0)`. This takes two multiplications;
+/// `b0 (x0 + x2) + a1 (y1 - x1) + a2 y2` would take three. `u1` and the bracket are multiplied, so
+/// both must fit 32 bits.
 #[inline(always)]
 fn notch<const B: usize>(
     [a1, one_minus_b0]: [i32; 2],
@@ -156,8 +157,8 @@ fn notch<const B: usize>(
 }
 
 /// Filters with a high-pass by computing `u = y - x`: `u0 = 2 u1 - u2 + (a1 - 2) y1 + (a2 + 1) y2`.
-/// A pole pair near DC has `a1` near 2 and `a2` near -1, so the integer parts of `a1 - 2` and `a2 +
-/// 1` are 0. `u` may wrap, because it is only added.
+/// A pole pair near DC has `a1` near 2 and `a2` near -1, so the integer parts of `a1 - 2` and
+/// `a2 + 1` are 0. `u` may wrap, because it is only added.
 #[inline(always)]
 fn high_pass<const B: usize>(
     [a1, a2]: [i32; 2],

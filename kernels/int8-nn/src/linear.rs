@@ -30,8 +30,8 @@ const MAX_OUTPUTS: usize = 65_536;
 /// the bias, and the product of each plane is added when the plane arrives.
 ///
 /// Two 8-bit weights share a 16-bit number `256 * odd + even`, where `odd` is the weight of an odd
-/// output and `even` that of the even output before it. Products with the whole number sum to `256
-/// * odd sum + even sum`, products with its low byte to the even sum; a subtraction then yields the
+/// output and `even` that of the even output before it. Products with the whole number sum to
+/// `256 * odd sum + even sum`, products with its low byte to the even sum; a subtraction yields the
 /// odd sum. So the odd weights need not be unpacked, and each weight takes 8 bits of memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<'w> {
@@ -105,8 +105,8 @@ impl Linear<'_> {
     /// `weights`; missing weights are 0.
     ///
     /// # Panics
-    /// If there are more weights than the matrix holds, or a weight is -128, with which `256 * odd
-    /// + even` would not fit 16 bits.
+    /// If there are more weights than the matrix holds, or a weight is -128, with which
+    /// `256 * odd + even` would not fit 16 bits.
     pub fn pack_weights(inputs: usize, outputs: usize, weights: &[i8], packed: &mut [Pair]) {
         assert!(
             weights.len() <= 2 * inputs * outputs,

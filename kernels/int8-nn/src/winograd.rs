@@ -61,8 +61,8 @@ pub struct Winograd<'w, const PAIRS: usize, const COLUMNS: usize> {
 }
 
 impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
-    /// Largest permitted input. It keeps 48 times a sum of 27 products per channel (weights up to
-    /// 127) below 2^31, and transformed inputs (up to 16 times an input) below 2^15.
+    /// Largest permitted input. With weights up to 127, it keeps 48 times a sum of 27 products per
+    /// channel below 2^31, and transformed inputs (up to 16 times an input) below 2^15.
     pub const LARGEST_INPUT: usize = {
         let by_sum = ((1 << 31) - 1) / (SCALE * TAPS * 2 * PAIRS * 127);
         let by_input = ((1 << 15) - 1) / 16;
@@ -91,8 +91,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns the number of pairs in a transformed plane, whose order is `[group of
-    /// tiles][product][tile][pair of channels]`.
+    /// Returns the number of pairs in a transformed plane, whose order is
+    /// `[group of tiles][product][tile][pair of channels]`.
     pub const fn transformed_len(&self) -> usize {
         self.groups() * Self::GROUP
     }

@@ -99,8 +99,9 @@ const RECIPROCALS: [u16; 128] = {
     reciprocals
 };
 
-/// Number of levels that is added for a ratio of actual to expected activity: `round(0.55 * ln((i +
-/// 1/2) / 8) / LR)`, where `i` is eight times the ratio, rounded down, and `LR = ln(8000) / 55`.
+/// Number of levels that is added for a ratio of actual to expected activity:
+/// `round(0.55 * ln((i + 1/2) / 8) / LR)`, where `i` is eight times the ratio, rounded down, and
+/// `LR = ln(8000) / 55`.
 const LEVEL_OF_RATIO: [i8; 64] = [
     -9, -6, -4, -3, -2, -1, -1, 0, 0, 1, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4,
     4, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 7, 7, 7, 7, 7, 7,

@@ -33,9 +33,9 @@ impl Rate {
         reciprocals
     };
 
-    /// Number of levels by which each rate shifts the levels of the mean magnitudes: `round(ln(2) /
-    /// 2 / LR * (4 - rate))`, where neighbouring levels have the ratio `exp(LR)` with `LR =
-    /// ln(8000) / 55`.
+    /// Number of levels by which each rate shifts the levels of the mean magnitudes:
+    /// `round(ln(2) / 2 / LR * (4 - rate))`, where neighbouring levels have the ratio `exp(LR)`,
+    /// `LR = ln(8000) / 55`.
     const LEVEL_SHIFTS: [i8; RATES] = [
         8, 6, 4, 2, 0, -2, -4, -6, -8, -11, -13, -15, -17, -19, -21, -23,
     ];
