@@ -11,7 +11,7 @@ const VREF_V: f64 = 4.5;
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MontageFile {
-    /// Name of the montage.
+    /// Name of the montage, such as `paper-61`.
     pub name: String,
     /// One line for each row of the grid, front to back: labels or `_`, separated by blanks.
     grid: String,

@@ -18,9 +18,9 @@ pub const INK: RGBColor = RGBColor(0x1f, 0x29, 0x33);
 pub const FAINT: RGBColor = RGBColor(0x62, 0x70, 0x80);
 /// Light grey of grid lines.
 pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe9, 0xee);
-/// Blue of input signals, and of this project's results in comparisons.
+/// Blue of input signals; in comparisons, of this project's results.
 pub const SOURCE: RGBColor = RGBColor(0x2b, 0x6c, 0xb0);
-/// Orange of output signals, and in comparisons of results that are not this project's.
+/// Orange of output signals; in comparisons, of results that are not this project's.
 pub const RESULT: RGBColor = RGBColor(0xdd, 0x6b, 0x20);
 /// Green of reference values, such as published results or the response of a design.
 pub const REFERENCE: RGBColor = RGBColor(0x2f, 0x85, 0x5a);

@@ -9,7 +9,8 @@ pub(crate) struct Row {
     inner: &'static str,
     /// Name of the row in labels of columns 7 to 10, at the head's circumference, such as `T`.
     outer: &'static str,
-    /// Distance of the row from the nasion along the midline, 0..=20, where 20 is the inion.
+    /// Distance of the row from the nasion, in twentieths of the midline from nasion to inion,
+    /// 0..=20.
     pub(crate) twentieths: u8,
     /// True if every label of the row with a column number means a half column, with or without
     /// `h`: montages write FFC1 for FFC1h, and no common cap has full columns in such rows.

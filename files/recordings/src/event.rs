@@ -124,7 +124,8 @@ impl Timeline {
                 let (start, place) = self.records[record];
                 place + (file_s - start).min(self.record_s)
             }
-            // Without stated record times (only EDF+ and BDF+ have them), both times are equal.
+            // Without stated record times, which only EDF+ and BDF+ have, the signal has the file's
+            // times.
             None if self.records.is_empty() => file_s,
             None => return None,
         };

@@ -22,11 +22,11 @@ use crate::electrode::Electrode;
 /// to the vertex.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
-    /// Towards the right ear, -1..=1 on the sphere.
+    /// Coordinate towards the right ear, -1..=1 on the unit sphere.
     pub x: f64,
-    /// Towards the nose, -1..=1 on the sphere.
+    /// Coordinate towards the nose, -1..=1 on the unit sphere.
     pub y: f64,
-    /// Towards the vertex, -1..=1 on the sphere.
+    /// Coordinate towards the vertex, -1..=1 on the unit sphere.
     pub z: f64,
 }
 

@@ -8,7 +8,7 @@ use crate::error::RecordingError;
 pub trait Source: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Source for T {}
 
-/// Length of a block of records that is read at once, bytes; at least one record is read.
+/// Length of a block of records that is read at once, bytes; a longer record is read alone.
 pub(crate) const BLOCK_BYTES: u64 = 64 * 1024;
 
 /// Fills `bytes` from the source, starting at byte offset `at`.

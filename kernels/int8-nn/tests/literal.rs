@@ -71,7 +71,8 @@ fn convolved(
     sum
 }
 
-/// A convolution with a max-pool, and the planes that one pool covers: two more than it has steps.
+/// A convolution with a max-pool, and as many input planes as one pool needs: two more than it has
+/// steps.
 #[derive(Clone, Debug)]
 struct Case {
     /// Steps, rows and columns of the max-pool.

@@ -187,7 +187,7 @@ struct BitReader<'b> {
     bytes: &'b [u8],
     /// Bits that are read from `bytes` but not yet taken, in the most significant places.
     pending: u64,
-    /// Number of bits in `pending`.
+    /// Number of valid bits in `pending`.
     held: u32,
 }
 

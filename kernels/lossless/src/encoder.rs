@@ -148,7 +148,8 @@ fn put_codes<const ORDER: usize>(
 fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) -> (Order, u32) {
     let mut past = Past::after(first);
     let mut block = [0_u32; 4];
-    // Each block adds at most 7 * 2^26, all earlier ones together at most 4 times that: below 2^32.
+    // Each block adds at most 7 * 2^26. With all earlier blocks, which fade, a size is at most 4
+    // times as much: below 2^32.
     for size in &mut *sizes {
         *size -= *size >> 2;
     }

@@ -15,7 +15,7 @@ pub struct PackedDescription {
     /// Number of coefficients of a block: a multiple of 16, at most 256 and at most the block's
     /// values.
     pub coefficients: usize,
-    /// Rate with which a device starts, 0..=15.
+    /// Rate of the packed code with which a device starts, 0..=15.
     pub rate: u8,
     /// Microvolts that 1 stands for in an input value or a coefficient.
     pub unit_uv: f64,

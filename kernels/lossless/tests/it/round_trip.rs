@@ -10,7 +10,7 @@ use lossless::{Block, DecodeError, Decoder, Encoder, EncoderState, Kind, MAX_SAM
 use proptest::prelude::*;
 use signal::{CHANNELS, Row, Shape, rows, to_bytes};
 
-/// The encoder of the tests; it sends key blocks so often that most signals have several.
+/// The encoder of the tests; it sends key blocks so often that long signals have several.
 const ENCODER: Encoder = Encoder { key_blocks: 16 };
 
 /// An encoded block that owns its bytes, with the samples that it was made from.
