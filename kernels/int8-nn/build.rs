@@ -1,5 +1,4 @@
-//! Sets `cfg(smlad)` for targets with the DSP extension of ARMv7E-M; stable Rust has no `cfg` for
-//! it.
+//! Sets `cfg(smlad)` for targets with ARMv7E-M's DSP extension, for which Rust has no stable `cfg`.
 
 fn main() {
     println!("cargo::rustc-check-cfg=cfg(smlad)");

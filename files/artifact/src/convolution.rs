@@ -1,4 +1,4 @@
-//! Three-dimensional convolution, ReLU and batch norm in plain loops.
+//! Plain-loop implementations of three-dimensional convolution, ReLU, batch norm and dense layers.
 
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
@@ -6,17 +6,17 @@ use crate::geometry::KERNEL;
 use crate::shapes::NORM_EPSILON;
 use crate::tensors::Tensors;
 
-/// A 4-d array: channel, step, row, column, the last fastest.
+/// A 4-d array in the order channel, step, row, column (the last fastest).
 #[derive(Clone, Debug)]
 pub(crate) struct Volume {
     pub(crate) channels: usize,
-    /// Numbers of steps, rows and columns.
+    /// Numbers of steps, rows and columns of each channel.
     pub(crate) size: [usize; 3],
     pub(crate) values: Vec<f32>,
 }
 
 impl Volume {
-    /// Creates a volume with each channel filled with its bias.
+    /// Creates a volume with one channel for each bias; every value of a channel is its bias.
     fn filled(size: [usize; 3], bias: &[f32]) -> Self {
         let [steps, rows, columns] = size;
         let per_channel = steps * rows * columns;
@@ -31,7 +31,7 @@ impl Volume {
         }
     }
 
-    /// Returns a copy with `pads` zeros added on both sides of each axis.
+    /// Returns a copy with `pads[axis]` zeros added at both ends of each axis.
     pub(crate) fn padded(&self, pads: [usize; 3]) -> Self {
         let size = std::array::from_fn(|axis| self.size[axis] + 2 * pads[axis]);
         let mut padded = Self::filled(size, &vec![0.0; self.channels]);
@@ -46,14 +46,14 @@ impl Volume {
         padded
     }
 
-    /// Returns a copy without the first and last `pads` positions of each axis: inverts
-    /// [`Volume::padded`].
+    /// Returns a copy without the first and the last `pads[axis]` positions of each axis, which
+    /// inverts [`Volume::padded`].
     pub(crate) fn cropped(&self, pads: [usize; 3]) -> Self {
         let size = std::array::from_fn(|axis| self.size[axis] - 2 * pads[axis]);
         self.part(pads, size)
     }
 
-    /// Returns a copy of the positions from `first` on, as many on each axis as `size` states.
+    /// Returns a copy of the box of `size` positions that starts at `first`, for all channels.
     fn part(&self, first: [usize; 3], size: [usize; 3]) -> Self {
         let mut values = Vec::with_capacity(self.channels * size.iter().product::<usize>());
         for channel in 0..self.channels {
@@ -97,17 +97,17 @@ impl Volume {
         &mut self.values[channel * length..(channel + 1) * length]
     }
 
-    /// Returns the values of one channel: step, row, column.
+    /// Returns the values of one channel in the order step, row, column (the last fastest).
     pub(crate) fn channel(&self, channel: usize) -> &[f32] {
         let length = self.values.len() / self.channels;
         &self.values[channel * length..(channel + 1) * length]
     }
 }
 
-/// An unpadded convolution with a 3x3x3 kernel. For padding, apply [`Volume::padded`] to the input;
-/// for padding of a transposed convolution, apply [`Volume::cropped`] to the output.
+/// A convolution with a 3x3x3 kernel, without padding. To pad it, apply [`Volume::padded`] to its
+/// input; to pad it when it is transposed, apply [`Volume::cropped`] to its output.
 ///
-/// Weights are `[out][in][step][row][column]`; those of the decoder's transposed convolution are
+/// Weights are `[out][in][step][row][column]`; those of the decoder's transposed convolutions are
 /// `[in][out][step][row][column]`, as in PyTorch.
 #[derive(Clone, Debug)]
 pub(crate) struct Convolution {
@@ -118,7 +118,7 @@ pub(crate) struct Convolution {
 
 impl Convolution {
     /// Reads `{name}.weight`, whose first two dimensions are `shape`, and `{name}.bias`, which has
-    /// a number for each of the outputs.
+    /// one number for each of the `outputs` channels.
     pub(crate) fn read(
         weights: &Tensors,
         name: &str,
@@ -135,12 +135,12 @@ impl Convolution {
         })
     }
 
-    /// Convolves: y[o][t][r][c] = bias[o] + sum over i, kt, kr, kc of w[o][i][kt][kr][kc]
-    /// x[i][t+kt][r+kr][c+kc].
+    /// Returns the convolution y[o][t][r][c] = bias[o] + sum over i, kt, kr, kc of
+    /// w[o][i][kt][kr][kc] x[i][t+kt][r+kr][c+kc].
     pub(crate) fn forward(&self, x: &Volume) -> Volume {
         let size = x.size.map(|length| length - (KERNEL - 1));
-        // The output has the input's row length, so that a tap is one product of long slices.
-        // `part` removes the positions beyond the output's own rows.
+        // `wide` has the input's row length, so that each weight applies to one long slice of the
+        // input. `part` then removes the positions beyond the rows of the output.
         let mut wide = Volume::filled(x.size, &self.bias);
         let count = x.row_start(0, size[0] - 1, size[1] - 1) + size[2];
         let tap_rows = tap_rows(x);
@@ -161,16 +161,16 @@ impl Convolution {
         wide.part([0; 3], size)
     }
 
-    /// Convolves, transposed: y[o][t+kt][r+kr][c+kc] = bias[o] + sum over i, kt, kr, kc of
-    /// w[i][o][kt][kr][kc] x[i][t][r][c].
+    /// Returns the transposed convolution: y[o][t+kt][r+kr][c+kc] = bias[o] + sum over i, kt, kr,
+    /// kc of w[i][o][kt][kr][kc] x[i][t][r][c].
     pub(crate) fn forward_transposed(&self, x: &Volume) -> Volume {
         let size = x.size.map(|length| length + (KERNEL - 1));
         let mut y = Volume::filled(size, &self.bias);
         let length = y.row_start(0, x.size[0] - 1, x.size[1] - 1) + x.size[2];
         let tap_rows = tap_rows(&y);
         let mut weights = self.weight.as_chunks::<KERNEL>().0.iter();
-        // The input with the output's row length, and zeros before and after it for the taps
-        // of a row.
+        // One channel of the input, spread to the output's row length. The zeros before and after
+        // it are read by the weights at the ends of a kernel row.
         let mut wide = vec![0.0; length + 2 * (KERNEL - 1)];
         for input in 0..self.inputs {
             for step in 0..x.size[0] {
@@ -191,14 +191,14 @@ impl Convolution {
     }
 }
 
-/// Returns, for each row of taps of the kernel, its distance in a channel of `volume` from the
-/// first row.
+/// Returns, for each of the kernel's nine rows, the offset in a channel of `volume` at which the
+/// input of this row starts.
 fn tap_rows(volume: &Volume) -> [usize; KERNEL * KERNEL] {
     std::array::from_fn(|index| volume.row_start(0, index / KERNEL, index % KERNEL))
 }
 
-/// Adds a row of taps to `y`: the product of each weight with its slice of x, in the order of the
-/// weights.
+/// Adds the products of one kernel row to `y`: for each of its weights in turn, weight times the
+/// slice of `x` with the same index.
 fn add_taps(y: &mut [f32], weights: &[f32; KERNEL], x: [&[f32]; KERNEL]) {
     let [first, second, third] = x.map(|x| &x[..y.len()]);
     for (((y, a), b), c) in y.iter_mut().zip(first).zip(second).zip(third) {
@@ -206,7 +206,7 @@ fn add_taps(y: &mut [f32], weights: &[f32; KERNEL], x: [&[f32]; KERNEL]) {
     }
 }
 
-/// Batch norm at inference, with the running statistics: y = gain * x + offset for each channel.
+/// Batch norm with the statistics saved in training: y = gain * x + offset, per channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Norm {
     /// Gain of each channel: weight / sqrt(running variance + 1e-5).
@@ -216,7 +216,8 @@ pub(crate) struct Norm {
 }
 
 impl Norm {
-    /// Reads `{name}.weight`, `.bias`, `.running_mean` and `.running_var`.
+    /// Reads `{name}.weight`, `.bias`, `.running_mean` and `.running_var`, and computes gain and
+    /// offset.
     pub(crate) fn read(
         weights: &Tensors,
         name: &str,
@@ -253,7 +254,7 @@ impl Norm {
         }
     }
 
-    /// Returns the largest |gain| * x over all channels and positions, where x is the input of
+    /// Returns the largest |gain| * x over all channels and positions of `x`, the input of
     /// [`Norm::apply`].
     pub(crate) fn largest_scaled(&self, x: &Volume) -> f32 {
         let channels = self.gain.iter().enumerate().map(|(channel, gain)| {
@@ -267,7 +268,7 @@ impl Norm {
 /// A fully connected layer.
 #[derive(Clone, Debug)]
 pub(crate) struct Dense {
-    /// Weights `[output][input]`.
+    /// Weights in the order `[output][input]`.
     weight: Vec<f32>,
     bias: Vec<f32>,
 }
@@ -294,7 +295,7 @@ impl Dense {
 }
 
 /// Reads the weights of the linear shortcut `name`, whose shape is `[outputs, inputs]`. Returns
-/// `None` in a mode without shortcut.
+/// `None` if the model's mode has no shortcut.
 pub(crate) fn read_shortcut(
     artifact: &Artifact,
     name: &str,
@@ -386,7 +387,7 @@ mod tests {
 
     #[test]
     fn the_transposed_convolution_is_the_adjoint() {
-        // <conv x, y> = <x, transposed conv y> for equal weights and zero bias.
+        // A convolution and its transpose are adjoint: <conv x, y> = <x, transposed conv y>.
         let weight: Vec<f32> = (0..3 * 2 * 27)
             .map(|index| (index % 7) as f32 - 3.0)
             .collect();
@@ -405,7 +406,7 @@ mod tests {
         let inner = |a: &Volume, b: &Volume| -> f32 {
             a.values.iter().zip(&b.values).map(|(a, b)| a * b).sum()
         };
-        // All products and sums are small integers, which f32 holds exactly.
+        // Exact, because all products and sums are small integers.
         assert_eq!(
             inner(&forward.forward(&x), &y),
             inner(&x, &transposed.forward_transposed(&y))

@@ -1,4 +1,4 @@
-//! The contents of `model.toml`.
+//! The description of a model: the contents of its file `model.toml`.
 
 use crate::geometry::Dimensions;
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ pub const EMPTY: &str = "_";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Description {
-    /// Version of the format, 1.
+    /// Version of the file format, always 1.
     pub format: u32,
     /// Layers of the network: convolutions, a linear shortcut, both, or no network.
     pub mode: Mode,
@@ -31,9 +31,9 @@ pub struct Description {
     pub adc: Adc,
     /// Filters between the ADC and the network.
     pub filters: Filters,
-    /// Scale of the network's input.
+    /// Scale of the values that the network gets.
     pub input: Input,
-    /// Training data, training settings and test figures.
+    /// Training data, training settings and test errors.
     pub training: TrainingCard,
 }
 
@@ -54,16 +54,16 @@ impl Description {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// The paper's network. Its decoder unpools with pool indices, so the code alone cannot be
-    /// decoded.
+    /// The network of arXiv 2008.13485 ("the paper"). Its decoder unpools with pool indices, which
+    /// the code does not carry, so the code alone cannot be decoded.
     Paper,
-    /// The paper's network, but with nearest-neighbour unpooling, so the code alone can be decoded.
+    /// The paper's network, but with nearest-neighbour unpooling, which needs nothing but the code.
     PaperCodeOnly,
     /// [`Self::PaperCodeOnly`] plus linear maps from window to code and back.
     Shortcut,
-    /// The linear maps only, without convolutions.
+    /// The linear maps of [`Self::Shortcut`] only, without convolutions.
     Pca,
-    /// No network: the model has the packed code alone.
+    /// No network: the device sends the packed code only.
     Packed,
 }
 
@@ -100,29 +100,29 @@ impl Mode {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
-    /// Number of time steps in a window, 16 or 32. Blocks of the packed code have the hop's steps.
+    /// Number of time steps in a window, 16 or 32.
     pub steps: usize,
-    /// Time steps from the start of one window to the start of the next, 4, 8 or 16.
+    /// Number of time steps from the start of one window to the start of the next, 4, 8 or 16.
     pub hop: usize,
-    /// Rate of the time steps in Hz, 128.
+    /// Rate of the time steps in Hz, always 128.
     pub rate_hz: u32,
 }
 
-/// The properties of the convolutions that differ between models.
+/// Padding of the convolutions and size of the max-pool, which differ between models.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkShape {
-    /// Zero padding of both convolutions.
+    /// Zero padding of the encoder's two convolutions.
     pub padding: Padding,
-    /// Steps, rows and columns of the max-pool; positions that do not fill a pool are dropped.
+    /// Size of a max-pool in steps, rows, columns; positions that do not fill a pool are dropped.
     pub pool: [usize; 3],
 }
 
-/// Zero padding of both convolutions.
+/// Axes on which the encoder's two convolutions pad their input with zeros.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Padding {
-    /// No padding, as in the paper: each convolution removes two steps, rows and columns.
+    /// No padding, as in the paper: each convolution shortens each axis by 2.
     None,
     /// One row and one column of zeros on each side.
     Space,
@@ -152,7 +152,7 @@ impl Padding {
         matches!(self, Self::All)
     }
 
-    /// Returns the numbers of steps, rows and columns added on each side, each 0 or 1.
+    /// Returns how many steps, rows and columns of zeros are added at each end: 0 or 1 of each.
     pub const fn pads(self) -> [usize; 3] {
         let space = self.pads_space() as usize;
         [self.pads_time() as usize, space, space]
@@ -163,7 +163,7 @@ impl Padding {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CodeQuantisation {
-    /// Number of numbers in a code, 8 to 256; 0 in mode `packed`, whose model has no network.
+    /// Length of a code in numbers, 8 to 256; 0 in mode `packed`, whose model has no network.
     pub numbers: usize,
     /// Width of the integers, and whether they share an exponent.
     pub format: CodeFormat,
@@ -175,15 +175,15 @@ pub struct CodeQuantisation {
 pub enum CodeFormat {
     /// Numbers of 8 bits, each dimension with a separate scale and zero point. n bytes.
     Int8,
-    /// Numbers of 8 bits that share a power of two, chosen for each window: large signals are not
-    /// clipped, small ones have a finer resolution. 1 + n bytes.
+    /// Numbers of 8 bits times a common power of two, chosen for each window, so that large signals
+    /// are not clipped and small ones have a finer resolution. 1 + n bytes.
     Int8Exponent,
-    /// Numbers of 16 bits, with a zero point of 0. 2n bytes.
+    /// Numbers of 16 bits, each dimension with a separate scale; zero points are 0. 2n bytes.
     Int16,
 }
 
 impl CodeFormat {
-    /// Returns the number of bits of a code of `numbers` numbers.
+    /// Returns the size in bits of a code of `numbers` numbers.
     pub fn bits(self, numbers: usize) -> usize {
         8 * match self {
             Self::Int8 => numbers,
@@ -206,7 +206,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Creates a grid from its cells, which are as many in each row.
+    /// Creates a grid from its rows of cells, which must all have the same length.
     pub fn new(cells: Vec<Vec<String>>) -> Self {
         Self {
             rows: cells.len(),
@@ -230,40 +230,40 @@ pub struct Montage {
     pub electrodes: Vec<String>,
 }
 
-/// ADC that the model was trained for (ADS1299: datasheet SBAS499, section 9.5.1).
+/// ADC that the model was trained for: a chain of ADS1299 (datasheet SBAS499, section 9.5.1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Adc {
     /// Sampling rate of each channel, Hz: 250, 256, 500, 512, 1000 or 1024.
     pub rate_hz: u32,
-    /// Reference voltage, V; 4.5, the internal reference of an ADS1299.
+    /// Reference voltage, V; always 4.5, the internal reference of an ADS1299.
     pub vref_v: f64,
-    /// Gain of the programmable-gain amplifier: 1, 2, 4, 6, 8, 12 or 24.
+    /// Gain of the ADC's input amplifier: 1, 2, 4, 6, 8, 12 or 24.
     pub gain: u32,
-    /// Number of channels: 8 for each of 1 to 8 converters, and at least one for each electrode.
+    /// Number of channels: 8 for each of 1 to 8 chips. There are at least as many as electrodes.
     pub channels: usize,
 }
 
 impl Adc {
-    /// Returns the microvolts of one count: 2 * reference / gain / 2^24.
+    /// Returns the voltage of one ADC count in microvolts: 2 * reference / gain / 2^24.
     pub fn lsb_uv(&self) -> f64 {
         2.0 * self.vref_v / f64::from(self.gain) / f64::from(1 << 24) * 1e6
     }
 }
 
-/// Filters between the ADC and the network: notch, band-pass, decimation to the rate of the steps.
+/// Filters between the ADC and the network: notches, band-pass, decimation to the step rate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Filters {
-    /// Mains frequencies that the device can be set to at start, Hz.
+    /// Mains frequencies among which the device can choose at start, Hz.
     pub mains_hz: Vec<u32>,
-    /// Quality factor of every notch: its frequency over its -3 dB width.
+    /// Quality factor of every notch: its centre frequency divided by its -3 dB width.
     pub notch_q: f64,
-    /// Number of further notches, at 2, 3, .. times the mains frequency.
+    /// Number of notches at multiples of the mains frequency, from 2 times that frequency on.
     pub harmonics: u32,
     /// Lower and upper -3 dB edge of the Butterworth band-pass, Hz.
     pub band_hz: [f64; 2],
-    /// Order of the band-pass per edge, as `scipy.signal.butter` counts it.
+    /// Order of the band-pass as `scipy.signal.butter` counts it: poles per edge.
     pub order: u32,
     /// Rate reduction from the ADC's rate to the rate of the steps.
     pub decimation: Decimation,
@@ -273,43 +273,43 @@ pub struct Filters {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Decimation {
-    /// Keeps every n-th sample, as in the paper: signals above half of the step rate alias. The
+    /// Keeps every n-th sample, as in the paper, so signals above half of the step rate alias. The
     /// ADC's rate must be a multiple of the step rate.
     Literal,
-    /// Applies a low-pass FIR first; works with any ADC rate.
+    /// Applies a low-pass FIR before it drops samples; works with any ADC rate.
     Fir,
 }
 
-/// Scale of the network's input.
+/// Scale of the values that the network gets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
-    /// Standard deviation of the filtered training set, uV. The input of the float network is in
-    /// units of this value.
+    /// Standard deviation of the filtered training set, uV. The float network computes with
+    /// microvolts divided by this value.
     pub sd_uv: f64,
 }
 
-/// Training data, training settings and test figures of a model: the table `[training]`.
+/// Training data, training settings and test errors of a model: table `[training]` of `model.toml`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingCard {
-    /// Origin and licence of the recordings.
+    /// Origin and licence of the training recordings.
     pub dataset: String,
     /// References to cite when the model is used.
     pub citation: String,
-    /// Number of electrodes that were recorded.
+    /// Number of electrodes that the recordings really have.
     pub real_electrodes: usize,
-    /// Number of electrodes that were interpolated from recorded ones.
+    /// Number of electrodes of the montage that were interpolated from recorded ones.
     pub interpolated_electrodes: usize,
     /// Labels of the interpolated electrodes.
     pub interpolated: Vec<String>,
-    /// Caveats about the test figures.
+    /// Caveats about the test errors, in words.
     pub note: String,
     /// Names, without folder, of the recordings on which the model was trained.
     pub train_files: Vec<String>,
-    /// Names of the test files, which were not used for training or validation.
+    /// Names of the recordings on which the model was tested, and not trained or validated.
     pub test_files: Vec<String>,
-    /// Data on which the best epoch was chosen, in words.
+    /// Data by whose error the best epoch was chosen, in words.
     pub validation: String,
     /// Mains frequency of the recordings, Hz.
     pub mains_hz: u32,
@@ -317,21 +317,21 @@ pub struct TrainingCard {
     pub seed: u64,
     /// Number of epochs in the training run.
     pub epochs: u32,
-    /// Epoch whose weights were kept; 0 means the initial weights (PCA in mode `shortcut`).
+    /// Epoch whose weights were kept; 0 for the weights before training (PCA in mode `shortcut`).
     pub best_epoch: u32,
-    /// Training windows per epoch.
+    /// Number of training windows in an epoch.
     pub windows: u64,
     /// Optimiser, learning-rate schedule and batch size, in words.
     pub optimiser: String,
     /// Mean squared error over all electrodes of the test files, in units of `input.sd_uv` squared;
     /// absent if not measured.
     pub mse: Option<Figures>,
-    /// Percent root-mean-square difference on the test files: the root of the summed squared error,
-    /// divided by the root of the summed squared signal; absent if not measured.
+    /// Percent root-mean-square difference on the test files: 100 times the root of the summed
+    /// squared error divided by that of the summed squared signal; absent if not measured.
     pub prd_percent: Option<Figures>,
 }
 
-/// One kind of reconstruction error: of the model, and of PCA for comparison.
+/// Reconstruction errors of the model and, for comparison, of PCA.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Figures {

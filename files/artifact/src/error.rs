@@ -11,17 +11,17 @@ pub enum ArtifactError {
     File {
         /// File or folder that was accessed.
         path: PathBuf,
-        /// Error from the operating system.
+        /// Error that the operating system returned.
         source: std::io::Error,
     },
-    /// A file is not TOML, or a field is missing, misspelt or of the wrong type.
+    /// A file is not TOML, or a field in it is missing, misspelt or of the wrong type.
     #[error(
         "{file} cannot be understood; correct what is named, or restore the file if it is cut short"
     )]
     Toml {
         /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// Place and kind of the error.
+        /// Position and kind of the error in the file.
         source: Box<toml::de::Error>,
     },
     /// The TOML library cannot serialise the description.
@@ -42,12 +42,12 @@ pub enum ArtifactError {
         file: &'static str,
         /// Name of the field, as `table.key`.
         field: &'static str,
-        /// Value in the file.
+        /// Value of the field in the file.
         found: String,
-        /// Valid values, in words.
+        /// Values that the field may have, in words.
         expected: String,
     },
-    /// One of the two files of a packed model is missing.
+    /// Only one of `packed.toml` and `packed.safetensors` exists.
     #[error(
         "{} is missing, which {} needs; restore it, or delete the other one too and run `trainer packed`",
         missing.display(),
@@ -56,18 +56,17 @@ pub enum ArtifactError {
     PackedHalf {
         /// Path of the missing file.
         missing: PathBuf,
-        /// Name of the file that is there.
+        /// Name of the file that exists.
         other: &'static str,
     },
-    /// An electrode label is malformed, occurs twice, or is only on the grid or only in the
-    /// montage.
+    /// An electrode label is malformed, occurs twice, or is missing on the grid or in the montage.
     #[error(
         "model.toml: electrode {label}: {problem}; grid.cells and montage.electrodes must hold the same labels, each once"
     )]
     Label {
-        /// Label of the electrode, as in the file.
+        /// Label of the electrode, as the file has it.
         label: String,
-        /// Problem in words, which continue a sentence that begins with the label.
+        /// Problem in words; the message puts it after the label.
         problem: &'static str,
     },
     /// A tensor is missing, unknown, or not as the model requires.
@@ -77,22 +76,22 @@ pub enum ArtifactError {
         file: &'static str,
         /// Name of the tensor, as in the file.
         name: String,
-        /// Difference from what the model requires.
+        /// How the tensor differs from what the model requires.
         problem: TensorProblem,
     },
-    /// The model has mode `paper`, whose decoder needs pool indices, which are not in the code.
+    /// The model has mode `paper`, whose decoder needs pool indices, and codes carry none.
     #[error(
         "a model of mode `paper` cannot be decoded from its code: its pool indices are not sent; use `paper-code-only` or `shortcut`"
     )]
     NotDecodable,
-    /// The model has mode `packed`, but no packed model.
+    /// The model has mode `packed`, but its folder has no packed model.
     #[error(
         "the model has mode `packed`, but no packed.toml and packed.safetensors; `trainer packed --montage` writes them"
     )]
     Empty,
 }
 
-/// Difference of a tensor from what mode, padding and pool of the model require.
+/// How a tensor differs from what the model's mode, padding and pool require.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TensorProblem {
     /// The file does not hold the tensor.
@@ -101,24 +100,24 @@ pub enum TensorProblem {
     /// No model of this mode has the tensor; its name may be misspelt.
     #[error(" is not part of a model of this mode; rename or remove it")]
     Unknown,
-    /// The tensor has the first shape, but should have the second.
+    /// The tensor has the first of these shapes, but should have the second.
     #[error(" has shape {}, expected {}", List(.0), List(.1))]
     Shape(Vec<usize>, Vec<usize>),
-    /// The tensor has elements of the first type, but should have the second.
+    /// The tensor has elements of the first of these types, but should have the second.
     #[error(" has elements of type {0}, expected {1}; convert it before writing")]
     ElementType(String, String),
-    /// An element is infinite or NaN, probably because training diverged: its index, last dimension
-    /// fastest, and its value.
+    /// An element is infinite or NaN, probably because training diverged. The fields are its index
+    /// in the flat tensor, last dimension fastest, and its value.
     #[error(", element {0}, is {1}; train again with a lower rate")]
     NotFinite(usize, f32),
-    /// A calibrated range is empty, a variance is negative, or a sum could overflow: the index of
-    /// the first such element, last dimension fastest, and the problem in words.
+    /// A calibrated range is empty, a variance is negative, or a sum could overflow. The fields are
+    /// the index of the first such element, last dimension fastest, and the problem in words.
     #[error(", element {0}: {1}; calibrate or train again")]
     Range(usize, &'static str),
 }
 
 impl ArtifactError {
-    /// Returns the error of a file or folder from that of the operating system.
+    /// Returns a function that adds the path to an error of the operating system.
     pub(crate) fn file(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         |source| Self::File {
             path: path.to_owned(),
@@ -137,7 +136,7 @@ impl TensorProblem {
     }
 }
 
-/// Displays elements as TOML writes them: `[2, 2, 1]`.
+/// Displays a list as TOML writes it: `[2, 2, 1]`.
 #[derive(Clone, Copy, Debug)]
 pub struct List<'e, T>(pub &'e [T]);
 

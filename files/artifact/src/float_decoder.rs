@@ -1,4 +1,4 @@
-//! The decoder in f32, from a code to a window of electrodes.
+//! The decoder in f32: computes the electrode signals of a window from its code.
 
 use crate::convolution::{Convolution, Dense, Norm, add_product, read_shortcut};
 use crate::description::Mode;
@@ -10,15 +10,15 @@ use crate::tensors::Tensors;
 use crate::unpooled_convolution::UnpooledConvolution;
 
 /// The decoder in f32: a fully connected layer, nearest-neighbour unpooling, a transposed
-/// convolution with ReLU and batch norm, and a second transposed convolution. The linear shortcut
-/// is added to their output. The only input is the code. In mode `packed`, which has no codes,
-/// every window is 0.
+/// convolution with ReLU and batch norm, and a second transposed convolution. A linear shortcut
+/// from the code is added to their output, if the mode has one. In mode `packed`, which has no
+/// codes, every decoded window is 0.
 #[derive(Clone, Debug)]
 pub struct FloatDecoder {
     geometry: Geometry,
     grid: ScalpGrid,
     convolutions: Option<Convolutions>,
-    /// Weights `[step][electrode][number]`. `None` without a shortcut.
+    /// Weights of the shortcut, `[step][electrode][number]`; `None` if the mode has no shortcut.
     shortcut: Option<Vec<f32>>,
 }
 
@@ -55,7 +55,7 @@ impl FloatDecoder {
         })
     }
 
-    /// Decodes a code to a window in the order step, electrode (the last fastest), in units of
+    /// Returns the window of a code in the order step, electrode (the last fastest), in units of
     /// `input.sd_uv` microvolts.
     ///
     /// # Panics
@@ -90,7 +90,7 @@ impl Convolutions {
         })
     }
 
-    /// Decodes a code to a window on the grid, in the order step, row, column (the last fastest).
+    /// Returns the window of a code on the grid, in the order step, row, column (the last fastest).
     fn decode(&self, code: &[f32], geometry: &Geometry) -> Vec<f32> {
         let mut x = self.conv1.forward(&self.fc.forward(code));
         x.relu();
@@ -122,15 +122,14 @@ mod tests {
 
     #[test]
     fn a_code_decodes_to_the_window_worked_out_by_hand() {
-        // testing::shortcut_with sets only these weights: decoder.fc passes number 0 of the code to
-        // output 0; tap (0,0,0) of conv1 (channel 0 to channel 0) is 1; the norm has gain 2 and
-        // offset 0.25; tap (2,2,2) of conv2 (from channel 0) is 1, and its bias is -0.5. Pooled
-        // position 0 is unpooled to a region at the origin. The convolutions are transposed. On an
-        // unpadded axis, conv1 leaves the region in place and conv2 moves it by +2. On a padded
-        // axis, conv1 moves it by -1, which loses what leaves the volume, and conv2 by +1. Inside
+        // The model has few weights that are not 0. decoder.fc copies number 0 of the code to
+        // output 0, which is unpooled to a region at the origin. Tap (0,0,0) of conv1 is 1; the
+        // norm has gain 2 and offset 0.25; tap (2,2,2) of conv2 is 1, and its bias is -0.5. On an
+        // unpadded axis, the transposed conv1 leaves the region in place and conv2 moves it by +2.
+        // On a padded axis, conv1 moves it by -1, which cuts off its start, and conv2 by +1. Inside
         // the region, a value is gain * code + offset + bias. Outside, it is offset + bias from the
-        // first position that conv2's tap reaches, and the bias alone before that position. Each
-        // case ends with the region and this first position.
+        // first position that conv2's tap reaches, and the bias alone before it. Each case states
+        // padding, pool, the region in the decoded window, and this first position.
         let cases = [
             (Padding::None, [2, 2, 2], [2..4, 2..4, 2..5], [2, 2, 2]),
             (Padding::None, [4, 3, 5], [2..6, 2..5, 2..7], [2, 2, 2]),

@@ -1,4 +1,4 @@
-//! The encoder in f32, from a window on the scalp grid to a code.
+//! The encoder in f32: computes the code of a window on the scalp grid.
 
 use crate::convolution::{Convolution, Dense, Norm, Volume, add_product, read_shortcut};
 use crate::error::ArtifactError;
@@ -8,14 +8,14 @@ use crate::scalp_grid::ScalpGrid;
 use crate::tensors::Tensors;
 
 /// The encoder in f32: two convolutions, each with ReLU and batch norm, a max-pool and a fully
-/// connected layer. The linear shortcut is added to their output. In mode `packed`, which has
-/// neither, codes have no numbers. Reference for the integer encoder's quantisation error.
+/// connected layer; a linear shortcut is added to their output if the mode has one. The integer
+/// encoder's quantisation error is measured against it. In mode `packed`, codes have no numbers.
 #[derive(Clone, Debug)]
 pub struct FloatEncoder {
     geometry: Geometry,
     grid: ScalpGrid,
     convolutions: Option<Convolutions>,
-    /// Weights `[number][step][electrode]`. `None` without a shortcut.
+    /// Weights of the shortcut, `[number][step][electrode]`; `None` if the mode has no shortcut.
     shortcut: Option<Vec<f32>>,
 }
 
@@ -28,14 +28,16 @@ struct Convolutions {
     fc: Dense,
 }
 
-/// A code with the largest activations of its computation, which calibration needs.
+/// A code, with the largest activations that occurred when it was computed, for calibration.
 #[derive(Clone, Debug)]
 pub struct TracedCode {
-    /// Float code, before quantisation.
+    /// The code as floats, before quantisation.
     pub code: Vec<f32>,
-    /// Largest |g| * relu(conv1), where g = norm1.weight / sqrt(variance + 1e-5); 0 in mode `pca`.
+    /// Largest |g| * relu(conv1), where g = norm1.weight / sqrt(variance + 1e-5); 0 if there is no
+    /// conv1.
     pub activation1_max: f32,
-    /// Largest |g| * relu(conv2), where g = norm2.weight / sqrt(variance + 1e-5); 0 in mode `pca`.
+    /// Largest |g| * relu(conv2), where g = norm2.weight / sqrt(variance + 1e-5); 0 if there is no
+    /// conv2.
     pub activation2_max: f32,
 }
 
@@ -60,7 +62,7 @@ impl FloatEncoder {
         })
     }
 
-    /// Returns the code of a window, which is `[step][row][column]` in units of `input.sd_uv`
+    /// Returns the code of a window. The window is `[step][row][column]`, in units of `input.sd_uv`
     /// microvolts.
     ///
     /// # Panics
@@ -128,7 +130,7 @@ impl Convolutions {
     }
 }
 
-/// Returns the maximum of each pool; positions that do not fill a pool are dropped.
+/// Returns the maximum of each pool of `x`; positions that do not fill a pool are dropped.
 fn max_pool(x: &Volume, geometry: &Geometry) -> Vec<f32> {
     let ([_, rows, columns], pool) = (x.size, geometry.pool);
     let mut pooled = Vec::with_capacity(geometry.flat());
@@ -161,8 +163,9 @@ mod tests {
 
     #[test]
     fn the_pool_returns_the_maximum_of_each_block_and_drops_the_last_column() {
-        // The values increase, so that the maximum of a pool is that of its last step, row and
-        // column. A pooled position and the position of its maximum, both in channel 1.
+        // The values increase, so that the maximum of a pool is at its last step, row and column.
+        // Each case has a position in the pooled volume and the position of its maximum in the
+        // input; both are in channel 1.
         for (padding, pool, pooled_at, largest_at) in [
             (Padding::None, [2, 2, 2], [2, 1, 1], [5, 3, 3]),
             (Padding::Space, [1, 3, 2], [2, 1, 2], [2, 5, 5]),
@@ -191,7 +194,7 @@ mod tests {
     fn pca_codes_are_inner_products_with_the_components() {
         let artifact = testing::pca();
         let encoder = FloatEncoder::new(&artifact).unwrap();
-        // Component k of the test model selects feature k.
+        // Component k of the test model copies value k of the window, so the code is its first 128.
         let count = artifact.description.dimensions().window_electrodes();
         let electrodes: Vec<f32> = (0..count).map(|feature| feature as f32).collect();
         let code = encoder.encode(&ScalpGrid::new(&artifact.description).scatter(&electrodes));
@@ -200,9 +203,9 @@ mod tests {
 
     #[test]
     fn a_constant_window_has_the_code_worked_out_by_hand() {
-        // In testing::shortcut, conv1 channel 0 = 0.5 + sum of 27 cells; the norms have gain 2 and
-        // offset 0.25; conv2 channel 0 = 0.1 * centre tap of channel 0; output 0 of fc = 1 + pooled
-        // value 0; the shortcut is 0.
+        // The test model has few weights: conv1 channel 0 = 0.5 + sum of 27 cells; the norms have
+        // gain 2 and offset 0.25; conv2 channel 0 = 0.1 * the middle tap of channel 0; output 0 of
+        // fc = 1 + pooled value 0; the shortcut is 0.
         let artifact = testing::shortcut();
         let encoder = FloatEncoder::new(&artifact).unwrap();
         let window = [1.0; 16 * 90];
@@ -220,9 +223,9 @@ mod tests {
 
     #[test]
     fn a_padded_corner_has_the_code_worked_out_by_hand() {
-        // With testing::shortcut_with, output 0 of fc = 1 + pooled value 0, the corner of the
-        // feature map. There conv2's centre tap reads the corner of conv1's output, which sums the
-        // cells inside the window: 8 of 27 with padded steps, 12 without.
+        // In the test model, number 0 of the code is 1 + pooled value 0, the corner of the feature
+        // map. That value is computed from the corner of conv1's output, where the 27 taps reach 8
+        // cells inside the window if steps are padded, and 12 if not. All cells are 1.
         for (padding, inside) in [(Padding::Space, 12.0), (Padding::All, 8.0)] {
             let mut description = testing::description();
             description.network = NetworkShape {

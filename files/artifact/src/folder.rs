@@ -1,4 +1,4 @@
-//! A trained model, and the folder it is stored in.
+//! A trained model, read from its folder, and written to it.
 
 use crate::description::Description;
 use crate::error::ArtifactError;
@@ -10,37 +10,37 @@ use crate::tensors::{CALIBRATION, PCA, Tensors, WEIGHTS};
 use crate::validation;
 use std::path::Path;
 
-/// Name of the file that holds the description.
+/// Name of the file that holds the model's description.
 pub(crate) const DESCRIPTION: &str = "model.toml";
 
-/// Factor by which the range of the quantised input and activations exceeds the range in
-/// calibration. Clipping costs far more accuracy than a coarser resolution.
+/// Factor by which the int8 range of the input and of activations exceeds the range measured in
+/// calibration: clipping costs far more accuracy than a coarser resolution.
 pub const HEAD_ROOM: f64 = 1.25;
 
-/// A trained model: description, weights and calibration that belong together, a packed model, or
-/// both.
+/// A trained model: a network (weights and their calibration), a packed model, or both, with their
+/// description.
 ///
-/// Every constructor validates the parts: all tensors of the mode have the right shapes, all
-/// numbers are finite, and the montage fits the grid. A model of mode `packed` has no network, and
-/// so no weights.
+/// Every constructor checks the parts: all tensors of the mode have the right shapes, all numbers
+/// are finite, and the montage fits the grid. A model of mode `packed` has no network, and so no
+/// weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Artifact {
     /// Everything that training decided except the weights.
     pub description: Description,
-    /// Weights of encoder and decoder, f32; none in mode `packed`.
+    /// Weights of encoder and decoder as f32; empty in mode `packed`.
     pub weights: Tensors,
-    /// Calibrated ranges, f32, from which model-gen derives the int8 scales.
+    /// Ranges measured in calibration, f32; model-gen derives the int8 scales from them.
     pub calibration: Tensors,
-    /// Predictive transform code of the same montage and hop, if the model has one. Mode `packed`
-    /// needs one.
+    /// Model of the packed code for the same montage and hop, if there is one; mode `packed` needs
+    /// it.
     pub packed: Option<PackedModel>,
-    /// Hash over the files of all these parts; identifies the model.
+    /// Hash over the files of all these parts, which identifies the model.
     pub id: ModelId,
 }
 
 impl Artifact {
     /// Creates a model with a network from its parts. Its id is that of the files that
-    /// [`Artifact::write`] writes.
+    /// [`Artifact::write`] would write.
     ///
     /// # Errors
     /// If the parts are not a valid model.
@@ -54,7 +54,7 @@ impl Artifact {
 
     /// Creates a model of mode `packed`, which has no network. `largest_uv` is the largest
     /// magnitude in the training data, microvolts. The id is that of the files that
-    /// [`Artifact::write`] writes.
+    /// [`Artifact::write`] would write.
     ///
     /// # Errors
     /// If the parts are not a valid model.
@@ -91,11 +91,12 @@ impl Artifact {
         Ok(artifact)
     }
 
-    /// Returns the model with this packed model, or without one. Its id is that of the files that
-    /// [`Artifact::write`] writes.
+    /// Returns the model with its packed model replaced by `packed`, or removed if `packed` is
+    /// `None`. Its id is that of the files that [`Artifact::write`] would write.
     ///
     /// # Errors
-    /// If the packed model does not fit the montage and the hop, or nothing is left of the model.
+    /// If the packed model does not fit the montage and the hop, or the model is left without any
+    /// code.
     pub fn with_packed(self, packed: Option<PackedModel>) -> Result<Self, ArtifactError> {
         Self::from_parts(self.description, self.weights, self.calibration, packed)
     }
@@ -123,8 +124,8 @@ impl Artifact {
     }
 
     /// Parses a model from the contents of its files, for programs that embed them. `weights` is
-    /// not read in mode `packed`, which has no such file. `packed` is the text of `packed.toml` and
-    /// the bytes of `packed.safetensors`.
+    /// ignored in mode `packed`, which has no such file. `packed` is the text of `packed.toml` and
+    /// the bytes of `packed.safetensors`, if the model has them.
     ///
     /// # Errors
     /// If the contents are not a valid model.
@@ -160,10 +161,10 @@ impl Artifact {
         Ok(artifact)
     }
 
-    /// Writes the files that the model id covers into a folder, creates it if necessary, and
-    /// returns the id of the written files. Files of another model that this one does not have are
-    /// removed. This id equals `self.id`, unless a part was changed after the model was created, or
-    /// the model was read from a hand-written `model.toml`.
+    /// Writes the files that the model id covers into a folder, which is created if necessary, and
+    /// returns the id of the written files. Files that an earlier model left there and this one
+    /// does not have are removed. The id equals `self.id`, unless a part was changed after the
+    /// model was created, or the model was read from a hand-written `model.toml`.
     ///
     /// # Errors
     /// If the parts are not a valid model or a file cannot be written.
@@ -184,7 +185,7 @@ impl Artifact {
         Ok(ModelId::from_files(&files))
     }
 
-    /// Returns the microvolts of one level of the encoder's int8 input; the input's zero point is
+    /// Returns the size in microvolts of one level of the encoder's int8 input, whose zero point is
     /// 0.
     ///
     /// # Errors
@@ -208,7 +209,7 @@ impl Artifact {
     /// Returns names and contents of the files that the model id covers, in the order in which the
     /// id hashes them.
     fn to_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, ArtifactError> {
-        // One grid row per line, for human readers.
+        // Breaks the line after each row of the grid, so that people can read it.
         let description = toml::to_string(&self.description)?
             .replace("[[\"", "[\n    [\"")
             .replace("], [", "],\n    [")
@@ -235,7 +236,7 @@ fn parse_description(model_toml: &str) -> Result<Description, ArtifactError> {
     Ok(description)
 }
 
-/// Removes files of a folder, if it has them.
+/// Removes those of the files `names` that the folder has.
 fn remove(folder: &Path, names: &[&str]) -> Result<(), ArtifactError> {
     for name in names {
         let path = folder.join(name);

@@ -1,4 +1,4 @@
-//! Dimensions of window and code, and sizes of the volumes between the layers.
+//! Dimensions of the windows and codes of a model, and sizes of the volumes between its layers.
 
 use crate::description::{Description, NetworkShape, Padding};
 
@@ -9,7 +9,7 @@ pub const CONV2_CHANNELS: usize = 32;
 /// Edge length of every convolution kernel in steps, rows and columns.
 pub const KERNEL: usize = 3;
 
-/// Dimensions of a model, from its description.
+/// Dimensions of a model's windows and codes, taken from its description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dimensions {
     /// Number of time steps in a window.
@@ -20,13 +20,12 @@ pub struct Dimensions {
     pub columns: usize,
     /// Number of electrodes of the montage; each has one cell of the scalp grid.
     pub electrodes: usize,
-    /// Number of numbers in a code.
+    /// Length of a code in numbers.
     pub numbers: usize,
 }
 
 impl Dimensions {
-    /// Returns the number of cells in one plane of the scalp grid; a cell without an electrode
-    /// holds 0.
+    /// Returns the number of cells of the scalp grid, including those without an electrode.
     pub const fn cells(&self) -> usize {
         self.rows * self.columns
     }
@@ -61,18 +60,18 @@ pub struct Geometry {
     pub dimensions: Dimensions,
     /// Zero padding of both convolutions.
     pub padding: Padding,
-    /// Steps, rows and columns of a pool.
+    /// Size of a max-pool in steps, rows and columns.
     pub pool: [usize; 3],
     /// Size of the first convolution's output.
     pub hidden: [usize; 3],
-    /// Size of the second convolution's output.
+    /// Size of the second convolution's output, the input of the max-pool.
     pub feature_map: [usize; 3],
     /// Size of the max-pool's output, which drops positions that do not fill a pool.
     pub pooled: [usize; 3],
 }
 
 impl Geometry {
-    /// Returns the sizes that follow from window, grid, padding and pool.
+    /// Returns the sizes that follow from the description's window, grid, padding and pool.
     ///
     /// # Panics
     /// If a dimension of the pool is 0. Reading or creating an [`Artifact`](crate::Artifact)
@@ -110,7 +109,7 @@ impl Geometry {
 }
 
 /// Returns the size of a convolution's output from the size of its input; 0 along an axis that is
-/// shorter than the kernel.
+/// shorter than the kernel after padding.
 const fn convolved(size: [usize; 3], padding: Padding) -> [usize; 3] {
     let pads = padding.pads();
     [

@@ -1,4 +1,4 @@
-//! Golden windows: inputs with the codes that every integer encoder must produce.
+//! Golden windows: quantised windows, and the codes that every integer encoder must return.
 
 use crate::description::CodeFormat;
 use crate::error::ArtifactError;
@@ -7,22 +7,22 @@ use crate::tensor_file::{self, NamedTensor, TensorFile};
 use safetensors::tensor::{Dtype, TensorView};
 use std::path::Path;
 
-/// Name of the file with the golden windows.
+/// Name of the file with the golden windows in an artifact's folder.
 pub(crate) const GOLDEN: &str = "golden.safetensors";
 
-/// Name of the tensor of exponents, which only format `Int8Exponent` has.
+/// Name of the tensor of exponents; only files with codes of format `Int8Exponent` have it.
 const EXPONENTS: &str = "exponents";
 
-/// Quantised windows, and the codes that the integer encoder of this model returns for them.
+/// Quantised windows of one model, and the codes that its integer encoder returns for them.
 ///
-/// `trainer` writes them from model-gen's integer reference; every other integer encoder must
+/// `trainer` computes them with model-gen's integer reference; every other integer encoder must
 /// return the same bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Golden {
-    /// Format of the codes. The file holds `codes` `[n, numbers]` as int8 or int16, and for
+    /// Format of the codes. The file stores `codes` `[n, numbers]` as int8 or int16, and for
     /// `Int8Exponent` also `exponents` `[n]` as uint8.
     pub format: CodeFormat,
-    /// Numbers of time steps in a window and of cells in a plane of the scalp grid.
+    /// Number of time steps in a window, and number of cells in a plane of the scalp grid.
     pub window_shape: [usize; 2],
     /// Int8 windows on the scalp grid, each in the order step, row, column (the last fastest).
     pub windows: Vec<Vec<i8>>,
@@ -99,7 +99,7 @@ impl Golden {
     /// If the file cannot be written.
     ///
     /// # Panics
-    /// If the numbers of codes and windows differ.
+    /// If there are not as many codes as windows.
     pub fn write(&self, folder: &Path) -> Result<(), ArtifactError> {
         let path = folder.join(GOLDEN);
         std::fs::write(&path, self.to_bytes()?).map_err(ArtifactError::file(&path))
@@ -130,7 +130,7 @@ impl Golden {
     }
 }
 
-/// Returns the element type of the tensor `codes`.
+/// Returns the element type with which the file stores codes of this format.
 fn element_type(format: CodeFormat) -> Dtype {
     match format {
         CodeFormat::Int8 | CodeFormat::Int8Exponent => Dtype::I8,
@@ -138,8 +138,8 @@ fn element_type(format: CodeFormat) -> Dtype {
     }
 }
 
-/// Returns the shape of a tensor with `N` dimensions. A dimension that the tensor lacks is returned
-/// as 0, which the check of its elements then refuses.
+/// Returns the lengths of the first `N` dimensions of a tensor. A dimension that the tensor lacks
+/// is returned as 0, which the check of its elements then refuses.
 fn shape<const N: usize>(file: &TensorFile, name: &str) -> Result<[usize; N], ArtifactError> {
     let view = file.tensor(name)?;
     let lengths = view.shape();

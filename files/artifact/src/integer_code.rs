@@ -1,4 +1,4 @@
-//! A code in integers, as the device sends it.
+//! A code in integers, as a device sends it.
 
 use std::fmt;
 
@@ -6,17 +6,17 @@ use crate::description::CodeFormat;
 
 /// A code in integers, in any [`CodeFormat`].
 ///
-/// Dequantised: `z = (level - zero point) * scale` with `level = value * 2^exponent`.
+/// To dequantise it: `z = (level - zero point) * scale`, where `level = value * 2^exponent`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct IntegerCode {
-    /// Exponent of two shared by all values, 0..=8; 0 in the formats without exponent.
+    /// Common exponent of all values, to base 2, 0..=8; 0 in the formats without exponent.
     pub exponent: u8,
-    /// Values; -128..=127 in the 8-bit formats.
+    /// Values of the code in order; -128..=127 in the 8-bit formats.
     pub values: Vec<i16>,
 }
 
 impl IntegerCode {
-    /// Returns `value * 2^exponent` for each value.
+    /// Returns the levels of the code: `value * 2^exponent` for each value.
     pub fn levels(&self) -> Vec<i32> {
         let power = 2_i32.pow(self.exponent.into());
         let levels = self.values.iter().map(|&value| i32::from(value) * power);
@@ -25,7 +25,7 @@ impl IntegerCode {
 }
 
 impl CodeFormat {
-    /// Returns the largest exponent: 8 in the format with an exponent, otherwise 0.
+    /// Returns the largest exponent that a code can have: 8 for `Int8Exponent`, otherwise 0.
     pub fn largest_exponent(self) -> u8 {
         match self {
             Self::Int8 | Self::Int16 => 0,
@@ -33,7 +33,7 @@ impl CodeFormat {
         }
     }
 
-    /// Returns the smallest and the largest value.
+    /// Returns the smallest and the largest value that a code of this format can hold.
     pub fn range(self) -> [i16; 2] {
         match self {
             Self::Int8 | Self::Int8Exponent => [i8::MIN.into(), i8::MAX.into()],

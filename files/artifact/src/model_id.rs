@@ -3,13 +3,13 @@
 use sha2::{Digest, Sha256};
 use std::fmt;
 
-/// Identifies a model. Every frame carries the id, and the bridge decodes only frames of its own
-/// model.
+/// Identifies a model. Every frame carries this id, and the bridge decodes only frames that carry
+/// the id of the model it has loaded.
 ///
-/// The id is the first 8 bytes of the SHA-256 over `model.toml`, `weights.safetensors`,
-/// `calibration.safetensors`, `packed.toml` and `packed.safetensors`, in this order, of those that
-/// the model has. Of each file the hash covers the name, the length as little-endian u64, and the
-/// contents.
+/// The id is the first 8 bytes of a SHA-256 over `model.toml`, `weights.safetensors`,
+/// `calibration.safetensors`, `packed.toml` and `packed.safetensors`, in this order, without those
+/// that the model lacks. For each file, the hash covers the name, the length as little-endian u64,
+/// and the contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ModelId(pub [u8; 8]);
 
@@ -31,7 +31,7 @@ impl ModelId {
 }
 
 impl fmt::Display for ModelId {
-    /// Writes 16 lower-case hexadecimal digits.
+    /// Writes the id as 16 lower-case hexadecimal digits.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
     }
@@ -44,7 +44,8 @@ mod tests {
     #[test]
     fn the_id_is_the_start_of_the_documented_hash() {
         let id = ModelId::from_files(&[("a", "xy"), ("b", ""), ("c", "z")]);
-        // python3: hashlib.sha256(b"a"+pack("<Q",2)+b"xy"+b"b"+pack("<Q",0)+b"c"+pack("<Q",1)+b"z")
+        // The expected id is the first 8 bytes of what this prints in python3:
+        // hashlib.sha256(b"a"+pack("<Q",2)+b"xy"+b"b"+pack("<Q",0)+b"c"+pack("<Q",1)+b"z")
         assert_eq!(id.to_string(), "301a42a801ffdce3");
     }
 }

@@ -1,4 +1,4 @@
-//! Montage files: the scalp grid, the order of the ADC channels and the ADC, as text for people.
+//! Montage files: text files in which a user states the scalp grid, the channel order and the ADC.
 
 use crate::description::{Adc, Grid, Montage};
 use serde::Deserialize;
@@ -7,27 +7,27 @@ use std::path::{Path, PathBuf};
 /// Internal reference of an ADS1299, V (datasheet SBAS499, section 7.5).
 const VREF_V: f64 = 4.5;
 
-/// A montage file, such as `files/montages/paper-61.toml`; an unknown field is an error.
+/// Contents of a montage file such as `files/montages/paper-61.toml`; an unknown field is an error.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MontageFile {
-    /// Name of the montage.
+    /// Name of the montage, such as `paper-61`.
     pub name: String,
     /// One line for each row of the grid, front to back: labels or `_`, separated by blanks.
     grid: String,
     /// Electrodes in the order of the ADC's channels; `None` for the row-major order of the grid.
     pub order: Option<Vec<String>>,
-    /// The ADC.
+    /// The ADC that records the montage.
     pub adc: MontageAdc,
 }
 
-/// The ADC of a montage: a chain of ADS1299.
+/// The ADC of a montage: a chain of ADS1299 chips.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MontageAdc {
-    /// Number of channels, 8 for each converter.
+    /// Number of channels, 8 for each chip.
     pub channels: usize,
-    /// Gain of the programmable-gain amplifier.
+    /// Gain of the ADC's input amplifier.
     pub gain: u32,
     /// Sampling rate of each channel, Hz.
     pub rate_hz: u32,
@@ -50,7 +50,7 @@ pub enum MontageFileError {
     Toml {
         /// Path of the file.
         path: PathBuf,
-        /// Place and kind of the error.
+        /// Position and kind of the error in the file.
         source: toml::de::Error,
     },
 }
@@ -59,7 +59,7 @@ impl MontageFile {
     /// Reads a montage from a file.
     ///
     /// # Errors
-    /// If the file cannot be read or is no montage. Whether the montage is valid is not checked.
+    /// If the file cannot be read or parsed. Whether the montage is valid is not checked.
     pub fn read(path: &Path) -> Result<Self, MontageFileError> {
         let text = std::fs::read_to_string(path).map_err(|source| MontageFileError::File {
             path: path.to_owned(),
@@ -68,10 +68,11 @@ impl MontageFile {
         Self::parse(path, &text)
     }
 
-    /// Parses the text of a montage file; `path` is for the error.
+    /// Parses the text of a montage file; `path` only names the file in the error.
     ///
     /// # Errors
-    /// If the text is no montage. Whether the montage is valid is not checked.
+    /// If the text is not TOML with the fields of a montage. Whether the montage is valid is not
+    /// checked.
     pub fn parse(path: &Path, text: &str) -> Result<Self, MontageFileError> {
         toml::from_str(text).map_err(|source| MontageFileError::Toml {
             path: path.to_owned(),
@@ -79,7 +80,7 @@ impl MontageFile {
         })
     }
 
-    /// Returns the scalp grid; its rows can have different lengths in an invalid montage.
+    /// Returns the scalp grid, whose rows can have different lengths if the montage is invalid.
     pub fn grid(&self) -> Grid {
         let lines = self.grid.lines().map(str::trim);
         let cells = lines
@@ -97,7 +98,7 @@ impl MontageFile {
         Montage { electrodes }
     }
 
-    /// Returns the ADC for a description.
+    /// Returns the ADC in the form that a model's description has.
     pub fn adc(&self) -> Adc {
         Adc {
             rate_hz: self.adc.rate_hz,

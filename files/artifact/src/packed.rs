@@ -1,4 +1,4 @@
-//! The packed model: a predictive transform code of few bits.
+//! The packed model: the integers of a predictive transform code that needs few bits.
 
 mod file;
 mod model;

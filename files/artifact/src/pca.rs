@@ -1,4 +1,4 @@
-//! PCA of the training windows, with which a model is compared on any recording.
+//! PCA of the training windows, as a yardstick: a model's error is compared with that of PCA.
 
 use crate::description::{Description, Mode};
 use crate::error::ArtifactError;
@@ -7,14 +7,15 @@ use crate::shapes::calibration_shapes;
 use crate::tensors::{PCA, Tensors};
 use std::path::Path;
 
-/// Principal directions of a model's training windows, and the ranges of their components.
+/// Principal directions of a model's training windows, and the calibrated ranges of their
+/// components.
 ///
-/// The file is optional: a model that was imported has none.
+/// The file `pca.safetensors` is optional: a model that was imported has none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pca(Tensors);
 
 impl Pca {
-    /// Returns the PCA that a model of mode `pca` is.
+    /// Returns the PCA that a model of mode `pca` consists of.
     ///
     /// # Errors
     /// If the model has another mode.
@@ -33,10 +34,11 @@ impl Pca {
         Ok(Self(tensors))
     }
 
-    /// Returns the model of mode `pca` with the other settings of a description.
+    /// Returns a model of mode `pca` with these directions, and otherwise with the settings of
+    /// `description`.
     ///
     /// # Errors
-    /// If the file does not fit the description.
+    /// If the directions or ranges do not fit the description.
     pub fn to_model(&self, mut description: Description) -> Result<Artifact, ArtifactError> {
         description.mode = Mode::Pca;
         let dimensions = description.dimensions();
@@ -60,7 +62,7 @@ impl Pca {
         Artifact::new(description, weights, calibration)
     }
 
-    /// Reads the file from the folder of an artifact; `None` if the folder has none.
+    /// Reads `pca.safetensors` from the folder of an artifact; `None` if the folder has none.
     ///
     /// # Errors
     /// If the file cannot be read.
@@ -73,7 +75,7 @@ impl Pca {
         }
     }
 
-    /// Writes the file into the folder of an artifact.
+    /// Writes `pca.safetensors` into the folder of an artifact.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -84,7 +86,7 @@ impl Pca {
     }
 }
 
-/// Name of the directions among the weights of a model of mode `pca`.
+/// Name of the tensor with the directions in a model of mode `pca`.
 const DIRECTIONS_OF_MODEL: &str = "encoder.shortcut.weight";
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The map between electrodes and cells of the scalp grid.
+//! Maps electrodes to cells of the scalp grid and back.
 
 use crate::description::Description;
 use crate::geometry::Dimensions;
@@ -30,12 +30,12 @@ impl ScalpGrid {
         }
     }
 
-    /// Returns the cell, `row * columns + column`, of each electrode.
+    /// Returns the index `row * columns + column` of the cell of each electrode.
     pub fn cell_of_electrode(&self) -> &[usize] {
         &self.cell_of_electrode
     }
 
-    /// Converts a window of electrodes (step, electrode) to the grid (step, row, column); cells
+    /// Converts a window of electrodes (step, electrode) to the grid (step, row, column). Cells
     /// without an electrode become 0.
     ///
     /// # Panics
@@ -56,8 +56,8 @@ impl ScalpGrid {
         self.places().map(|(at_cell, _)| cells[at_cell]).collect()
     }
 
-    /// Iterates over the values of a window in the order step, electrode: the index of each value
-    /// on the grid, and its index among the electrodes.
+    /// Returns, for each value of a window in the order step, electrode, its index in a window on
+    /// the grid and its index in a window of electrodes.
     fn places(&self) -> impl Iterator<Item = (usize, usize)> {
         let steps = 0..self.dimensions.steps;
         let cells = steps.flat_map(|step| {

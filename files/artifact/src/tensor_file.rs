@@ -4,7 +4,7 @@ use crate::error::{ArtifactError, TensorProblem};
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 
-/// A file that is being read.
+/// A safetensors file that is being read; its name is for errors.
 pub(crate) struct TensorFile<'f> {
     name: &'static str,
     tensors: SafeTensors<'f>,
@@ -14,26 +14,26 @@ pub(crate) struct TensorFile<'f> {
 pub(crate) type NamedTensor<'n> = (&'n str, Dtype, Vec<usize>, Vec<u8>);
 
 impl<'f> TensorFile<'f> {
-    /// Reads the header of the file `name`.
+    /// Parses the header of a file from its bytes; `name` is for errors.
     pub(crate) fn parse(name: &'static str, bytes: &'f [u8]) -> Result<Self, ArtifactError> {
         let tensors = SafeTensors::deserialize(bytes)
             .map_err(|source| ArtifactError::Safetensors { file: name, source })?;
         Ok(Self { name, tensors })
     }
 
-    /// Returns the names of all tensors.
+    /// Returns the names of all tensors in the file.
     pub(crate) fn names(&self) -> Vec<&str> {
         self.tensors.names()
     }
 
-    /// Returns a tensor of any type and shape.
+    /// Returns a tensor, whatever its element type and shape.
     pub(crate) fn tensor(&self, name: &str) -> Result<TensorView<'f>, ArtifactError> {
         self.tensors
             .tensor(name)
             .map_err(|_| TensorProblem::Missing.of(self.name, name))
     }
 
-    /// Returns the bytes of a tensor of this type.
+    /// Returns the bytes of a tensor, or an error if its elements are not of type `kind`.
     pub(crate) fn bytes(&self, name: &str, kind: Dtype) -> Result<&'f [u8], ArtifactError> {
         let view = self.tensor(name)?;
         if view.dtype() == kind {
@@ -44,7 +44,7 @@ impl<'f> TensorFile<'f> {
         Err(TensorProblem::ElementType(found, expected).of(self.name, name))
     }
 
-    /// Returns the bytes of a tensor of this type and shape.
+    /// Returns the bytes of a tensor, or an error if its element type or shape differs.
     pub(crate) fn elements(
         &self,
         name: &str,
@@ -60,7 +60,7 @@ impl<'f> TensorFile<'f> {
     }
 }
 
-/// Returns the contents of the file `name` with these tensors.
+/// Returns the bytes of a safetensors file with these tensors; `name` is for errors.
 pub(crate) fn to_bytes(
     name: &'static str,
     tensors: &[NamedTensor<'_>],

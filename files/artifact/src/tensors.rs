@@ -1,4 +1,4 @@
-//! The tensors of one file.
+//! The f32 tensors of one file of an artifact.
 
 use crate::error::{ArtifactError, TensorProblem};
 use crate::shapes::NamedShape;
@@ -13,7 +13,7 @@ pub(crate) const CALIBRATION: &str = "calibration.safetensors";
 /// Name of the file that holds the PCA of the training windows.
 pub(crate) const PCA: &str = "pca.safetensors";
 
-/// The f32 tensors of one `.safetensors` file, by name.
+/// The f32 tensors of one `.safetensors` file of an artifact, by name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensors {
     file: &'static str,
@@ -77,8 +77,8 @@ impl Tensors {
             .map(|(name, (shape, _))| (name.as_str(), shape.as_slice()))
     }
 
-    /// Returns an error if a tensor is missing, unknown or of another shape, or a number is not
-    /// finite.
+    /// Returns an error if one of the `expected` tensors is missing or has another shape, a tensor
+    /// is not expected, or a number is not finite.
     pub(crate) fn check(&self, expected: &[NamedShape]) -> Result<(), ArtifactError> {
         for (name, shape) in expected {
             let values = self.tensor(name, shape)?;
@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(Tensors::from_bytes(WEIGHTS, &bytes).unwrap(), tensors);
     }
 
-    /// Asserts that an error is this problem of the tensor `name`.
+    /// Asserts that `result` is an error that states this problem of the tensor `name`.
     fn assert_problem<T: std::fmt::Debug>(
         result: Result<T, ArtifactError>,
         name: &str,

@@ -1,4 +1,4 @@
-//! Small hand-made models for the tests of this crate.
+//! Small artificial models for the tests of this crate.
 
 use crate::description::{Description, Mode};
 use crate::folder::Artifact;
@@ -6,7 +6,7 @@ use crate::geometry::Geometry;
 use crate::shapes::{NORM_EPSILON, calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
 
-/// Returns the description of the model of the paper's montage, in mode `pca`.
+/// Returns the description of the built-in model for 61 electrodes, but with mode `pca`.
 pub(crate) fn description() -> Description {
     let paper = include_str!("../../../signal/model/paper/model.toml");
     let paper: Description = toml::from_str(paper).unwrap();
@@ -25,12 +25,12 @@ fn calibration(description: &Description) -> Tensors {
     calibration
 }
 
-/// Returns a model of mode `pca` whose component k selects feature k.
+/// Returns a model of mode `pca` whose component k is value k of the window.
 pub(crate) fn pca() -> Artifact {
     pca_with(description())
 }
 
-/// Returns the model of [`pca`], with the dimensions in `description`.
+/// Returns the model of [`pca`], but with the dimensions in `description`.
 pub(crate) fn pca_with(mut description: Description) -> Artifact {
     description.mode = Mode::Pca;
     let numbers = description.dimensions().numbers;
@@ -54,7 +54,7 @@ pub(crate) fn shortcut() -> Artifact {
     shortcut_with(description())
 }
 
-/// Returns the model of [`shortcut`], with the padding and the pool in `description`.
+/// Returns the model of [`shortcut`], but with the padding and the pool in `description`.
 pub(crate) fn shortcut_with(mut description: Description) -> Artifact {
     description.mode = Mode::Shortcut;
     let expected = weight_shapes(Mode::Shortcut, &Geometry::new(&description));

@@ -1,44 +1,44 @@
-//! The decoder's first convolution, together with the unpooling before it.
+//! The decoder's unpooling and first transposed convolution, computed together.
 
 use crate::convolution::{Convolution, Volume};
 use crate::geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Geometry, KERNEL};
 
-/// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
+/// Number of weights for each pair of input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = KERNEL * KERNEL * KERNEL;
 
-/// One value of each output channel.
+/// One value for each output channel.
 type Outputs = [f32; CONV1_CHANNELS];
 
 /// Nearest-neighbour unpooling followed by a transposed convolution, cropped to the size of the
-/// first convolution's output in the encoder.
+/// output of the encoder's first convolution.
 ///
-/// Unpooling repeats each pooled value, for example 10 times: each product of a pooled value and a
-/// weight is computed once and added to all outputs that it belongs to. The output channels are
-/// innermost, which the compiler vectorises. With the built-in model, a window decodes in 0.37 ms
-/// instead of 0.75 ms with the two layers one after the other (x86-64 with SSE2, 7.3 million
+/// Unpooling repeats each pooled value, for example 10 times; here each product of a pooled value
+/// and a weight is computed once and added to all outputs that need it. The output channels are
+/// innermost, so that the compiler vectorises the loops. With the built-in model, a window decodes
+/// in 0.37 ms instead of the 0.75 ms of two separate layers (x86-64 with SSE2, 7.3 million
 /// instructions instead of 11.6 million).
 ///
 /// Each sum starts with its bias. The products are added in the order input channel, tap (step,
-/// row, column of the kernel), so that the result is that of the two layers one after the other,
-/// bit for bit, except for the sign of a zero.
+/// row, column of the kernel). So the result equals that of two separate layers, bit for bit,
+/// except for the sign of a zero.
 #[derive(Clone, Debug)]
 pub(crate) struct UnpooledConvolution {
-    /// Weights `[input][tap][output]`.
+    /// Weights in the order `[input][tap][output]`.
     weights: Vec<[Outputs; TAPS]>,
     bias: Outputs,
-    /// Number of values in a channel of the pooled input.
+    /// Number of positions (step, row, column) in the pooled input.
     cells: usize,
     /// Numbers of steps, rows and columns of the output.
     size: [usize; 3],
-    /// Index `tap * cells + cell` of each product that an output position sums, in the order of the
-    /// sum; all positions one after the other, column fastest.
+    /// For all output positions in turn (column fastest), the products that the position sums, in
+    /// the order of the sum, each as an index `tap * cells + cell`.
     products: Vec<usize>,
-    /// For each output position, the end of its indices in `products`.
+    /// For each output position, the index in `products` at which its products end.
     ends: Vec<usize>,
 }
 
 impl UnpooledConvolution {
-    /// Packs the weights of a transposed convolution for volumes of this geometry.
+    /// Rearranges the weights of a transposed convolution for volumes of this geometry.
     pub(crate) fn new(convolution: &Convolution, geometry: &Geometry) -> Self {
         let mut bias = [0.0; CONV1_CHANNELS];
         bias.copy_from_slice(&convolution.bias);
@@ -67,7 +67,7 @@ impl UnpooledConvolution {
         }
     }
 
-    /// Convolves the pooled values `[input][step][row][column]`.
+    /// Unpools and convolves the pooled values `[input][step][row][column]`.
     pub(crate) fn forward(&self, pooled: &[f32]) -> Volume {
         let mut sums = vec![self.bias; self.ends.len()];
         let mut products = vec![[0.0; CONV1_CHANNELS]; TAPS * self.cells];
@@ -75,8 +75,8 @@ impl UnpooledConvolution {
             multiply(weights, values, &mut products);
             let mut start = 0;
             for (sums, &end) in sums.iter_mut().zip(&self.ends) {
-                // A copy in registers, because the compiler cannot prove that the products do not
-                // alias.
+                // The local copy stays in registers; the compiler would reload `sums`, because it
+                // cannot prove that the products do not alias it.
                 let mut outputs = *sums;
                 for &product in &self.products[start..end] {
                     for (output, product) in outputs.iter_mut().zip(&products[product]) {
@@ -98,7 +98,7 @@ impl UnpooledConvolution {
     }
 }
 
-/// Computes the products `[tap][cell]` of all values of a pooled channel with all its weights.
+/// Multiplies all values of one pooled channel by all its weights; `products` is `[tap][cell]`.
 fn multiply(weights: &[Outputs; TAPS], values: &[f32], products: &mut [Outputs]) {
     for (weights, products) in weights.iter().zip(products.chunks_exact_mut(values.len())) {
         for (value, products) in values.iter().zip(products) {
@@ -109,10 +109,10 @@ fn multiply(weights: &[Outputs; TAPS], values: &[f32], products: &mut [Outputs])
 
 /// Returns the indices `tap * cells + cell` of the products that the output at `position` sums.
 ///
-/// Output position p of the uncropped volume sums tap k times the unpooled value at p - k, if there
-/// is one. Unpooled position p of n repeats pooled position floor(p * m / n), where m is the pooled
-/// size, as in PyTorch's `interpolate`. For example, the first three of five columns repeat pooled
-/// column 0 of two.
+/// Before cropping, output position p sums tap k times the unpooled value at p - k, for all k for
+/// which it exists. Unpooled position p of n repeats pooled position floor(p * m / n), where m is
+/// the pooled size, as in PyTorch's `interpolate`. For example, the first three of five columns
+/// repeat pooled column 0 of two.
 fn products_of(position: [usize; 3], geometry: &Geometry) -> impl Iterator<Item = usize> {
     let (pooled, unpooled) = (geometry.pooled, geometry.feature_map);
     let pads = geometry.padding.pads();
@@ -143,8 +143,8 @@ mod tests {
         Geometry::new(&description)
     }
 
-    /// Returns numbers in -1.0..1.0 whose sums round, so that another order of a sum has other
-    /// bits.
+    /// Returns pseudo-random numbers in -1.0..1.0. Their sums are rounded, so that a sum in another
+    /// order has other bits.
     fn numbers(count: usize, seed: u32) -> Vec<f32> {
         let next = |state: &u32| Some(state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
         std::iter::successors(Some(seed), next)
@@ -154,7 +154,7 @@ mod tests {
             .collect()
     }
 
-    /// Unpools by nearest neighbour, one position at a time.
+    /// Returns the unpooled volume, by the plain formula for nearest neighbours.
     fn unpool(pooled: &[f32], geometry: &Geometry) -> Volume {
         let (from, size) = (geometry.pooled, geometry.feature_map);
         let mut values = Vec::new();

@@ -1,4 +1,4 @@
-//! Checks that a description and its tensors are a model that the network code can run.
+//! Checks that a description and its tensors form a valid model.
 
 use crate::description::{Decimation, Description, EMPTY, NetworkShape};
 use crate::error::{ArtifactError, List};
@@ -10,43 +10,44 @@ use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
-/// Supported version of the artifact format.
+/// Version of the artifact format that this crate reads and writes.
 const FORMAT: u32 = 1;
-/// Rate of the time steps that a description must state, Hz.
+/// The only rate of time steps that a description may state, Hz.
 const RATE_HZ: u32 = 128;
-/// Permitted numbers of time steps in a window.
+/// Numbers of time steps that a window may have.
 const STEPS: [usize; 2] = [16, 32];
-/// Permitted numbers of time steps from the start of one window to the start of the next.
+/// Numbers of time steps that a hop may have.
 const HOPS: [usize; 3] = [4, 8, 16];
-/// Largest number of rows, and of columns, of the scalp grid.
+/// Largest number of rows, and also of columns, of the scalp grid.
 pub const LARGEST_SIDE: usize = 12;
-/// Permitted numbers of electrodes. A mask of 64 bits marks the channels at the rail.
+/// Permitted numbers of electrodes: at most 64, so that a 64-bit mask can mark channels at the
+/// rail.
 pub const ELECTRODES: RangeInclusive<usize> = 4..=64;
-/// Permitted numbers of numbers in a code.
+/// Lengths that a code may have, in numbers.
 const NUMBERS: RangeInclusive<usize> = 8..=256;
-/// The number of numbers in a code must be a multiple of this number: the kernels of the linear
-/// layers compute several outputs at a time.
+/// The length of a code must be a multiple of this number, because the kernels of the linear layers
+/// compute four outputs at a time.
 const NUMBERS_MULTIPLE: usize = 4;
-/// The pools of a row must cover this number of columns: the kernels of the convolutions compute
-/// several columns at a time.
+/// Smallest number of columns that the pools of a row may cover together, because the kernels of
+/// the convolutions compute three columns at a time.
 const COLUMNS_AT_A_TIME: usize = 3;
 /// Sampling rates of an ADS1299, Hz: its master clock of 2.048 MHz or 2.097152 MHz over powers of
 /// two (datasheet SBAS499, section 9.6.1.2).
 pub const ADC_RATES_HZ: [u32; 6] = [250, 256, 500, 512, 1000, 1024];
-/// Gains of the programmable-gain amplifier of an ADS1299 (section 9.6.1.6).
+/// Gains of the ADS1299's input amplifier (datasheet section 9.6.1.6).
 pub const GAINS: [u32; 7] = [1, 2, 4, 6, 8, 12, 24];
-/// Internal reference of an ADS1299, V (section 7.5).
+/// Internal reference of an ADS1299, V (datasheet section 7.5).
 const VREF_V: f64 = 4.5;
-/// Channels of an ADS1299.
+/// Number of channels of one ADS1299.
 pub const CHIP_CHANNELS: usize = 8;
-/// Largest number of converters in a chain.
+/// Largest number of ADS1299 chips in a chain.
 pub const LARGEST_CHAIN: usize = 8;
 
-/// A field of the description with its value.
+/// Name and value of a field of the description that is being checked.
 struct Field<'d>(&'static str, &'d dyn Display);
 
 impl Field<'_> {
-    /// Returns an error that names the field, its value and the `expected` values unless `holds`.
+    /// Returns an error with the field, its value and the `expected` values if `holds` is false.
     fn must(self, holds: bool, expected: impl Into<String>) -> Result<(), ArtifactError> {
         if holds {
             return Ok(());
@@ -157,7 +158,7 @@ fn label_error(label: &str, problem: &'static str) -> ArtifactError {
 fn check_labels(d: &Description) -> Result<(), ArtifactError> {
     let mut montage = BTreeSet::new();
     for label in &d.montage.electrodes {
-        // Labels are sent to the host separated by blanks.
+        // The device sends the labels to the host as one text, separated by blanks.
         let well_formed = !label.is_empty() && label.chars().all(|c| c.is_ascii_graphic());
         if !well_formed || label == EMPTY {
             return Err(label_error(
@@ -214,9 +215,9 @@ fn check_convolutions(d: &Description) -> Result<(), ArtifactError> {
     );
     Field("network.pool", &List(&pool))
         .must(map[2] / pool[2] * pool[2] >= COLUMNS_AT_A_TIME, expected)?;
-    // The steps of a pool divide the hop, so that overlapping windows share pools. With padded
-    // steps, windows cannot share the first and the last pool; of the four pools of four steps,
-    // that would be half.
+    // A hop must be a whole number of pools in steps, so that overlapping windows share pools. With
+    // padded steps, windows do not share their first and last pool. With pools of four steps these
+    // would be two of four pools, so such pools are refused.
     let (steps, expected) = if padding.pads_time() {
         (&[1, 2][..], "of 1 or 2 steps with padding \"all\"")
     } else {
@@ -281,7 +282,7 @@ fn check_filters(d: &Description) -> Result<(), ArtifactError> {
     Field("filters.order", &filters.order).must((1..=8).contains(&filters.order), "1 to 8")
 }
 
-/// Returns an error if the weights are not those of the description's mode and shape.
+/// Returns an error if the weights are not those that mode and shape of the description require.
 pub(crate) fn check_weights(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
     let expected = weight_shapes(d.mode, &Geometry::new(d));
     tensors.check(&expected)?;
@@ -297,7 +298,8 @@ pub(crate) fn check_weights(d: &Description, tensors: &Tensors) -> Result<(), Ar
     Ok(())
 }
 
-/// Returns an error if the calibration is not that of the description's mode, or a range is empty.
+/// Returns an error if the calibration does not have the tensors that mode and dimensions of the
+/// description require, or a range is empty.
 pub(crate) fn check_calibration(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
     let expected = calibration_shapes(d.mode, &d.dimensions());
     tensors.check(&expected)?;

@@ -1,4 +1,4 @@
-//! Rules for the name of a file to write.
+//! Rules for the name under which the user wants a file written.
 
 use std::{
     fs::{self, Metadata},
@@ -9,21 +9,21 @@ use std::{
 
 use crate::error::NewFileError;
 
-/// Number of symbolic links in a row after which a name is refused, as Linux refuses it.
+/// Number of symbolic links in a row after which a name is refused; Linux has the same limit.
 const MAX_LINKS: usize = 40;
 
-/// Treatment of a file that has the name already.
+/// What to do if a file with the chosen name exists already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Existing {
-    /// Return [`NewFileError::Exists`].
+    /// Keep the file and return [`NewFileError::Exists`].
     #[default]
     Refuse,
-    /// Replace the file.
+    /// Replace the file by the new one.
     Replace,
 }
 
 impl Existing {
-    /// Returns the treatment that the option `--force` selects.
+    /// Returns [`Self::Replace`] if the user gave the option `--force`, otherwise [`Self::Refuse`].
     pub const fn from_force(force: bool) -> Self {
         if force { Self::Replace } else { Self::Refuse }
     }
@@ -32,24 +32,24 @@ impl Existing {
 /// Kind of file that may be written under a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Destination {
-    /// A file, new or to be replaced.
+    /// A regular file, either new or to be replaced.
     File,
-    /// A device or a pipe, which is written as it is and has no temporary name.
+    /// A device or a pipe: bytes are written to it directly, without a temporary file.
     Stream,
 }
 
 impl Destination {
-    /// Checks a name against the files that the program reads, and against what has the name
-    /// already.
+    /// Returns what would be written under the name `path`. Refuses a folder, one of the `inputs`
+    /// that the program reads, and, if `existing` says so, any existing file.
     pub(crate) fn check(
         path: &Path,
         existing: Existing,
         inputs: &[PathBuf],
     ) -> Result<Self, NewFileError> {
         let named = || path.to_owned();
-        // Follows links, so that an input is found under any of its names.
+        // `metadata` follows links, so that an input is found under any of its names.
         let Ok(found) = path.metadata() else {
-            // A link to nothing is a file of the user, too.
+            // A dangling symbolic link also counts as an existing file.
             return if path.is_symlink() && existing == Existing::Refuse {
                 Err(NewFileError::Exists { path: named() })
             } else {
@@ -80,21 +80,21 @@ impl Destination {
     }
 }
 
-/// Follows the symbolic links of a name, so that a file is replaced and not a link to it. The last
-/// link can lead to a file that does not exist.
+/// Returns the name at the end of a chain of symbolic links, so that the file is replaced and not a
+/// link to it. This file need not exist.
 pub(crate) fn follow_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..=MAX_LINKS {
         match fs::read_link(&path) {
             Ok(target) => path = folder_of(&path).join(target),
-            // Not a link.
+            // The name is not that of a link.
             Err(_) => return Ok(path),
         }
     }
     Err(io::Error::other("its links lead to each other"))
 }
 
-/// Returns the folder of a file.
+/// Returns the folder that holds a file; `.` for a bare file name.
 pub(crate) fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if folder != Path::new("") => folder,

@@ -1,4 +1,4 @@
-//! Errors of a file that the user names as output.
+//! Errors in writing a file whose name the user chose.
 
 use std::{io, path::PathBuf};
 
@@ -10,25 +10,25 @@ pub enum NewFileError {
     /// A file with this name exists, and the user did not ask to replace it.
     #[error("{} exists already; choose another name, or replace it with --force", path.display())]
     Exists {
-        /// Name from the user.
+        /// Name that the user chose.
         path: PathBuf,
     },
-    /// The name, perhaps through a link, is that of a file that the program reads.
+    /// The chosen name, perhaps through a link, is that of a file that the program reads.
     #[error(
         "{} is the input {}; choose another name, because --force replaces no input",
         path.display(),
         input.display()
     )]
     Input {
-        /// Name from the user.
+        /// Name that the user chose.
         path: PathBuf,
         /// Name under which the program reads the file.
         input: PathBuf,
     },
-    /// The name is that of a folder.
+    /// The chosen name is that of a folder.
     #[error("{} is a folder; write the name of a file in it", path.display())]
     Folder {
-        /// Name from the user.
+        /// Name that the user chose.
         path: PathBuf,
     },
     /// The file cannot be created.
@@ -37,7 +37,7 @@ pub enum NewFileError {
         path.display()
     )]
     Create {
-        /// Name from the user.
+        /// Name that the user chose.
         path: PathBuf,
         /// Error from the operating system.
         source: io::Error,
@@ -45,22 +45,22 @@ pub enum NewFileError {
     /// A part of the file cannot be written.
     #[error("{} cannot be written; make room on the disk and repeat the command", path.display())]
     Write {
-        /// Name from the user.
+        /// Name that the user chose.
         path: PathBuf,
         /// Error from the operating system.
         source: io::Error,
     },
-    /// The complete file cannot be moved to its name, or its bytes may not have reached the disk.
-    /// The file keeps its temporary name.
+    /// The file is written, but cannot be renamed from its temporary name, or its bytes may not
+    /// have reached the disk. The temporary file is kept.
     #[error(
         "{} cannot be completed; what was written is in {}: check the disk and rename that file",
         path.display(),
         kept.display()
     )]
     Finish {
-        /// Name from the user.
+        /// Name that the user chose.
         path: PathBuf,
-        /// Temporary name, under which the file stays.
+        /// Name of the temporary file, which is kept.
         kept: PathBuf,
         /// Error from the operating system.
         source: io::Error,

@@ -1,4 +1,4 @@
-//! A file that appears under its name when it is complete.
+//! A file that gets its name only when it is complete.
 
 use std::{
     ffi::OsStr,
@@ -15,16 +15,16 @@ use crate::{
     error::NewFileError,
 };
 
-/// Permissions of a new file before the user's mask applies. Temporary files have fewer by default.
+/// Permissions of a new file before the umask applies; a temporary file has fewer by default.
 const MODE: u32 = 0o666;
 
-/// A file to write, which [`NewFile::finish`] moves to its name. Dropping it deletes what was
-/// written.
+/// A file that is being written; [`NewFile::finish`] gives it its name. Dropping it before that
+/// deletes the temporary file.
 #[derive(Debug)]
 pub struct NewFile {
-    /// Name from the user.
+    /// Name that the user chose.
     path: PathBuf,
-    /// The name after its symbolic links: that of the file itself.
+    /// Name of the file that is really written: `path`, or the target if `path` is a symbolic link.
     target: PathBuf,
     existing: Existing,
     bytes: Bytes,
@@ -33,13 +33,13 @@ pub struct NewFile {
 #[derive(Debug)]
 enum Bytes {
     Temporary(NamedTempFile),
-    /// A device or a pipe.
+    /// A device or a pipe, which is written directly.
     Stream(File),
 }
 
 impl NewFile {
-    /// Creates a file for the name `path`, in the same folder. `inputs` are the files that the
-    /// program reads.
+    /// Creates a temporary file in the folder of `path`, its later name. `inputs` are the files
+    /// that the program reads, which must not be overwritten.
     ///
     /// # Errors
     /// [`NewFileError`] if the name is that of an input, of a folder, or, with
@@ -73,24 +73,24 @@ impl NewFile {
     /// Returns a second handle of the file, for a writer that takes a [`File`].
     ///
     /// # Errors
-    /// The error of the operating system if it has no handle left.
+    /// The error of the operating system if it cannot create another handle.
     pub fn handle(&self) -> io::Result<File> {
         self.file().try_clone()
     }
 
-    /// Moves the complete file to its name. A device or a pipe has its bytes already.
+    /// Gives the complete file its name. For a device or a pipe there is nothing left to do.
     ///
     /// # Errors
     /// [`NewFileError::Finish`] if the bytes did not reach the disk, the file cannot be renamed,
     /// or, with [`Existing::Refuse`], another program has created a file with this name meanwhile.
-    /// What was written then stays under the temporary name, which the error states.
+    /// The temporary file is then kept, and the error states its name.
     pub fn finish(self) -> Result<(), NewFileError> {
         let Bytes::Temporary(mut file) = self.bytes else {
             return Ok(());
         };
         file.disable_cleanup(true);
         let kept = file.path().to_owned();
-        // After the rename a loss of power must not leave an empty file under the name.
+        // Without `sync_all`, a power failure after the rename could leave an empty file.
         let finished = file.as_file().sync_all().and_then(|()| {
             match self.existing {
                 Existing::Refuse => file.persist_noclobber(&self.target),
@@ -205,8 +205,7 @@ mod tests {
         for existing in [Existing::Refuse, Existing::Replace] {
             let mut file = NewFile::create(&path, existing, &[]).expect("writable");
             file.write_all(b"new").expect("the disk has room");
-            // Neither is replaced: another program's file without, a folder not even with
-            // `Replace`.
+            // `Refuse` must not replace another program's file; `Replace` cannot replace a folder.
             match existing {
                 Existing::Refuse => fs::write(&path, b"other").expect("writable"),
                 Existing::Replace => fs::create_dir(&path).expect("writable"),

@@ -1,4 +1,4 @@
-//! A file that grows under its own name.
+//! A file that has its final name from its first byte on.
 
 use std::{
     fs::{File, OpenOptions},
@@ -11,7 +11,8 @@ use crate::{
     error::NewFileError,
 };
 
-/// A file that grows under its own name, such as a recording that must stay readable after a kill.
+/// A file that has its final name while it grows, such as a recording that must stay readable if
+/// the program is killed.
 #[derive(Debug)]
 pub struct GrowingFile {
     file: File,
@@ -22,7 +23,8 @@ impl GrowingFile {
     /// Creates a file, or opens a device or a pipe.
     ///
     /// # Errors
-    /// [`NewFileError`] if the name cannot be used.
+    /// [`NewFileError`] if the name is that of a folder or of a file that must not be replaced, or
+    /// the file cannot be created.
     pub fn create(path: &Path, existing: Existing) -> Result<Self, NewFileError> {
         let destination = Destination::check(path, existing, &[])?;
         let mut options = OpenOptions::new();
@@ -42,7 +44,7 @@ impl GrowingFile {
         Ok(Self { file, destination })
     }
 
-    /// Waits until the disk has all bytes. Devices and pipes have no disk to wait for.
+    /// Waits until the disk has all bytes written so far; does nothing for devices and pipes.
     ///
     /// # Errors
     /// The error of the operating system if a byte did not reach the disk.

@@ -1,26 +1,27 @@
-//! Axis of a chart: range and ticks from the values.
+//! Axis of a chart; its range and ticks are computed from the values.
 
 use std::ops::RangeInclusive;
 
-/// Spacing of values along an axis.
+/// How values are spaced along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
-    /// Equal differences have equal lengths.
+    /// Equal differences between values have equal lengths on the axis.
     Linear,
     /// As [`Scale::Linear`], with ticks at whole numbers only.
     Whole,
-    /// Equal ratios have equal lengths. Values of 0 or less are not drawn.
+    /// Equal ratios between values have equal lengths on the axis. Values of 0 or less are not
+    /// drawn.
     Logarithmic,
 }
 
-/// Quantity along one side of a chart.
+/// One axis of a chart: the quantity it shows and how its values are spaced.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// Quantity and unit.
+    /// Quantity and unit, such as "error (uV)".
     pub label: String,
-    /// Spacing of the values.
+    /// How the values are spaced.
     pub scale: Scale,
-    /// Values of the ticks, with their texts; if empty, ticks are at round values.
+    /// Values that get a tick, with the tick's text; if empty, round values get one.
     pub ticks: Vec<(f64, String)>,
 }
 
@@ -28,7 +29,7 @@ pub struct Axis {
 const MOST_TICKS: f64 = 10.0;
 
 impl Axis {
-    /// Creates an axis that labels round values.
+    /// Creates an axis with ticks at round values.
     pub fn new(label: impl Into<String>, scale: Scale) -> Self {
         Self {
             label: label.into(),
@@ -37,12 +38,13 @@ impl Axis {
         }
     }
 
-    /// Returns whether the axis can show a value: a finite one, on a logarithmic axis above 0.
+    /// Returns whether the axis can show a value: a finite one, and on a logarithmic axis one above
+    /// 0.
     pub(crate) fn has(&self, value: f64) -> bool {
         value.is_finite() && (self.scale != Scale::Logarithmic || value > 0.0)
     }
 
-    /// Returns the coordinate of a value: itself, or its decimal logarithm.
+    /// Returns the coordinate of a value: the value itself, or its logarithm on a logarithmic axis.
     pub(crate) fn coordinate(&self, value: f64) -> f64 {
         match self.scale {
             Scale::Linear | Scale::Whole => value,
@@ -50,8 +52,8 @@ impl Axis {
         }
     }
 
-    /// Returns the smallest and the largest coordinate of an axis that shows all of these values,
-    /// with some room at both ends.
+    /// Returns the first and the last coordinate of an axis that shows all of these values, with 4
+    /// % of room at both ends.
     pub(crate) fn coordinates(&self, values: impl Iterator<Item = f64>) -> [f64; 2] {
         let coordinates = values
             .filter(|value| self.has(*value))
@@ -63,7 +65,7 @@ impl Axis {
         if low > high {
             return [0.0, 1.0];
         }
-        // A single value has no range, so the axis takes one from its size.
+        // A single value spans no range, so the axis gets a width in proportion to the value.
         let width = if high > low {
             high - low
         } else {
@@ -72,7 +74,7 @@ impl Axis {
         [low - 0.04 * width, high + 0.04 * width]
     }
 
-    /// Returns the coordinates and texts of the ticks between two coordinates.
+    /// Returns the coordinate and the text of each tick from coordinate `low` to `high`.
     pub(crate) fn ticks_between(&self, [low, high]: [f64; 2]) -> Vec<(f64, String)> {
         let is_shown = |coordinate: &f64| (low..=high).contains(coordinate);
         let ticks: Vec<(f64, String)> = if !self.ticks.is_empty() {
@@ -101,7 +103,8 @@ impl Axis {
             .collect()
     }
 
-    /// Returns multiples of 1, 2 or 5 times a power of ten between two values, with their texts.
+    /// Returns round values from `low` to `high`, with their texts: all multiples of a step that is
+    /// 1, 2 or 5 times a power of ten.
     fn round_values(&self, low: f64, high: f64) -> impl Iterator<Item = (f64, String)> + use<> {
         let least = (high - low).max(f64::MIN_POSITIVE) / MOST_TICKS;
         let mut decade = whole(least.log10().floor());
@@ -122,7 +125,7 @@ impl Axis {
     }
 }
 
-/// Formats a multiple of 10^`decade`, with as many decimal places as it needs.
+/// Formats a multiple of 10^`decade` with the decimal places that it needs.
 fn text(value: f64, decade: i32) -> String {
     let places = usize::try_from(-decade).unwrap_or(0);
     format!("{value:.places$}").replace('-', "−")

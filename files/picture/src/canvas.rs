@@ -1,4 +1,4 @@
-//! The page on which every chart is drawn: title, colours, text styles, legend.
+//! Parts that all charts share: page with title and subtitle, colours, text styles, legend.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Part of an SVG page to draw on.
+/// Part of an SVG page on which a chart is drawn.
 pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 pub(crate) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
@@ -18,20 +18,20 @@ pub const INK: RGBColor = RGBColor(0x1f, 0x29, 0x33);
 pub const FAINT: RGBColor = RGBColor(0x62, 0x70, 0x80);
 /// Light grey of grid lines.
 pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe9, 0xee);
-/// Blue of input signals and of this project's own figures.
+/// Blue of input signals; in comparisons, of this project's results.
 pub const SOURCE: RGBColor = RGBColor(0x2b, 0x6c, 0xb0);
-/// Orange of output signals, and of others' figures that are compared with this project's.
+/// Orange of output signals; in comparisons, of results that are not this project's.
 pub const RESULT: RGBColor = RGBColor(0xdd, 0x6b, 0x20);
-/// Green of published or designed reference values.
+/// Green of reference values, such as published results or the response of a design.
 pub const REFERENCE: RGBColor = RGBColor(0x2f, 0x85, 0x5a);
 
 const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
-/// Space above every plot for title and subtitle, pixels.
+/// Height of the strip above every plot for title and subtitle, pixels.
 const HEAD: i32 = 78;
-/// Left edge of title and subtitle, pixels.
+/// Distance of title and subtitle from the left edge of the page, pixels.
 const MARGIN: i32 = 28;
 
-/// Reason why a picture's file cannot be written.
+/// Error: the file of a picture cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error("the picture {path} cannot be written: {why}")]
 pub struct PictureError {
@@ -39,8 +39,8 @@ pub struct PictureError {
     why: String,
 }
 
-/// Writes an SVG file of `size` pixels (width, height) with title and subtitle; `draw` draws below
-/// them.
+/// Writes an SVG file of `size` pixels (width, height) with title and subtitle (`heading`), and
+/// lets `draw` fill the area below them.
 pub(crate) fn page(
     path: &Path,
     size: (u32, u32),
@@ -62,8 +62,8 @@ pub(crate) fn page(
     })
 }
 
-/// Returns a builder for a chart with a labelled x axis. The margins `top`, `left` and `right`, and
-/// `y_labels`, the width of the y labels, are in pixels.
+/// Returns a builder for a chart with a labelled x axis. `top`, `left` and `right` are margins, and
+/// `y_labels` is the width of the y axis's labels, all in pixels.
 pub(crate) fn chart<'a, 'b>(
     area: &'a Area<'b>,
     [top, left, right]: [i32; 3],
@@ -76,15 +76,15 @@ pub(crate) fn chart<'a, 'b>(
     chart
 }
 
-/// A chart with linear axes.
+/// A chart whose two axes are linear.
 pub(crate) type Chart<'a, 'b> =
     ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// Draws the axes of a histogram and a bar for each bin, `top` pixels below the top of the area.
-/// Returns the chart, for lines over the bars.
+/// Draws axes and bars of a histogram, `top` pixels below the top of the area. Returns the chart,
+/// so that the caller can draw lines over the bars.
 ///
-/// `counts` are the heights of the bins, which divide the x axis from `low` to `high` evenly, and
-/// `highest` is the end of the y axis. Both axes have a description and a number of decimal places.
+/// `counts` are the heights of the bins, which divide the x axis from `low` to `high` evenly;
+/// `highest` is the end of the y axis. The last argument has text and decimal places of both axes.
 pub(crate) fn bars<'a, 'b>(
     area: &'a Area<'b>,
     top: i32,
@@ -118,18 +118,18 @@ pub(crate) fn bars<'a, 'b>(
     Ok(chart)
 }
 
-/// Returns a text style with `height` in pixels, anchored at the text's top left corner.
+/// Returns a style for text of `height` pixels that is placed by its top left corner.
 pub(crate) fn text(height: u32, color: RGBColor) -> TextStyle<'static> {
     (FONT, height).into_font().color(&color)
 }
 
-/// Returns a text style with `height` in pixels, anchored at `side` horizontally and at the centre
-/// vertically.
+/// Returns a style for text of `height` pixels that is placed by its vertical centre and,
+/// horizontally, by `side`.
 pub(crate) fn anchored(height: u32, color: RGBColor, side: HPos) -> TextStyle<'static> {
     text(height, color).pos(Pos::new(side, VPos::Center))
 }
 
-/// Draws one entry of a legend, a short line and its label, at the pixel `at` of the area.
+/// Draws one entry of a legend, a short line and its label, at pixel `at` of the area.
 pub(crate) fn legend(area: &Area, at: (i32, i32), color: RGBColor, label: &str) -> Drawn {
     let line = vec![at, (at.0 + 26, at.1)];
     area.draw(&PathElement::new(line, color.stroke_width(3)))?;
@@ -137,8 +137,8 @@ pub(crate) fn legend(area: &Area, at: (i32, i32), color: RGBColor, label: &str) 
     area.draw(&Text::new(label.to_owned(), (at.0 + 34, at.1), style))
 }
 
-/// Converts page coordinates, which charts return, to coordinates in `area`, in pixels. The area
-/// must start at the page's left edge.
+/// Converts pixel coordinates on the page, which charts return, to pixel coordinates in `area`,
+/// which must start at the page's left edge.
 pub(crate) fn inside(area: &Area, (x, y): (i32, i32)) -> (i32, i32) {
     (x, y - area.get_base_pixel().1)
 }

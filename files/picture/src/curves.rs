@@ -8,26 +8,26 @@ use plotters::style::text_anchor::HPos;
 use crate::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError, REFERENCE};
 use crate::lines::{self, Mark, Series};
 
-/// Chart of several curves on common axes.
+/// Chart of several curves over frequency.
 #[derive(Debug, Clone)]
 pub struct Curves {
-    /// Title of the picture, in one line.
+    /// Title of the picture, on one line.
     pub title: &'static str,
     /// Line below the title, such as the conditions and results of the measurement.
     pub subtitle: String,
     /// Lowest and highest frequency of the x axis, Hz.
     pub x_hz: [f64; 2],
-    /// Lowest and highest value on the y axis. Points outside this range are not drawn. A line that
-    /// leaves or enters the range at its lower end is drawn down to that end.
+    /// Lowest and highest value on the y axis. Points outside are not drawn, but a line is drawn
+    /// down to the lower end where it leaves the range there.
     pub y: [f64; 2],
     /// Quantity and unit that label the y axis.
     pub y_label: &'static str,
-    /// Lowest and highest frequency of the filters' pass band, Hz; shaded and labelled.
+    /// Pass band of the filters, Hz; the band is shaded, and its ends are labelled.
     pub band_hz: [f64; 2],
-    /// Mains frequency, Hz; marked and labelled.
+    /// Mains frequency, Hz, which is marked and labelled.
     pub mains_hz: f64,
-    /// Curves in drawing order, the last one on top: frequency in Hz, ascending, and value in the
-    /// unit of the y axis. Deviations are not drawn.
+    /// Curves, the last one drawn on top. Points are frequency in Hz, ascending, and value in the
+    /// unit of the y axis. Standard deviations are not drawn.
     pub curves: Vec<Series>,
 }
 
@@ -58,14 +58,14 @@ impl Curves {
             .bold_line_style(GRID)
             .axis_style(FAINT)
             .disable_x_mesh()
-            // No ticks here: plotters would label only powers of ten. The loop over `TICKS_HZ`
-            // draws them.
+            // Hides the ticks of plotters, which labels only powers of ten; a loop below draws
+            // others.
             .x_labels(0)
             .x_label_formatter(&|_| String::new())
             .set_tick_mark_size(LabelAreaPosition::Bottom, 0)
             .y_labels(12)
             .y_label_formatter(&|y| {
-                // Rounded, because plotters computes ticks as sums, such as 0.1 + 0.2.
+                // plotters adds up its ticks, so one can be 0.30000000000000004: round it.
                 ((y * 1e6).round() / 1e6).to_string().replace('-', "−")
             })
             .x_desc("frequency (Hz)")
@@ -116,8 +116,8 @@ impl Curves {
     }
 }
 
-/// Returns the points at or above `low`, and the points next to them that are below, moved up to
-/// `low`.
+/// Returns the part of a line that is at or above `low`. The neighbours of its ends are kept too,
+/// moved up to `low`.
 fn down_to(low: f64, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let is_above = |place: usize| points.get(place).is_some_and(|(_, y)| *y >= low);
     let places =

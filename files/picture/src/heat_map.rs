@@ -1,4 +1,4 @@
-//! Chart of codes over time: one row per component of the code, one column per code.
+//! Chart of codes over time: one row for each number of a code, one column for each code.
 
 use std::path::Path;
 
@@ -8,10 +8,10 @@ use plotters::style::text_anchor::HPos;
 use crate::canvas::{self, Area, Drawn, FAINT, INK, PictureError, real};
 use crate::spread::Spread;
 
-/// Codes of one run, in the order of their windows.
+/// Codes of one run of the signal path, in the order of their windows.
 #[derive(Debug, Clone)]
 pub struct HeatMap {
-    /// Dequantised codes, 128 values each; `None` is a lost code.
+    /// Dequantised codes of 128 numbers each; `None` is a lost code.
     pub codes: Vec<Option<Vec<f32>>>,
     /// Time of the first code since the device's start, s.
     pub start_s: f64,
@@ -24,13 +24,13 @@ pub struct HeatMap {
 }
 
 const SIZE: (u32, u32) = (1200, 860);
-/// Highest colour level. A value is drawn in one of the levels -10 to 10, depending on its
-/// deviation from the component's mean.
+/// Highest colour level. A number of a code is drawn in one of the levels -10 to 10, depending on
+/// its deviation from the mean of this number over all codes.
 const STRONGEST: i32 = 10;
-/// Deviation from the component's mean, in SDs, that is drawn in the highest level.
+/// Deviation from the mean, in standard deviations, that is drawn in the highest level.
 const REACH: f64 = 2.5;
-/// Colours of the lowest level, of level 0 and of the highest level; those in between are
-/// interpolated.
+/// Colours of the lowest level, of level 0 and of the highest level; the colours of all other
+/// levels are interpolated.
 const COLORS: [RGBColor; 3] = [
     RGBColor(0x21, 0x5a, 0xa0),
     WHITE,
@@ -70,8 +70,7 @@ impl HeatMap {
             .axis_desc_style(canvas::text(16, INK))
             .draw()?;
         for component in 0..components {
-            // Adjacent codes with the same level share a rectangle, which makes the file a third
-            // smaller.
+            // One rectangle for adjacent codes with the same level makes the file a third smaller.
             let mut code = 0;
             for run in self.levels(component).chunk_by(|a, b| a == b) {
                 let (left, right) = (start_of(code), start_of(code + run.len()));
@@ -95,11 +94,11 @@ impl HeatMap {
         draw_scale(&scale)
     }
 
-    /// Returns a component's level in every code, or `None` for a lost code.
+    /// Returns the colour level of number `component` of every code, or `None` for a lost code.
     ///
-    /// A level is the rounded deviation from the component's mean, in units of a tenth of
-    /// [`REACH`]. It is relative to the component's SD, because the scales of the components differ
-    /// a hundredfold. Mean and SD are those of the codes after settling.
+    /// The level is the deviation from the component's mean in tenths of [`REACH`], rounded. It is
+    /// relative to the component's standard deviation (SD), because components differ a hundredfold
+    /// in size. Mean and SD are those of the codes after settling.
     fn levels(&self, component: usize) -> Vec<Option<f64>> {
         let value = |code: &Vec<f32>| code.get(component).copied().map(f64::from);
         let settled = match self.codes.get(self.settling..) {
@@ -121,12 +120,12 @@ impl HeatMap {
     }
 }
 
-/// Draws the scale of the colours, from far above the mean down to far below it, and the colour of
-/// a lost code.
+/// Draws the colour scale, from above the mean at the top to below it, and the colour of a lost
+/// code.
 fn draw_scale(area: &Area) -> Drawn {
     let (top, bottom, left, right) = (60, 560, 14, 34);
     let count = 2 * STRONGEST + 1;
-    // Rounded to the nearest pixel.
+    // Adding half of `count` before the division rounds to the nearest pixel.
     let row = |place| top + ((bottom - top) * place + count / 2) / count;
     for place in 0..count {
         let corners = [(left, row(place)), (right, row(place + 1))];

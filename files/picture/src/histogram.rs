@@ -4,12 +4,12 @@ use std::path::Path;
 
 use crate::canvas::{self, Area, Drawn, PictureError};
 
-/// Numbers of values in bins of equal width, drawn as shares of all values.
+/// Histogram with bins of equal width, drawn as shares of all values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
-    /// Lower end of the first bin and upper end of the last one.
+    /// Lower end of the first bin and upper end of the last bin.
     pub range: [f64; 2],
-    /// Number of values in each bin; at least one bin.
+    /// Number of values in each bin; there must be at least one bin.
     pub counts: Vec<u64>,
     /// Title of the picture, in one line.
     pub title: String,

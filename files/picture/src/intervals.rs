@@ -7,8 +7,7 @@ use plotters::prelude::*;
 use crate::canvas::{self, Area, Drawn, INK, PictureError, REFERENCE, RESULT, SOURCE, real};
 use crate::spread::Spread;
 
-/// Intervals between the codes of the paper's node on a PC, ms (arXiv 2008.13485, interval
-/// histogram).
+/// Mean and SD of the interval between codes in arXiv 2008.13485 (interval histogram), ms.
 const PAPER_MS: Spread = Spread {
     mean: 62.499,
     sd: 0.227,
@@ -17,29 +16,29 @@ const PAPER_MS: Spread = Spread {
 /// Intervals between the codes of one run, to be drawn as a histogram.
 #[derive(Debug, Clone)]
 pub struct Intervals {
-    /// Times between the arrivals of successive codes at the subscriber, drawn as bars.
+    /// Intervals between the arrivals of successive codes at the subscriber, drawn as bars.
     pub arrival: Series,
-    /// Times between the same codes at their source, drawn as a line at their mean.
+    /// Intervals between the same codes when they were made; a dashed line marks their mean.
     pub source: Series,
-    /// The same times as `arrival` through another program, drawn as an outline.
+    /// Intervals of the same codes after passing through another program, drawn as an outline.
     pub rival: Option<Series>,
-    /// Line below the title, such as the number of codes and the path they took.
+    /// Line below the title, such as the number of codes and their path.
     pub subtitle: String,
 }
 
-/// Intervals with their name in the legend.
+/// Intervals between codes, with the name that the legend shows.
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// Name, such as "arrival at the subscriber".
+    /// Name in the legend, such as "arrival at the subscriber".
     pub name: String,
-    /// Intervals, ms.
+    /// Intervals between successive codes, ms.
     pub ms: Vec<f64>,
 }
 
-/// Numbers of intervals in [`BINS`] bins of equal width.
+/// Number of intervals in each of [`BINS`] bins of equal width.
 struct Counted {
     counts: [f64; BINS],
-    /// Number of intervals beyond the first and last bin.
+    /// Number of intervals below the first or above the last bin.
     outside: u32,
 }
 
@@ -62,7 +61,7 @@ impl Intervals {
         let sd = spreads
             .map(|series| Spread::from_values(&series.ms).sd)
             .fold(0.0, f64::max);
-        // Wide enough for the paper's curve and nearly all intervals of this run; the legend states
+        // The axis is wide enough for the paper's curve and nearly all intervals; the legend states
         // how many intervals are outside.
         let reach = (4.0 * sd).clamp(4.0 * PAPER_MS.sd, 6.0);
         let (low, high) = (62.5 - reach, 62.5 + reach);
@@ -110,7 +109,7 @@ impl Intervals {
 }
 
 impl Counted {
-    /// Counts `values` in bins of `width`, the first of which starts at `low`; all in ms.
+    /// Counts `values` in bins of width `width`, of which the first starts at `low`; all in ms.
     fn new(values: &[f64], low: f64, width: f64) -> Self {
         let mut counted = Self {
             counts: [0.0; BINS],
@@ -126,8 +125,7 @@ impl Counted {
         counted
     }
 
-    /// Returns the entry of `series` in the legend: mean, SD, and the number of intervals beyond
-    /// the axis.
+    /// Returns the legend's text for `series`: name, mean, SD, and how many intervals are outside.
     fn label(&self, series: &Series) -> String {
         let (spread, outside) = (Spread::from_values(&series.ms), self.outside);
         format!("{}: {spread} ms, {outside} beyond the axis", series.name)

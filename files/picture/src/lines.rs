@@ -11,7 +11,7 @@ use crate::canvas::{self, Area, Chart, Drawn, FAINT, GRID, INK, PictureError};
 /// How the points of a series are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
-    /// A line through the points.
+    /// A thick line through the points.
     Line,
     /// A thin line through the points.
     ThinLine,
@@ -21,23 +21,23 @@ pub enum Mark {
     Rings,
 }
 
-/// Points with a common look.
+/// Points of one quantity, with the colour and mark in which they are drawn.
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// Text in the legend; a series with an empty label is not listed.
+    /// Text in the legend; empty for a series that the legend does not list.
     pub label: String,
-    /// Colour, usually one from [`canvas`].
+    /// Colour, usually one of those in [`canvas`].
     pub color: RGBColor,
     /// How the points are drawn.
     pub mark: Mark,
-    /// Points in drawing order: values on the x and the y axis. A point is not drawn if an axis has
-    /// no place for it, such as a logarithmic axis for 0.
+    /// Points (x, y) in drawing order. A point is left out if an axis cannot show it, such as 0 on
+    /// a logarithmic axis.
     pub points: Vec<(f64, f64)>,
-    /// Standard deviation at each point, drawn as a bar to both sides; empty for none.
+    /// Standard deviation of y at each point, drawn as a vertical bar; empty to draw none.
     pub sd: Vec<f64>,
 }
 
-/// Several series on common axes, whose ranges follow from the points.
+/// Several series on common axes; the points determine the range of the axes.
 #[derive(Debug, Clone)]
 pub struct Lines {
     /// Title of the picture, in one line.
@@ -69,7 +69,7 @@ impl Series {
         }
     }
 
-    /// Returns the points with their standard deviations, 0 for a series without any.
+    /// Returns each point as x, y and standard deviation, which is 0 if the series has none.
     fn spread_points(&self) -> impl Iterator<Item = (f64, f64, f64)> {
         let points = self.points.iter().enumerate();
         points.map(|(place, &(x, y))| (x, y, self.sd.get(place).copied().unwrap_or(0.0)))
@@ -81,7 +81,7 @@ const SIZE: (u32, u32) = (1100, 640);
 const ROW: i32 = 26;
 /// Left edge of the legend, pixels.
 const LEGEND_LEFT: i32 = 98;
-/// Estimated width of a character of the legend, pixels.
+/// Estimated mean width of a character in the legend, pixels.
 const CHARACTER: i32 = 8;
 
 impl Lines {
@@ -101,7 +101,8 @@ impl Lines {
         let points = || self.series.iter().flat_map(Series::spread_points);
         let [left, right] = self.x.coordinates(points().map(|(x, _, _)| x));
         let ys = points().flat_map(|(_, y, sd)| {
-            // Half of the value at least: a bar down to 0 has no end on a logarithmic axis.
+            // A bar down to 0 would have no end on a logarithmic axis, so the range includes its
+            // lower end only down to half of the value.
             [y, y + sd, (y - sd).max(0.5 * y)]
         });
         let [low, high] = self.y.coordinates(ys);
@@ -139,7 +140,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Draws a series; `low` is the coordinate at which the y axis starts.
+    /// Draws a series. `low` is the start of the y axis, where bars end that would go below it.
     fn draw_series(&self, chart: &mut Chart, series: &Series, low: f64) -> Drawn {
         let at = |x: f64, y: f64| (self.x.coordinate(x), self.y.coordinate(y));
         let shown = series
@@ -173,8 +174,8 @@ impl Lines {
         Ok(())
     }
 
-    /// Returns the series that the legend lists, each with the pixel of its entry. The entries are
-    /// in rows, which end before the right edge of the page.
+    /// Returns each series that the legend lists, with the pixel at which its entry starts. A new
+    /// row begins where an entry would cross the right edge of the page.
     fn legend(&self) -> Vec<(&Series, (i32, i32))> {
         let right = i32::try_from(SIZE.0).unwrap_or(i32::MAX) - 30;
         let (mut x, mut y) = (LEGEND_LEFT, 8);
@@ -193,12 +194,12 @@ impl Lines {
     }
 }
 
-/// Returns the width of the line of [`Mark::Line`] or [`Mark::ThinLine`], pixels.
+/// Returns the width in pixels of the line that [`Mark::Line`] or [`Mark::ThinLine`] draws.
 pub(crate) fn width(mark: Mark) -> u32 {
     if mark == Mark::ThinLine { 1 } else { 3 }
 }
 
-/// Draws the entry of a series in the legend: its mark, and to the right its label.
+/// Draws the entry of a series in the legend: its mark, and its label to the right.
 pub(crate) fn draw_entry(area: &Area, at: (i32, i32), series: &Series) -> Drawn {
     let centre = (at.0 + 13, at.1);
     match series.mark {
@@ -240,7 +241,7 @@ mod tests {
 
     #[test]
     fn every_point_with_a_place_is_drawn_once_and_the_legend_has_every_label() {
-        // 0 and NaN have no place on a logarithmic axis.
+        // Points 3 and 4 are not drawn: a logarithmic axis has no place for NaN and 0.
         let points = [
             (1.0, 0.5),
             (2.0, 0.05),
@@ -254,7 +255,7 @@ mod tests {
             .filter(|element| element.contains("#2B6CB0"))
             .filter_map(|element| element.split("points=\"").nth(1)?.split('"').next())
             .map(|points| points.split_whitespace().count());
-        // The line, and the two ends of its entry in the legend.
+        // The line has the three other points; its entry in the legend is a line of two points.
         assert_eq!(drawn_points.collect::<Vec<_>>(), [3, 2]);
         assert!(line.contains("PCA") && line.contains("0.005"));
         let dots = drawn(vec![series("model", Mark::Dots, &points)]);

@@ -1,5 +1,4 @@
-//! The page of a report: an HTML file with text, tables and links to pictures, and the quoting of
-//! the CSV files that it links to.
+//! The HTML page of a report, with text, tables and links to pictures; also quotes CSV fields.
 
 use std::fmt::Write as _;
 
@@ -8,7 +7,7 @@ padding:0 1em}table{border-collapse:collapse;margin:1em 0}th,td{padding:.25em .8
 1px solid #e4e9ee}th:first-child,td:first-child{text-align:left}img{max-width:100%;border:1px solid #e4e9ee;\
 margin:.5em 0}figure{margin:1.5em 0}caption,figcaption,p.note{color:#627080;text-align:left}";
 
-/// A page that grows from its heading downwards.
+/// An HTML page, to which a report is appended piece by piece.
 #[derive(Debug, Clone)]
 pub struct Page {
     title: String,
@@ -16,7 +15,7 @@ pub struct Page {
 }
 
 impl Page {
-    /// Creates a page; `title` is plain text, and also the heading.
+    /// Creates a page with `title`, in plain text, as title and heading.
     pub fn new(title: &str) -> Self {
         let title = escaped(title);
         Self {
@@ -25,7 +24,7 @@ impl Page {
         }
     }
 
-    /// Appends HTML, in which the caller has [`escaped`] foreign text.
+    /// Appends HTML. The caller must have [`escaped`] any text in it that comes from elsewhere.
     pub fn push_html(&mut self, html: &str) {
         self.body.push_str(html);
     }
@@ -36,8 +35,8 @@ impl Page {
         let _ = writeln!(self.body, "<p>{}</p>", escaped(text));
     }
 
-    /// Appends a picture with a caption in plain text, and links to the files with its values.
-    /// `path` and `values` are relative to the page.
+    /// Appends the picture `path` with a caption in plain text, and links to `values`, the files
+    /// with the numbers in the picture. All paths are relative to the page.
     pub fn push_picture(&mut self, path: &str, caption: &str, values: &[&str]) {
         // Writing to a string never fails.
         let _ = write!(
@@ -57,7 +56,7 @@ impl Page {
         self.body.push_str("</figcaption></figure>\n");
     }
 
-    /// Appends a table of rows of plain text; the first row is the head.
+    /// Appends a table of plain text; the first row is its head.
     pub fn push_table(&mut self, rows: &[Vec<String>]) {
         self.body.push_str("<table>\n");
         for (at, row) in rows.iter().enumerate() {
@@ -81,8 +80,8 @@ impl Page {
     }
 }
 
-/// Returns the HTML of a picture, which is loaded when it is scrolled into view; `path` is relative
-/// to the page.
+/// Returns HTML that shows a picture, which browsers load only when it scrolls into view. `path` is
+/// relative to the page.
 pub fn image(path: &str, description: &str) -> String {
     format!(
         "<img loading=\"lazy\" src=\"{}\" alt=\"{}\">",
@@ -91,13 +90,13 @@ pub fn image(path: &str, description: &str) -> String {
     )
 }
 
-/// Returns a relative path as the value of an HTML attribute, with reserved characters encoded.
+/// Encodes a relative path for use as the value of an HTML attribute such as `href`.
 pub fn href(path: &str) -> String {
     let codes = [("%", "%25"), ("#", "%23"), ("?", "%3F"), (" ", "%20")];
     escaped(&replaced(path, &codes))
 }
 
-/// Returns a text in which the characters with a meaning in HTML are replaced by entities.
+/// Replaces the characters of a text that have a meaning in HTML by entities.
 pub fn escaped(text: &str) -> String {
     let entities = [
         ("&", "&amp;"),
@@ -114,8 +113,8 @@ fn replaced(text: &str, pairs: &[(&str, &str)]) -> String {
         .fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
 }
 
-/// Returns a text as a field of a CSV file (RFC 4180): in quotation marks if it holds a quotation
-/// mark, a comma, a semicolon or a line break.
+/// Quotes a text for use as a field of a CSV file (RFC 4180): only if it contains a quotation mark,
+/// a comma, a semicolon or a line break.
 pub fn csv_field(text: &str) -> String {
     if text.contains(['"', ',', ';', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))

@@ -1,4 +1,4 @@
-//! Map of one value per electrode on the head, seen from above.
+//! Map of the head, seen from above, that shows one value for each electrode.
 
 use std::path::Path;
 
@@ -7,24 +7,24 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::canvas::{self, Area, Drawn, FAINT, INK, PictureError};
 
-/// An electrode on the map.
+/// An electrode on the map, with its value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Place {
     /// Name of the electrode, such as "Cz".
     pub label: String,
-    /// Place on the map: distance from the vertex towards the right ear, and towards the nose, in
-    /// radii of the head's circle. [`on_map`] computes it.
+    /// Place on the map: distance from the vertex towards the right ear and towards the nose, in
+    /// radii of the head's circle. [`on_map`] computes it from a position in space.
     pub at: [f64; 2],
-    /// Value at the electrode.
+    /// Value at the electrode, not negative, in the unit of the map.
     pub value: f64,
-    /// Whether the electrode was measured; an interpolated electrode is drawn hollow.
+    /// True if the electrode was recorded, false if it was interpolated and is drawn hollow.
     pub is_measured: bool,
 }
 
-/// Values >= 0 of all electrodes, interpolated over the head.
+/// Map of one non-negative value for each electrode, interpolated between electrodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScalpMap {
-    /// Electrodes with a finite value; at least one.
+    /// Electrodes, each with a finite value; at least one.
     pub places: Vec<Place>,
     /// Title of the picture, in one line.
     pub title: String,
@@ -35,13 +35,13 @@ pub struct ScalpMap {
 }
 
 const SIZE: (u32, u32) = (900, 860);
-/// Radius of the head, pixels.
+/// Radius of the head's circle, pixels.
 const RADIUS: i32 = 330;
 /// Side of the squares that make up the map, pixels.
 const SQUARE: i32 = 6;
-/// [`SQUARE`], for ranges.
+/// [`SQUARE`] in the type that ranges need.
 const STEP: usize = SQUARE.unsigned_abs() as usize;
-/// Distance from the nearest electrode up to which the map is coloured, in radii of the head.
+/// Distance from the nearest electrode up to which the map is coloured, in head radii.
 const REACH: f64 = 0.26;
 /// Number of colour levels.
 const LEVELS: u8 = 24;
@@ -84,7 +84,7 @@ impl ScalpMap {
             };
             area.draw(&Circle::new(at, 4, WHITE.filled()))?;
             area.draw(&Circle::new(at, 3, dot))?;
-            // White where the map is dark.
+            // Labels are white where the map is dark.
             let color = if level(place.value / largest) > 2 * LEVELS / 3 {
                 WHITE
             } else {
@@ -96,7 +96,7 @@ impl ScalpMap {
         self.draw_scale(area, largest)
     }
 
-    /// Draws one row of squares; neighbours of the same level share a rectangle.
+    /// Draws one row of the map's squares; neighbours of the same colour level form one rectangle.
     fn draw_row(&self, area: &Area, centre: (i32, i32), row: i32, largest: f64) -> Drawn {
         let middle = row + SQUARE / 2;
         let squares = (-RADIUS..RADIUS).step_by(STEP).filter_map(|column| {
@@ -118,8 +118,8 @@ impl ScalpMap {
         Ok(())
     }
 
-    /// Interpolates the values: the mean of all electrodes, weighted by the inverse fourth power of
-    /// their distance. `None` where no electrode is near.
+    /// Returns the value at a place between electrodes: the mean of all electrodes, weighted by the
+    /// inverse fourth power of the distance. `None` if no electrode is nearer than [`REACH`].
     fn value_at(&self, at: [f64; 2]) -> Option<f64> {
         let (mut sum, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
         for place in &self.places {
@@ -164,22 +164,23 @@ impl ScalpMap {
     }
 }
 
-/// Returns the place of an electrode on the map from its position on the unit sphere: towards the
-/// right ear, the nose and the vertex. The map's circle is the circumference of the 10-20 system;
-/// angles from the vertex become distances.
+/// Returns the place of an electrode on the map from its position on the unit sphere: x towards the
+/// right ear, y towards the nose, z towards the vertex. Distance on the map is in proportion to the
+/// angle from the vertex; the outermost circle of the 10-20 system is at 0.9.
 pub fn on_map([x, y, z]: [f64; 3]) -> [f64; 2] {
-    /// Angle from the vertex to the circumference, degrees.
+    /// Angle from the vertex to the outermost circle of the 10-20 system, degrees.
     const CIRCUMFERENCE: f64 = 72.0;
     let distance = z.clamp(-1.0, 1.0).acos().to_degrees() / CIRCUMFERENCE;
     let direction = x.hypot(y);
     if direction < 1e-9 {
         return [0.0, 0.0];
     }
-    // 0.9: room for electrodes below the circumference, and for labels.
+    // The factor 0.9 leaves room for labels and for electrodes further down on the head.
     [x, y].map(|part| 0.9 * distance * part / direction)
 }
 
-/// Converts a place on the map, in radii of the head's circle around `centre`, to a pixel.
+/// Returns the pixel of a place that is given in radii of the head's circle; `centre` is the pixel
+/// of the vertex.
 fn pixel(centre: (i32, i32), [x, y]: [f64; 2]) -> (i32, i32) {
     #[expect(
         clippy::cast_possible_truncation,
@@ -189,14 +190,14 @@ fn pixel(centre: (i32, i32), [x, y]: [f64; 2]) -> (i32, i32) {
     (centre.0.saturating_add(x), centre.1.saturating_sub(y))
 }
 
-/// Formats a value with the decimal places that show three digits of `largest`, at most 6.
+/// Formats a value with as many decimal places as show three digits of `largest`, at most 6.
 fn with_digits(value: f64, largest: f64) -> String {
     let places = (0..6).find(|places| largest * 10_f64.powi(*places) >= 99.95);
     let places = usize::try_from(places.unwrap_or(6)).unwrap_or(0);
     format!("{value:.places$}")
 }
 
-/// Returns the colour level, 0 to [`LEVELS`] - 1, of a value that is `part` of the largest one.
+/// Returns the colour level, 0 to [`LEVELS`] - 1, of a value that is `part` times the largest one.
 fn level(part: f64) -> u8 {
     #[expect(
         clippy::cast_possible_truncation,

@@ -10,12 +10,12 @@ use crate::canvas::real;
 pub struct Spread {
     /// Arithmetic mean, in the values' unit.
     pub mean: f64,
-    /// Standard deviation of the population (divided by n), in the values' unit.
+    /// Standard deviation, computed with division by n, in the values' unit.
     pub sd: f64,
 }
 
 impl Spread {
-    /// Computes mean and SD of `values`; both are NaN if there are no values.
+    /// Computes mean and standard deviation of `values`; both are NaN if there are no values.
     pub fn from_values(values: &[f64]) -> Self {
         let count = real(values.len());
         let mean = values.iter().sum::<f64>() / count;
@@ -24,8 +24,8 @@ impl Spread {
         Self { mean, sd }
     }
 
-    /// Returns the density of the normal distribution with this mean and SD at `x`, per unit of the
-    /// values.
+    /// Returns the density of the normal distribution with this mean and standard deviation at `x`,
+    /// per unit of the values.
     pub(crate) fn density(self, x: f64) -> f64 {
         let deviations = (x - self.mean) / self.sd;
         (-0.5 * deviations * deviations).exp() / (self.sd * (2.0 * PI).sqrt())

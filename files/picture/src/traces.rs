@@ -7,31 +7,31 @@ use plotters::style::text_anchor::HPos;
 
 use crate::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError, RESULT, SOURCE, real};
 
-/// One electrode's signal before encoding and after decoding.
+/// The signal of one electrode before encoding and after decoding.
 #[derive(Debug, Clone)]
 pub struct Trace {
     /// Name of the electrode, such as "Cz".
     pub label: String,
     /// Signal before encoding, after filters and decimation, uV.
     pub source_uv: Vec<f32>,
-    /// Decoded signal, uV; as many values as `source_uv`.
+    /// Signal after decoding, uV; as many values as `source_uv`.
     pub result_uv: Vec<f32>,
 }
 
-/// Several electrodes below each other on one time axis.
+/// Chart of the signals of several electrodes, one below the other, on one time axis.
 #[derive(Debug, Clone)]
 pub struct Traces {
     /// Electrodes from top to bottom; at least one, all with the same number of values.
     pub rows: Vec<Trace>,
-    /// Number of values per second in each trace, Hz.
+    /// Sampling rate of the signals, Hz.
     pub rate_hz: f64,
-    /// Time of the first value, s.
+    /// Time of the first value, s, counted from `since`.
     pub start_s: f64,
-    /// What the time is counted from, such as "the device's start".
+    /// Moment from which time is counted, such as "the device's start".
     pub since: String,
     /// Name of the decoded signal in the legend, such as "decoded from 128 int8 per 62.5 ms".
     pub result: String,
-    /// Line below the title, such as the number of electrodes and the error of the reconstruction.
+    /// Line below the title, such as the number of electrodes and the reconstruction error.
     pub subtitle: String,
 }
 
@@ -97,8 +97,7 @@ impl Traces {
             area.draw(&Text::new(trace.label.clone(), (LEFT - 14, y), style))?;
         }
 
-        // One scale bar next to the lowest trace suffices, because all traces have the same
-        // vertical scale.
+        // One scale bar, next to the lowest trace, is enough: all traces have the same scale.
         let bar_uv = scale_bar_uv(spacing);
         let lowest = (1.0 - count) * spacing;
         let [base, top] = [-0.5, 0.5].map(|part| {
@@ -112,7 +111,7 @@ impl Traces {
         area.draw(&Text::new(format!("{bar_uv:.0} µV"), place, style))
     }
 
-    /// Returns the distance between the zero lines of two adjacent traces, uV: twice the 99th
+    /// Returns the distance between the zero lines of adjacent traces, uV: twice the 99th
     /// percentile of the magnitudes before encoding.
     fn spacing_uv(&self) -> f64 {
         let values = self.rows.iter().flat_map(|trace| &trace.source_uv);

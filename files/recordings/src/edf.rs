@@ -1,4 +1,4 @@
-//! Parses the headers of EDF, EDF+, BDF and BDF+, which are fixed-width ASCII.
+//! Parses the headers of EDF, EDF+, BDF and BDF+ files, whose fields have fixed widths in ASCII.
 //!
 //! Sources: Kemp et al. 1992 (EDF), Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
 
@@ -22,10 +22,10 @@ use crate::{
 /// Labels of the signals that contain annotations.
 const ANNOTATIONS: [&str; 2] = ["EDF Annotations", "BDF Annotations"];
 
-/// Reads the number of signals, 1..=9999, from the fixed part of a header.
+/// Reads the number of signals, 1..=9999, from `fixed`, the first [`HEADER_BLOCK`] bytes of a file.
 ///
 /// # Errors
-/// [`RecordingError::HeaderField`] for any other content of the field.
+/// [`RecordingError::HeaderField`] if the field holds anything else.
 pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, RecordingError> {
     let (field, bytes) = ("number of signals", &fixed[252..256]);
     match number(bytes, field, "the file")? {
@@ -34,7 +34,7 @@ pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, Recordin
     }
 }
 
-/// Parses a whole header of [`HEADER_BLOCK`] * (1 + `signals`) bytes.
+/// Parses a whole header, [`HEADER_BLOCK`] * (1 + number of signals) bytes long.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] for a field that does not hold a valid number,

@@ -1,18 +1,19 @@
-//! Electrodes of the 10-5 system, and a parser for the spellings of their labels in files.
+//! Electrodes of the 10-5 system, and a parser for the ways in which files spell their labels.
 
 use std::fmt;
 
-/// A row of electrodes in the 10-5 system, from the left side of the head to the right.
+/// A row of the 10-5 system: electrodes from the left side of the head to the right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Row {
-    /// Name of the row in columns z and 1 to 6, near the midline, such as `C`.
+    /// Name of the row in labels of columns z and 1 to 6, near the midline, such as `C`.
     inner: &'static str,
-    /// Name of the row in columns 7 to 10, on and below the head's circumference, such as `T`.
+    /// Name of the row in labels of columns 7 to 10, at the head's circumference, such as `T`.
     outer: &'static str,
-    /// Distance from the nasion along the midline, in twentieths of the way to the inion, 0..=20.
+    /// Distance of the row from the nasion, in twentieths of the midline from nasion to inion,
+    /// 0..=20.
     pub(crate) twentieths: u8,
-    /// True if a label with a column number denotes a half column even without a trailing `h`:
-    /// montages write FFC1 for FFC1h. No common cap has full columns in these rows.
+    /// True if every label of the row with a column number means a half column, with or without
+    /// `h`: montages write FFC1 for FFC1h, and no common cap has full columns in such rows.
     always_half: bool,
 }
 
@@ -50,23 +51,22 @@ const ROWS: [Row; 21] = [
     row("I", "I", 20, false),
 ];
 
-/// Old and current names of the four electrodes that the 10-20 system has renamed.
+/// Old and new names of the four electrodes of the 10-20 system that were renamed.
 const OLD_NAMES: [(&str, &str); 4] = [("T3", "T7"), ("T4", "T8"), ("T5", "P7"), ("T6", "P8")];
 
-/// Suffixes after a dash that denote a common reference. Any other suffix names a second electrode:
-/// then the signal is the difference of two electrodes and has no single position.
+/// Suffixes after a dash that name a common reference. Any other suffix names a second electrode:
+/// such a signal is the difference of two electrodes and has no single position.
 const REFERENCES: [&str; 13] = [
     "REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2",
 ];
 
-/// An electrode of the 10-20, 10-10 or 10-5 system. All spellings of one electrode compare equal.
+/// An electrode of the 10-20, 10-10 or 10-5 system. Different spellings of one electrode are equal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Electrode {
     pub(crate) row: Row,
-    /// Column number: 0 on the midline, odd on the left, even on the right; at most 10.
+    /// Column number, at most 10: 0 on the midline, odd on the left, even on the right.
     pub(crate) column: u8,
-    /// True for a half column (trailing `h` in the label), half a column closer to the midline than
-    /// `column`.
+    /// True if the label ends with `h`, which means half a column closer to the midline.
     pub(crate) half: bool,
 }
 
@@ -122,16 +122,16 @@ impl Electrode {
         electrode.exists().then_some(electrode)
     }
 
-    /// Returns the distance from the midline along the row, in eighths of the way to the
-    /// circumference: 1 for column 1h, 2 for column 1, 8 for column 7. Columns 9h and 9 (9 and 10
-    /// eighths) are below the circumference.
+    /// Returns the distance from the midline along the row, where 8 is the circumference: 1 for
+    /// column 1h, 2 for column 1, 8 for column 7. Columns 9h (9) and 9 (10) are below the
+    /// circumference.
     pub(crate) fn eighths(self) -> u8 {
         2 * self.column.div_ceil(2) - u8::from(self.half)
     }
 
-    /// Returns whether the 10-5 system has this column in this row. In the rows N, NFp, Fp, O, OI
-    /// and I, columns 1 and 2 with their halves are the only ones off the midline, except that
-    /// Fp and O also have columns 9 and 10. All other rows have every column.
+    /// Returns whether the 10-5 system has this column in this row. The rows N, NFp, Fp, O, OI and
+    /// I have only the midline and columns 1 and 2 with their halves, but Fp and O also have
+    /// columns 9 and 10. All other rows have every column.
     fn exists(self) -> bool {
         match self.row.twentieths {
             0 | 1 | 19 | 20 => self.column <= 2,

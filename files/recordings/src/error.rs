@@ -26,7 +26,7 @@ pub enum RecordingError {
     Folder { path: PathBuf },
     #[error("the file is empty; copy or download the recording again")]
     Empty,
-    /// The file belongs to a recording in another format, which the commands in `how` export.
+    /// The file has a format that is not supported; `how` names commands that export it.
     #[error(
         "this is {what}, which is not supported; export the recording to EDF, BDF or GDF: {how}"
     )]
@@ -39,7 +39,7 @@ pub enum RecordingError {
          every line feed (0x0A); transfer the recording again in binary mode"
     )]
     TextMode,
-    /// The first eight bytes, which `found` holds with escapes, match no supported format.
+    /// The first eight bytes match no supported format; `found` holds them with escapes.
     #[error(
         "not a recording: it starts with \"{found}\"; supported are EDF, EDF+, BDF, BDF+, GDF 1 and GDF 2"
     )]
@@ -48,7 +48,7 @@ pub enum RecordingError {
         "the header needs {needed} bytes but the file has only {found}: the file is truncated or its header is wrong"
     )]
     HeaderTruncated { needed: u64, found: u64 },
-    /// A header field of `place`, which is the file or a signal, does not hold a usable number.
+    /// A header field holds no usable number; `place` is the file or the signal it belongs to.
     #[error("header field \"{field}\" of {place} holds \"{found}\", which is not usable: {reason}")]
     HeaderField {
         field: &'static str,
@@ -56,7 +56,7 @@ pub enum RecordingError {
         found: String,
         reason: &'static str,
     },
-    /// The digital range of a signal is empty, or its digital or physical range is not finite.
+    /// A signal's digital range is empty or not finite, or its physical range is not finite.
     #[error(
         "signal {label} cannot be scaled: digital {digital_min}..{digital_max}, physical \
          {physical_min}..{physical_max}; repair its header"
@@ -72,7 +72,7 @@ pub enum RecordingError {
         "signal {label} has GDF sample type {number}, which is not supported; convert it to an integer or float type"
     )]
     SampleType { label: String, number: u32 },
-    /// The file does not contain a single whole record.
+    /// The file does not contain even one whole record.
     #[error(
         "no data: a record takes {record_bytes} bytes and the file holds {data_bytes} after its header"
     )]
@@ -88,14 +88,14 @@ pub enum RecordingError {
         rate_hz: u32,
         reason: &'static str,
     },
-    /// A signal that an electrode needs has no samples.
+    /// A signal that an electrode of the montage needs has no samples.
     #[error(
         "signal {label} has no samples; remove it from the file or give it another label, so that the \
          electrode counts as missing"
     )]
     NoSamples { label: String },
-    /// The montage map names a signal that the recording does not have: the map was created for
-    /// another recording.
+    /// The montage map refers to a signal that the recording does not have, so the map was created
+    /// for another recording.
     #[error(
         "the montage map names signal {signal} but the recording has {signals}; make the map from this recording's labels"
     )]
@@ -104,20 +104,19 @@ pub enum RecordingError {
         "the montage has {electrodes} electrodes but the ADC only {channels} channels; use a smaller montage"
     )]
     TooManyElectrodes { electrodes: usize, channels: usize },
-    /// The resampler's buffers have inconsistent sizes. This is a defect of this crate, not of the
-    /// file.
+    /// The resampler's buffers have inconsistent sizes: a defect of this crate, not of the file.
     #[error("the resampler's buffers do not fit; please report it with the recording's header")]
     ResamplerBuffer,
-    /// The resampler refused a block. This is a defect of this crate, not of the file.
+    /// The resampler refused a block of samples, which is a defect of this crate, not of the file.
     #[error("the resampler failed; please report it with the recording's header")]
     Resampler(#[from] rubato::ResampleError),
-    /// The resampler refused the pair of rates. This is a defect of this crate, not of the file.
+    /// The resampler refused the pair of rates, which is a defect of this crate, not of the file.
     #[error("the resampler cannot be built; please report it with the recording's header")]
     ResamplerConstruction(#[from] rubato::ResamplerConstructionError),
 }
 
 impl RecordingError {
-    /// Returns whether a field of the header is the reason, so that the file may be damaged.
+    /// Returns whether the error is about a field of the header, so that the file may be damaged.
     pub(crate) fn is_about_the_header(&self) -> bool {
         matches!(
             self,

@@ -1,19 +1,18 @@
-//! Events of a recording (rows of GDF event tables, and EDF+ annotations), and their starts in the
-//! signal as it is played.
+//! Events of a recording (rows of GDF event tables, and EDF+ annotations), and the times at which
+//! they start when the recording is played.
 
 use std::fmt;
 
-/// What an event denotes; the file format determines the variant.
+/// What an event means, in the form in which the file's format states it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
-    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. Bit 15 is set in the type
-    /// that denotes the end of an event.
+    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. With bit 15 set, the type
+    /// means the end of the event that it means without.
     Type(u16),
     /// A sample of a sparsely sampled signal: GDF type 0x7fff in an event table of mode 3. Holds
-    /// the digital value as 32 raw bits, which the [`crate::SampleType`] of [`Event::signal`]
-    /// decodes. The file stores the value in the duration column, so the event has no duration.
-    /// Tables of mode 1 have no duration column; in them type 0x7fff is an ordinary
-    /// [`EventLabel::Type`].
+    /// the digital value as 32 raw bits; the [`crate::SampleType`] of [`Event::signal`] decodes it.
+    /// The file stores the value in the duration column, so the event has no duration. Tables of
+    /// mode 1 have no duration column; in them, type 0x7fff is an ordinary [`EventLabel::Type`].
     SparseSample(u32),
     /// Text of an EDF+ or BDF+ annotation.
     Text(String),
@@ -32,38 +31,38 @@ impl fmt::Display for EventLabel {
 /// An event: a row of a GDF event table or an EDF+ annotation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Event {
-    /// Start of the event, s after the start of the file.
+    /// Start of the event in seconds since the start of the file.
     pub onset_s: f64,
     /// Duration, s; `None` if the file does not state it.
     pub duration_s: Option<f64>,
-    /// Index of the signal to which the event belongs; `None` if it concerns all signals.
+    /// Index of the signal to which the event belongs; `None` if it belongs to all signals.
     pub signal: Option<u16>,
-    /// GDF type, sparse sample or annotation text.
+    /// What the event means: a GDF type, a sparse sample or the text of an annotation.
     pub label: EventLabel,
 }
 
-/// GDF type that marks a row without an event.
+/// GDF type of a table row that is not an event.
 const NO_EVENT: u16 = 0;
-/// GDF type of a sample of a sparsely sampled signal. The row's duration column holds the value.
+/// GDF type of a sample of a sparsely sampled signal, whose value is in the row's duration column.
 pub(crate) const SPARSE_SAMPLE: u16 = 0x7fff;
-/// Bit that marks the end of an event in a GDF type.
+/// Bit of a GDF type that means the end of the event.
 const END_OF_EVENT: u16 = 0x8000;
 
-/// Starts of the events of a recording.
+/// Times at which the events of a recording start when it is played.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Onsets {
-    /// Starts in order of time, s of the signal that a [`crate::VirtualAdc`] plays, >= 0. Events
-    /// that start together have one entry each.
+    /// Starts in ascending order, in seconds since the start of the signal that a
+    /// [`crate::VirtualAdc`] plays. Events that start together have one entry each.
     pub seconds: Vec<f64>,
-    /// Labels of the same events, in the same order.
+    /// Label of each event in `seconds`, in the same order.
     pub labels: Vec<EventLabel>,
-    /// Number of events before the start or after the end of the signal.
+    /// Number of events that were left out, because they start before or after the played signal.
     pub outside: usize,
 }
 
 impl Onsets {
-    /// Collects the starts of all events that are within the signal. Ends of events, rows without
-    /// an event, and sparse samples are no events.
+    /// Collects the starts of all events within the signal. Ends of events, rows without an event,
+    /// and sparse samples are left out.
     pub(crate) fn new(events: &[Event], timeline: &Timeline) -> Self {
         let starts = events.iter().filter(|event| is_start(&event.label));
         let mut placed: Vec<(f64, EventLabel)> = Vec::new();
@@ -92,20 +91,20 @@ fn is_start(label: &EventLabel) -> bool {
     }
 }
 
-/// Maps times of the file to times of the played signal, which has no gaps between records.
+/// Converts times in the file to times in the played signal, which has no gaps between records.
 #[derive(Debug, Default)]
 pub(crate) struct Timeline {
-    /// Pairs (start of a record in the file, its start in the signal), s, in order of both.
+    /// Start of each record in the file, and its start in the signal, s; ascending.
     pub(crate) records: Vec<(f64, f64)>,
     /// Duration of a record, s.
     pub(crate) record_s: f64,
-    /// Duration of the signal, s.
+    /// Duration of the whole signal, s.
     pub(crate) end_s: f64,
 }
 
 impl Timeline {
-    /// Adds the start time of a record, s, if the file states it. Ignores a record that does not
-    /// start after the previous one.
+    /// Adds record `record` with its start in the file, s, if the file states one. Ignores a record
+    /// that does not start after the previous one.
     #[expect(clippy::cast_precision_loss, reason = "records stay below 2^53")]
     pub(crate) fn add_record(&mut self, record: u64, start_s: Option<f64>) {
         let last = self.records.last().map(|(start, _)| *start);
@@ -116,8 +115,8 @@ impl Timeline {
         }
     }
 
-    /// Converts a time of the file to a time of the signal, s; `None` outside the signal. A time
-    /// within a gap becomes the end of the previous record.
+    /// Converts a time in the file to a time in the signal, s; `None` if it is outside the signal.
+    /// A time within a gap becomes the end of the record before the gap.
     fn place(&self, file_s: f64) -> Option<f64> {
         let after = self.records.partition_point(|(start, _)| *start <= file_s);
         let place = match after.checked_sub(1) {
@@ -125,7 +124,8 @@ impl Timeline {
                 let (start, place) = self.records[record];
                 place + (file_s - start).min(self.record_s)
             }
-            // Only EDF+ and BDF+ state the times of their records.
+            // Without stated record times, which only EDF+ and BDF+ have, the signal has the file's
+            // times.
             None if self.records.is_empty() => file_s,
             None => return None,
         };
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn gaps_between_records_are_closed() {
-        // Records of 1 s at 0.5 s, 1.5 s and, after a gap of 7.5 s, at 10 s.
+        // Records of 1 s start at 0.5 s and 1.5 s and, after a gap of 7.5 s, at 10 s.
         let timeline = Timeline {
             records: vec![(0.5, 0.0), (1.5, 1.0), (10.0, 2.0)],
             record_s: 1.0,

@@ -1,5 +1,5 @@
-//! File formats. EDF, BDF and GDF are recognised by their first eight bytes. Formats that are not
-//! read are recognised so that the error says how to export them.
+//! File formats. EDF, BDF and GDF are recognised by the first eight bytes of a file. Formats that
+//! cannot be read are recognised too, so that the error says how to export them.
 
 use std::{fmt, path::Path};
 
@@ -10,15 +10,15 @@ use crate::error::RecordingError;
 pub enum Format {
     /// European Data Format: 16-bit samples.
     Edf,
-    /// EDF+ with contiguous records (EDF+C).
+    /// EDF+ whose records follow each other without gaps (EDF+C).
     EdfPlusContinuous,
-    /// EDF+ with possible gaps between records (EDF+D).
+    /// EDF+ that can have gaps between records (EDF+D).
     EdfPlusDiscontinuous,
     /// BioSemi's 24-bit variant of EDF.
     Bdf,
-    /// BDF+ with contiguous records (BDF+C).
+    /// BDF+ whose records follow each other without gaps (BDF+C).
     BdfPlusContinuous,
-    /// BDF+ with possible gaps between records (BDF+D).
+    /// BDF+ that can have gaps between records (BDF+D).
     BdfPlusDiscontinuous,
     /// General Data Format before version 1.90; holds the version, such as 1.25.
     Gdf1(f64),
@@ -28,8 +28,7 @@ pub enum Format {
 
 impl Format {
     /// Recognises EDF, BDF or a GDF version by the first eight bytes of a file. The `+` variants
-    /// have the same first bytes; the parser distinguishes them by the reserved field of the
-    /// header.
+    /// have the same first bytes; the header parser tells them apart by the reserved field.
     ///
     /// # Errors
     /// [`RecordingError::UnknownFormat`] for all other bytes.
@@ -57,7 +56,7 @@ impl Format {
         }
     }
 
-    /// Returns whether the format allows gaps between records.
+    /// Returns whether the format allows gaps between records (EDF+D and BDF+D).
     pub fn is_discontinuous(self) -> bool {
         matches!(
             self,
@@ -86,13 +85,13 @@ const BRAIN_VISION: &str =
     "in MNE-Python run mne.io.read_raw_brainvision('FILE.vhdr').export('FILE.edf')";
 
 /// Replaces the error for an unknown format by [`RecordingError::OtherFormat`], if the first bytes
-/// or the name of the file belong to a format that other programs can export.
+/// or the name of the file are those of a format that other programs can export.
 pub(crate) fn explain(path: &Path, error: RecordingError) -> RecordingError {
     let RecordingError::UnknownFormat { found } = &error else {
         return error;
     };
     let extension = path.extension().unwrap_or_default().to_string_lossy();
-    // `found` holds the first eight bytes; unprintable ones are escaped.
+    // The error's `found` holds the first eight bytes; unprintable ones are escaped.
     let starts_with = |start: &str| found.starts_with(start);
     let (what, how) = match &*extension.to_ascii_lowercase() {
         _ if starts_with("Brain Vi") || starts_with("BrainVis") => {

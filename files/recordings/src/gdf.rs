@@ -1,7 +1,7 @@
-//! Parses the headers of GDF 1.x and 2.x, which are binary and little-endian.
+//! Parses the headers of GDF 1.x and 2.x files, which are binary and little-endian.
 //!
 //! Source: A. Schlögl, "GDF - A general dataformat for biosignals", arXiv cs/0608052 and later
-//! versions of the specification. The headers of both versions have 256 bytes per signal.
+//! versions of the specification. The headers of both versions have 256 bytes for each signal.
 
 pub(crate) mod events;
 pub(crate) mod writer;
@@ -17,12 +17,12 @@ use crate::{
     signal::{Calibration, SampleType, Signal, SignalKind, Unit},
 };
 
-/// Version from which the record duration is a float64: GDF 2.21 and later; earlier versions store
-/// it as two u32. The constant is between 2.20 and 2.21, so that the rounding of a parsed version
-/// has no effect.
+/// Limit between GDF 2.20 and 2.21: from 2.21 on, a header stores the record duration as a float64,
+/// before as two u32. A value between the versions makes the rounding of a parsed version harmless.
 const FLOAT_DURATION: f64 = 2.205;
 
-/// Reads the number of signals, 1..=65535, from the fixed part of a header.
+/// Reads the number of signals, 1..=65535, from `fixed`, the first [`HEADER_BLOCK`] bytes of a
+/// file.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] if the number is 0 or too large.
@@ -34,7 +34,7 @@ pub(crate) fn signal_count(
         Format::Gdf1(_) => u32::from_le_bytes(array_at(fixed, 252)),
         _ => u32::from(u16::from_le_bytes(array_at(fixed, 252))),
     };
-    // GDF 1 stores 32 bits; values of more than 16 bits only occur in damaged files.
+    // GDF 1 stores 32 bits, but only damaged files have a number of more than 16 bits.
     if let Ok(count @ 1..) = u16::try_from(count) {
         return Ok(usize::from(count));
     }
@@ -42,7 +42,7 @@ pub(crate) fn signal_count(
     Err(field_error("number of signals", "the file", &found, reason))
 }
 
-/// Parses the fixed part and the signals of a header, [`HEADER_BLOCK`] * (1 + signals) bytes.
+/// Parses a whole header, [`HEADER_BLOCK`] * (1 + number of signals) bytes long.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] for an unusable field, [`RecordingError::SampleType`] for an
@@ -99,8 +99,8 @@ fn duration(format: Format, bytes: &[u8]) -> Result<Option<Ratio>, RecordingErro
     Ok(Ratio::new(numerator.into(), denominator.into()))
 }
 
-/// Parses the signals. The versions differ in the unit, in the type of the digital limits, and in
-/// the fields that are not read.
+/// Parses the header's fields of all signals. GDF 1 and 2 encode units and digital limits
+/// differently and have different fields between those that are read.
 fn parse_signals(
     format: Format,
     bytes: &[u8],
@@ -111,15 +111,15 @@ fn parse_signals(
     let mut fields = SignalFields::new(bytes, signals);
     let labels = fields.next_field(16);
     let _transducers = fields.next_field(80);
-    // Version 1 has the texts of all signals, 8 bytes each; version 2 those with 6 bytes, and after
-    // them the codes of all signals (u16).
+    // GDF 1 states units as texts of 8 bytes; GDF 2 as texts of 6 bytes for all signals, followed
+    // by a code (u16) for each signal.
     let (units, unit_codes) = if is_version_1 {
         (fields.next_field(8), Vec::new())
     } else {
         (fields.next_field(6), fields.next_field(2))
     };
     let [physical_min, physical_max, digital_min, digital_max] = fields.next_ranges();
-    // Prefilter; in version 2 also the time offset, low-pass, high-pass and notch.
+    // Skips the prefilter texts; in GDF 2, time offset, low-pass, high-pass and notch as well.
     let _filters = fields.next_field(80);
     let samples = fields.next_field(4);
     let types = fields.next_field(4);

@@ -1,5 +1,5 @@
-//! The header of a recording: of a file to read, independent of its format, and of a file to write.
-//! Also the parsing functions that the EDF and GDF readers share.
+//! Headers of recordings: of a file to read, in a form common to all formats, and of a file to
+//! write. Also has parsing functions that the EDF and GDF readers share.
 
 use std::io;
 
@@ -14,37 +14,36 @@ use crate::{
     warning::Warning,
 };
 
-/// Length of the fixed part of a header, and of the part for each signal, bytes; the same in EDF,
-/// BDF and GDF.
+/// Length in bytes of a header's fixed part, and of its part for each signal (EDF, BDF and GDF).
 pub(crate) const HEADER_BLOCK: usize = 256;
 
 #[derive(Debug, Clone)]
 pub(crate) struct Header {
     pub(crate) format: Format,
     pub(crate) signals: Vec<Signal>,
-    /// Byte offset of the first record.
+    /// Byte offset of the first record in the file.
     pub(crate) data_start: u64,
-    /// Number of records; `None` if the header states -1.
+    /// Number of records that the header states; `None` if it states -1, unknown.
     pub(crate) records: Option<u64>,
-    /// Duration of a record, s; `None` if it is 0, as in files that contain only annotations.
+    /// Duration of a record, s; `None` if it is 0, as in files that contain annotations only.
     pub(crate) record_duration: Option<Ratio>,
     pub(crate) warnings: Vec<Warning>,
 }
 
 impl Header {
-    /// Returns the length of one record, bytes, < 2^51.
+    /// Returns the length of one record in bytes, < 2^51.
     pub(crate) fn record_bytes(&self) -> u64 {
         self.signals.iter().map(Signal::record_bytes).sum()
     }
 
-    /// Returns the highest sampling rate of all signals, Hz, at least 1.
+    /// Returns the highest sampling rate of all signals, Hz; 1 if all rates are lower.
     pub(crate) fn fastest_rate_hz(&self) -> f64 {
         let rates = self.signals.iter().filter_map(|signal| signal.rate);
         rates.map(Ratio::value).fold(1.0, f64::max)
     }
 
-    /// Checks the requirements that all formats share, and adds warnings for defects that do not
-    /// prevent reading.
+    /// Checks what every format requires, and adds warnings for defects that do not prevent
+    /// reading.
     ///
     /// # Errors
     /// [`RecordingError::Range`] for a signal that cannot be scaled,
@@ -81,7 +80,7 @@ impl Header {
             }
             if signal.unit.microvolts().is_none() {
                 let unit = signal.unit.to_string();
-                // A missing unit is printed in brackets by itself.
+                // `Unit` already prints a missing unit in brackets; the others get brackets here.
                 let is_bare = !unit.starts_with('(');
                 let unit = if is_bare { format!("({unit})") } else { unit };
                 unknown_units.push(format!("{} {unit}", signal.label));
@@ -106,8 +105,8 @@ pub(crate) fn sampling_rate(samples_per_record: u32, duration: Option<Ratio>) ->
     )
 }
 
-/// Reads the header fields of the signals. The header stores field by field: the first field of all
-/// signals, then the second field of all signals, and so on.
+/// Reads the header fields of the signals. A header stores them field by field: the first field of
+/// all signals, then the second field of all signals, and so on.
 pub(crate) struct SignalFields<'a> {
     bytes: &'a [u8],
     signals: usize,
@@ -115,8 +114,8 @@ pub(crate) struct SignalFields<'a> {
 }
 
 impl<'a> SignalFields<'a> {
-    /// Starts at the first field of the signals, after the fixed part; `header` includes the fixed
-    /// part.
+    /// Starts at the first field of the signals. `header` is the whole header, including the fixed
+    /// part before them.
     pub(crate) fn new(header: &'a [u8], signals: usize) -> Self {
         Self {
             bytes: header,
@@ -125,7 +124,7 @@ impl<'a> SignalFields<'a> {
         }
     }
 
-    /// Returns the next header field, `width` bytes wide, of every signal.
+    /// Returns the next header field of every signal; the field is `width` bytes wide.
     pub(crate) fn next_field(&mut self, width: usize) -> Vec<&'a [u8]> {
         let start = self.at;
         self.at += width * self.signals;
@@ -140,13 +139,13 @@ impl<'a> SignalFields<'a> {
     }
 }
 
-/// Decodes header text and removes its padding. Bytes that are not UTF-8 are decoded as Latin-1.
+/// Decodes text of a header and removes its padding. Bytes that are not UTF-8 are read as Latin-1.
 pub(crate) fn text(bytes: &[u8]) -> String {
     let text = match std::str::from_utf8(bytes) {
         Ok(text) => text.to_owned(),
         Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
     };
-    // GDF pads text with zeros. In some files the bytes after the first zero are not initialised.
+    // GDF pads text with zeros; in some files, uninitialised bytes follow the first zero.
     let (text, _) = text.split_once('\0').unwrap_or((&text, ""));
     text.trim().to_owned()
 }
@@ -161,7 +160,7 @@ pub(crate) fn array_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
         .unwrap_or([0; N])
 }
 
-/// Returns the error for a header field of `place` that holds `found`.
+/// Returns the error that a header field holds `found`; `place` is the file or the signal it is in.
 pub(crate) fn field_error(
     field: &'static str,
     place: &str,
@@ -176,7 +175,7 @@ pub(crate) fn field_error(
     }
 }
 
-/// Interprets the number of records in a header; `None` if it is -1, which means unknown.
+/// Converts the number of records that a header states; `None` for -1, which means unknown.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] for any other negative number.
@@ -191,7 +190,7 @@ pub(crate) fn record_count(stated: i64) -> Result<Option<u64>, RecordingError> {
     Ok(Some(count))
 }
 
-/// Interprets the duration of a record in a header, s; `None` if it is 0.
+/// Converts the duration of a record that a header states, s; `None` if it is 0.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] if it is neither 0 nor between 1e-9 and 1e9 s.
@@ -242,8 +241,8 @@ pub(crate) fn read(source: &mut dyn Source, file_bytes: u64) -> Result<Header, R
     } else {
         edf::signal_count(&fixed)?
     };
-    // The header has at most 65,536 blocks of 256 bytes, and `enough` checks that the file contains
-    // them.
+    // At most 65,536 blocks of 256 bytes: `enough` has checked that the file contains them, so a
+    // damaged header cannot cause a large allocation.
     let header_bytes = HEADER_BLOCK * (1 + signals);
     enough(header_bytes as u64)?;
     let mut bytes = vec![0; header_bytes];
@@ -257,21 +256,21 @@ pub(crate) fn read(source: &mut dyn Source, file_bytes: u64) -> Result<Header, R
     Ok(header)
 }
 
-/// One signal of a file to write.
+/// Header of one signal of a file to write.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SignalToWrite {
-    /// Label, at most 16 bytes; the rest is cut off.
+    /// Label, at most 16 bytes; what is longer is cut off.
     pub label: String,
-    /// Whether the values are microvolts; otherwise they have no unit.
+    /// True if the values are microvolts, false if they have no unit.
     pub is_microvolt: bool,
-    /// Whether the values are signed integers of at most 24 bits.
+    /// True if all values are integers that fit 24 bits with sign.
     pub is_integer: bool,
-    /// Smallest and largest possible value.
+    /// Smallest and largest value that the signal can have.
     pub range: [f64; 2],
 }
 
 impl SignalToWrite {
-    /// Returns the unit as text, empty without one.
+    /// Returns the unit as the header states it; empty for a signal without a unit.
     pub(crate) fn unit(&self) -> &'static str {
         if self.is_microvolt { "uV" } else { "" }
     }
@@ -282,18 +281,18 @@ impl SignalToWrite {
 pub struct FileToWrite {
     /// All signals, in the order of the values in a row.
     pub signals: Vec<SignalToWrite>,
-    /// Rows per second, Hz.
+    /// Number of rows per second, Hz.
     pub rate_hz: u32,
-    /// Rows in a record.
+    /// Number of rows in a record.
     pub rows_per_record: u32,
-    /// Wall clock at the first row, nanoseconds since 1970.
+    /// Wall clock time of the first row, nanoseconds since 1970 UTC.
     pub start_ns: i64,
     /// Text that identifies the recording, such as the device's name.
     pub description: String,
 }
 
 impl FileToWrite {
-    /// Checks the requirements of all formats.
+    /// Checks what every format requires of a file.
     ///
     /// # Errors
     /// `InvalidInput` if a record has no rows or the rate is 0.
@@ -305,7 +304,7 @@ impl FileToWrite {
     }
 }
 
-/// Returns the error for content that the file's format cannot store.
+/// Returns the error of a writer for content that its file format cannot store.
 pub(crate) fn invalid(what: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, what)
 }

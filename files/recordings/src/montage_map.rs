@@ -6,32 +6,32 @@ use thiserror::Error;
 
 use crate::{electrode::Electrode, position::Position};
 
-/// Treatment of an electrode that is missing in the recording.
+/// What to do with an electrode of the montage that the recording lacks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Missing {
-    /// Interpolate from the four nearest electrodes of the recording, weighted by 1 / distance^2
-    /// (straight-line distance through the unit sphere).
+    /// Interpolate it from the nearest [`NEIGHBOURS`] recorded electrodes, weighted by 1 /
+    /// distance^2, with straight-line distances between points on the unit sphere.
     #[default]
     Interpolate,
     /// Set the electrode to 0.
     Zero,
-    /// Return [`MontageMapError::MissingElectrodes`].
+    /// Refuse the recording: return [`MontageMapError::MissingElectrodes`].
     Refuse,
 }
 
-/// Number of recorded electrodes from which a missing electrode is interpolated; all, if the
-/// recording has fewer.
+/// Number of recorded electrodes from which a missing electrode is interpolated; if the recording
+/// has fewer, all of them are used.
 pub const NEIGHBOURS: usize = 4;
 
-/// Source of the values of one electrode of the montage.
+/// Where the values of one electrode of the montage come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
-    /// Values of the signal with this index.
+    /// Recorded: the values are those of the signal with this index.
     Real(usize),
-    /// Weighted sum of signals, as pairs (signal index, weight), nearest electrode first. The
-    /// weights add up to 1.
+    /// Interpolated: a weighted sum of signals, as pairs (signal index, weight), nearest electrode
+    /// first. The weights add up to 1.
     Interpolated(Vec<(usize, f64)>),
-    /// No signal; the value is 0.
+    /// Neither recorded nor interpolated; the value is always 0.
     Zero,
 }
 
@@ -53,23 +53,23 @@ pub enum MontageMapError {
         found: Vec<String>,
         needed: Vec<String>,
     },
-    /// Electrodes are missing and [`Missing::Refuse`] was chosen.
+    /// Electrodes of the montage are missing, and the caller chose [`Missing::Refuse`].
     #[error("the recording lacks {}; interpolate them, set them to zero, or use another recording", labels.join(" "))]
     MissingElectrodes { labels: Vec<String> },
 }
 
-/// A problem of a recording that can still be played.
+/// A defect of a recording with which it can still be played on the montage.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[expect(missing_docs, reason = "the messages say what each field means")]
 pub enum MontageWarning {
-    /// The recording has fewer electrodes of the montage than an interpolation uses.
+    /// The recording has fewer of the montage's electrodes than an interpolation uses.
     #[error(
         "the recording has only {} of the {needed} electrodes ({}); the codes say little about the others",
         real.len(),
         real.join(" ")
     )]
     FewElectrodes { real: Vec<String>, needed: usize },
-    /// Two signals of the recording have the same electrode.
+    /// Two signals of the recording were recorded at the same electrode.
     #[error(
         "electrode {electrode} is recorded twice: signal {used} is used, signal {ignored} is not"
     )]
@@ -80,8 +80,8 @@ pub enum MontageWarning {
     },
 }
 
-/// Map from the signals of a recording to the electrodes of a montage. `Display` prints which
-/// electrodes are real, interpolated or zero, and which signals are unused.
+/// For each electrode of a montage, the signals of a recording from which it is computed. `Display`
+/// prints which electrodes are real, interpolated or zero, and which signals are unused.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MontageMap {
     electrodes: Vec<String>,
@@ -90,9 +90,9 @@ pub struct MontageMap {
 }
 
 impl MontageMap {
-    /// Finds each of `electrodes` (the montage) among `labels` (the recording).
-    /// [`Electrode::parse`] defines which spellings are equal. If two signals have the same
-    /// electrode, the map uses the first.
+    /// Finds each electrode of the montage (`electrodes`) among the labels of the recording
+    /// (`labels`). [`Electrode::parse`] defines which spellings are equal. If two signals have the
+    /// same electrode, the map uses the first.
     ///
     /// # Errors
     /// [`MontageMapError`] if the montage is invalid or the recording does not fit it.
@@ -156,32 +156,32 @@ impl MontageMap {
         Ok(map)
     }
 
-    /// Labels of the montage in montage order.
+    /// Returns the labels of the montage, in montage order.
     pub fn electrodes(&self) -> &[String] {
         &self.electrodes
     }
 
-    /// Source of each electrode in montage order.
+    /// Returns where the values of each electrode come from, in montage order.
     pub fn origins(&self) -> &[Origin] {
         &self.origins
     }
 
-    /// Labels of the montage's electrodes that the recording contains.
+    /// Returns the labels of those electrodes of the montage that the recording contains.
     pub fn real(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Real(_)))
     }
 
-    /// Labels of the montage's electrodes that are interpolated from other electrodes.
+    /// Returns the labels of those electrodes of the montage that are interpolated from others.
     pub fn interpolated(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Interpolated(_)))
     }
 
-    /// Labels of the montage's electrodes that are set to 0.
+    /// Returns the labels of those electrodes of the montage that are set to 0.
     pub fn zero(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Zero))
     }
 
-    /// Problems of the recording that the map does not refuse.
+    /// Returns the defects of the recording that do not prevent playing it.
     pub fn warnings(&self) -> Vec<MontageWarning> {
         let mut warnings = Vec::new();
         let real = self.real();
@@ -205,7 +205,7 @@ impl MontageMap {
         warnings
     }
 
-    /// Labels of the recording's signals that no electrode of the montage uses.
+    /// Returns the labels of the recording's signals that no electrode of the montage uses.
     pub fn unused(&self) -> Vec<&str> {
         let unused = |(signal, _): &(usize, _)| {
             self.origins.iter().all(|origin| match origin {
@@ -231,8 +231,8 @@ impl MontageMap {
     }
 }
 
-/// Returns the indices of the [`NEIGHBOURS`] signals nearest to `electrode`, with their weights.
-/// `located` holds pairs of signal index and electrode.
+/// Returns the [`NEIGHBOURS`] signals nearest to `electrode` as pairs (index, weight). `located`
+/// holds pairs of signal index and electrode.
 fn nearest(electrode: &Electrode, located: &[(usize, Electrode)]) -> Vec<(usize, f64)> {
     let position = Position::from_electrode(electrode);
     let distance = |other| position.chord_squared(Position::from_electrode(other));
@@ -242,7 +242,7 @@ fn nearest(electrode: &Electrode, located: &[(usize, Electrode)]) -> Vec<(usize,
     let mut mix: Vec<(usize, f64)> = mix.collect();
     mix.sort_by(|(_, a), (_, b)| a.total_cmp(b));
     mix.truncate(NEIGHBOURS);
-    // Two electrode names can denote the same position, so the distance can be 0; the minimum of
+    // The distance can be 0, because two electrode names can denote one position; the minimum of
     // 1e-12 keeps the weight finite.
     for (_, weight) in &mut mix {
         *weight = 1.0 / weight.max(1e-12);
@@ -293,7 +293,7 @@ mod tests {
             panic!("C1 is missing")
         };
         let sources: Vec<usize> = mix.iter().map(|(signal, _)| *signal).collect();
-        // C3 and Cz are both 18 degrees from C1, so they have the largest weights. Fz and Pz are
+        // C3 and Cz are both 18 degrees from C1 and so have the largest weights; Fz and Pz are
         // about 40 degrees away.
         assert_eq!(sources.len(), NEIGHBOURS);
         assert!(

@@ -23,33 +23,33 @@ use std::io::{self, BufWriter, Seek, Write};
 
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
-/// Magic and version of an NPY file.
+/// First bytes of an NPY file: its magic and its format version.
 const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
 
-/// Writes the arrays of an NPZ file one after another. Bytes that are written belong to the array
-/// that was started last.
+/// Writes the arrays of an NPZ file one after another. Bytes written through [`Write`] belong to
+/// the array that was started last.
 #[derive(Debug)]
 pub struct NpzWriter<W: Write + Seek> {
     zip: ZipWriter<BufWriter<W>>,
 }
 
 impl<W: Write + Seek> NpzWriter<W> {
-    /// Creates a file without arrays.
+    /// Creates an NPZ file that has no arrays yet.
     pub fn new(out: W) -> Self {
         Self {
             zip: ZipWriter::new(BufWriter::new(out)),
         }
     }
 
-    /// Starts an array. `element` is the type as Python source, such as `'<f4'` or
-    /// `[('row', '<i8'), ('code', '<u2')]`. `shape` is empty for a single number.
+    /// Starts the array `name`. `element` is the numpy type of its elements as Python source, such
+    /// as `'<f4'` or `[('row', '<i8'), ('code', '<u2')]`. `shape` is empty for a single number.
     ///
     /// Source: numpy's NEP 1.
     ///
     /// # Errors
-    /// The operating system's error, or that of a header longer than 65,535 bytes.
+    /// The operating system's error, or one for a header longer than 65,535 bytes.
     pub fn start_array(&mut self, name: &str, element: &str, shape: &[u64]) -> io::Result<()> {
-        // The final size of an array is not known to be below 4 GB.
+        // The size of the array is not known yet and could exceed 4 GB.
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)
             .large_file(true);
@@ -58,7 +58,7 @@ impl<W: Write + Seek> NpzWriter<W> {
         let shape: String = lengths.collect();
         let mut text =
             format!("{{'descr': {element}, 'fortran_order': False, 'shape': ({shape}), }}");
-        // Magic, version and length take 10 bytes; the values start at a multiple of 64.
+        // Pads the header so that values start at a multiple of 64; 10 bytes come before the text.
         let header = (10 + text.len() + 1).next_multiple_of(64) - 10;
         while text.len() + 1 < header {
             text.push(' ');
@@ -70,7 +70,7 @@ impl<W: Write + Seek> NpzWriter<W> {
         self.zip.write_all(text.as_bytes())
     }
 
-    /// Writes an array of texts, in numpy's UTF-32.
+    /// Writes an array of texts, which numpy stores as UTF-32.
     ///
     /// # Errors
     /// Those of [`Self::start_array`].

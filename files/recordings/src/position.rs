@@ -22,38 +22,37 @@ use crate::electrode::Electrode;
 /// to the vertex.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
-    /// Towards the right ear, -1..=1 on the sphere.
+    /// Coordinate towards the right ear, -1..=1 on the unit sphere.
     pub x: f64,
-    /// Towards the nose, -1..=1 on the sphere.
+    /// Coordinate towards the nose, -1..=1 on the unit sphere.
     pub y: f64,
-    /// Towards the vertex, -1..=1 on the sphere.
+    /// Coordinate towards the vertex, -1..=1 on the unit sphere.
     pub z: f64,
 }
 
-/// One twentieth of the way from nasion to inion: 9 degrees, in rad.
+/// Angle of one twentieth of the way from nasion to inion: 9 degrees, in rad.
 const TWENTIETH: f64 = PI / 20.0;
 /// Angle between Cz and the circumference: 8 twentieths = 72 degrees, in rad.
 const CIRCUMFERENCE: f64 = 8.0 * TWENTIETH;
 
 impl Position {
-    /// Computes the position of an electrode. The distance of the position from the origin is 1
-    /// except for rounding.
+    /// Computes the position of an electrode on the unit sphere, up to rounding.
     pub fn from_electrode(electrode: &Electrode) -> Self {
         let eighths = f64::from(electrode.eighths());
         let from_front = f64::from(electrode.row.twentieths) * TWENTIETH;
         let left = match electrode.row.twentieths {
             _ if electrode.column == 0 => return Self::on_midline(from_front),
-            // The rows N, NFp, OI and I are circles around Cz; column 1 is 18 degrees from the
-            // midline.
+            // The rows N, NFp, OI and I are arcs of circles around Cz, on which column 1 is 18
+            // degrees from the midline.
             row @ (0 | 1 | 19 | 20) => {
                 let polar = if matches!(row, 0 | 20) { 10.0 } else { 9.0 };
                 Self::polar(polar * TWENTIETH, azimuth_on_circle(row, eighths))
             }
-            // The rows Fp and O are part of the circumference.
+            // The rows Fp and O are parts of the circumference.
             row @ (2 | 18) if eighths <= 2.0 => {
                 Self::polar(CIRCUMFERENCE, azimuth_on_circle(row, eighths))
             }
-            // Columns 9h and 9 are 9 and 18 degrees below the circumference.
+            // Columns 9h and 9 are 9 and 18 degrees below the circumference, at the row's azimuth.
             _ if eighths > 8.0 => {
                 Self::polar(CIRCUMFERENCE + (eighths - 8.0) * TWENTIETH, from_front)
             }
@@ -69,21 +68,18 @@ impl Position {
         }
     }
 
-    /// Computes the position of the electrode with this label; `None` if there is no such
-    /// electrode.
+    /// Computes the position of the electrode that `label` denotes; `None` if it denotes none.
     pub fn from_label(label: &str) -> Option<Self> {
         Electrode::parse(label).map(|electrode| Self::from_electrode(&electrode))
     }
 
-    /// Returns the square of the straight-line distance to another point; 0..=4 if both points are
-    /// on the sphere.
+    /// Returns the squared straight-line distance to another point; 0..=4 on the sphere.
     pub fn chord_squared(self, other: Self) -> f64 {
         let d = self.minus(other);
         d.dot(d)
     }
 
-    /// Returns the angle from this point to `other`, seen from the centre of the sphere, rad,
-    /// 0..=pi.
+    /// Returns the angle to `other`, seen from the centre of the sphere, rad, 0..=pi.
     pub fn angle_to(self, other: Self) -> f64 {
         self.cross(other)
             .dot(self.cross(other))
@@ -111,9 +107,9 @@ impl Position {
     }
 
     /// Returns the point at `fraction` of the arc from `middle`, the midline point of a row, to
-    /// `self`, the left end of the row. The circle of the row is symmetric about the midline plane.
-    /// The centre of the circle is the point closest to the origin in the plane through `middle`,
-    /// `self` and the mirror image of `self`.
+    /// `self`, the left end of the row. The row's circle is symmetric about the midline plane. Its
+    /// centre is the point closest to the origin in the plane through `middle`, `self` and the
+    /// mirror image of `self`.
     fn on_arc_from(self, middle: Self, fraction: f64) -> Self {
         let across = Self {
             x: 1.0,
@@ -165,9 +161,9 @@ impl Position {
     }
 }
 
-/// Returns the azimuth around Cz, from the front, in rad, of the point that is `eighths` from the
-/// midline in the row at `twentieths`. The row must be a circle around Cz. In a posterior row,
-/// `eighths` counts from the back of the midline.
+/// Returns the angle around Cz, from the front, in rad, of the point that is `eighths` from the
+/// midline in the row at `twentieths`, which must be an arc of a circle around Cz. In a posterior
+/// row, `eighths` counts from the back of the midline.
 fn azimuth_on_circle(twentieths: u8, eighths: f64) -> f64 {
     if twentieths < 10 {
         eighths * TWENTIETH

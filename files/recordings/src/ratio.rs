@@ -4,9 +4,9 @@ use std::fmt;
 
 /// A positive fraction in lowest terms: a rate in Hz or a duration in s.
 ///
-/// A file states the number of samples per record, and the duration of a record as a decimal or as
-/// two integers. With exact fractions the virtual ADC has no time drift: sample k is at the time k
-/// / rate.
+/// A file states the number of samples in a record, and the duration of a record as a decimal or as
+/// two integers. Exact fractions keep the virtual ADC free of time drift: sample k is at the time
+/// `k / rate`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Ratio {
     numerator: u64,
@@ -14,12 +14,11 @@ pub struct Ratio {
 }
 
 /// Largest denominator that [`Ratio::from_f64`] returns: enough for every decimal of 8 characters
-/// (the width of EDF's field) and for 1 / rate of every integer rate up to 1 MHz.
+/// (the width of the EDF header field) and for 1 / rate of every integer rate up to 1 MHz.
 const DENOMINATOR_MAX: u64 = 10_000_000;
 
 impl Ratio {
-    /// Creates the fraction `numerator / denominator` in lowest terms. Returns `None` if one of the
-    /// two is zero.
+    /// Creates the fraction `numerator / denominator` in lowest terms; `None` if either is 0.
     pub fn new(numerator: u64, denominator: u64) -> Option<Self> {
         if numerator == 0 || denominator == 0 {
             return None;
@@ -32,7 +31,7 @@ impl Ratio {
     }
 
     /// Returns the simplest fraction within a relative error of 1e-11 of `value`, such as 1/256 for
-    /// 0.00390625, by continued fractions. Returns `None` for values outside (1e-9, 1e9).
+    /// 0.00390625, by continued fractions; `None` for values outside (1e-9, 1e9).
     pub fn from_f64(value: f64) -> Option<Self> {
         if !value.is_finite() || value <= 1e-9 || value >= 1e9 {
             return None;
@@ -62,12 +61,12 @@ impl Ratio {
         Self::new(now.0, now.1)
     }
 
-    /// Numerator in lowest terms, > 0.
+    /// Returns the numerator in lowest terms, > 0.
     pub fn numerator(self) -> u64 {
         self.numerator
     }
 
-    /// Denominator in lowest terms, > 0.
+    /// Returns the denominator in lowest terms, > 0.
     pub fn denominator(self) -> u64 {
         self.denominator
     }

@@ -1,4 +1,4 @@
-//! The streaming reader for recordings of all supported formats.
+//! The reader for recordings of all supported formats, which reads them block by block.
 
 use std::{fs::File, io::SeekFrom, path::Path};
 
@@ -15,11 +15,11 @@ use crate::{
     warning::Warning,
 };
 
-/// An open recording: its header and the index of the next record to read.
+/// An open recording: its header, and the position of the next record to read.
 ///
-/// Memory use: the header (256 bytes per signal) and the raw bytes of one block of at least one
-/// record; [`Recording::events`] also reads the event table of a GDF file as a whole. No read
-/// buffer is larger than the file, however damaged the header is.
+/// It holds the header (256 bytes for each signal) and the raw bytes of one block of at least one
+/// record in memory; [`Recording::events`] also holds the event table of a GDF file. No read buffer
+/// is larger than the file, however damaged the header is.
 pub struct Recording {
     source: Box<dyn Source>,
     header: Header,
@@ -31,14 +31,14 @@ pub struct Recording {
     raw: Vec<u8>,
 }
 
-/// Consecutive records of a recording in physical units.
+/// The samples of consecutive records of a recording, in physical units.
 #[derive(Debug, Default, Clone, PartialEq)]
 pub struct Block {
     /// Index of the block's first record, counted from the start of the file.
     pub first_record: u64,
     /// Number of whole records in the block; 0 after the end of the recording.
     pub records: u64,
-    /// Samples of each signal in the signal's unit; empty for annotation signals.
+    /// Samples of each signal, in the unit of the signal; empty for annotation signals.
     pub samples: Vec<Vec<f64>>,
 }
 
@@ -64,8 +64,8 @@ impl Recording {
     /// Reads the header of a recording from a file or from memory.
     ///
     /// # Errors
-    /// [`RecordingError::Empty`] without any bytes; [`RecordingError::TextMode`] for a damaged
-    /// transfer; [`RecordingError::UnknownFormat`] if no format matches;
+    /// [`RecordingError::Empty`] if there are no bytes; [`RecordingError::TextMode`] if a transfer
+    /// in text mode has damaged the file; [`RecordingError::UnknownFormat`] if no format matches;
     /// [`RecordingError::HeaderTruncated`], [`RecordingError::HeaderField`],
     /// [`RecordingError::Range`] or [`RecordingError::SampleType`] for an unusable header;
     /// [`RecordingError::NoData`] if the file has no whole record; [`RecordingError::Read`] if
@@ -113,7 +113,7 @@ impl Recording {
             let derived = promised;
             header.warnings.push(Warning::RecordsUnknown { derived });
         }
-        // In a GDF file, the event table follows the records.
+        // A GDF file may be longer than its records, because an event table follows them.
         let is_odd_size = !is_gdf && data_bytes != promised.saturating_mul(record_bytes);
         if is_odd_size && is_damaged_by_text_mode(&mut *source, file_bytes)? {
             return Err(RecordingError::TextMode);
@@ -133,7 +133,7 @@ impl Recording {
             });
         }
         let surplus = data_bytes - records * record_bytes;
-        // In a GDF file the bytes after the records are the event table, not surplus.
+        // In a GDF file, bytes after the records are the event table, not surplus.
         if !is_gdf && !truncated && surplus > 0 {
             header.warnings.push(Warning::Surplus { bytes: surplus });
         }
@@ -154,17 +154,17 @@ impl Recording {
         Ok(recording)
     }
 
-    /// File format with its variant or version.
+    /// Returns the file's format, with its variant or version.
     pub fn format(&self) -> Format {
         self.header.format
     }
 
-    /// All signals in file order, including annotation signals.
+    /// Returns all signals in file order, including annotation signals.
     pub fn signals(&self) -> &[Signal] {
         &self.header.signals
     }
 
-    /// Labels of all signals in file order, exactly as in the file.
+    /// Returns the labels of all signals in file order, exactly as in the file.
     pub fn labels(&self) -> Vec<&str> {
         self.header
             .signals
@@ -173,22 +173,22 @@ impl Recording {
             .collect()
     }
 
-    /// Defects of the file found so far that do not prevent reading it.
+    /// Returns the defects of the file found so far that do not prevent reading it.
     pub fn warnings(&self) -> &[Warning] {
         &self.header.warnings
     }
 
-    /// Number of whole records in the recording, > 0.
+    /// Returns the number of whole records in the recording, > 0.
     pub fn records(&self) -> u64 {
         self.records
     }
 
-    /// Duration of one record, s; `None` if the file contains only annotations.
+    /// Returns the duration of one record, s; `None` if the file contains only annotations.
     pub fn record_duration(&self) -> Option<Ratio> {
         self.header.record_duration
     }
 
-    /// Duration of all whole records, s.
+    /// Returns the duration of all whole records together, s.
     #[expect(clippy::cast_precision_loss, reason = "records stay below 2^53")]
     pub fn duration_s(&self) -> f64 {
         self.record_duration()
@@ -256,8 +256,8 @@ impl Recording {
         }
     }
 
-    /// Returns the starts of the events in the signal that a [`crate::VirtualAdc`] plays, which has
-    /// no gaps.
+    /// Returns the events' starts as times in the signal that a [`crate::VirtualAdc`] plays, in
+    /// which gaps between records are closed.
     ///
     /// # Errors
     /// [`RecordingError::Read`] if reading fails.
@@ -278,8 +278,8 @@ impl Recording {
     fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {
         let at = self.header.data_start + self.records * self.record_bytes;
         let bytes = self.file_bytes.saturating_sub(at);
-        // The event table is at the end of the file, so a truncated file has lost it. Files without
-        // a table have no bytes after the records.
+        // A truncated file has lost its event table, which is at the end. A file without a table
+        // has no bytes after the records.
         if self.truncated || bytes == 0 {
             return Ok(Vec::new());
         }
@@ -309,8 +309,8 @@ impl Recording {
         let (mut count, mut seconds, mut expected) = (0_u64, 0.0, None::<f64>);
         self.for_each_annotated_record(|_, annotations| {
             if let Some(start) = annotations.record_start_s {
-                // Start times are rounded decimals, so a difference counts as a gap only above 1e-6
-                // s, which is far less than a sample.
+                // Files state starts as rounded decimals, so only a difference above 1e-6 s, far
+                // less than a sample, counts as a gap.
                 if let Some(gap) = expected.map(|end| start - end)
                     && gap.abs() > 1e-6
                 {
@@ -340,7 +340,7 @@ impl Recording {
         }
         let mut damaged = 0;
         let mut bytes = Vec::new();
-        // Without annotation signals, no record has to be read.
+        // Without annotation signals (`places` is empty), no record is read.
         for record in (0..self.records).take_while(|_| !places.is_empty()) {
             let mut intact = true;
             for &(offset, length) in &places {

@@ -1,10 +1,10 @@
-//! One signal of a recording as described by the header: its unit, scale and encoding.
+//! One signal of a recording, as the header describes it: unit, scale and encoding.
 
 use std::fmt;
 
 use crate::{header::array_at, ratio::Ratio};
 
-/// Kind of a signal. Files store annotations in the form of signals.
+/// What a signal of a file holds; files store annotations in the form of signals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SignalKind {
     /// Samples of a measured quantity.
@@ -18,24 +18,24 @@ pub enum SignalKind {
 pub struct Signal {
     /// Label exactly as in the file, without padding.
     pub label: String,
-    /// Whether the signal holds samples or annotations.
+    /// What the signal holds: samples or annotations.
     pub kind: SignalKind,
     /// Unit of the physical values.
     pub unit: Unit,
     /// Conversion from digital to physical values.
     pub calibration: Calibration,
-    /// Encoding of each sample.
+    /// Encoding of each sample in the file.
     pub sample_type: SampleType,
-    /// Samples per record; 0 for a signal to which only events refer.
+    /// Number of samples in a record; 0 for a signal that only has events.
     pub samples_per_record: u32,
     /// Samples per second, Hz; `None` if a record has no samples of this signal.
     pub rate: Option<Ratio>,
 }
 
 impl Signal {
-    /// Returns the size of this signal's samples in one record, bytes, < 2^35.
+    /// Returns the length of this signal's part of a record in bytes, < 2^35.
     pub(crate) fn record_bytes(&self) -> u64 {
-        // Cannot overflow: at most 2^32 - 1 samples of 8 bytes.
+        // No overflow: at most 2^32 - 1 samples of 8 bytes.
         u64::from(self.samples_per_record) * self.sample_type.bytes() as u64
     }
 }
@@ -48,9 +48,9 @@ impl Signal {
 /// float samples too.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibration {
-    /// Smallest digital value according to the header.
+    /// Smallest digital value that the header states.
     pub digital_min: f64,
-    /// Largest digital value according to the header.
+    /// Largest digital value that the header states.
     pub digital_max: f64,
     /// Physical value of `digital_min`, in the signal's unit.
     pub physical_min: f64,
@@ -65,24 +65,24 @@ impl Calibration {
         range.is_finite() && range != 0.0 && (self.physical_max - self.physical_min).is_finite()
     }
 
-    /// Slope of the scale: physical units per digital unit.
+    /// Returns the slope of the scale: physical units per digital unit.
     pub fn gain(&self) -> f64 {
         (self.physical_max - self.physical_min) / (self.digital_max - self.digital_min)
     }
 
-    /// Converts a digital value to the signal's physical unit. Values outside the header's range
-    /// are not clamped.
+    /// Converts a digital value to the signal's physical unit. Values outside the range in the
+    /// header are not limited.
     pub fn physical(&self, digital: f64) -> f64 {
         (digital - self.digital_min) * self.gain() + self.physical_min
     }
 }
 
-/// Encoding of one sample; always little-endian.
+/// Encoding of one sample in a file; always little-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SampleType {
-    /// Two's complement integer; holds its size, 1 to 8 bytes.
+    /// Two's complement integer of this length in bytes, 1 to 8.
     Signed(u8),
-    /// Unsigned integer; holds its size, 1 to 8 bytes.
+    /// Unsigned integer of this length in bytes, 1 to 8.
     Unsigned(u8),
     /// IEEE 754 single precision.
     Float32,
@@ -116,7 +116,7 @@ impl SampleType {
         }
     }
 
-    /// Bytes per sample, 1..=8.
+    /// Returns the length of a sample in bytes, 1..=8.
     pub fn bytes(self) -> usize {
         match self {
             Self::Signed(bytes) | Self::Unsigned(bytes) => usize::from(bytes),
@@ -125,8 +125,8 @@ impl SampleType {
         }
     }
 
-    /// Decodes every whole sample in `raw` and appends `map(digital value)` to `out`. 64-bit
-    /// integers beyond 2^53 are rounded to the nearest f64.
+    /// Decodes every whole sample in `raw`, applies `map` to the digital value, and appends the
+    /// result to `out`. 64-bit integers beyond 2^53 are rounded to the nearest f64.
     pub(crate) fn decode(self, raw: &[u8], map: impl Fn(f64) -> f64, out: &mut Vec<f64>) {
         let samples = raw.chunks_exact(self.bytes());
         match self {
@@ -144,7 +144,7 @@ impl SampleType {
     }
 }
 
-/// Returns up to eight little-endian bytes as a u64; missing high bytes are 0.
+/// Returns up to eight little-endian bytes as a u64, in which missing high bytes are 0.
 fn word(raw: &[u8]) -> u64 {
     raw.iter()
         .rev()
@@ -175,13 +175,13 @@ pub struct Unit {
     microvolts: Option<f64>,
 }
 
-/// GDF 2 physical dimension code of the volt. The lowest five bits hold the decimal prefix (GDF 2
+/// GDF 2 code of the unit volt. The lowest five bits of a code are the decimal prefix (GDF 2
 /// specification, table of physical dimensions, after ISO/IEEE 11073-10101).
 const GDF_VOLT: u16 = 4256;
 
 impl Unit {
-    /// Interprets the unit text of a header: `uV`, `mV`, `V` or `nV`, with the micro sign in any
-    /// encoding.
+    /// Parses the unit text of a header: `uV`, `mV`, `V` or `nV`, where the micro sign may have any
+    /// encoding. Any other text is kept as an unknown unit.
     pub fn from_text(text: &str) -> Self {
         let text = text.trim();
         let microvolts = match text.replace(['µ', 'μ'], "u").as_str() {
@@ -197,8 +197,8 @@ impl Unit {
         }
     }
 
-    /// Interprets a GDF 2 physical dimension code: 4256 V, 4274 mV, 4275 uV, 4276 nV. For code 0
-    /// the header has only the text.
+    /// Interprets a GDF 2 unit code: 4256 V, 4274 mV, 4275 uV, 4276 nV. Code 0 means that the
+    /// header states the unit only as `text`.
     pub fn from_gdf_code(code: u16, text: &str) -> Self {
         if code == 0 {
             return Self::from_text(text);
@@ -218,7 +218,7 @@ impl Unit {
         Self { text, microvolts }
     }
 
-    /// Returns the size of the unit, uV; `None` unless the unit is a supported voltage.
+    /// Returns how many microvolts the unit is; `None` unless it is a supported voltage.
     pub fn microvolts(&self) -> Option<f64> {
         self.microvolts
     }

@@ -1,5 +1,4 @@
-//! Random access to the bytes of a recording, in a file or in memory, and detection of files that a
-//! transfer in text mode has damaged.
+//! Random access to the bytes of a recording, and detection of damage by a transfer in text mode.
 
 use std::io::{Read, Seek, SeekFrom};
 
@@ -9,10 +8,10 @@ use crate::error::RecordingError;
 pub trait Source: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Source for T {}
 
-/// Target size of one read, bytes. If a record is longer, one record is read at a time.
+/// Length of a block of records that is read at once, bytes; a longer record is read alone.
 pub(crate) const BLOCK_BYTES: u64 = 64 * 1024;
 
-/// Fills `bytes` from byte offset `at`.
+/// Fills `bytes` from the source, starting at byte offset `at`.
 ///
 /// # Errors
 /// [`RecordingError::Read`] if reading fails or the source ends before `bytes` is full.
@@ -32,8 +31,8 @@ pub(crate) fn read_at(
         })
 }
 
-/// Converts a number of bytes to `usize`. The caller has checked the number against the size of the
-/// file. On a 32-bit machine the conversion saturates, and the allocation then fails.
+/// Converts a number of bytes, which the caller has checked against the size of the file, to
+/// `usize`. On a 32-bit machine the conversion saturates, and the allocation then fails.
 pub(crate) fn in_memory(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
 }
@@ -41,11 +40,13 @@ pub(crate) fn in_memory(bytes: u64) -> usize {
 /// Number of bytes at the start of a file that are searched for damage by a transfer in text mode.
 const SEARCHED: u64 = 4 << 20;
 
-/// Smallest number of line feeds that can prove such damage. In an undamaged file, a carriage
-/// return precedes a line feed by chance once in 256 times, so four of four are damage.
+/// Smallest number of line feeds that can prove damage by text mode. In an undamaged file, a
+/// carriage return precedes a line feed by chance once in 256 times, so four times out of four is
+/// damage.
 const LEAST_LINE_FEEDS: usize = 4;
 
-/// Returns whether a carriage return precedes every line feed of a file.
+/// Returns whether a carriage return precedes every line feed at the start of a file, as after a
+/// transfer in text mode.
 ///
 /// # Errors
 /// [`RecordingError::Read`] if reading fails.

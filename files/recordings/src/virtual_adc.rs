@@ -1,4 +1,4 @@
-//! Converts a recording to the samples that an ADC would have delivered.
+//! Converts a recording to the samples that an ADC would deliver for the same signals.
 
 mod conversion;
 mod counts;
@@ -12,22 +12,22 @@ use crate::{
 };
 use conversion::{Conversion, SignalRate};
 
-/// Number of channels of the ADC. Channel e carries electrode e of the montage; channels without an
-/// electrode are 0.
+/// Number of channels of the virtual ADC. Channel e carries electrode e of the montage; channels
+/// without an electrode are 0.
 pub const CHANNELS: usize = 64;
 
 /// Sampling rate and scale of the virtual ADC.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AdcSpec {
-    /// Sampling rate, Hz, 1..=100,000.
+    /// Sampling rate of each channel, Hz, 1..=100,000.
     pub rate_hz: u32,
-    /// Scale: uV per count, > 0.
+    /// Microvolts per count, > 0.
     pub lsb_uv: f64,
 }
 
 impl AdcSpec {
     /// Returns a specification with the scale of an ADS1299 at gain 24 with a reference of 4.5 V:
-    /// `2 * 4.5 V / 24 / 2^24` = 22.35 nV per count (TI data sheet SBAS499, section 9.5.1).
+    /// `2 * 4.5 V / 24 / 2^24` = 22.35 nV per count (TI datasheet SBAS499, section 9.5.1).
     pub const fn ads1299(rate_hz: u32) -> Self {
         Self {
             rate_hz,
@@ -36,26 +36,27 @@ impl AdcSpec {
     }
 }
 
-/// Counts of values that the conversion could not represent.
+/// Numbers of values that the virtual ADC could not represent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct AdcCounters {
-    /// Number of outputs limited to the smallest or largest count.
+    /// Number of counts that were limited to the smallest or largest one.
     pub saturated: u64,
-    /// Number of NaN and infinite samples in the recording; each was replaced by the signal's last
-    /// finite sample, or by 0 before the first one.
+    /// Number of NaN and infinite samples in the recording. Each was replaced by the last finite
+    /// sample of its signal, or by 0 if there was none before.
     pub not_finite: u64,
 }
 
-/// Iterator over the samples of a virtual ADC that plays a recording. Each sample has [`CHANNELS`]
+/// Plays a recording as an iterator over the samples of a virtual ADC. Each sample has [`CHANNELS`]
 /// counts, i24 in i32; sample k is the recording at the time k / `rate_hz`.
 ///
 /// The iterator yields `floor(duration * rate_hz)` samples, or ends after its first error. A signal
 /// at the rate of the ADC passes unchanged. Signals at other rates are resampled, band-limited and
 /// without delay; beyond the ends of the file, a signal keeps its first or last value. Voltages
 /// become counts by `round(uV / lsb_uv)`, ties away from zero, saturating to i24; saturation is
-/// counted. Where all eight channels of a converter would repeat their last sample, one count is
-/// added (`docs/decisions/0017-dither-of-repeated-samples.md`). A signal whose unit is not a
-/// voltage is treated as uV, and the recording has a warning about it.
+/// counted. Where all eight channels of a chip would repeat their last sample, one count is added,
+/// because a driver takes repetition for a failure
+/// (`docs/decisions/0017-dither-of-repeated-samples.md`). A signal whose unit is not a voltage is
+/// treated as uV, and the recording has a warning about it.
 pub struct VirtualAdc {
     recording: Recording,
     conversion: Conversion,
@@ -98,30 +99,30 @@ impl VirtualAdc {
         })
     }
 
-    /// Leaves repeated samples as they are, for counts that are the exact conversion of the
-    /// recording. A driver of real converters reports such samples as a frozen chip.
+    /// Switches dither off, for users who need the exact conversion of the recording. A driver of
+    /// real ADCs would report the repeated samples as a frozen chip.
     #[must_use]
     pub fn without_dither(mut self) -> Self {
         self.conversion.dither = None;
         self
     }
 
-    /// Rate and scale that were passed to [`VirtualAdc::new`].
+    /// Returns the rate and scale that were passed to [`VirtualAdc::new`].
     pub fn spec(&self) -> AdcSpec {
         self.conversion.spec
     }
 
-    /// Returns the recording being played. Its read position is ahead of the samples delivered.
+    /// Returns the recording that is played. Its read position is ahead of the samples delivered.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }
 
-    /// Number of samples of the whole recording: `floor(duration * rate_hz)`.
+    /// Returns the number of samples of the whole recording: `floor(duration * rate_hz)`.
     pub fn samples(&self) -> u64 {
         self.samples
     }
 
-    /// Counts of saturated and non-finite values since the start of the recording.
+    /// Returns the numbers of saturated and non-finite values since the start of the recording.
     pub fn counters(&self) -> AdcCounters {
         self.conversion.counters
     }
@@ -163,7 +164,7 @@ impl Iterator for VirtualAdc {
     }
 }
 
-/// Returns `floor(records * record duration * rate)`, computed exactly.
+/// Returns the number of samples, `floor(records * record duration * rate)`, computed exactly.
 fn sample_count(recording: &Recording, rate_hz: u32) -> u64 {
     let Some(length) = recording.record_duration() else {
         return 0;
@@ -182,7 +183,7 @@ mod tests {
     use crate::header::{FileToWrite, SignalToWrite};
     use crate::montage_map::Missing;
 
-    /// Returns a GDF file of two signals with these rates: int16 samples of 1 uV.
+    /// Returns a GDF file of two signals with these rates, whose int16 samples are all 1 uV.
     fn file(rates: [u16; 2], seconds: u16) -> Vec<u8> {
         let signal = |label: &str| SignalToWrite {
             label: label.to_owned(),
@@ -199,8 +200,8 @@ mod tests {
         };
         let writer = GdfWriter::new(Cursor::new(Vec::new()), &file).expect("a header");
         let mut bytes = writer.finish(&[]).expect("memory").into_inner();
-        // The writer knows one rate and float32 only: samples per record and types are replaced,
-        // and the event table by the records.
+        // The writer only knows one rate and float32, so the test replaces samples per record and
+        // types in the header, and the event table by its own records.
         bytes.truncate(3 * 256);
         bytes[236..244].copy_from_slice(&i64::from(seconds).to_le_bytes());
         let fields = rates.map(u32::from).into_iter().chain([3, 3]);
@@ -214,8 +215,8 @@ mod tests {
     #[test]
     fn a_rate_group_that_is_ahead_buffers_only_a_few_blocks() {
         // The file lasts 20 minutes. At most 32,768 (512 and 160 Hz) and 47,348 samples (160 and
-        // 250 Hz) were measured in memory; the limit below is 65,536. One block read from the file
-        // alone is 48 s (24,576 outputs) or 79 s (40,448).
+        // 250 Hz) were measured in memory, so 65,536 is the limit. One block read from the file
+        // alone is 48 s (24,576 outputs) or 79 s (40,448 outputs).
         const SECONDS: u16 = 1200;
         for rates in [[512, 160], [160, 250]] {
             let file = Cursor::new(file(rates, SECONDS));

@@ -2,12 +2,11 @@
 
 use thiserror::Error;
 
-/// A defect of a file that can still be read. A recording reports each warning once.
+/// A defect of a file that can still be read. A recording states each defect once.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[expect(missing_docs, reason = "the messages say what each field means")]
 pub enum Warning {
-    /// The header states -1 records, so the number of records was derived from the size of the
-    /// file, without its event table.
+    /// The header states -1 records, so the number was derived from the size of the file.
     #[error(
         "the header does not contain the number of records (-1); the size of the file yields {derived}"
     )]
@@ -22,7 +21,7 @@ pub enum Warning {
         whole: u64,
         left_over: u64,
     },
-    /// An EDF or BDF file continues after its last announced record.
+    /// An EDF or BDF file has bytes after the last record announced in its header.
     #[error("{bytes} bytes after the last announced record are ignored")]
     Surplus { bytes: u64 },
     /// The length field of the header contradicts its number of signals.
@@ -30,35 +29,34 @@ pub enum Warning {
         "the header states a length of '{stated}' bytes, its signals need {used}; using {used}"
     )]
     HeaderLength { stated: String, used: u64 },
-    /// The units of some signals are not voltages. The virtual ADC treats their values as uV. Each
-    /// signal is stated as label and unit, such as `Status (Boolean)`.
+    /// The units of some signals are not voltages; the virtual ADC treats their values as uV. The
+    /// field lists label and unit of each such signal, such as `Status (Boolean)`.
     #[error(
         "unit is not a known voltage, values are treated as uV where a voltage is needed: {}",
         signals.join(", ")
     )]
     UnitUnknown { signals: Vec<String> },
-    /// The physical range of a signal is empty. The digital values of the signal are returned
-    /// unscaled.
+    /// The physical range of a signal is empty, so its digital values are returned without scaling.
     #[error("signal {label}: the physical range is empty, digital values are used")]
     PhysicalRangeEmpty { label: String },
-    /// The digital minimum of a signal is above its maximum. The signal is scaled as the header
-    /// states.
+    /// The digital minimum of a signal is above its maximum. It is scaled as the header states, so
+    /// its polarity may be reversed.
     #[error(
         "signal {label}: the digital minimum is above the maximum, so its polarity may be reversed; \
          check it, and repair the header"
     )]
     DigitalRangeReversed { label: String },
-    /// An EDF+D or BDF+D file has gaps between records: places at which a record does not start at
-    /// the end of the previous record. The records are played without the gaps.
+    /// An EDF+D or BDF+D file has gaps: a record does not start at the end of the previous one. The
+    /// records are played without the gaps.
     #[error("{count} gaps between records, {seconds} s in total, are closed")]
     Gaps { count: u64, seconds: f64 },
-    /// The GDF event table is truncated or has an unknown mode. No events are returned.
+    /// The GDF event table is truncated or has an unknown mode, so no events are returned.
     #[error(
         "the event table announces {announced} events but only {bytes} bytes of it are readable; no \
          events are returned"
     )]
     EventTable { announced: u32, bytes: u64 },
-    /// Some annotation bytes are not a valid time-stamped annotation list.
+    /// Some annotation bytes are not valid time-stamped annotation lists.
     #[error("annotations of {records} records could not be read completely")]
     Annotations { records: u64 },
 }

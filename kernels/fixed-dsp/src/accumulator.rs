@@ -1,31 +1,30 @@
-//! The 64-bit accumulator of a section: one multiply-accumulate instruction (SMLAL) per product on
-//! a Cortex-M.
+//! The 64-bit accumulator of a filter section, to which a Cortex-M adds a product with one
+//! instruction (SMLAL).
 
-/// 64-bit sum in Q32. At the end, the high word is the section's output and the low word its
-/// rounding error.
+/// 64-bit sum in Q32. When all products are added, the high word is the section's output and the
+/// low word its rounding error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Accumulator {
-    /// Integer part, in the unit of the output.
+    /// Integer part of the sum, in the unit of the output.
     pub(crate) high: i32,
-    /// Fraction of one unit of the output, Q0.32, in [0, 1).
+    /// Fraction of the sum, Q0.32 in the unit of the output, in [0, 1).
     pub(crate) low: u32,
 }
 
 impl Accumulator {
     /// Adds `fraction * x`, Q0.32 times an integer; wraps modulo 2^64.
     ///
-    /// SMLAL is written as inline assembly because the compiler otherwise merges the constant
-    /// integer and fraction of a coefficient into one 64-bit multiplication, which takes three
-    /// times as many instructions.
+    /// SMLAL is inline assembly, because the compiler would merge the constant integer and fraction
+    /// of a coefficient into one 64-bit multiplication, which takes three times as many
+    /// instructions.
     #[cfg(all(target_arch = "arm", target_has_atomic = "32"))]
     #[expect(unsafe_code, reason = "the instruction has no safe name in Rust")]
     #[inline(always)]
     pub(crate) fn multiply_add(self, fraction: i32, x: i32) -> Self {
         let Self { mut high, mut low } = self;
         // SAFETY: SMLAL (ARMv7-M ARM, A7.7.138) reads these four registers and writes `low` and
-        // `high`. It accesses no memory and leaves the flags unchanged. ARMv6-M has no SMLAL; the
-        // `cfg` above excludes it by `target_has_atomic`, because it has no compare-and-swap
-        // either.
+        // `high`. It accesses no memory and leaves the flags unchanged. The `cfg` above excludes
+        // ARMv6-M, which has neither SMLAL nor the compare-and-swap that `target_has_atomic` tests.
         unsafe {
             core::arch::asm!(
                 "smlal {low}, {high}, {fraction}, {x}",
@@ -41,9 +40,8 @@ impl Accumulator {
 
     /// Adds `fraction * x` on machines without SMLAL, with the same bits as the assembly.
     ///
-    /// `cargo xtask bench filters` compares the two on an emulated Cortex-M4 and M7: with the
-    /// model's coefficients, and with random coefficients and samples (contender
-    /// `ours-any-sections`).
+    /// `cargo xtask bench filters` compares both on an emulated Cortex-M4 and M7: with the model's
+    /// coefficients, and with random coefficients and samples (contender `ours-any-sections`).
     #[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
     #[inline(always)]
     pub(crate) fn multiply_add(self, fraction: i32, x: i32) -> Self {

@@ -1,15 +1,15 @@
-//! A filter of second-order sections in series.
+//! A filter that consists of second-order sections in series.
 
 use crate::section::{Fractions, Section, SectionState};
 
-/// Configuration of `N` sections in series, at most [`MAX_SECTIONS`]; shared by all channels.
+/// Coefficients of `N` sections in series, at most [`MAX_SECTIONS`], which all channels share.
 ///
 /// Overflow wraps. To exclude it, the largest input times the L1 norm of the impulse response must
-/// stay below 2^31, for the response from the input to each section's output and to each number
-/// that a section multiplies. model-gen proves this for the cascades it generates.
+/// stay below 2^31, for the responses from the input to each section's output and to each number
+/// that a section multiplies. model-gen proves this for the cascades that it generates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cascade<const N: usize> {
-    /// Sections in signal order: the first filters the input.
+    /// Sections in the order in which the signal passes them.
     pub sections: [Section; N],
 }
 
@@ -22,7 +22,7 @@ pub struct CascadeState<const N: usize> {
 }
 
 impl<const N: usize> CascadeState<N> {
-    /// State after an infinitely long input of zeros.
+    /// State that an input of zeros leads to in the long run.
     pub const REST: Self = Self {
         x1: 0,
         x2: 0,
@@ -30,14 +30,12 @@ impl<const N: usize> CascadeState<N> {
     };
 }
 
-/// Largest number of sections in a cascade; the code for them is unrolled by hand up to this
-/// number.
+/// Largest number of sections in a cascade; up to this number, their code is unrolled by hand.
 pub const MAX_SECTIONS: usize = 12;
 
 impl<const N: usize> Cascade<N> {
-    /// Returns the fractions of all coefficients: the part that
-    /// [`Compiled`](crate::filter::Compiled) loads as data, while section types and integer parts
-    /// become code.
+    /// Returns the fractions of all coefficients. [`Compiled`](crate::filter::Compiled) loads them
+    /// as data, while section types and integer parts become part of its code.
     pub(crate) const fn fractions(&self) -> [Fractions; N] {
         let mut fractions = [[0; 3]; N];
         let mut index = 0;
@@ -65,8 +63,8 @@ impl<const N: usize> Cascade<N> {
         for x in block {
             (state.x2, state.x1) = (state.x1, x);
         }
-        // Unrolled by hand: the compiler does not unroll a loop of this size and would select each
-        // section's type at run time, which takes more than twice the instructions on a Cortex-M4.
+        // Unrolled by hand, because the compiler would keep the loop and select each section's type
+        // at run time, which takes more than twice the instructions on a Cortex-M4.
         macro_rules! apply_sections {
             ($($index:literal)*) => {$(
                 if $index < N {
@@ -86,7 +84,7 @@ mod tests {
     use super::*;
     use crate::{coefficient::Coefficient, filter::Filter};
 
-    /// Returns an arbitrary stable cascade: a high-pass with a double pole at 0.9 and a low-pass
+    /// Returns a stable cascade for the tests: a high-pass with a double pole at 0.9 and a low-pass
     /// with a double pole at 0.5.
     fn cascade() -> Cascade<2> {
         let high_pass = Section::HighPass {

@@ -1,11 +1,11 @@
-//! A filter coefficient as an integer plus a fraction.
+//! A filter coefficient, stored as an integer plus a fraction.
 
 /// A real number as nearest integer plus signed fraction: value = `integer` + `fraction` / 2^32.
 ///
 /// The product of a sample and the integer is added to the high word of a 64-bit accumulator; the
-/// product of the sample and the fraction takes one `SMLAL`. The high word of the sum is the result
-/// without a shift; the low word is the exact rounding error. The coefficient's own error is at
-/// most 2^-33 (1.2e-10).
+/// product of the sample and the fraction takes one `SMLAL`. The high word of the sum is then the
+/// result, without a shift, and the low word the exact rounding error. The coefficient itself is
+/// rounded by at most 2^-33 (1.2e-10).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Coefficient {
     /// Integer nearest to the value; |integer| <= 2 in a stable second-order section.
@@ -21,7 +21,7 @@ impl Coefficient {
         fraction: 0,
     };
 
-    /// Returns the representable coefficient nearest to `value`; |value| < 2^30.
+    /// Returns the coefficient nearest to `value`; |value| must be below 2^30.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "|value| < 2^30, so |scaled| < 2^62"
@@ -32,7 +32,7 @@ impl Coefficient {
         Self::from_q32((scaled + half) as i64)
     }
 
-    /// Returns the coefficient `q32` / 2^32; |q32| < 2^62.
+    /// Returns the coefficient `q32` / 2^32; |q32| must be below 2^62.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "|integer| < 2^30 and the fraction is within [-2^31, 2^31) by construction"
@@ -45,7 +45,7 @@ impl Coefficient {
         }
     }
 
-    /// Returns the value in Q32, exactly.
+    /// Returns the exact value of the coefficient in Q32.
     pub const fn to_q32(self) -> i64 {
         ((self.integer as i64) << 32) + self.fraction as i64
     }

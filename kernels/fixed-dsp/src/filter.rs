@@ -1,5 +1,5 @@
-//! The interface of all filters, whose coefficients are known at run time or compiled into the
-//! code.
+//! The interface of all filters: those with coefficients that are known at run time, and those with
+//! coefficients compiled into the code.
 
 use core::marker::PhantomData;
 
@@ -8,17 +8,17 @@ use crate::{
     section::Fractions,
 };
 
-/// Number of consecutive samples of one channel that are filtered together, so that the state is
-/// loaded and stored once for all of them.
+/// Number of consecutive samples of one channel that are filtered together, so that the channel's
+/// state is loaded and stored only once for them.
 pub const BLOCK: usize = 4;
 
-/// A filter for any number of channels, each with a separate state.
+/// A filter that several channels use, each with a state of its own.
 ///
 /// Output samples have the unit and format of the input samples. Overflow wraps: see [`Cascade`].
 pub trait Filter {
-    /// Memory of one channel.
+    /// Memory of the filter for one channel.
     type State: Copy;
-    /// State after an infinitely long input of zeros.
+    /// State that an input of zeros leads to in the long run.
     const REST: Self::State;
 
     /// Filters one sample of one channel.
@@ -32,7 +32,7 @@ pub trait Filter {
     fn apply_blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]);
 }
 
-/// A cascade as a filter: its coefficients are known at run time only.
+/// A cascade is a filter whose coefficients are known at run time only.
 impl<const N: usize> Filter for Cascade<N> {
     type State = CascadeState<N>;
     const REST: Self::State = CascadeState::REST;
@@ -51,22 +51,22 @@ impl<const N: usize> Filter for Cascade<N> {
     }
 }
 
-/// A cascade of `N` sections that is a compile-time constant.
+/// A cascade of `N` sections that is known at compile time.
 pub trait Design<const N: usize> {
-    /// The sections, with their coefficients.
+    /// The sections of the cascade, with their coefficients.
     const CASCADE: Cascade<N>;
 }
 
 /// The filter of a [`Design`]: code for this one cascade, with the section types and the integer
 /// parts of the coefficients built in. Only the fractions are loaded from memory.
 ///
-/// In blocks, six sections take 56 instructions per sample and channel. As a [`Cascade`] they take
-/// 90 to 108, depending on the types of the sections (`cargo xtask bench filters`, simulated).
+/// Filtered in blocks, six sections take 56 simulated instructions per sample and channel; as a
+/// [`Cascade`], they take 90 to 108, depending on their types (`cargo xtask bench filters`).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Compiled<D, const N: usize>(PhantomData<D>);
 
 impl<D, const N: usize> Compiled<D, N> {
-    /// Returns the filter; it has no data.
+    /// Returns the filter, which has no data.
     pub const fn new() -> Self {
         Self(PhantomData)
     }
@@ -75,8 +75,9 @@ impl<D, const N: usize> Compiled<D, N> {
 impl<D: Design<N>, const N: usize> Compiled<D, N> {
     const FRACTIONS: &'static [Fractions; N] = &D::CASCADE.fractions();
 
-    /// Returns the fractions as data, which `black_box` hides from the optimiser. As constants in
-    /// the code, each fraction would take two instructions per channel instead of one load.
+    /// Returns the fractions of all coefficients, which `black_box` hides from the optimiser. As
+    /// constants in code, each fraction would take two instructions per channel instead of one
+    /// load.
     #[inline(always)]
     fn fractions() -> &'static [Fractions; N] {
         core::hint::black_box(Self::FRACTIONS)

@@ -1,36 +1,35 @@
-//! Rate reduction by a rational factor with a polyphase FIR filter, and the delay line of many
-//! channels that the filter reads.
+//! Rate reduction by a rational factor with a polyphase FIR filter, and the delay line that stores
+//! the filter's input.
 
 /// A polyphase FIR filter: output rate = input rate * `PHASES` / `down`, in lowest terms.
 ///
-/// The prototype low-pass has `PHASES * TAPS` taps at `PHASES` times the input rate; each output
+/// The underlying low-pass has `PHASES * TAPS` taps at `PHASES` times the input rate; each output
 /// needs `TAPS` of them. Output `m` is the signal at time `m * down / PHASES`, counted in input
 /// samples from the first one. It is computed from the input samples up to that time; its phase is
-/// the time since the last of them.
+/// the time since the newest of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resampler<const PHASES: usize, const TAPS: usize> {
     /// Number of input samples for every `PHASES` output samples; at least `PHASES`.
     pub down: u16,
-    /// Impulse response, Q2.30, `[phase][age]`; age 0 is the newest input sample.
+    /// Impulse response, Q2.30, `[phase][age]`, where age 0 belongs to the newest input sample.
     pub taps: [[i32; TAPS]; PHASES],
 }
 
-/// Time of a resampler's next output.
+/// When a resampler's next output is due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Position {
-    /// Time from the next input sample to the next output, in 1 / `PHASES` of the time between two
-    /// input samples.
+    /// Time from the next input sample to the next output, in 1 / `PHASES` of the input interval.
     ahead: u16,
 }
 
 impl Position {
-    /// Position before the first input sample.
+    /// Position of a resampler that has had no input sample yet.
     pub const START: Self = Self { ahead: 0 };
 }
 
 impl Resampler<1, 1> {
-    /// Returns a resampler that keeps the first sample and every `down`-th sample after it,
-    /// unfiltered: signals above half of the output rate alias.
+    /// Returns a resampler that keeps the first sample and every `down`-th sample after it without
+    /// filtering, so that signals above half of the output rate alias.
     ///
     /// # Panics
     /// If `down` is 0; at compile time in a `const` context.
@@ -44,7 +43,7 @@ impl Resampler<1, 1> {
 }
 
 impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
-    /// The tap 1.0, Q2.30.
+    /// A tap of 1.0 in Q2.30.
     pub const UNITY: i32 = 1 << 30;
 
     /// Returns true if each input yields at most one output and no input can overflow the 64-bit
@@ -59,16 +58,16 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
                 magnitude += self.taps[phase][age].unsigned_abs() as u64;
                 age += 1;
             }
-            // If the magnitudes sum to less than 2^31, their products with samples of at most 2^31
-            // sum to less than 2^62; rounding adds 2^29.
+            // If the magnitudes of the taps sum to less than 2^31, products with samples of at most
+            // 2^31 sum to less than 2^62; rounding adds 2^29.
             consistent = consistent && magnitude < 1 << 31;
             phase += 1;
         }
         consistent
     }
 
-    /// Advances by one input sample. If an output is due with this sample, returns the output's
-    /// phase: the time from the sample to the output, in 1 / `PHASES` of the time between two input
+    /// Advances by one input sample. If an output is due before the next sample, returns the
+    /// output's phase: its time after this sample, in 1 / `PHASES` of the interval between input
     /// samples.
     #[inline]
     #[expect(
@@ -89,7 +88,7 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
 
     /// Returns the output of every channel at `phase`, in the samples' unit and format.
     ///
-    /// The 64-bit sum is exact and rounded half up once. Overflow wraps; the caller must prove
+    /// The 64-bit sum is exact and rounded half up once. Overflow wraps, so the caller must prove
     /// |output| < 2^31.
     #[inline]
     #[expect(
@@ -112,17 +111,17 @@ impl<const PHASES: usize, const TAPS: usize> Resampler<PHASES, TAPS> {
     }
 }
 
-/// The last `TAPS` samples of each of `CHANNELS` channels; zeros before the first sample.
+/// The last `TAPS` samples of each of `CHANNELS` channels; all are 0 before the first sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DelayLine<const CHANNELS: usize, const TAPS: usize> {
-    /// Ring buffer of each channel: index `newest` holds the newest sample; earlier samples follow
-    /// at increasing indices, modulo `TAPS`.
+    /// Ring buffer of each channel: index `newest` holds the newest sample, and the indices after
+    /// it (modulo `TAPS`) hold ever older samples.
     samples: [[i32; TAPS]; CHANNELS],
     newest: usize,
 }
 
 impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
-    /// A delay line full of zeros.
+    /// A delay line whose samples are all 0.
     pub const SILENCE: Self = Self {
         samples: [[0; TAPS]; CHANNELS],
         newest: 0,
@@ -138,14 +137,13 @@ impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
         }
     }
 
-    /// Returns the index of the newest samples; `min` lets the compiler drop the bounds checks.
+    /// Returns the index of the newest samples; `min` proves to the compiler that it is in bounds.
     #[inline]
     fn newest(&self) -> usize {
         self.newest.min(TAPS - 1)
     }
 
-    /// Returns the weighted sum of each channel's samples; `weights[0]` belongs to the newest
-    /// sample.
+    /// Returns the weighted sum of each channel's samples; `weights[0]` is for the newest sample.
     ///
     /// The sum is exact in 64 bits if the magnitudes of the weights sum to less than 2^32.
     #[inline]
@@ -159,7 +157,7 @@ impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
     }
 }
 
-/// Products in one iteration of the unrolled loop.
+/// Number of products in one iteration of the unrolled loop.
 const UNROLL: usize = 8;
 
 #[inline]
@@ -185,7 +183,7 @@ mod tests {
 
     use super::*;
 
-    /// Returns, for each of `inputs` input samples, the phase of the output due with it.
+    /// Returns, for each of `inputs` input samples, the phase of the output due with it, if any.
     fn schedule<const PHASES: usize>(down: u16, inputs: usize) -> Vec<Option<usize>> {
         let resampler = Resampler {
             down,

@@ -1,21 +1,20 @@
-//! One second-order section: direct form 1 with rounding-error feedback.
+//! One second-order filter section: direct form 1 with rounding-error feedback.
 
 use crate::{accumulator::Accumulator, coefficient::Coefficient};
 
-/// Configuration of one second-order section: its type, which fixes the zeros exactly, and its
-/// coefficients.
+/// One second-order section: its type, which fixes the zeros exactly, and its coefficients.
 ///
-/// Sign convention of every type: feedback is added, `y0 = .. + a1 y1 + a2 y2`. So `a1` and `a2`
-/// are the negatives of those in a denominator written `1 + a1 z^-1 + a2 z^-2`. The rounding error
-/// of each output is added to the next output.
+/// In all types, feedback is added, `y0 = .. + a1 y1 + a2 y2`, so `a1` and `a2` are the negatives
+/// of those in a denominator written `1 + a1 z^-1 + a2 z^-2`. The rounding error of each output is
+/// added to the next output. `x1` and `y1` are one sample old, `x2` and `y2` two samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Section {
     /// `y0 = x0 + x2 - y2 + a1 (y1 - x1) + (1 - b0) (2 y2 - x0 - x2)`: zeros on the unit circle,
     /// and gain exactly 1 at DC. Here `b1 = -a1`, `b2 = b0` and `a2 = 1 - 2 b0`.
     Notch {
-        /// `2 b0 cos(w0)`: sets the notch frequency `w0`.
+        /// `2 b0 cos(w0)`, which sets the notch frequency `w0`.
         a1: Coefficient,
-        /// `1 - b0`: sets the width of the notch.
+        /// `1 - b0`, which sets the width of the notch.
         one_minus_b0: Coefficient,
     },
     /// `y0 = x0 - 2 x1 + x2 + a1 y1 + a2 y2`: a double zero at DC.
@@ -27,7 +26,7 @@ pub enum Section {
     },
     /// `y0 = gain (x0 - x2) + a1 y1 + a2 y2`: zeros at DC and at the Nyquist frequency.
     BandPass {
-        /// Factor of the numerator.
+        /// Factor of the input term `x0 - x2`.
         gain: Coefficient,
         /// Factor of the previous output, `y1`.
         a1: Coefficient,
@@ -36,7 +35,7 @@ pub enum Section {
     },
     /// `y0 = gain (x0 + 2 x1 + x2) + a1 y1 + a2 y2`: a double zero at the Nyquist frequency.
     LowPass {
-        /// Factor of the numerator.
+        /// Factor of the input term `x0 + 2 x1 + x2`.
         gain: Coefficient,
         /// Factor of the previous output, `y1`.
         a1: Coefficient,
@@ -45,20 +44,21 @@ pub enum Section {
     },
 }
 
-/// Memory of one section for one channel.
+/// Memory of one section for one channel; its past inputs are the outputs of the section before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub(crate) struct SectionState {
-    /// Previous output.
+    /// Previous output of the section.
     y1: i32,
-    /// Output before the previous one.
+    /// Output of the section before the previous one.
     y2: i32,
-    /// Rounding error of the previous output, Q0.32 of one unit of the output, in [0, 1).
+    /// Rounding error of the previous output, Q0.32 in the unit of the output, in [0, 1).
     error: u32,
 }
 
 impl SectionState {
-    /// State after an infinitely long input of zeros, with the rounding error at its mean of 0.5.
+    /// State that an input of zeros leads to in the long run, with the rounding error at its mean,
+    /// 0.5.
     ///
     /// If the rounding error started at 0, it would step to its mean, and the high-pass sections
     /// would turn this step into a transient of up to 0.03 uV (computed for the checked-in model).
@@ -70,12 +70,12 @@ impl SectionState {
 }
 
 /// Fractions of a section's coefficients, Q0.32, in the order of the fields of [`Section`]'s
-/// variant; a variant with two coefficients leaves the third 0.
+/// variant; for a variant with two coefficients, the third is 0.
 pub(crate) type Fractions = [i32; 3];
 
 impl Section {
-    /// Returns the fractions of the coefficients. They are loaded as data where section types and
-    /// integer parts are compiled into the code.
+    /// Returns the fractions of the coefficients, for filters that load them as data and have
+    /// section types and integer parts compiled into the code.
     pub(crate) const fn fractions(&self) -> Fractions {
         match self {
             Self::Notch { a1, one_minus_b0 } => [a1.fraction, one_minus_b0.fraction, 0],
@@ -95,7 +95,7 @@ impl Section {
     /// noise shaping, so a constant input has no bias). Overflow wraps: the caller must prove that
     /// outputs and all multiplied numbers stay below 2^31. Intermediate sums may wrap without harm.
     ///
-    /// Only the type and the integer parts are read from `self`. Where these are constants, their
+    /// From `self`, only the type and the integer parts are read. Where they are constants, their
     /// products become additions and shifts.
     #[inline(always)]
     pub(crate) fn apply_block<const B: usize>(
@@ -128,7 +128,7 @@ impl Section {
     }
 }
 
-/// Applies a notch in terms of the change `u = y - x`:
+/// Filters with a notch by computing the change `u = y - x`:
 /// `u0 = -u2 + a1 u1 + (1 - b0) (u2 + y2 - x0)`. This takes two multiplications;
 /// `b0 (x0 + x2) + a1 (y1 - x1) + a2 y2` would take three. `u1` and the bracket are multiplied, so
 /// both must fit 32 bits.
@@ -156,8 +156,8 @@ fn notch<const B: usize>(
     }
 }
 
-/// Applies a high-pass in terms of `u = y - x`: `u0 = 2 u1 - u2 + (a1 - 2) y1 + (a2 + 1) y2`. A
-/// pole pair near DC has `a1` near 2 and `a2` near -1, so the integer parts of `a1 - 2` and
+/// Filters with a high-pass by computing `u = y - x`: `u0 = 2 u1 - u2 + (a1 - 2) y1 + (a2 + 1) y2`.
+/// A pole pair near DC has `a1` near 2 and `a2` near -1, so the integer parts of `a1 - 2` and
 /// `a2 + 1` are 0. `u` may wrap, because it is only added.
 #[inline(always)]
 fn high_pass<const B: usize>(
@@ -183,7 +183,7 @@ fn high_pass<const B: usize>(
     }
 }
 
-/// Applies a band-pass as written at [`Section::BandPass`].
+/// Filters with a band-pass by the formula at [`Section::BandPass`].
 #[inline(always)]
 fn band_pass<const B: usize>(
     [gain, a1, a2]: [i32; 3],
@@ -208,8 +208,8 @@ fn band_pass<const B: usize>(
     }
 }
 
-/// Applies a low-pass as `y0 = gain (x0 + x1) + gain (x1 + x2) + a1 y1 + a2 y2`. This takes as many
-/// instructions as `gain (x0 + 2 x1 + x2)`, whose bracket would need one more bit of headroom.
+/// Filters with a low-pass by `y0 = gain (x0 + x1) + gain (x1 + x2) + a1 y1 + a2 y2`. This takes as
+/// many instructions as `gain (x0 + 2 x1 + x2)`, whose bracket would need one more bit of headroom.
 #[inline(always)]
 fn low_pass<const B: usize>(
     [gain, a1, a2]: [i32; 3],
@@ -237,8 +237,8 @@ fn low_pass<const B: usize>(
 }
 
 impl SectionState {
-    /// Returns the accumulator of the next output, with `high` as its integer part and the previous
-    /// rounding error as its fraction.
+    /// Returns the accumulator for the next output: its integer part is `high`, its fraction the
+    /// rounding error of the previous output.
     #[inline(always)]
     fn accumulator(&self, high: i32) -> Accumulator {
         Accumulator {

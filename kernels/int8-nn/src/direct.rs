@@ -1,4 +1,4 @@
-//! A direct convolution, one plane at a time.
+//! A direct convolution (without Winograd's transforms), one plane at a time.
 
 #[cfg(not(smlad))]
 use crate::octet::Kernel;
@@ -9,35 +9,35 @@ use crate::{
     plane::PlaneShape,
 };
 
-/// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
+/// Number of weights for each pair of input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Largest number of output channels, with which byte offsets of three positions fit 32 bits.
+/// Largest number of output channels, so that byte offsets of three positions fit 32 bits.
 const MAX_OUTPUTS: usize = 65_536;
 
 /// A 3x3x3 convolution over (time, row, column), stride 1, unpadded, followed by a max-pool of any
 /// shape.
 ///
-/// It replaces [`Winograd`](crate::Winograd) where the pool does not fit Winograd's tiles, or the
+/// It is for networks whose pool does not fit the tiles of [`Winograd`](crate::Winograd), or whose
 /// transformed numbers do not fit 16 bits. With 16 input and 32 output channels it takes 9,870
 /// instructions per output position; Winograd takes 3,900 (simulated, Cortex-M4).
 ///
-/// Ranges: inputs of 16 bits; every sum of 27 products per input channel must fit 32 bits.
+/// Inputs have 16 bits, and every sum of 27 products per input channel must fit 32 bits.
 ///
 /// `PAIRS` is the number of pairs of input channels, an even number; there is an assembler kernel
 /// for 8 pairs. `COLUMNS` is the number of columns of the input.
 #[derive(Clone, Copy, Debug)]
 pub struct Direct<'w, const PAIRS: usize, const COLUMNS: usize> {
-    /// Rows and columns of the max-pool.
+    /// Numbers of rows and columns of a pool window.
     pub pool: [usize; 2],
     /// Shape of the plane after the pool.
     pub pooled: PlaneShape,
-    /// Weights as packed by [`Self::pack_weights`], [`Self::weights_len`] pairs.
+    /// Weights, packed by [`Self::pack_weights`]: [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
 }
 
 impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
-    /// Returns the shape of an input plane: the outputs of whole pools, plus the two rows and two
-    /// columns by which an unpadded convolution shrinks a plane.
+    /// Returns the shape of an input plane: that of the outputs before the pool, plus the two rows
+    /// and two columns by which an unpadded convolution shrinks a plane.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: self.pooled.rows * self.pool[0] + 2,
@@ -57,7 +57,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
     }
 
     /// Returns true if this convolution turns planes of shape `input` into planes of shape `pooled`
-    /// and has the right number of weights. Assert it in a `const` context.
+    /// and has the right number of weights. Callers should assert it in a `const` context.
     pub const fn is_consistent(&self, input: PlaneShape, pooled: PlaneShape) -> bool {
         self.input().equals(input)
             && self.pooled.equals(pooled)
@@ -89,7 +89,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
     }
 
     /// Convolves three planes, transformed by [`Self::transform`], oldest first, into one plane of
-    /// outputs, and max-pools it into `largest`, of shape [`Self::pooled`].
+    /// outputs, and max-pools the outputs into `largest`, of shape [`Self::pooled`].
     ///
     /// `largest[i]` becomes the maximum of its previous value and the outputs of pool window `i`,
     /// so that consecutive calls also pool over time. No bias is added.
@@ -108,15 +108,15 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         octet::run((self, transformed, largest));
     }
 
-    /// Computes [`Self::convolve_max_pool`] with octets of type `O`.
+    /// Does what [`Self::convolve_max_pool`] does, with octets of type `O`.
     #[inline(always)]
     fn convolve_max_pool_with<O: Octet>(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
         let (rows, columns) = (self.pooled.rows * self.pool[0], COLUMNS - 2);
         let weights = self.weights.chunks_exact(dot::weights_len(TAPS * PAIRS));
         for row in 0..rows {
             for group in 0..columns.div_ceil(POSITIONS) {
-                // The last group is moved back so that it is full. The outputs that it computes
-                // again do not change the maxima.
+                // The last group of positions is moved back so that it is full. It computes some
+                // outputs twice, which does not change their maxima.
                 let column = (group * POSITIONS).min(columns - POSITIONS);
                 for (pair, weights) in weights.clone().enumerate() {
                     let sums = Self::dots::<O>(transformed, [row, column], weights);
@@ -126,8 +126,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns the sums of a pair of outputs at three adjacent positions of a row; the first is
-    /// (row, column).
+    /// Returns the sums of a pair of output channels at three adjacent positions of a row, the
+    /// first of which is (row, column).
     #[inline(always)]
     fn dots<O: Octet>(
         transformed: [&[Pair]; 3],
@@ -139,7 +139,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         };
         let mut sums = [[0; POSITIONS * OUTPUTS]];
         if PAIRS == 8 {
-            // The inputs of three adjacent columns are contiguous: one segment per row.
+            // The inputs of three adjacent columns are contiguous in a row, so each of the nine
+            // rows (three in each plane) is one segment.
             let rows = core::array::from_fn(|row_of| input(row_of / 3, row + row_of % 3, column));
             dots::<O, { TAPS / 3 }, 24, 8>(rows, weights, &mut sums);
         } else {
@@ -150,8 +151,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         sums[0]
     }
 
-    /// Updates the maxima of the pool windows with the sums of a pair of outputs at three adjacent
-    /// positions of a row; the first is (row, column).
+    /// Updates the maxima of the pool windows with the sums of a pair of output channels at three
+    /// adjacent positions of a row, the first of which is (row, column).
     #[inline(always)]
     fn keep_largest(
         &self,
@@ -169,14 +170,14 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns a sum of [`Self::convolve_max_pool`] unchanged. The function of the same name of
-    /// Winograd's convolution divides by 48.
+    /// Returns a sum of [`Self::convolve_max_pool`] unchanged; exists so that callers can treat
+    /// this convolution as they treat Winograd's, whose `unscaled` divides by 48.
     #[inline]
     pub const fn unscaled(sum: i32) -> i32 {
         sum
     }
 
-    /// Packs weights `[time][row][column][input][output]` for [`Self::weights`].
+    /// Packs weights `[time][row][column][input][output]` into the order of the field `weights`.
     ///
     /// # Panics
     /// If `weights` does not have 54 * `PAIRS` * `outputs` numbers, or `packed` is shorter than
@@ -198,7 +199,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
     }
 }
 
-/// Computes [`Direct::convolve_max_pool`].
+/// Runs [`Direct::convolve_max_pool`] with octets that the processor has.
 #[cfg(not(smlad))]
 impl<const PAIRS: usize, const COLUMNS: usize> Kernel
     for (&Direct<'_, PAIRS, COLUMNS>, [&[Pair]; 3], &mut [i32])

@@ -1,4 +1,5 @@
-//! Dot products of many positions with many outputs: the inner loop of every convolution.
+//! Dot products of inputs at many positions with weights of many outputs: the loop of a
+//! convolution.
 
 #[cfg(smlad)]
 mod cortex_m;
@@ -8,22 +9,22 @@ use crate::{
     pair::Pair,
 };
 
-/// Number of positions multiplied together with [`OUTPUTS`] outputs. Six accumulators, four
-/// weights, two inputs and two pointers fill the 14 usable registers of a Cortex-M.
+/// Number of positions in a block, which are multiplied by [`OUTPUTS`] outputs together. A
+/// Cortex-M's 14 registers then hold six accumulators, four weights, two inputs and two pointers.
 pub(crate) const POSITIONS: usize = 3;
-/// Number of outputs computed together at [`POSITIONS`] positions.
+/// Number of outputs in a block, which are computed together at [`POSITIONS`] positions.
 pub(crate) const OUTPUTS: usize = 2;
-/// Number of input pairs multiplied in one unrolled round.
+/// Number of input pairs that one round of the unrolled loop multiplies.
 pub(crate) const ROUND: usize = 2;
 
-/// Returns the number of weight pairs of one block, for a position with `inputs` pairs of inputs.
+/// Returns the number of weight pairs of a block, for positions with `inputs` pairs of inputs.
 pub(crate) const fn weights_len(inputs: usize) -> usize {
     OUTPUTS * inputs
 }
 
 /// Returns the index, within the weights of a block, of the weights of input pair `input` for
-/// `output` (0..[`OUTPUTS`]). The order is by rounds; within a round the first output's pairs come
-/// first.
+/// output `output` (0..[`OUTPUTS`]). The weights are ordered by rounds; in each round, the pairs of
+/// the first output come first.
 pub(crate) const fn weight_index(output: usize, input: usize) -> usize {
     (input / ROUND * OUTPUTS + output) * ROUND + input % ROUND
 }
@@ -32,9 +33,10 @@ pub(crate) const fn weight_index(output: usize, input: usize) -> usize {
 /// outputs: `sums[block][position][output] = sum over segment, k of inputs[segment][(block *
 /// POSITIONS + position) * STRIDE + k] . weights[block][segment][k][output]`, wrapping.
 ///
-/// The inputs of a position are `WIDTH` consecutive pairs in each of the `SEGMENTS` slices; those
-/// of the next position start `STRIDE` pairs later. If `weights` holds the weights of one block
-/// only, all blocks use them. Order of the weights within a block: [`weight_index`].
+/// The inputs of a position are `WIDTH` consecutive pairs in each of the `SEGMENTS` slices; the
+/// inputs of the next position start `STRIDE` pairs later. If `weights` holds the weights of only
+/// one block, all blocks use them. [`weight_index`] defines the order of the weights within a
+/// block.
 ///
 /// # Panics
 /// If a slice is shorter than the formula requires.
@@ -69,7 +71,7 @@ pub(crate) fn dots<O: Octet, const SEGMENTS: usize, const WIDTH: usize, const ST
     }
 }
 
-/// Computes one block with octets: the portable equivalent of the assembler.
+/// Returns the sums of one block, computed with octets; the portable equivalent of the assembler.
 #[inline(always)]
 fn block_portable<O: Octet, const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
@@ -80,7 +82,7 @@ fn block_portable<O: Octet, const SEGMENTS: usize, const WIDTH: usize, const STR
         .into_iter()
         .zip(weights.chunks_exact(OUTPUTS * WIDTH))
     {
-        // Arrays of known length, so that the loop has no bounds checks.
+        // Arrays of known length save the bounds checks in the loop below.
         let positions: [&[Pair; WIDTH]; POSITIONS] = core::array::from_fn(|position| {
             let inputs = &segment[position * STRIDE..][..WIDTH];
             &inputs.as_chunks().0[0]
@@ -93,7 +95,7 @@ fn block_portable<O: Octet, const SEGMENTS: usize, const WIDTH: usize, const STR
                 *sums = inputs.multiply_add(weights, *sums);
             }
         }
-        // An odd number of rounds: the last round and a round of zeros.
+        // If the number of rounds is odd, the last round is paired with a round of zeros.
         let zero = Pair::ZERO;
         if let &[a, b, c, d] = last_weights {
             let weights = O::weights(&[a, b, c, d, zero, zero, zero, zero]);

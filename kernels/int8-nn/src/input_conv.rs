@@ -1,4 +1,4 @@
-//! Convolution of a single input channel: the first layer of a network.
+//! The first convolution of a network, which has a single input channel.
 
 #[cfg(not(smlad))]
 use crate::octet::Kernel;
@@ -10,33 +10,33 @@ use crate::{
     requantise::{requantise, saturate_u8},
 };
 
-/// Number of weights for each output channel: 3 steps x 3 rows x 3 columns.
+/// Number of weights of each output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Number of pairs of weights for each output channel: 27 weights and one zero.
+/// Number of pairs of weights of each output channel: 27 weights and one zero.
 const WIDTH: usize = 14;
-/// Number of groups of positions in one iteration of the assembler loop.
+/// Number of groups of [`POSITIONS`] positions that one iteration of the assembler loop computes.
 const GROUPS_PER_ITERATION: usize = 4;
-/// Number of input pairs in a group of positions.
+/// Number of input pairs in a group of [`POSITIONS`] positions.
 const GROUP: usize = POSITIONS * WIDTH;
 
-/// A 3x3x3 convolution of one channel over (time, row, column), stride 1, unpadded, with ReLU, one
-/// plane per call.
+/// A 3x3x3 convolution of one channel over (time, row, column), stride 1, unpadded, with ReLU. Each
+/// call computes one plane.
 ///
-/// The 27 inputs of each position are first copied side by side (im2col), so that the products use
-/// the same loop as the other layers. `COLUMNS` is the number of columns of the input, a constant
-/// so that the offsets from row to row are constants as well.
+/// The 27 inputs of each position are first copied side by side (im2col), so that the products can
+/// use the same loop as the other layers. `COLUMNS` is the number of columns of the input, a
+/// constant so that the offsets from row to row are constants as well.
 #[derive(Clone, Copy, Debug)]
 pub struct InputConv<'w, const COLUMNS: usize> {
-    /// Rows of an input plane, at least 3.
+    /// Number of rows of an input plane, at least 3.
     pub rows: usize,
     /// Shape of an output plane: at least two rows and two columns smaller than the input, and
     /// smaller still if later layers do not read the last rows or columns.
     pub output: PlaneShape,
-    /// Weights as packed by [`Self::pack_weights`], [`Self::weights_len`] pairs.
+    /// Weights, packed by [`Self::pack_weights`]: [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
     /// Bias of each output channel, in units of the accumulator.
     pub bias: &'w [i32],
-    /// Requantisation factor of each output channel, Q0.32, [-0.5, 0.5).
+    /// Requantisation factor of each output channel, Q0.32, in [-0.5, 0.5).
     pub multipliers: &'w [i32],
 }
 
@@ -55,18 +55,19 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         outputs * WIDTH
     }
 
-    /// Returns the length of the scratch slice `patches` of [`Self::convolve`].
+    /// Returns the required length of the scratch slice `patches` of [`Self::convolve`].
     pub const fn patches_len(&self) -> usize {
         self.groups() * GROUP
     }
 
-    /// Returns the length of the scratch slice `sums` of [`Self::convolve`].
+    /// Returns the required length of the scratch slice `sums` of [`Self::convolve`].
     pub const fn sums_len(&self) -> usize {
         self.groups() * POSITIONS * OUTPUTS
     }
 
     /// Returns true if this convolution turns planes of shape `input` into planes of shape `output`
-    /// and has the right numbers of weights, biases and factors. Assert it in a `const` context.
+    /// and has the right numbers of weights, biases and factors. Callers should assert it in a
+    /// `const` context.
     pub const fn is_consistent(&self, input: PlaneShape, output: PlaneShape) -> bool {
         self.input().equals(input)
             && self.output.equals(output)
@@ -80,16 +81,16 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     }
 
     /// Returns the number of groups of [`POSITIONS`] positions, rounded up to whole iterations of
-    /// the assembler loop. The sums of surplus positions are not read.
+    /// the assembler loop; the sums of the added positions are not used.
     const fn groups(&self) -> usize {
         (self.output.rows * self.output.columns)
             .div_ceil(POSITIONS)
             .next_multiple_of(GROUPS_PER_ITERATION)
     }
 
-    /// Convolves three input planes, paired by [`Self::pair_up`], oldest first, and writes the
-    /// output plane, values 0..=255, `[pair of channels][row][column]`. `patches` and `sums` are
-    /// scratch.
+    /// Convolves three input planes, oldest first, each prepared by [`Self::pair_up`], and writes
+    /// the output plane: values 0..=255, `[pair of channels][row][column]`. `patches` and `sums`
+    /// are scratch.
     ///
     /// # Panics
     /// If a slice is shorter than its shape requires, or [`Self::is_consistent`] is false.
@@ -113,7 +114,7 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         octet::run((self, planes, [patches, output], sums));
     }
 
-    /// Computes [`Self::convolve`] with octets of type `O`.
+    /// Does what [`Self::convolve`] does, with octets of type `O`.
     #[inline(always)]
     fn convolve_with<O: Octet>(
         &self,
@@ -163,10 +164,11 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Copies the inputs of each position side by side (im2col): the first two columns of each
-    /// (time, row) as pairs, then the third columns, two rows in a pair, and a zero.
+    /// Copies the inputs of each position side by side (im2col): first, for each (time, row), the
+    /// pair in columns 0 and 1; then the inputs in column 2, of two rows in each pair; then a zero.
     fn gather_patches(&self, planes: [&[Pair]; 3], patches: &mut [Pair]) {
-        /// Returns the number of inputs from a position's first to its last, both included.
+        /// Returns how many inputs of a plane lie between a 3x3 patch's first and last, both
+        /// included.
         const fn reach(columns: usize) -> usize {
             2 * columns + 3
         }
@@ -183,7 +185,7 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
                 let [a, b, c] = [a, b, c].map(|window| {
                     [0, COLUMNS, 2 * COLUMNS].map(|row| [window[row], window[row + 2]])
                 });
-                // Without `map`, which LLVM does not inline on a PC.
+                // Written out, because LLVM does not inline `map` here on a PC.
                 #[cfg(not(smlad))]
                 let rows = |window: &[Pair]| {
                     [
@@ -214,8 +216,8 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Packs weights `[time][row][column][output]` of an even number of outputs for
-    /// [`Self::weights`].
+    /// Packs weights `[time][row][column][output]` of an even number of outputs into the order of
+    /// the field `weights`.
     ///
     /// # Panics
     /// If `weights` does not have 27 * `outputs` numbers, or `packed` has fewer than
@@ -233,7 +235,7 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     }
 }
 
-/// Computes [`InputConv::convolve`].
+/// Runs [`InputConv::convolve`] with octets that the processor has.
 #[cfg(not(smlad))]
 impl<const COLUMNS: usize> Kernel
     for (
@@ -250,8 +252,8 @@ impl<const COLUMNS: usize> Kernel
     }
 }
 
-/// Returns the index of tap `(time * 3 + row) * 3 + column` among the gathered inputs of a
-/// position.
+/// Returns the index of tap `(time * 3 + row) * 3 + column` among the 28 numbers that
+/// `gather_patches` writes for a position.
 const fn place(tap: usize) -> usize {
     let (row, column) = (tap / 3, tap % 3);
     if column < 2 {

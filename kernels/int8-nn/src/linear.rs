@@ -1,4 +1,4 @@
-//! Fully connected layers, computed one slice of inputs at a time.
+//! Fully connected layers, computed slice by slice as their inputs arrive.
 
 #[cfg(smlad)]
 mod cortex_m;
@@ -7,47 +7,46 @@ mod cortex_m;
 use crate::octet::{self, Kernel, Octet};
 use crate::pair::Pair;
 
-/// Number of outputs computed together: two pairs.
+/// Number of outputs computed together, as two pairs.
 const OUTPUTS: usize = 4;
-/// Number of input pairs multiplied in one unrolled round.
+/// Number of input pairs that one round of the unrolled loop multiplies.
 const ROUND: usize = 2;
-/// Number of input pairs in one iteration of the assembler loop; the rounds of an iteration are
-/// unrolled.
+/// Number of input pairs in one iteration of the assembler loop, whose rounds are unrolled.
 const INPUTS: usize = 8;
 
-/// Returns the index of the pair that holds the weight of input pair `pair` for `output`, in a
-/// matrix with `inputs` pairs of inputs.
+/// Returns the index of the packed pair that holds the weights of input pair `pair` for output
+/// `output`, in a matrix with `inputs` pairs of inputs.
 const fn weight_index(inputs: usize, pair: usize, output: usize) -> usize {
     let round = output / OUTPUTS * (inputs / ROUND) + pair / ROUND;
     (round * 2 + output % OUTPUTS / 2) * ROUND + pair % ROUND
 }
 
-/// Largest number of outputs, with which byte offsets of the weights fit 32 bits.
+/// Largest number of outputs, so that byte offsets of the weights fit 32 bits.
 const MAX_OUTPUTS: usize = 65_536;
 
-/// A weight matrix from a slice of a layer's inputs to all its outputs.
+/// The weights from a slice of a layer's inputs to all outputs of the layer.
 ///
-/// A fully connected layer over a window is one `Linear` per plane: the accumulators start at the
-/// bias, and the product of each plane is added when the plane arrives.
+/// A fully connected layer over a window is one `Linear` for each plane: the accumulators start at
+/// the bias, and the product of each plane is added when the plane arrives.
 ///
-/// Two 8-bit weights share a 16-bit number, `256 * odd + even`: those of an odd output and of the
-/// even output before it. Products with the whole number sum to `256 * odd sum + even sum`, and
-/// products with its low byte to the even sum; the odd sum follows by subtraction. So the odd
-/// weights need no instruction to unpack them, and each weight takes 8 bits of memory.
+/// Two 8-bit weights share a 16-bit number `256 * odd + even`, where `odd` is the weight of an odd
+/// output and `even` that of the even output before it. Products with the whole number sum to
+/// `256 * odd sum + even sum`, products with its low byte to the even sum; a subtraction yields the
+/// odd sum. So the odd weights need not be unpacked, and each weight takes 8 bits of memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<'w> {
-    /// Number of pairs of inputs: a multiple of 8, at most [`Self::MAX_INPUTS`]. Callers fill up
-    /// missing inputs with zeros.
+    /// Number of pairs of inputs: a multiple of 8, at most [`Self::MAX_INPUTS`]. Callers with fewer
+    /// inputs add zeros.
     pub inputs: usize,
     /// Number of outputs: a multiple of 4.
     pub outputs: usize,
-    /// Weights as packed by [`Self::pack_weights`], [`Self::weights_len`] pairs.
+    /// Weights, packed by [`Self::pack_weights`]: [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
 }
 
 impl Linear<'_> {
     /// Largest number of pairs of inputs. 256 products of at most 255 * 127 sum to less than 2^23,
-    /// so that 256 times an odd sum fits 32 bits. Larger inputs need a proof of their own.
+    /// so that 256 times an odd sum fits 32 bits. For inputs above 255, callers must prove this.
     pub const MAX_INPUTS: usize = 128;
 
     /// Returns the number of pairs in the packed weights.
@@ -56,7 +55,7 @@ impl Linear<'_> {
     }
 
     /// Returns true if this is a matrix from `inputs` pairs of inputs to `outputs` outputs with the
-    /// right number of weights. Assert it in a `const` context.
+    /// right number of weights. Callers should assert it in a `const` context.
     pub const fn is_consistent(&self, inputs: usize, outputs: usize) -> bool {
         self.inputs == inputs
             && self.outputs == outputs
@@ -69,8 +68,8 @@ impl Linear<'_> {
             && self.weights.len() == self.weights_len()
     }
 
-    /// Adds `weights * inputs` to the accumulators, wrapping. The products of each output sum to a
-    /// magnitude below 2^23, as those of inputs of at most 255 do.
+    /// Adds `weights * inputs` to the accumulators, wrapping. The products of each output must sum
+    /// to a magnitude below 2^23, as they do if no input is above 255.
     ///
     /// # Panics
     /// If a slice is shorter than the matrix requires, or [`Self::is_consistent`] is false.
@@ -82,8 +81,8 @@ impl Linear<'_> {
         );
     }
 
-    /// Does what [`Self::accumulate`] does. Where that panics, it returns false and changes
-    /// nothing, for callers whose matrix is not known at compile time.
+    /// Does what [`Self::accumulate`] does, but where that panics, it changes nothing and returns
+    /// false. It is for callers whose matrix is not known at compile time.
     #[inline]
     pub fn try_accumulate(&self, inputs: &[Pair], accumulators: &mut [i32]) -> bool {
         let (Some(inputs), Some(accumulators)) = (
@@ -102,8 +101,8 @@ impl Linear<'_> {
         true
     }
 
-    /// Packs weights `[input][output]` for [`Self::weights`], with `inputs` pairs of inputs;
-    /// missing weights are 0.
+    /// Packs weights `[input][output]` for `inputs` pairs of inputs into the order of the field
+    /// `weights`; missing weights are 0.
     ///
     /// # Panics
     /// If there are more weights than the matrix holds, or a weight is -128, with which
@@ -125,14 +124,14 @@ impl Linear<'_> {
     }
 }
 
-/// Inputs, weights and accumulators of [`Linear::accumulate`].
+/// Inputs, weights and accumulators for [`Linear::accumulate`] with octets.
 #[cfg(not(smlad))]
 type Accumulate<'a> = (&'a [Pair], &'a [Pair], &'a mut [i32]);
 
 #[cfg(not(smlad))]
 impl Kernel for Accumulate<'_> {
-    /// Adds `weights * inputs` to the accumulators: the portable equivalent of the assembler. The
-    /// two outputs of an octet are two pairs of outputs here.
+    /// Adds `weights * inputs` to the accumulators: the portable equivalent of the assembler. Each
+    /// of the two "outputs" of an octet is a pair of outputs here.
     #[inline(always)]
     fn run<O: Octet>(self) {
         let (inputs, weights, accumulators) = self;

@@ -1,4 +1,4 @@
-//! Eight words that a PC processes together, in plain Rust or in an AVX2 register.
+//! Operations on eight 32-bit words at a time, for a PC: in plain Rust or with AVX2.
 
 #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
 mod avx2;
@@ -8,34 +8,34 @@ use crate::{
     pair::Pair,
 };
 
-/// Number of pairs in two rounds of inputs.
+/// Number of input pairs in two rounds.
 pub(crate) const INPUTS: usize = 2 * ROUND;
-/// Number of pairs in two rounds of the weights of two outputs.
+/// Number of weight pairs of two outputs in two rounds.
 pub(crate) const WEIGHTS: usize = INPUTS * OUTPUTS;
 
-/// Two rounds of inputs or weights, or the sums of their products: four words for each of two
-/// outputs, in the order of the implementation.
+/// Eight words: two rounds of inputs or weights, or sums of their products. Four of the words
+/// belong to each of two outputs; each implementation has its own order.
 pub(crate) trait Octet: Copy {
-    /// Returns eight zeros.
+    /// Returns an octet of zeros.
     fn zeros() -> Self;
 
-    /// Packs two rounds of inputs, which both outputs share.
+    /// Returns two rounds of inputs as an octet; both outputs share them.
     fn inputs(pairs: &[Pair; INPUTS]) -> Self;
 
-    /// Packs two rounds of weights, `[round][output][pair]`.
+    /// Returns two rounds of weights as an octet; `pairs` is `[round][output][pair]`.
     fn weights(pairs: &[Pair; WEIGHTS]) -> Self;
 
-    /// Returns the low byte of each 16-bit number, sign-extended.
+    /// Replaces each 16-bit number by its low byte, sign-extended.
     #[cfg(not(smlad))]
     fn low_bytes(self) -> Self;
 
-    /// Returns `sums` plus the dot product of each pair of `self` and `other`, wrapping.
+    /// Adds to each word of `sums` the dot product of the pairs of `self` and `other`, wrapping.
     fn multiply_add(self, other: Self, sums: Self) -> Self;
 
-    /// Returns the sum of the four words of each output, wrapping.
+    /// Returns, for each output, the sum of its four words, wrapping.
     fn output_sums(self) -> [i32; OUTPUTS];
 
-    /// Returns [`Self::output_sums`] of each position.
+    /// Returns, for each position, [`Self::output_sums`] of its octet.
     #[inline(always)]
     fn position_sums(positions: [Self; POSITIONS]) -> [i32; POSITIONS * OUTPUTS] {
         let mut sums = [0; POSITIONS * OUTPUTS];
@@ -46,16 +46,15 @@ pub(crate) trait Octet: Copy {
     }
 }
 
-/// A computation that [`run`] compiles for each implementation of octets.
+/// A computation that [`run`] can execute with any implementation of octets.
 #[cfg(not(smlad))]
 pub(crate) trait Kernel {
-    /// Runs the computation. Everything between this function and the octets must be
-    /// `inline(always)`, because only inlined code is compiled for the processor of the
-    /// implementation.
+    /// Runs the computation. Everything it calls down to the octets must be `inline(always)`,
+    /// because only inlined code is compiled with the instructions of the implementation.
     fn run<O: Octet>(self);
 }
 
-/// Runs a kernel with the fastest octets of this processor, which are chosen at run time.
+/// Runs a kernel with the fastest implementation of octets that the processor supports.
 #[cfg(not(smlad))]
 #[inline(always)]
 pub(crate) fn run(kernel: impl Kernel) {
@@ -66,7 +65,7 @@ pub(crate) fn run(kernel: impl Kernel) {
     kernel.run::<Plain>();
 }
 
-/// Octets in plain Rust, for every processor: `[round][output][pair]`.
+/// Octets in plain Rust, for every processor. The order of the words is `[round][output][pair]`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plain([Pair; WEIGHTS]);
 
@@ -121,13 +120,13 @@ mod tests {
 
     use super::*;
 
-    /// Sums of one step: those of three positions, and those of the weights' low bytes.
+    /// Results of one test step: sums of three positions, and sums with the weights' low bytes.
     type Sums = ([i32; POSITIONS * OUTPUTS], [i32; OUTPUTS]);
 
-    /// Number of steps. Each multiplies other numbers.
+    /// Number of steps of the test, each of which multiplies other numbers.
     const STEPS: usize = 1_000;
 
-    /// Records the sums of every step, on numbers at the ends of every range.
+    /// A computation that records its sums after each step; its numbers are at the ends of ranges.
     struct Operations<'r>(&'r mut Vec<Sums>);
 
     impl Kernel for Operations<'_> {
@@ -156,7 +155,7 @@ mod tests {
 
     #[test]
     fn both_implementations_return_the_same_sums_at_the_ends_of_every_range() {
-        // `tests/literal.rs` compares the sums of the faster one with plain loops.
+        // `tests/literal.rs` compares the faster implementation with plain loops.
         let (mut plain, mut fastest) = (Vec::new(), Vec::new());
         Operations(&mut plain).run::<Plain>();
         run(Operations(&mut fastest));

@@ -1,9 +1,9 @@
 //! Two 16-bit numbers in one word.
 
-/// Two `i16` in a word, the first in its low half.
+/// Two `i16` in a 32-bit word, the first in its low half.
 ///
 /// One SIMD instruction of a Cortex-M4 or M7 adds or multiplies both numbers. Planes and weights
-/// are slices of pairs: each pair holds two channels, or two inputs.
+/// are slices of pairs, of which each holds two channels or two inputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pair(pub u32);
 
@@ -11,7 +11,7 @@ impl Pair {
     /// The pair (0, 0).
     pub const ZERO: Self = Self(0);
 
-    /// Packs two numbers, the first into the low half.
+    /// Packs two numbers into a word, the first into the low half.
     #[inline(always)]
     #[expect(clippy::cast_sign_loss, reason = "the bits are kept")]
     pub const fn new([first, second]: [i16; 2]) -> Self {
@@ -43,13 +43,13 @@ impl Pair {
         Self::new(both)
     }
 
-    /// Returns the pair of both first numbers: that of `self`, then that of `other` (PKHBT).
+    /// Returns a pair of the first number of `self` and the first number of `other` (PKHBT).
     #[inline(always)]
     pub(crate) const fn low_halves(self, other: Self) -> Self {
         Self(self.0 & 0xffff | other.0 << 16)
     }
 
-    /// Returns both numbers times four, with one shift of the word; both must be in 0..2^13.
+    /// Returns both numbers times four, by one shift of the word; both must be in 0..2^13.
     #[inline(always)]
     pub(crate) fn quadrupled(self) -> Self {
         debug_assert!(
@@ -59,7 +59,7 @@ impl Pair {
         Self(self.0 << 2)
     }
 
-    /// Returns the pair with the results of `operation` on both first and on both second numbers.
+    /// Applies `operation` to the first numbers of both pairs and to their second numbers.
     #[cfg(not(smlad))]
     #[inline(always)]
     fn map2(self, other: Self, operation: impl Fn(i16, i16) -> i16) -> Self {
@@ -92,7 +92,7 @@ macro_rules! lane_wise {
 impl core::ops::Add for Pair {
     type Output = Self;
 
-    /// Adds each lane separately, wrapping.
+    /// Adds each number of `other` to the one at the same place in `self`, wrapping.
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         #[cfg(smlad)]
@@ -105,7 +105,7 @@ impl core::ops::Add for Pair {
 impl core::ops::Sub for Pair {
     type Output = Self;
 
-    /// Subtracts each lane separately, wrapping.
+    /// Subtracts each number of `other` from the one at the same place in `self`, wrapping.
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         #[cfg(smlad)]

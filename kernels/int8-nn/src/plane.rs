@@ -1,23 +1,23 @@
-//! The shape of a plane: one time step of an activation.
+//! The shape of a plane, which is one time step of a layer's input or output.
 
-/// Rows, columns and channels of a plane; each kernel documents the memory order.
+/// Numbers of rows, columns and channels of a plane; each kernel documents the order in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlaneShape {
-    /// Number of positions along the slower spatial axis.
+    /// Number of rows of positions.
     pub rows: usize,
-    /// Number of positions along the faster spatial axis.
+    /// Number of positions in a row.
     pub columns: usize,
     /// Number of values at each position.
     pub channels: usize,
 }
 
 impl PlaneShape {
-    /// Returns the number of elements: rows * columns * channels.
+    /// Returns the number of values in the plane: rows * columns * channels.
     pub const fn len(self) -> usize {
         self.rows * self.columns * self.channels
     }
 
-    /// Returns true for a shape without elements.
+    /// Returns true if a plane of this shape has no values.
     pub const fn is_empty(self) -> bool {
         self.len() == 0
     }

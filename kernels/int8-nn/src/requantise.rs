@@ -1,4 +1,4 @@
-//! Requantisation: from 32-bit accumulators back to 8 bits.
+//! Requantisation: conversion of 32-bit accumulators to 8 bits.
 
 /// Returns `accumulator * multiplier / 2^32`, rounded half up, as `SMMULR` does.
 ///
@@ -12,29 +12,29 @@ pub fn requantise(accumulator: i32, multiplier: i32) -> i32 {
 /// Returns the sum of two requantised accumulators, rounded once at the end (two `SMLAL` on a
 /// Cortex-M).
 ///
-/// |result| <= 2^31. The result wraps only at 2^31: if all four arguments are -2^31, or three of them
-/// are and the other is -2^31 + 1. A range proof on the accumulators must exclude this.
+/// The result wraps only where it is 2^31: if all four arguments are -2^31, or three of them are
+/// and the fourth is -2^31 + 1. The caller must exclude this by a proof about the accumulators.
 #[inline]
 pub fn requantise_sum(a: i32, a_multiplier: i32, b: i32, b_multiplier: i32) -> i32 {
     let sum = i64::from(a) * i64::from(a_multiplier);
     high_word(sum.wrapping_add(i64::from(b) * i64::from(b_multiplier)))
 }
 
-/// Saturates to 0..=255 (`USAT`); negative values become 0, so this is also the ReLU.
+/// Limits a value to 0..=255 (`USAT`). Negative values become 0, so this is also the ReLU.
 #[inline]
 #[expect(clippy::cast_sign_loss, reason = "clamped to 0..=255")]
 pub fn saturate_u8(value: i32) -> u8 {
     value.clamp(0, 255) as u8
 }
 
-/// Saturates to -128..=127 (`SSAT`).
+/// Limits a value to -128..=127 (`SSAT`).
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "clamped to -128..=127")]
 pub fn saturate_i8(value: i32) -> i8 {
     value.clamp(-128, 127) as i8
 }
 
-/// Returns the high word of a Q32 product, rounded half up.
+/// Returns `product / 2^32`, rounded half up.
 #[inline]
 fn high_word(product: i64) -> i32 {
     (product.wrapping_add(1 << 31) >> 32) as i32
@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn a_sum_is_rounded_once() {
-        // 0.25 + 0.25 is a half and rounds up; rounded separately, both would become 0.
+        // The sum 0.25 + 0.25 is a half and rounds up; each quarter alone would round to 0.
         assert_eq!(requantise_sum(1, QUARTER, 1, QUARTER), 1);
     }
 

@@ -1,15 +1,15 @@
-//! A ring buffer of the most recent planes of a stream.
+//! A ring buffer that keeps the most recent planes of a stream.
 
-/// A ring of the `DEPTH` most recent planes of `LEN` elements.
+/// The `DEPTH` most recent planes, each of `LEN` elements.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneRing<T, const LEN: usize, const DEPTH: usize> {
     planes: [[T; LEN]; DEPTH],
-    /// Index of the next plane to overwrite, the oldest.
+    /// Index of the oldest plane, which is overwritten next.
     next: usize,
 }
 
 impl<T: Copy, const LEN: usize, const DEPTH: usize> PlaneRing<T, LEN, DEPTH> {
-    /// Returns a ring whose elements are all `value`.
+    /// Returns a ring in which all elements of all planes are `value`.
     pub const fn filled(value: T) -> Self {
         Self {
             planes: [[value; LEN]; DEPTH],
@@ -17,16 +17,16 @@ impl<T: Copy, const LEN: usize, const DEPTH: usize> PlaneRing<T, LEN, DEPTH> {
         }
     }
 
-    /// Makes the oldest plane the newest and returns it, to be overwritten.
+    /// Drops the oldest plane and returns its memory, which the caller fills with the newest one.
     #[inline]
     pub fn advance(&mut self) -> &mut [T; LEN] {
-        // `next` is below `DEPTH`; the remainder lets the compiler drop the bounds check.
+        // `next` is below `DEPTH` anyway; the remainder lets the compiler drop the bounds check.
         let slot = self.next % DEPTH;
         self.next = (slot + 1) % DEPTH;
         &mut self.planes[slot]
     }
 
-    /// Returns all planes; index 0 is the oldest.
+    /// Returns all planes, the oldest first.
     #[inline]
     pub fn oldest_first(&self) -> [&[T]; DEPTH] {
         core::array::from_fn(|age| &self.planes[(self.next + age) % DEPTH][..])

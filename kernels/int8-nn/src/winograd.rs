@@ -24,9 +24,9 @@ use tile::{PRODUCTS, SCALE, TILE, TRANSFORMED_TILE, WINDOWS, transform_taps};
 #[cfg(not(smlad))]
 use {channels::Channels, tile::transform_tile};
 
-/// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
+/// Number of weights for each pair of input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Largest number of output channels, with which byte offsets of three tiles fit 32 bits.
+/// Largest number of output channels, so that byte offsets of three tiles fit 32 bits.
 const MAX_OUTPUTS: usize = 65_536;
 
 /// A 3x3x3 convolution over (time, row, column), stride 1, unpadded, followed by a 2x2x2 max-pool.
@@ -36,8 +36,8 @@ const MAX_OUTPUTS: usize = 65_536;
 /// result equals the direct convolution bit for bit: the transformed weights are 48 times the usual
 /// fractions, and the sum, 48 times too large, is divided by 48 without remainder.
 ///
-/// In the columns, with inputs d, weights g and the points 0, 1, -1, 2, -2 and infinity of Lavin
-/// and Gray (arXiv 1509.09308):
+/// In the columns, inputs d become V and weights g become U, with the points 0, 1, -1, 2, -2 and
+/// infinity of Lavin and Gray (arXiv 1509.09308):
 /// `V = (4 d0 - 5 d2 + d4, p + q, p - q, r + 2 s, r - 2 s, 4 d1 - 5 d3 + d5)` with
 /// `p = d4 - 4 d2, q = d3 - 4 d1, r = d4 - d2, s = d3 - d1`, and
 /// `U = (6 g0, -4 (g0 + g1 + g2), -4 (g0 - g1 + g2), g0 + 2 g1 + 4 g2, g0 - 2 g1 + 4 g2, 24 g2)`.
@@ -52,28 +52,28 @@ const MAX_OUTPUTS: usize = 65_536;
 /// input, a multiple of four plus two.
 #[derive(Clone, Copy, Debug)]
 pub struct Winograd<'w, const PAIRS: usize, const COLUMNS: usize> {
-    /// Number of rows of tiles; each has two rows of outputs.
+    /// Number of rows of tiles; each tile has two rows of outputs.
     pub tile_rows: usize,
-    /// Number of output channels, even.
+    /// Number of output channels, which must be even.
     pub outputs: usize,
-    /// Weights as transformed by [`Self::transform_weights`], [`Self::weights_len`] pairs.
+    /// Weights, transformed by [`Self::transform_weights`]: [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
 }
 
 impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
-    /// Largest permitted input. With it, 48 times a sum of 27 products per channel (weights up to
-    /// 127) stays below 2^31, and transformed inputs (up to 16 times an input) stay below 2^15.
+    /// Largest permitted input. With weights up to 127, it keeps 48 times a sum of 27 products per
+    /// channel below 2^31, and transformed inputs (up to 16 times an input) below 2^15.
     pub const LARGEST_INPUT: usize = {
         let by_sum = ((1 << 31) - 1) / (SCALE * TAPS * 2 * PAIRS * 127);
         let by_input = ((1 << 15) - 1) / 16;
         if by_sum < by_input { by_sum } else { by_input }
     };
 
-    /// Number of columns of tiles; each has four columns of outputs.
+    /// Number of columns of tiles; each tile has four columns of outputs.
     const TILE_COLUMNS: usize = (COLUMNS - 2) / TILE[1];
 
-    /// Returns the shape of an input plane: the outputs of all tiles, plus the two rows and two
-    /// columns by which an unpadded convolution shrinks a plane.
+    /// Returns the shape of an input plane: that of the outputs of all tiles, plus the two rows and
+    /// two columns by which an unpadded convolution shrinks a plane.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: TILE[0] * self.tile_rows + 2,
@@ -82,7 +82,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns the shape of a pooled plane, the maximum over two planes of outputs.
+    /// Returns the shape of a pooled plane, which is the maximum over two planes of outputs.
     pub const fn pooled(&self) -> PlaneShape {
         PlaneShape {
             rows: self.tile_rows,
@@ -91,20 +91,20 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns the number of pairs in a transformed plane: `[group of tiles][product][tile][pair of
-    /// channels]`.
+    /// Returns the number of pairs in a transformed plane, whose order is
+    /// `[group of tiles][product][tile][pair of channels]`.
     pub const fn transformed_len(&self) -> usize {
         self.groups() * Self::GROUP
     }
 
     /// Returns the number of pairs in the transformed weights of `outputs` output channels. Their
-    /// order is `[pair of outputs][product]`, and within a product that of the dot products.
+    /// order is `[pair of outputs][product]`, and within a product that of `weight_index` in `dot`.
     pub const fn weights_len(outputs: usize) -> usize {
         outputs * 3 * PRODUCTS * PAIRS
     }
 
     /// Returns true if this convolution turns planes of shape `input` into planes of shape `pooled`
-    /// and has the right number of weights. Assert it in a `const` context.
+    /// and has the right number of weights. Callers should assert it in a `const` context.
     pub const fn is_consistent(&self, input: PlaneShape, pooled: PlaneShape) -> bool {
         const { assert!(Self::LARGEST_INPUT >= 255, "8-bit inputs must be allowed") };
         const { assert!(COLUMNS > 2 && (COLUMNS - 2).is_multiple_of(TILE[1])) };
@@ -117,17 +117,17 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
             && self.weights.len() == Self::weights_len(self.outputs)
     }
 
-    /// Number of pairs in a group of tiles in a transformed plane.
+    /// Number of pairs that a group of tiles has in a transformed plane.
     const GROUP: usize = PRODUCTS * POSITIONS * PAIRS;
 
-    /// Returns the number of groups of [`POSITIONS`] tiles that are multiplied together; the last
-    /// group can be incomplete.
+    /// Returns the number of groups of [`POSITIONS`] tiles that are multiplied together. The last
+    /// group may have fewer tiles.
     const fn groups(&self) -> usize {
         (self.tile_rows * Self::TILE_COLUMNS).div_ceil(POSITIONS)
     }
 
-    /// Transforms an input plane of shape [`Self::input`], values 0..=[`Self::LARGEST_INPUT`],
-    /// `[pair of channels][row][column]`.
+    /// Transforms an input plane of shape [`Self::input`], whose values are
+    /// 0..=[`Self::LARGEST_INPUT`] in the order `[pair of channels][row][column]`.
     ///
     /// # Panics
     /// If a slice is shorter than its shape requires.
@@ -150,7 +150,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     }
 
     /// Convolves three planes, transformed by [`Self::transform`], oldest first, into one plane of
-    /// outputs, and max-pools it into `largest`, of shape [`Self::pooled`].
+    /// outputs, and max-pools the outputs into `largest`, of shape [`Self::pooled`].
     ///
     /// `largest[i]` becomes the maximum of its previous value and the outputs of pool window `i`,
     /// so that two calls also pool over time. No bias is added, and all sums are 48 times too
@@ -170,7 +170,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         octet::run((self, transformed, largest));
     }
 
-    /// Computes [`Self::convolve_max_pool`] with octets of type `O`.
+    /// Does what [`Self::convolve_max_pool`] does, with octets of type `O`.
     #[inline(always)]
     fn convolve_max_pool_with<O: Octet>(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
         let weights_of_pair = dot::weights_len(3 * PAIRS) * PRODUCTS;
@@ -193,11 +193,11 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Returns a sum of [`Self::convolve_max_pool`] divided by 48; the remainder is always 0.
     #[inline]
     pub const fn unscaled(sum: i32) -> i32 {
-        // 48 = 3 * 2^4, and 3 * 0xAAAA_AAAB = 1 modulo 2^32.
+        // The multiplication divides by 3: 48 = 3 * 2^4, and 3 * 0xAAAA_AAAB = 1 modulo 2^32.
         (sum >> 4).wrapping_mul(0xAAAA_AAAB_u32.cast_signed())
     }
 
-    /// Transforms weights `[time][row][column][input][output]` for [`Self::weights`].
+    /// Transforms weights `[time][row][column][input][output]` for the field `weights`.
     ///
     /// # Panics
     /// If `weights` does not have 54 * `PAIRS` * `outputs` numbers, `transformed` is shorter than
@@ -230,7 +230,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     }
 }
 
-/// Computes [`Winograd::transform`].
+/// Runs [`Winograd::transform`] with octets that the processor has.
 #[cfg(not(smlad))]
 impl<const PAIRS: usize, const COLUMNS: usize> Kernel
     for (&Winograd<'_, PAIRS, COLUMNS>, &[Pair], &mut [Pair])
@@ -262,7 +262,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Kernel
     }
 }
 
-/// Computes [`Winograd::convolve_max_pool`].
+/// Runs [`Winograd::convolve_max_pool`] with octets that the processor has.
 #[cfg(not(smlad))]
 impl<const PAIRS: usize, const COLUMNS: usize> Kernel
     for (&Winograd<'_, PAIRS, COLUMNS>, [&[Pair]; 3], &mut [i32])

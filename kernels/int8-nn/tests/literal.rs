@@ -1,18 +1,18 @@
-//! Every kernel returns the results of plain loops over single products, for many shapes and for
-//! extreme values.
+//! Tests that every kernel returns the results of plain loops over single products, for many shapes
+//! and for extreme values.
 
 use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd, requantise, saturate_u8};
 use proptest::prelude::*;
 
 const PAIRS: usize = 8;
 
-/// Returns the largest input of Winograd's convolution. It exceeds 255, because inputs can exceed
-/// 255 by the offset that makes all padding non-negative.
+/// Returns the largest input of Winograd's convolution. It is above 255, because networks with
+/// padding add an offset to all inputs so that padding is not negative.
 fn largest_input() -> i16 {
     i16::try_from(Winograd::<PAIRS, 6>::LARGEST_INPUT).expect("16 bits")
 }
 
-/// Weights -127..=127; half of them are drawn from the two ends of the range.
+/// Draws weights in -127..=127, half of them at the ends of the range.
 fn weights(length: usize) -> impl Strategy<Value = Vec<i8>> {
     let weight = prop_oneof![Just(-127_i8), Just(127), -127_i8..=127, -127_i8..=127];
     prop::collection::vec(weight, length)
@@ -24,7 +24,7 @@ fn inputs(low: i16, high: i16, length: usize) -> impl Strategy<Value = Vec<i16>>
 }
 
 /// Reorders a plane from `[row][column][channel]` to `[pair of channels][row][column]`, the order
-/// between the convolutions.
+/// of planes between convolutions.
 fn by_pair(plane: &[i16], channels: usize) -> Vec<Pair> {
     let positions = plane.len() / channels;
     (0..channels / 2 * positions)
@@ -35,7 +35,7 @@ fn by_pair(plane: &[i16], channels: usize) -> Vec<Pair> {
         .collect()
 }
 
-/// Returns the index of the first channel of a position in `[row][column][channel]`.
+/// Returns the index of a position's first channel in a plane `[row][column][channel]`.
 fn at(shape: PlaneShape, row: usize, column: usize) -> usize {
     (row * shape.columns + column) * shape.channels
 }
@@ -71,7 +71,8 @@ fn convolved(
     sum
 }
 
-/// A convolution with its pool, and as many planes as the pool has steps, plus two.
+/// A convolution with a max-pool, and as many input planes as one pool needs: two more than it has
+/// steps.
 #[derive(Clone, Debug)]
 struct Case {
     /// Steps, rows and columns of the max-pool.
@@ -81,8 +82,8 @@ struct Case {
     planes: Vec<Vec<i16>>,
 }
 
-/// Draws a convolution with up to three rows and three pairs of pooled outputs; inputs are `low` to
-/// `high`.
+/// Draws a convolution whose output has one to three rows and one to three pairs of channels after
+/// the pool; inputs are `low` to `high`.
 fn case(
     pairs: usize,
     columns: usize,
@@ -111,8 +112,8 @@ fn winograd_case(columns: usize) -> impl Strategy<Value = Case> {
     case(PAIRS, columns, Just([2, 2, 2]), [0, largest_input()])
 }
 
-/// Draws any pool of one step whose width divides the number of output columns, and inputs beyond 8
-/// bits.
+/// Draws a convolution with any pool of one step whose width divides the number of output columns,
+/// and with inputs beyond 8 bits.
 fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = Case> {
     let widths = (1..=columns - 2).filter(|width| (columns - 2).is_multiple_of(*width));
     let width = prop::sample::select(widths.collect::<Vec<_>>());
@@ -121,7 +122,7 @@ fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = Case> {
 }
 
 impl Case {
-    /// Transforms each plane to `length` pairs with the kernel's function `transform`.
+    /// Transforms each plane to `length` pairs with `transform`, a method of the kernel under test.
     fn transformed(
         &self,
         input: PlaneShape,
@@ -136,7 +137,7 @@ impl Case {
         planes.collect()
     }
 
-    /// Returns the pooled sums, computed product by product, `[row][column][output]`.
+    /// Returns the pooled sums in the order `[row][column][output]`, computed product by product.
     fn pooled_sums(&self, input: PlaneShape) -> Vec<i32> {
         let [steps, rows, columns] = self.pool;
         let outputs = self.pooled.channels;
@@ -161,7 +162,7 @@ impl Case {
     }
 }
 
-/// Compares Winograd's pooled sums with those of plain loops.
+/// Asserts that Winograd's pooled sums equal those of plain loops.
 fn compare<const COLUMNS: usize>(case: &Case) -> Result<(), TestCaseError> {
     let outputs = case.pooled.channels;
     let mut weights = vec![Pair::ZERO; Winograd::<PAIRS, COLUMNS>::weights_len(outputs)];
@@ -188,7 +189,7 @@ fn compare<const COLUMNS: usize>(case: &Case) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Compares the direct kernel's pooled sums with those of plain loops.
+/// Asserts that the direct kernel's pooled sums equal those of plain loops.
 fn compare_direct<const PAIRS: usize, const COLUMNS: usize>(
     case: &Case,
 ) -> Result<(), TestCaseError> {

@@ -1,46 +1,46 @@
-//! A compressed block of samples.
+//! A block of samples in compressed form.
 
 /// Largest number of samples in a block.
 pub const MAX_SAMPLES: usize = 8;
 
-/// A count of 24 bits in two's complement, least significant byte first.
+/// A count of 24 bits in two's complement, as bytes, least significant first.
 pub type Count = [u8; 3];
 
-/// What a decoder needs in order to decode a block, and how the block holds its counts.
+/// Form of a block's bytes, which determines what a decoder must know to decode it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
     /// The counts themselves, sample by sample and channel by channel. Needs no past; the next
     /// block needs none either.
     #[default]
     Verbatim,
-    /// Compressed, without a past: the first count of each channel is contained.
+    /// Compressed, but needs no earlier block: the first count of each channel is contained.
     Key,
-    /// Compressed; continues from the last sample of the block before it.
+    /// Compressed; continues from the last sample of the previous block.
     Continuing,
 }
 
 /// A block of 1 to [`MAX_SAMPLES`] samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block<'b> {
-    /// Form of the bytes.
+    /// Form of `bytes`, and what is needed to decode them.
     pub kind: Kind,
-    /// Number of samples.
+    /// Number of samples in the block.
     pub samples: usize,
-    /// Content: at most 3 bytes for each count of the block.
+    /// The encoded counts: at most 3 bytes for each.
     pub bytes: &'b [u8],
 }
 
-/// Bytes of the sum at the start of a compressed block.
+/// Length in bytes of the checksum at the start of a compressed block.
 pub(crate) const SUM_BYTES: usize = 2;
 
-/// Adds up the newest counts of all channels, modulo 2^16. At the end of a block encoder and
-/// decoder must have the same sum, which is at the start of the block.
+/// Returns the sum of the newest counts of all channels, modulo 2^16. A block states this sum after
+/// its last sample, so that a decoder can check that it has decoded the same counts.
 pub(crate) fn sum(newest: impl Iterator<Item = i32>) -> [u8; SUM_BYTES] {
     let [low, high, ..] = newest.fold(0, i32::wrapping_add).to_le_bytes();
     [low, high]
 }
 
-/// Returns a count as a number, |count| <= 2^23.
+/// Returns a count as an `i32`; its magnitude is at most 2^23.
 #[inline]
 pub(crate) fn number([low, middle, high]: Count) -> i32 {
     i32::from(u16::from_le_bytes([low, middle])) | i32::from(high.cast_signed()) << 16

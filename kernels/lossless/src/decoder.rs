@@ -10,20 +10,21 @@ use crate::rice;
 #[derive(Clone, Debug)]
 pub struct Decoder<const CHANNELS: usize> {
     past: [Channel; CHANNELS],
-    /// Number of channels that `past` describes; 0 if the next block must need no past.
+    /// Number of channels that `past` describes; 0 if only a block that needs no past can follow.
     known: usize,
     counts: [[Count; CHANNELS]; MAX_SAMPLES],
 }
 
 impl<const CHANNELS: usize> Decoder<CHANNELS> {
-    /// Decoder that needs a block without a past.
+    /// Decoder that has no past, so its first block must be one that needs none.
     pub const NEW: Self = Self {
         past: [Channel::NEW; CHANNELS],
         known: 0,
         counts: [[[0; 3]; CHANNELS]; MAX_SAMPLES],
     };
 
-    /// Forgets the past: the next block must need none. Call this when a block is missing.
+    /// Forgets the past, so that the next block must be one that needs none. Call this when a block
+    /// is missing.
     pub const fn forget(&mut self) {
         self.known = 0;
     }
@@ -37,8 +38,8 @@ impl<const CHANNELS: usize> Decoder<CHANNELS> {
     /// those of the next sample.
     ///
     /// # Errors
-    /// If the block is damaged, or continues from blocks that this decoder does not know. The past
-    /// is forgotten then.
+    /// If the block is damaged, or continues from blocks that this decoder has not decoded. The
+    /// past is then forgotten.
     pub fn decode(&mut self, channels: usize, block: &Block) -> Result<&[Count], DecodeError> {
         let known = core::mem::take(&mut self.known);
         let is_sized = (1..=MAX_SAMPLES).contains(&block.samples);
@@ -102,7 +103,7 @@ fn decompress(
     Ok(())
 }
 
-/// Reads the start of a channel in a key block: first count, order and parameter k. Returns the
+/// Reads what a key block states about a channel: first count, order and parameter k. Returns the
 /// first count.
 fn start_key(channel: &mut Channel, reader: &mut BitReader) -> Result<Count, DecodeError> {
     let mut take = |bits| reader.take(bits).ok_or(DecodeError::Malformed);
@@ -117,7 +118,7 @@ fn start_key(channel: &mut Channel, reader: &mut BitReader) -> Result<Count, Dec
     Ok(first)
 }
 
-/// Decodes the codes of one channel into its places.
+/// Decodes the codes of one channel and writes its counts to `places`.
 fn decode_channel<'c>(
     channel: &mut Channel,
     places: impl Iterator<Item = &'c mut Count>,
@@ -155,17 +156,16 @@ fn decode_channel<'c>(
     Ok(())
 }
 
-/// Reason why a block was refused. After any of them the decoder needs a block without a past.
+/// Reason why a block was refused. After any error, the decoder needs a block without a past.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
-    /// The block continues from blocks that were not decoded, or from blocks with another number of
-    /// channels.
+    /// The block continues from blocks that were not decoded or had another number of channels.
     NoKey,
-    /// No encoder writes such a block: its number of samples or channels, its length, the parameter
-    /// of a channel's codes or a count is out of range.
+    /// No encoder writes such a block: its number of samples or channels, its length, the Rice
+    /// parameter of a channel or a count is out of range.
     Malformed,
-    /// The counts do not add up to the block's sum: the block is damaged, or it does not continue
-    /// from the previous one.
+    /// The decoded counts do not have the sum that the block states: the block is damaged, or it
+    /// does not continue from the previous block.
     Sum,
 }
 
@@ -185,9 +185,9 @@ impl core::error::Error for DecodeError {}
 #[derive(Debug)]
 struct BitReader<'b> {
     bytes: &'b [u8],
-    /// Bits that are not read yet, at the top.
+    /// Bits that are read from `bytes` but not yet taken, in the most significant places.
     pending: u64,
-    /// Number of bits in `pending`.
+    /// Number of valid bits in `pending`.
     held: u32,
 }
 
@@ -204,14 +204,14 @@ impl<'b> BitReader<'b> {
     fn take(&mut self, width: u32) -> Option<u32> {
         self.fill();
         self.held = self.held.checked_sub(width)?;
-        // In two steps, because `width` can be 0.
+        // Two shifts, because a single shift by 64, for a `width` of 0, would overflow.
         let bits = (self.pending >> 1) >> (63 - width);
         self.pending <<= width;
         u32::try_from(bits).ok()
     }
 
-    /// Takes the zeros up to the next one, and that one; returns their number. Takes at most `most`
-    /// zeros, without a one after them. `None` if the bits end before.
+    /// Takes zeros up to and including the next one, and returns their number. If there are `most`
+    /// zeros, takes only them. `None` if the bits end before that.
     fn take_zeros(&mut self, most: u32) -> Option<u32> {
         self.fill();
         let zeros = self.pending.leading_zeros();
@@ -224,13 +224,13 @@ impl<'b> BitReader<'b> {
         Some(zeros)
     }
 
-    /// Returns true if fewer than 8 bits are left and these are 0.
+    /// Returns true if only padding is left: fewer than 8 bits, all of them 0.
     fn ends(mut self) -> bool {
         self.fill();
         self.held < 8 && self.pending == 0
     }
 
-    /// Reads bytes until at least 57 bits are held, or none are left.
+    /// Reads bytes until `pending` holds at least 57 bits, or no bytes are left.
     fn fill(&mut self) {
         while self.held <= 56 {
             let Some((&byte, rest)) = self.bytes.split_first() else {

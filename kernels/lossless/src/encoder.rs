@@ -4,50 +4,48 @@ use crate::block::{Block, Count, Kind, MAX_SAMPLES, SUM_BYTES, number, sum};
 use crate::channel::{Channel, Order, Past};
 use crate::rice;
 
-/// Samples after the first of a key block that do not count for the choice of the order: their
-/// differences reach back before the block.
+/// Number of samples, after the first of a key block, that are ignored when the order is chosen:
+/// their differences would reach back before the block.
 const WARM_UP: usize = 2;
 
-/// Configuration of an encoder.
+/// Encoder for blocks of samples; its only setting is how often key blocks are sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Encoder {
-    /// A key block follows after this many blocks, counted from the key block before it. Every
-    /// block is a key block with 1 or less.
+    /// Number of blocks from one key block to the next; with 0 or 1, every block is a key block.
     pub key_blocks: u16,
 }
 
-/// State of an encoder of `CHANNELS` channels.
+/// What an encoder remembers of `CHANNELS` channels between blocks.
 #[derive(Clone, Debug)]
 pub struct EncoderState<const CHANNELS: usize> {
     channels: [Channel; CHANNELS],
-    /// For each channel and each order: sum of the absolute differences in the newest key blocks.
+    /// For each channel and order, the sum of absolute differences in key blocks; old ones fade.
     sizes: [[u32; 4]; CHANNELS],
-    /// Number of blocks until the next key block; 0 if it is due.
+    /// Number of blocks before the next key block; 0 if the next block is one.
     until_key: u16,
 }
 
 impl<const CHANNELS: usize> EncoderState<CHANNELS> {
-    /// State before the first block, which will need no past.
+    /// State before the first block, which will be a key block.
     pub const NEW: Self = Self {
         channels: [Channel::NEW; CHANNELS],
         sizes: [[0; 4]; CHANNELS],
         until_key: 0,
     };
 
-    /// Makes the next block one that needs no past. Call this before a block that does not directly
-    /// follow the previous one.
+    /// Makes the next block a key block. Call this before a block that does not directly follow the
+    /// previous one.
     pub const fn require_key(&mut self) {
         self.until_key = 0;
     }
 }
 
 impl Encoder {
-    /// Compresses samples to a block in `room`. Samples after the first [`MAX_SAMPLES`] are
-    /// ignored.
+    /// Compresses samples to a block in `room`. Only the first [`MAX_SAMPLES`] samples are used.
     ///
     /// # Timing
-    /// Bounded: one pass over the counts, a second one in a key block, and a copy of the samples
-    /// where they do not get shorter.
+    /// Bounded: one pass over the counts, a second one in a key block, and a copy of the samples if
+    /// compression does not make them shorter.
     pub fn encode<'r, const CHANNELS: usize>(
         self,
         state: &mut EncoderState<CHANNELS>,
@@ -64,7 +62,7 @@ impl Encoder {
             Kind::Key => self.key_blocks.saturating_sub(1),
             _ => state.until_key - 1,
         };
-        // A compressed block may be as long as its counts.
+        // A compressed block must not be longer than its counts.
         let room = &mut room[..samples.len()];
         let Some(length) = compress(state, samples, kind, bytes_of(room)) else {
             state.require_key();
@@ -87,7 +85,7 @@ fn bytes_of<const CHANNELS: usize>(room: &mut [[Count; CHANNELS]]) -> &mut [u8] 
     room.as_flattened_mut().as_flattened_mut()
 }
 
-/// Writes a compressed block and returns its length, bytes; `None` if it does not fit `room`.
+/// Writes a compressed block and returns its length in bytes; `None` if it does not fit `room`.
 fn compress<const CHANNELS: usize>(
     state: &mut EncoderState<CHANNELS>,
     samples: &[[Count; CHANNELS]],
@@ -124,7 +122,7 @@ fn compress<const CHANNELS: usize>(
     Some(SUM_BYTES + writer.finish()?)
 }
 
-/// Writes the codes of one channel and returns the sum of the folded differences, at most 8 * 2^27.
+/// Writes the codes of one channel and returns the sum of its folded differences, at most 8 * 2^27.
 #[inline]
 fn put_codes<const ORDER: usize>(
     past: &mut Past,
@@ -144,12 +142,14 @@ fn put_codes<const ORDER: usize>(
     sum
 }
 
-/// Chooses the order of a key block's differences and the parameter k of its codes. `sizes` keeps
-/// what the previous key blocks have shown.
+/// Chooses the order of differences and the Rice parameter k for a channel of a key block, from the
+/// block and from `sizes`, the sums of absolute differences of earlier key blocks, which it
+/// updates.
 fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) -> (Order, u32) {
     let mut past = Past::after(first);
     let mut block = [0_u32; 4];
-    // At most 7 * 2^26 in a block, and with the older blocks 4 times as much: below 2^32.
+    // Each block adds at most 7 * 2^26. With all earlier blocks, which fade, a size is at most 4
+    // times as much: below 2^32.
     for size in &mut *sizes {
         *size -= *size >> 2;
     }
@@ -168,7 +168,8 @@ fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) 
             best = order;
         }
     }
-    // A folded difference is twice the absolute one; the mean of 7 is a little more than a quarter.
+    // A folded difference is about twice the absolute one, and there are 7, so the mean is 2/7 of
+    // the sum; 1/4 + 1/32 is close.
     let sum = block[best as usize];
     let mean = (sum >> 2) + (sum >> 5);
     (best, (mean | 1).ilog2().min(rice::MAX_K))
@@ -176,22 +177,22 @@ fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) 
 
 /// Writes bits to bytes, most significant bit first.
 ///
-/// Bits without room are discarded: [`finish`](Self::finish) then returns `None`.
+/// Bits that do not fit are discarded, and [`finish`](Self::finish) then returns `None`.
 #[derive(Debug)]
 struct BitWriter<'b> {
     room: core::slice::IterMut<'b, [u8; 4]>,
-    /// Bits that are not written yet, at the top.
+    /// Bits that are not written yet, in the most significant places.
     pending: u32,
-    /// Unused bits of `pending`, 1 to 32.
+    /// Number of unused bits of `pending`, 1 to 32.
     free: u32,
-    /// Number of whole words that `room` had at first.
+    /// Number of whole words in `room` when the writer was created.
     capacity: usize,
-    /// True if bits were discarded.
+    /// True if bits were discarded because `room` was full.
     is_full: bool,
 }
 
 impl<'b> BitWriter<'b> {
-    /// Creates a writer into the whole words of `room`.
+    /// Creates a writer that fills the whole words of `room`.
     #[inline]
     fn new(room: &'b mut [u8]) -> Self {
         let (words, _) = room.as_chunks_mut();
@@ -204,7 +205,7 @@ impl<'b> BitWriter<'b> {
         }
     }
 
-    /// Appends the lowest `width` bits of `bits`, whose other bits must be 0; `width` is 1 to 32.
+    /// Appends the lowest `width` bits of `bits`; its other bits must be 0, and `width` is 1 to 32.
     #[inline]
     fn put(&mut self, bits: u32, width: u32) {
         if width < self.free {
@@ -214,7 +215,7 @@ impl<'b> BitWriter<'b> {
             let spilled = width - self.free;
             self.write(self.pending | (bits >> spilled));
             self.free = 32 - spilled;
-            // In two steps, because `free` can be 32.
+            // Two shifts, because a single shift by 32, for a `free` of 32, would overflow.
             self.pending = (bits << (self.free - 1)) << 1;
         }
     }
@@ -227,7 +228,7 @@ impl<'b> BitWriter<'b> {
         }
     }
 
-    /// Writes the remaining bits and returns the number of bytes; `None` if the bits did not fit.
+    /// Writes the remaining bits and returns the length in bytes; `None` if the bits did not fit.
     fn finish(mut self) -> Option<usize> {
         let whole = self.capacity - self.room.len();
         let rest = (32 - self.free).div_ceil(8);

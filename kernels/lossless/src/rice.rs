@@ -1,17 +1,17 @@
 //! Rice codes whose length is bounded.
 //!
-//! A difference is folded to a natural number. The part above its lowest k bits is written in
-//! unary: that number of zeros, then a one. The lowest k bits follow. If the part is [`ESCAPE`] or
-//! more, `ESCAPE` zeros and the count itself are written instead. So no code is longer than 32
-//! bits.
+//! A difference is folded to a natural number. The bits above its lowest k bits are written in
+//! unary: as many zeros as their value, then a one. The lowest k bits follow. If that value is
+//! [`ESCAPE`] or more, `ESCAPE` zeros and the count itself are written instead, so that no code is
+//! longer than 32 bits.
 
-/// Number of zeros that precede a count instead of a code.
+/// Number of zeros which say that a count follows instead of a difference.
 pub(crate) const ESCAPE: u32 = 8;
 
-/// Largest k: a code then takes up to `ESCAPE + 24` bits, which is 32.
+/// Largest k, with which a code takes up to `ESCAPE + 24` = 32 bits.
 pub(crate) const MAX_K: u32 = 24;
 
-/// Bits of a count.
+/// Number of bits of a count.
 pub(crate) const COUNT_BITS: u32 = 24;
 
 /// Folds a difference to a natural number: 0, -1, 1, -2, .. become 0, 1, 2, 3, ..
@@ -25,13 +25,13 @@ pub(crate) const fn unfold(folded: u32) -> i32 {
     (folded >> 1).cast_signed() ^ -(folded & 1).cast_signed()
 }
 
-/// Returns the code of a folded difference, its bits and their number, 1 to 32. `count` is written
-/// where the code would be too long.
+/// Returns the code of a folded difference: its bits and their number, 1 to 32. If the code would
+/// be too long, the bits hold `count` instead.
 #[inline]
 pub(crate) const fn code(folded: u32, k: u32, count: i32) -> (u32, u32) {
     let zeros = folded >> k;
     if zeros < ESCAPE {
-        // The one in front of the lowest k bits: folded - zeros * 2^k + 2^k.
+        // The one, then the lowest k bits: 2^k + (folded - zeros * 2^k).
         let bits = folded.wrapping_sub(zeros.wrapping_sub(1) << k);
         (bits, zeros + 1 + k)
     } else {

@@ -1,4 +1,4 @@
-//! One block as bytes: its kind and rate, then its magnitudes.
+//! One block as bytes: its header (rate and kind), then its magnitudes.
 
 use crate::context::{Context, Place, symbols};
 use crate::quantiser::Magnitude;
@@ -6,28 +6,28 @@ use crate::range_coder::{RangeDecoder, RangeEncoder};
 use crate::rate::Rate;
 use crate::tables::{ESCAPE, FREQUENCY_BITS, Frequencies, MAGNITUDES, Tables};
 
-/// Largest number of leading ones of an Elias gamma code; magnitudes stay below 2^16.
+/// Largest number of ones at the start of an Elias gamma code, because magnitudes are below 2^16.
 const MAX_GAMMA_BITS: u32 = 15;
 
-/// First frequencies of a block's first symbol: announced rate and predicted; announced rate and
-/// reset; another rate, which follows in four bits, and one bit for a reset. The other symbols do
-/// not occur.
+/// First frequencies of the symbols that can start a block: announced rate, predicted; announced
+/// rate, reset; another rate, after which four bits with the rate and one bit for a reset follow.
+/// The fourth number is where the frequencies end.
 const START_SYMBOLS: [u16; 4] = [0, 30_720, 32_256, 32_768];
 
-/// Rate and kind of a block, which its first symbol states.
+/// Rate and kind of a block, which its first bits state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// Rate of this block.
+    /// Rate with which this block was quantised.
     pub rate: Rate,
-    /// True if the block's prediction is 0, so that a decoder needs no earlier block.
+    /// True if the block was coded with a prediction of 0, so that decoding needs no earlier block.
     pub is_reset: bool,
 }
 
-/// Writes a block. `announced` is the rate that the decoder expects; at another rate a block takes
-/// 10 bits more.
+/// Writes a block. `announced` is the rate that the decoder expects; a block with another rate
+/// takes 10 bits more.
 ///
-/// Returns the number of bytes. If it is larger than `bytes`, the block did not fit, and the
-/// content of `bytes` is useless.
+/// Returns the length of the block in bytes. If it is larger than `bytes`, the block did not fit,
+/// and the content of `bytes` is useless.
 ///
 /// # Timing
 /// Depends on the magnitudes: about 100 instructions for a magnitude of 0 and 70 more for each
@@ -86,8 +86,8 @@ fn write_magnitude(
     }
 }
 
-/// Writes a number of at least 1: as many ones as it has bits after the leading one, a zero, these
-/// bits.
+/// Writes the Elias gamma code of a number of at least 1: a one for each bit after its leading bit,
+/// a zero, then these bits.
 #[cold]
 fn write_gamma(number: u32, encoder: &mut RangeEncoder<'_>) {
     let bits = number.ilog2();
@@ -100,9 +100,8 @@ fn write_gamma(number: u32, encoder: &mut RangeEncoder<'_>) {
     }
 }
 
-/// A block that can be read: its header is known, its magnitudes are not read yet.
-///
-/// The header says which contexts the magnitudes need.
+/// Reads a block: first its header, then its magnitudes, because the caller must choose the
+/// contexts for the magnitudes by the header.
 #[derive(Clone, Debug)]
 pub struct BlockReader<'b> {
     decoder: RangeDecoder<'b>,
@@ -110,10 +109,10 @@ pub struct BlockReader<'b> {
 }
 
 impl<'b> BlockReader<'b> {
-    /// Reads the header of a block.
+    /// Reads the header of a block. `announced` must be the rate that [`write_block`] got.
     ///
     /// # Errors
-    /// If the last byte is 0, which no encoder sends.
+    /// If the last byte is 0, which no encoder sends, or the header is invalid.
     pub fn new(bytes: &'b [u8], announced: Rate) -> Result<Self, Malformed> {
         if bytes.last() == Some(&0) {
             return Err(Malformed);
@@ -139,12 +138,12 @@ impl<'b> BlockReader<'b> {
         Ok(Self { decoder, header })
     }
 
-    /// Returns the header.
+    /// Returns the rate and kind of the block.
     pub fn header(&self) -> Header {
         self.header
     }
 
-    /// Reads the magnitudes; `contexts` are those of the header's rate and kind.
+    /// Reads the magnitudes; `contexts` must be prepared for the header's rate and kind.
     ///
     /// # Errors
     /// If bytes are left over, or a magnitude is too large for an encoder to have written it.
@@ -191,7 +190,7 @@ impl<'b> BlockReader<'b> {
     }
 }
 
-/// The bytes are no block: an encoder cannot have written them with these tables and contexts.
+/// Error: the bytes are no block that an encoder with these tables and contexts can have written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Malformed;
 

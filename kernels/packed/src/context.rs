@@ -1,54 +1,54 @@
-//! The probability model's context of a coefficient: how large a magnitude is expected, and which
-//! table codes it.
+//! The probability model's context of a coefficient: how large its magnitude is expected to be, and
+//! which table of probabilities codes it.
 
 use crate::quantiser::{Magnitude, State};
 use crate::rate::Rate;
 use crate::tables::{ESCAPE, LEVELS};
 
-/// Largest level of an expected magnitude.
+/// Largest level of an expected magnitude, a logarithmic scale.
 const LAST_LEVEL: i32 = 63;
 
-/// A magnitude of 1 adds this to the activity.
+/// Amount that a magnitude of 1 adds to the activity.
 const ONE: u32 = 1024;
 
-/// The activity loses 1 / 2^5 of itself at each coefficient.
+/// With each coefficient, the activity loses 1 / 2^5 of itself.
 const DECAY_BITS: u32 = 5;
 
-/// Sum of the magnitudes of a block's earlier coefficients, in which each counts less the longer
-/// ago it is; below 2^19. Its ratio to the expected sum moves the level of the table, so that a
-/// loud block uses tables of larger magnitudes.
+/// Sum of the magnitudes of a block's earlier coefficients, in which older ones count less; below
+/// 2^19. If it is above the expected sum, tables of larger magnitudes are used, so that
+/// probabilities adapt to a loud block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Activity(u32);
 
 impl Activity {
-    /// The activity before the first coefficient of a block: that of magnitudes of 1/4.
+    /// The activity before the first coefficient of a block: that of many magnitudes of 1/4.
     pub(crate) const START: Self = Self(8 * ONE);
 
-    /// Returns the activity after a coefficient of this magnitude.
+    /// Returns the activity after a coefficient with this magnitude.
     #[inline(always)]
     pub(crate) fn after(self, magnitude: u32) -> Self {
         Self(self.0 - (self.0 >> DECAY_BITS) + ONE * magnitude.min(ESCAPE.into()))
     }
 }
 
-/// The context of one coefficient at one rate, before the magnitudes of the block are known.
+/// What is expected of one coefficient at one rate, before the block's magnitudes are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Context {
-    /// Level of the expected magnitude, 0..[`LEVELS`].
+    /// Expected magnitude as a level of a logarithmic scale, 0..[`LEVELS`].
     level: u8,
-    /// 2^35 over the expected activity.
+    /// 2^35 divided by the expected activity, which replaces a division by it.
     inverse: u32,
 }
 
 impl Context {
-    /// A place for a context that [`prepare`] writes.
+    /// Initial value of a context that [`prepare`] will overwrite.
     pub const EMPTY: Self = Self {
         level: 0,
         inverse: 0,
     };
 
-    /// Returns the level of the table to use, 0..[`LEVELS`]: the expected level, moved by the ratio
-    /// of the activity to the expected one.
+    /// Returns the level, 0..[`LEVELS`], whose table codes the coefficient: the expected level,
+    /// plus a number that the ratio of actual to expected activity determines.
     #[inline(always)]
     pub(crate) fn table_level(self, activity: Activity) -> usize {
         let eighths = (u64::from(activity.0) * u64::from(self.inverse)) >> 32;
@@ -58,12 +58,12 @@ impl Context {
     }
 }
 
-/// Writes the contexts of a block's coefficients at a rate.
+/// Writes the contexts of a block's coefficients for a rate.
 ///
-/// `levels` are the levels of the mean magnitudes at rate 4, 0..[`LEVELS`], as trained. If the
-/// slices differ in length, the rest is unchanged.
+/// `levels` are the trained levels of the mean magnitudes at rate 4, 0..[`LEVELS`]. If the slices
+/// differ in length, the longer one's rest is ignored.
 pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
-    // 1/16 of the unit of an activity.
+    // `expected` is the expected activity times 16.
     let mut expected = Activity::START.0 << 4;
     for (&level, context) in levels.iter().zip(contexts) {
         let level = (i32::from(level) + rate.level_shift()).clamp(0, LAST_LEVEL);
@@ -78,15 +78,15 @@ pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
     }
 }
 
-/// Returns `2^39 / expected` from a table of its leading 8 bits: within 0.5 %. `expected` is
-/// 2^8..2^23.
+/// Returns `2^39 / expected` from a table of its leading 8 bits, within 0.5 %. `expected` must be
+/// in 2^8..2^23.
 fn inverse(expected: u32) -> u32 {
     let zeros = expected.leading_zeros().clamp(9, 23);
     let leading = (expected << zeros) >> 24;
     u32::from(RECIPROCALS[leading as usize % 128]) << (zeros - 8)
 }
 
-/// `2^23 / (leading + 1/2)` for the leading bits 128..256.
+/// `2^23 / (leading + 1/2)` for all values of the leading 8 bits, 128..256.
 const RECIPROCALS: [u16; 128] = {
     let mut reciprocals = [0; 128];
     let mut index = 0;
@@ -99,7 +99,7 @@ const RECIPROCALS: [u16; 128] = {
     reciprocals
 };
 
-/// Levels by which a ratio of activities moves the expected level:
+/// Number of levels that is added for a ratio of actual to expected activity:
 /// `round(0.55 * ln((i + 1/2) / 8) / LR)`, where `i` is eight times the ratio, rounded down, and
 /// `LR = ln(8000) / 55`.
 const LEVEL_OF_RATIO: [i8; 64] = [
@@ -108,7 +108,7 @@ const LEVEL_OF_RATIO: [i8; 64] = [
     7, 7, 7,
 ];
 
-/// What a coefficient of each level is expected to add to the activity, 1/16 of its unit:
+/// Amount, times 16, that a coefficient of each level is expected to add to the activity:
 /// `round(1024 * 16 * mean)` with the level's mean magnitude `0.0015 * exp(LR * level)`, at most
 /// 15, and `LR = ln(8000) / 55`. The mean of level 55 is 12.
 const EXPECTED_STEP: [u32; LEVELS] = [
@@ -121,19 +121,18 @@ const EXPECTED_STEP: [u32; LEVELS] = [
 
 const _: () = assert!(LAST_LEVEL as usize + 1 == LEVELS);
 
-/// Which table a magnitude is coded with.
+/// A magnitude, and which table of probabilities codes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Symbol {
-    /// Quantiser, 0 or 1.
+    /// Quantiser whose table is used, 0 or 1.
     pub quantiser: usize,
-    /// Level of the expected magnitude, 0..64.
+    /// Level whose table is used, 0..64.
     pub level: usize,
-    /// The magnitude.
+    /// The magnitude that is coded.
     pub magnitude: Magnitude,
 }
 
-/// Iterates over a block's magnitudes with the tables that each is coded with, for the training of
-/// the tables.
+/// Returns a block's magnitudes and the table that codes each; the tables are trained with them.
 pub fn symbols<'b>(
     magnitudes: &'b [Magnitude],
     contexts: &'b [Context],
@@ -153,8 +152,8 @@ pub fn symbols<'b>(
         })
 }
 
-/// State of the quantiser and activity, which a coder of a block derives from the magnitudes so
-/// far; together with a context they select the table.
+/// State of the quantiser and activity, which both encoder and decoder of a block derive from its
+/// earlier magnitudes. With a context they determine the table for the next magnitude.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     state: State,
@@ -162,7 +161,7 @@ pub(crate) struct Place {
 }
 
 impl Place {
-    /// Place before the first coefficient of a block.
+    /// State and activity before the first coefficient of a block.
     pub(crate) const START: Self = Self {
         state: State::START,
         activity: Activity::START,
@@ -180,7 +179,7 @@ impl Place {
         context.table_level(self.activity)
     }
 
-    /// Moves on to the next coefficient, after one of this magnitude.
+    /// Moves on to the next coefficient; `magnitude` is that of the current one.
     #[inline(always)]
     pub(crate) fn advance(&mut self, magnitude: Magnitude) {
         self.activity = self.activity.after(magnitude.value.into());
@@ -222,8 +221,8 @@ mod tests {
             (most, least) = (most.after(u32::MAX), least.after(0));
         }
         assert!(most.0 < 1 << 19 && least.0 < ONE / 16, "{most:?} {least:?}");
-        // The expected activity, in 1/16: at least that of level 0, at most that of magnitudes of
-        // 15.
+        // The expected activity, times 16, is at least 32 steps of the lowest level and at most 32
+        // steps of the highest one, and both are in the range of `inverse`.
         assert!(32 * EXPECTED_STEP[0] > 256 && 32 * EXPECTED_STEP[LEVELS - 1] < 1 << 23);
     }
 

@@ -4,10 +4,10 @@ use crate::rate::Rate;
 
 /// State of the quantiser before a coefficient, 0..4; 0 before the first one of a block.
 ///
-/// Two quantisers take turns: points of quantiser 0 are even multiples of the step, those of
-/// quantiser 1 are odd multiples and 0. The states 0 and 1 use quantiser 0, the states 2 and 3
-/// quantiser 1. The parity of a magnitude chooses the next state. So the points are as dense as
-/// with one step, and each coefficient's bits say which of two steps it has ("dependent
+/// There are two quantisers: points of quantiser 0 are even multiples of the step, points of
+/// quantiser 1 are odd multiples and 0. States 0 and 1 use quantiser 0, states 2 and 3 quantiser 1,
+/// and the parity of a magnitude chooses the next state. So the points together are as dense as
+/// with one step, but each coefficient only takes the bits of points two steps apart ("dependent
 /// quantisation" of H.266, 7.4.11.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct State(u8);
@@ -16,13 +16,13 @@ impl State {
     /// The state before the first coefficient of a block.
     pub(crate) const START: Self = Self(0);
 
-    /// Returns the quantiser of this state, 0 or 1.
+    /// Returns the quantiser that this state uses, 0 or 1.
     #[inline(always)]
     pub(crate) fn quantiser(self) -> usize {
         usize::from(self.0 >> 1)
     }
 
-    /// Returns the state after a coefficient of this magnitude.
+    /// Returns the state after a coefficient with this magnitude.
     #[inline(always)]
     pub(crate) fn after(self, magnitude: u16) -> Self {
         const NEXT: [[u8; 2]; 4] = [[0, 2], [2, 0], [1, 3], [3, 1]];
@@ -33,25 +33,25 @@ impl State {
 /// A quantised coefficient: sign and magnitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Magnitude {
-    /// Index of the quantiser's point, 0 for zero; at most 2^16 - 1.
+    /// Index of the quantiser's point; 0 for zero, at most 2^16 - 1.
     pub value: u16,
-    /// Sign of the coefficient; not coded where `value` is 0.
+    /// True if the coefficient is negative; not coded if `value` is 0.
     pub is_negative: bool,
 }
 
 impl Magnitude {
-    /// The magnitude 0.
+    /// A quantised coefficient of 0.
     pub const ZERO: Self = Self {
         value: 0,
         is_negative: false,
     };
 }
 
-/// Adds a block's dequantised coefficients to their prediction, saturating: the new state of both
-/// sides.
+/// Adds a block's dequantised coefficients to their prediction, saturating, which yields the new
+/// state of encoder and decoder.
 ///
-/// `state` holds the prediction before, and the state after the call. All slices have the number of
-/// coefficients; if they differ, the rest is unchanged.
+/// `state` holds the prediction before the call and the new state after it. If the slices differ in
+/// length, the longer one's rest is ignored.
 pub fn update_state(magnitudes: &[Magnitude], rate: Rate, state: &mut [i16]) {
     let mut quantiser = State::START;
     for (magnitude, state) in magnitudes.iter().zip(state) {
@@ -64,7 +64,7 @@ pub fn update_state(magnitudes: &[Magnitude], rate: Rate, state: &mut [i16]) {
     }
 }
 
-/// Returns a point of a quantiser, steps: `2 * magnitude - quantiser`, or 0 for the magnitude 0.
+/// Returns the quantiser's point in steps: `2 * magnitude - quantiser`, or 0 for the magnitude 0.
 #[inline(always)]
 pub(crate) fn point(magnitude: u16, quantiser: usize) -> i32 {
     let odd = i32::from(quantiser == 1 && magnitude > 0);

@@ -2,25 +2,24 @@
 
 use crate::tables::{FREQUENCY_BITS, Frequencies, MAGNITUDES};
 
-/// The range is at least this large between two symbols.
+/// Smallest size of the range between two symbols; below it, a byte is moved out.
 const LEAST_RANGE: u32 = 1 << 24;
 
-/// Writes symbols as one number of as many bytes as needed (Martin 1979), most significant byte
-/// first.
+/// Writes symbols as one long number (Martin 1979), most significant byte first.
 ///
 /// The number so far is `bytes` followed by `low`. A carry out of `low` is added to the bytes at
-/// once. Bytes that do not fit the buffer are counted and not kept; the count is the same as with a
-/// larger buffer.
+/// once. Bytes that do not fit the buffer are counted but not kept, so that the length does not
+/// depend on the buffer.
 #[derive(Debug)]
 pub(crate) struct RangeEncoder<'b> {
     low: u32,
     range: u32,
     bytes: &'b mut [u8],
-    /// Number of bytes so far, those that did not fit included.
+    /// Number of bytes so far, including those that did not fit.
     length: usize,
-    /// Number of bytes up to the last one that is not 0.
+    /// Number of bytes up to and including the last one that is not 0.
     significant: usize,
-    /// Number of bytes of 0xff at the end of the number, which a carry turns into 0.
+    /// Number of bytes 0xff at the end of the number; a carry would turn them into 0.
     trailing_ones: usize,
 }
 
@@ -52,27 +51,25 @@ impl<'b> RangeEncoder<'b> {
         }
     }
 
-    /// Writes a bit that is as likely as not.
+    /// Writes a bit whose values are equally likely.
     #[inline]
     pub(crate) fn put_bit(&mut self, bit: bool) {
         let start = bit.into();
         self.put(Frequencies { start, count: 1 }, 1);
     }
 
-    /// Writes the rest of the number. Several numbers decode to the same symbols; the one with the
-    /// most zero bytes at its end is taken, the smallest of several. These zero bytes are not
-    /// written, because the decoder reads zeros after the last byte. A block of likely zeros
-    /// therefore has no bytes.
+    /// Writes the rest of the number. Several numbers decode to the same symbols; of those with the
+    /// most zero bytes at the end, the smallest is taken. These zero bytes are not written, because
+    /// the decoder reads zeros after the last byte. A block of likely zeros therefore has no bytes.
     ///
-    /// Returns the number of bytes. It is larger than the buffer if they did not fit.
+    /// Returns the length in bytes. It is larger than the buffer if the bytes did not fit.
     pub(crate) fn finish(mut self) -> usize {
         let (low, end) = (
             u64::from(self.low),
             u64::from(self.low) + u64::from(self.range),
         );
         let rounded_up = |zeros: u32| (low + (1 << zeros) - 1) >> zeros << zeros;
-        // Four zero bytes fit one block in five; three always fit, because the range is at least
-        // 2^24.
+        // Four zero bytes fit one block in five; three always fit, as the range is at least 2^24.
         let number = if rounded_up(32) < end {
             rounded_up(32)
         } else {
@@ -112,9 +109,9 @@ impl<'b> RangeEncoder<'b> {
         self.low <<= 8;
     }
 
-    /// Adds 1 to the number in `bytes`: the trailing bytes of 0xff become 0, and the byte before
-    /// them grows by 1. No later carry reaches that byte again, because the number stays within the
-    /// range that the earlier symbols have left.
+    /// Adds 1 to the number in `bytes`: the bytes 0xff at its end become 0, and the byte before
+    /// them grows by 1. That byte cannot overflow, because the number stays within the range that
+    /// the earlier symbols have left.
     fn carry(&mut self) {
         self.significant = self.length - self.trailing_ones;
         self.trailing_ones = 0;
@@ -129,14 +126,14 @@ impl<'b> RangeEncoder<'b> {
     }
 }
 
-/// Reads the symbols that [`RangeEncoder`] wrote. It reads zeros after the last byte.
+/// Reads the symbols that [`RangeEncoder`] wrote. After the last byte it reads zeros.
 #[derive(Clone, Debug)]
 pub(crate) struct RangeDecoder<'b> {
-    /// The number so far, minus the first number of the range.
+    /// The number read so far, minus the start of the current range.
     offset: u32,
     range: u32,
     bytes: &'b [u8],
-    /// Number of bytes read, zeros after the last byte included.
+    /// Number of bytes read, including the zeros after the last byte.
     read: usize,
 }
 
@@ -154,8 +151,8 @@ impl<'b> RangeDecoder<'b> {
         decoder
     }
 
-    /// Returns the symbol whose frequencies contain the number: `starts` are the first frequencies
-    /// of the symbols, ascending from 0; the last symbol's end at 2^15.
+    /// Reads the next symbol. `starts` are the first frequencies of the symbols, ascending from 0;
+    /// those of the last symbol end at 2^15.
     pub(crate) fn symbol(&mut self, starts: &[u16; MAGNITUDES]) -> usize {
         let unit = self.range >> FREQUENCY_BITS;
         let frequency = (self.offset / unit).min((1 << FREQUENCY_BITS) - 1);
@@ -165,7 +162,7 @@ impl<'b> RangeDecoder<'b> {
         symbol
     }
 
-    /// Reads a bit that is as likely as not.
+    /// Reads a bit whose values are equally likely.
     pub(crate) fn bit(&mut self) -> bool {
         let unit = self.range >> 1;
         let bit = self.offset >= unit;
@@ -174,13 +171,13 @@ impl<'b> RangeDecoder<'b> {
         bit
     }
 
-    /// Returns true if bytes are left that no symbol has read.
+    /// Returns true if some bytes were not needed to decode the symbols read so far.
     pub(crate) fn has_unread_bytes(&self) -> bool {
         self.read < self.bytes.len()
     }
 
     fn consume(&mut self, unit: u32, frequencies: Frequencies) {
-        // Bytes that no encoder writes can leave the offset beyond the range: it wraps.
+        // For bytes that no encoder writes, the offset can be beyond the range; it then wraps.
         self.offset = self
             .offset
             .wrapping_sub(unit.wrapping_mul(frequencies.start));
@@ -203,12 +200,12 @@ mod tests {
     use super::*;
 
     /// Writes symbols whose ranges all contain one half, so that the bytes are 0x7f, 0xff, 0xff ..,
-    /// and then one above it, whose carry makes them 0x80, 0, 0 ... Returns the length.
+    /// and then one above it, whose carry makes them 0x80, 0, 0 .. Returns the length.
     fn write_one_half(symbols: usize, bytes: &mut [u8]) -> usize {
         let mut encoder = RangeEncoder::new(bytes);
         for _ in 0..symbols {
-            // One half is the top bit of the first byte. After that byte, it is one above the
-            // largest number.
+            // While no byte is written, one half is the top bit of `low`. Afterwards it is one
+            // above the largest `low`, which wraps to 0.
             let half = if encoder.length == 0 { 1_u32 << 31 } else { 0 };
             let to_half = half.wrapping_sub(encoder.low);
             let unit = encoder.range >> FREQUENCY_BITS;

@@ -1,6 +1,6 @@
-//! The step of the quantiser.
+//! The rate of a block, which determines the quantiser's step.
 
-/// Number of rates.
+/// Number of rates, from which an encoder chooses.
 pub const RATES: usize = 16;
 
 /// Index of the quantiser's step, 0 (finest) to 15 (coarsest). The step grows by 3 dB from one rate
@@ -12,15 +12,15 @@ impl Rate {
     /// The coarsest rate.
     pub const COARSEST: Self = Self(15);
 
-    /// The rate at which the levels of the mean magnitudes are stated, 4.
+    /// The rate for which the levels of mean magnitudes are stated, 4.
     pub const MIDDLE: Self = Self(4);
 
-    /// The step of each rate, units of a coefficient.
+    /// The quantiser's step at each rate, in units of a coefficient.
     const STEPS: [u16; RATES] = [
         8, 11, 16, 23, 32, 45, 64, 91, 128, 181, 256, 362, 512, 724, 1024, 1448,
     ];
 
-    /// `2^34 / step`, rounded up; a product with it replaces a division.
+    /// `2^34 / step`, rounded up, for each rate: multiplication by it replaces a division.
     const RECIPROCALS: [u32; RATES] = {
         let mut reciprocals = [0; RATES];
         let mut rate = 0;
@@ -33,14 +33,14 @@ impl Rate {
         reciprocals
     };
 
-    /// Number of levels by which a rate shifts the mean magnitudes:
-    /// `round(ln(2) / 2 / LR * (4 - rate))` with the ratio of neighbouring levels `exp(LR)`,
+    /// Number of levels by which each rate shifts the levels of the mean magnitudes:
+    /// `round(ln(2) / 2 / LR * (4 - rate))`, where neighbouring levels have the ratio `exp(LR)`,
     /// `LR = ln(8000) / 55`.
     const LEVEL_SHIFTS: [i8; RATES] = [
         8, 6, 4, 2, 0, -2, -4, -6, -8, -11, -13, -15, -17, -19, -21, -23,
     ];
 
-    /// Returns the rate with this index, or `None` if there is none.
+    /// Returns the rate with this index, or `None` if it is above 15.
     pub const fn new(index: u8) -> Option<Self> {
         if (index as usize) < RATES {
             Some(Self(index))
@@ -54,23 +54,23 @@ impl Rate {
         (0..=Self::COARSEST.0).map(Self)
     }
 
-    /// Returns the index, 0..=15.
+    /// Returns the index of the rate, 0..=15.
     pub const fn index(self) -> u8 {
         self.0
     }
 
-    /// Returns the rate `coarser` steps of 3 dB coarser, at most [`Self::COARSEST`].
+    /// Returns the rate `coarser` times 3 dB coarser, at most [`Self::COARSEST`].
     #[must_use]
     pub fn coarser(self, coarser: u8) -> Self {
         Self(self.0.saturating_add(coarser)).min(Self::COARSEST)
     }
 
-    /// Returns the step of the quantiser, units of a coefficient, 8..=1448.
+    /// Returns the step of the quantiser in units of a coefficient, 8..=1448.
     pub fn step(self) -> i32 {
         Self::STEPS[usize::from(self.0) % RATES].into()
     }
 
-    /// Returns `magnitude` in 1/256 of a step, rounded down; magnitude < 2^17, result < 2^22.
+    /// Returns `magnitude`, which must be below 2^17, in 1/256 of a step, rounded down; below 2^22.
     pub(crate) fn in_steps(self, magnitude: u32) -> i32 {
         let reciprocal = Self::RECIPROCALS[usize::from(self.0) % RATES];
         #[expect(clippy::cast_possible_truncation, reason = "below 2^17 * 2^31 / 2^26")]
@@ -78,7 +78,7 @@ impl Rate {
         steps
     }
 
-    /// Returns the shift of the mean magnitudes, levels.
+    /// Returns the number of levels by which the rate shifts the levels of the mean magnitudes.
     pub(crate) fn level_shift(self) -> i32 {
         Self::LEVEL_SHIFTS[usize::from(self.0) % RATES].into()
     }

@@ -1,42 +1,41 @@
 //! The trained probabilities of the magnitudes.
 
-/// Number of levels of an expected magnitude.
+/// Number of levels on the logarithmic scale of expected magnitudes.
 pub const LEVELS: usize = 64;
 
 /// Number of symbols for magnitudes: 0..=14, and 15 for every larger magnitude.
 pub const MAGNITUDES: usize = 16;
 
-/// The magnitude that stands for itself and all larger ones.
+/// The symbol that stands for magnitude 15 and all larger ones.
 pub(crate) const ESCAPE: u16 = 15;
 
-/// Bits of a probability: all frequencies of a table sum to 2^15.
+/// Number of bits of a probability: the frequencies of all magnitudes in a table sum to 2^15.
 pub const FREQUENCY_BITS: u32 = 15;
 
-/// Cost of 1/16 bit in the trellis, in 1/65536 of the squared step. A whole bit costs 0.3 squared
-/// steps.
+/// Weight of 1/16 bit against squared error in the trellis, in 1/65536 of a squared step: a whole
+/// bit costs as much as an error of 0.3 squared steps.
 pub(crate) const BIT_COST: i32 = 1229;
 
-/// First frequency of each magnitude, for each level, for each of the two quantisers.
+/// First frequency of each magnitude: `[quantiser][level][magnitude]`.
 pub type Starts = [[[u16; MAGNITUDES]; LEVELS]; 2];
 
-/// Bits of each magnitude, 1/16 bit, for each level, for each of the two quantisers.
+/// Length of each magnitude's code in 1/16 bit: `[quantiser][level][magnitude]`.
 pub type Costs = [[[u8; MAGNITUDES]; LEVELS]; 2];
 
-/// Probabilities of the magnitudes, and what their bits cost in the trellis.
+/// Probabilities of the magnitudes, and the lengths of their codes.
 #[derive(Clone, Copy, Debug)]
 pub struct Tables<'t> {
-    /// First of the frequencies of each magnitude, ascending from 0; a magnitude's frequencies end
-    /// where those of the next begin, those of the last at 2^15. No magnitude is without a
-    /// frequency.
+    /// First frequency of each magnitude, ascending from 0. The frequencies of a magnitude end
+    /// where those of the next one begin; the last one's end at 2^15. Every magnitude has at least
+    /// one.
     pub starts: &'t Starts,
-    /// Bits of each magnitude, 1/16 bit: its sign included, the Elias gamma code of large
-    /// magnitudes excluded.
+    /// Length of each magnitude's code in 1/16 bit, including the sign, but without the Elias gamma
+    /// code of large magnitudes.
     pub costs: &'t Costs,
 }
 
 impl Tables<'_> {
-    /// Returns true if every magnitude has a frequency, so that every magnitude can be written and
-    /// read.
+    /// Returns true if every magnitude has a frequency, so that it can be written and read.
     pub const fn is_consistent(&self) -> bool {
         let mut row = 0;
         while row < 2 * LEVELS {
@@ -57,17 +56,17 @@ impl Tables<'_> {
     }
 }
 
-/// The frequencies of one symbol.
+/// The frequencies of one symbol, which are consecutive numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Frequencies {
-    /// First frequency.
+    /// First of the frequencies.
     pub(crate) start: u32,
     /// Number of frequencies, at least 1.
     pub(crate) count: u32,
 }
 
 impl Frequencies {
-    /// Returns the frequencies of a magnitude, at most 15, in a row of [`Tables::starts`].
+    /// Returns the frequencies of a magnitude, 0..=15, from `starts`, a row of [`Tables::starts`].
     #[inline(always)]
     pub(crate) fn of_magnitude(starts: &[u16; MAGNITUDES], magnitude: usize) -> Self {
         let start = starts[magnitude % MAGNITUDES].into();

@@ -1,32 +1,32 @@
-//! The choice of the magnitudes: the cheapest path through the quantiser's states.
+//! The encoder's choice of magnitudes: the cheapest path through the states of the quantiser.
 
 use crate::context::{Activity, Context};
 use crate::quantiser::Magnitude;
 use crate::rate::Rate;
 use crate::tables::{BIT_COST, ESCAPE, MAGNITUDES, Tables};
 
-/// Number of states.
+/// Number of states of the quantiser.
 const STATES: usize = 4;
 
-/// Cost of a state that no path has reached, above every cost of a path.
+/// Cost of a state that no path has reached; it is above the cost of every path.
 const UNREACHED: i32 = 1 << 29;
 
-/// Largest number of coefficients of a block: the costs of a path sum to less than [`UNREACHED`].
+/// Largest number of coefficients of a block, so that the cost of a path stays below [`UNREACHED`].
 pub const MAX_COEFFICIENTS: usize = 256;
 
 /// Which path survived in each state after a coefficient, two bits for each state: bit 0 is set if
-/// it came from the second of the two states before it, bit 1 if it chose magnitude 0 over a larger
-/// even one.
+/// it came from the second of the two states that lead there, bit 1 if it chose magnitude 0 over a
+/// larger even one.
 pub type Survivors = u8;
 
-/// Chooses the magnitudes of a block by the Viterbi algorithm: those with the least sum, over the
-/// coefficients, of squared error and 0.3 squared steps for each bit.
+/// Chooses the magnitudes of a block by the Viterbi algorithm: those with the smallest sum of
+/// squared errors and of bits, where a bit costs 0.3 squared steps.
 ///
 /// For each coefficient, the candidates of a quantiser are its points on both sides of the value,
-/// and 0 where the lower one has magnitude 1. The Elias gamma code of magnitudes from 15 on is
-/// nearly the same for all candidates, and is left out. `residual` is coefficient minus prediction,
-/// |x| < 2^17; `survivors` is scratch memory. All slices have the same length, at most
-/// [`MAX_COEFFICIENTS`]; the shortest counts.
+/// and 0 if the lower one has magnitude 1. The Elias gamma code of magnitudes from 15 on is left
+/// out, because it is nearly the same for all candidates. `residual` is coefficient minus
+/// prediction, below 2^17 in magnitude; `survivors` is scratch memory. All slices must have the
+/// same length, at most [`MAX_COEFFICIENTS`].
 ///
 /// # Timing
 /// Every coefficient takes the same work, whatever its value.
@@ -68,39 +68,39 @@ pub fn quantise(
     }
 }
 
-/// Returns the magnitude of a quantiser's largest point that is not above a value, in 1/256 of a
-/// step.
+/// Returns the magnitude of a quantiser's largest point that is not above `value`, which is in
+/// 1/256 of a step.
 #[inline(always)]
 fn lower_magnitude(value: i32, quantiser: i32) -> i32 {
     ((value >> 8) + quantiser) >> 1
 }
 
-/// The candidates of one quantiser for a coefficient: an even magnitude, 0 in its place, and an odd
-/// one.
+/// The magnitudes of one quantiser that are tried for a coefficient: an even one, an odd one, and 0
+/// if it can replace the even one.
 #[derive(Clone, Copy, Debug)]
 struct Candidates {
     even: Candidate,
     odd: Candidate,
-    /// Squared error of magnitude 0 if it competes with `even`, otherwise above every cost.
+    /// Squared error of magnitude 0 if it can replace `even`, otherwise more than every cost.
     zero_error: i32,
 }
 
-/// A magnitude with the part of its cost that depends on neither state nor activity.
+/// A magnitude with the part of its cost that is the same on every path.
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
-    /// At most 15: an index of the tables.
+    /// The magnitude, limited to 15, as an index of the tables.
     symbol: u32,
-    /// Squared error, 1/65536 of the squared step.
+    /// Squared error of the point, in 1/65536 of a squared step.
     error: i32,
 }
 
 impl Candidates {
-    /// `value` is in 1/256 of a step.
+    /// Returns the candidates for a coefficient, whose magnitude `value` is in 1/256 of a step.
     #[inline(always)]
     fn new(value: i32, quantiser: i32) -> Self {
         let lower = lower_magnitude(value, quantiser);
         let candidate = |magnitude: i32| {
-            // Magnitude 0 has the wrong point here; it competes below with the right one.
+            // For magnitude 0 of quantiser 1 this error is wrong; `zero_error` has the right one.
             let error = value - ((2 * magnitude - quantiser) << 8);
             Candidate {
                 symbol: magnitude.clamp(0, ESCAPE.into()).cast_unsigned(),
@@ -115,8 +115,8 @@ impl Candidates {
         }
     }
 
-    /// Returns the continuations of a path with this cost and activity. `bits` are the costs of the
-    /// magnitudes in the table of the next coefficient, 1/16 bit.
+    /// Returns the two continuations of a path that has this cost and activity. `bits` are the
+    /// lengths of the codes of this coefficient's magnitudes in 1/16 bit.
     #[inline(always)]
     fn ways(&self, cost: i32, activity: Activity, bits: &[u8; MAGNITUDES]) -> Ways {
         let cost_of = |error: i32, symbol: u32| {
@@ -143,38 +143,38 @@ impl Candidates {
     }
 }
 
-/// The cheapest path to each state.
+/// For each state, the cheapest path that leads to it.
 #[derive(Clone, Copy, Debug)]
 struct Paths {
-    /// Cost of each path, 1/65536 of the squared step, below 2^30.
+    /// Cost of each path, in 1/65536 of a squared step, below 2^30.
     costs: [i32; STATES],
-    /// Activity along each path.
+    /// Activity at the end of each path.
     activities: [Activity; STATES],
 }
 
-/// The two continuations of a path from a state: with the cheaper even magnitude, and with an odd
-/// one.
+/// The two continuations of a path from one state: with the cheaper even magnitude, and with the
+/// odd one.
 #[derive(Clone, Copy, Debug)]
 struct Ways {
     even: Way,
     odd: Way,
 }
 
-/// One continuation of a path by a coefficient.
+/// Continuation of a path by one coefficient.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     cost: i32,
-    /// At most 15.
+    /// The magnitude, limited to 15.
     symbol: u32,
-    /// Survivor bits: 2 if magnitude 0 won over a larger even one, 1 if the way came from the
-    /// second state.
+    /// Bits of [`Survivors`]: 2 if magnitude 0 won over a larger even one, 1 if the path comes from
+    /// the second of two states.
     survivor: u8,
-    /// Activity before the coefficient.
+    /// Activity of the path before this coefficient.
     activity: Activity,
 }
 
 impl Way {
-    /// Returns the cheaper way; the first one wins a tie.
+    /// Returns the cheaper continuation; the first one if both cost the same.
     #[inline(always)]
     fn better(first: Self, second: Self) -> Self {
         if second.cost < first.cost {
@@ -189,18 +189,17 @@ impl Way {
 }
 
 impl Paths {
-    /// The paths before the first coefficient: state 0 only.
+    /// The paths before the first coefficient: only state 0 is reached.
     const START: Self = Self {
         costs: [0, UNREACHED, UNREACHED, UNREACHED],
         activities: [Activity::START; STATES],
     };
 
-    /// Extends the paths by a coefficient, whose value is in 1/256 of a step, and returns the
-    /// survivors.
+    /// Extends the paths by a coefficient, whose magnitude `value` is in 1/256 of a step, and
+    /// returns which path survived in each state.
     #[inline(always)]
     fn extend(&mut self, value: i32, context: Context, tables: &Tables<'_>) -> Survivors {
-        // Quantiser 0 leads from the states 0 and 1 to 0 and 2, quantiser 1 from 2 and 3 to 1 and
-        // 3.
+        // Quantiser 0 leads from states 0 and 1 to 0 and 2, quantiser 1 from 2 and 3 to 1 and 3.
         let [zero, two] = self.extend_quantiser::<0>(value, context, tables);
         let [one, three] = self.extend_quantiser::<1>(value, context, tables);
         let ways = [zero, one, two, three];
@@ -210,8 +209,8 @@ impl Paths {
         zero | one << 2 | two << 4 | three << 6
     }
 
-    /// Returns the best way with an even sum of magnitude and state, and that with an odd one, from
-    /// the two states of a quantiser.
+    /// Returns the cheapest continuations from the two states of a quantiser: the first with an
+    /// even sum of magnitude and state, the second with an odd one.
     #[inline(always)]
     fn extend_quantiser<const QUANTISER: usize>(
         &self,
@@ -232,7 +231,7 @@ impl Paths {
         ]
     }
 
-    /// Returns the state of the cheapest path, the first of several.
+    /// Returns the state that the cheapest path leads to; if several are equal, the first.
     fn cheapest_state(&self) -> u8 {
         let mut cheapest = 0;
         let mut least = self.costs[0];

@@ -1,4 +1,4 @@
-//! What is written is read: every magnitude, at every rate, for every residual.
+//! Tests that blocks are read as they were written, with every magnitude, rate and residual.
 
 use std::sync::LazyLock;
 
@@ -8,7 +8,8 @@ use packed::{
 };
 use proptest::prelude::*;
 
-/// Returns tables of geometric distributions: level 0 is nearly always 0, level 63 nearly flat.
+/// Returns tables of geometric distributions: at level 0 nearly all magnitudes are 0, at level 63
+/// all magnitudes are nearly equally likely.
 fn tables() -> Tables<'static> {
     static TABLES: LazyLock<(Box<Starts>, Box<Costs>)> = LazyLock::new(geometric);
     Tables {
@@ -87,7 +88,7 @@ proptest! {
         let mut read = vec![Magnitude::default(); levels.len()];
         reader.read_magnitudes(&contexts, &tables, &mut read).expect("magnitudes");
         prop_assert_eq!(read, magnitudes.clone());
-        // A buffer that is too short changes neither the length nor a byte after it.
+        // A buffer that is too short changes neither the length nor a byte after the buffer.
         let cut = length / 2;
         bytes[cut..].fill(0xaa);
         let again = packed::write_block(header, announced, &magnitudes, &contexts, &tables, &mut bytes[..cut]);
@@ -108,7 +109,7 @@ proptest! {
         let mut state = vec![0; residual.len()];
         packed::update_state(&magnitudes, rate, &mut state);
         for (state, residual) in state.iter().zip(&residual) {
-            // A magnitude of 0 replaces the point below at up to four steps.
+            // The error is largest where magnitude 0 replaces a point: up to four steps.
             prop_assert!((i32::from(*state) - residual).abs() <= 4 * rate.step() + 1);
         }
     }

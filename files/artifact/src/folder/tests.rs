@@ -1,4 +1,4 @@
-//! A model through its folder, and what is refused.
+//! Tests that a model survives its folder unchanged, and that invalid models are refused.
 
 use super::*;
 use crate::description::{Grid, NetworkShape, Padding, Window};

@@ -9,12 +9,12 @@ use packed::{LEVELS, MAGNITUDES, RATES, Starts};
 use safetensors::tensor::Dtype;
 use std::path::Path;
 
-/// Name of the file with dimensions, units and figures.
+/// Name of the file with the dimensions, units and test results of a packed model.
 pub(crate) const DESCRIPTION: &str = "packed.toml";
-/// Name of the file with the integers.
+/// Name of the file with the tensors of a packed model, all but one of them integers.
 pub(crate) const TENSORS: &str = "packed.safetensors";
 
-/// Names of the tensors.
+/// Names of the tensors in `packed.safetensors`.
 const NAMES: [&str; 9] = [
     "analysis.weight",
     "analysis.factor",
@@ -29,10 +29,10 @@ const NAMES: [&str; 9] = [
 
 impl PackedModel {
     /// Reads the text of `packed.toml` and the bytes of `packed.safetensors` from a folder; `None`
-    /// if it has neither.
+    /// if the folder has neither.
     ///
     /// # Errors
-    /// If one of them is missing, or cannot be read.
+    /// If the folder has only one of the files, or one cannot be read.
     pub(crate) fn read_files(folder: &Path) -> Result<Option<(String, Vec<u8>)>, ArtifactError> {
         let [toml, tensors] = [DESCRIPTION, TENSORS].map(|name| folder.join(name));
         let (missing, other) = match (toml.exists(), tensors.exists()) {
@@ -48,7 +48,7 @@ impl PackedModel {
         Err(ArtifactError::PackedHalf { missing, other })
     }
 
-    /// Parses the two files and checks them.
+    /// Parses the two files and checks that they are a packed model that fits `description`.
     pub(crate) fn parse(
         toml: &str,
         tensors: &[u8],
@@ -94,16 +94,16 @@ impl PackedModel {
         Ok(model)
     }
 
-    /// Returns names and contents of the two files.
+    /// Returns names and contents of `packed.toml` and `packed.safetensors`.
     pub(crate) fn to_files(&self) -> Result<[(&'static str, Vec<u8>); 2], ArtifactError> {
         let tensors = tensor_file::to_bytes(TENSORS, &self.tensors(self.analysis.inputs()))?;
         let description = toml::to_string(&self.description)?.into_bytes();
         Ok([(DESCRIPTION, description), (TENSORS, tensors)])
     }
 
-    /// Returns the tensors of the file, of a model whose blocks have `values` values. The shapes
-    /// follow from the dimensions; the elements may be fewer or more in a model that is not
-    /// checked.
+    /// Returns the tensors of `packed.safetensors`, for blocks of `values` values. The shapes
+    /// follow from the dimensions; in a model that has not been checked, the elements can be fewer
+    /// or more.
     pub(super) fn tensors(&self, values: usize) -> [NamedTensor<'static>; 9] {
         let count = self.coefficients();
         let bytes = |weights: &[i8]| weights.iter().map(|w| w.cast_unsigned()).collect();

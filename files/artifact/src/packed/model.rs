@@ -1,34 +1,34 @@
-//! The integers that encoder and decoder share, and the reference computation with them.
+//! The integers that encoder and decoder of the packed code share, with reference computations.
 
 use packed::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, RATES, Starts};
 use serde::{Deserialize, Serialize};
 
-/// Fraction bits that the state loses before the prediction, so that sums of products fit 24 bits.
+/// Fraction bits that the state loses before prediction, so that sums of products fit 24 bits.
 const STATE_BITS: u32 = 3;
 
 /// Dimensions and units of a packed model, and how it was trained: the contents of `packed.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackedDescription {
-    /// Version of the format, 1.
+    /// Version of the file format, always 1.
     pub format: u32,
-    /// Number of coefficients of a block: a multiple of 16, at most 256, and at most the values of
-    /// a block.
+    /// Number of coefficients of a block: a multiple of 16, at most 256 and at most the block's
+    /// values.
     pub coefficients: usize,
-    /// Rate that a device starts with, 0..=15.
+    /// Rate of the packed code with which a device starts, 0..=15.
     pub rate: u8,
-    /// Microvolts of one unit of an input value, and of a coefficient.
+    /// Microvolts that 1 stands for in an input value or a coefficient.
     pub unit_uv: f64,
     /// Largest magnitude of an input value; larger ones are clipped to it.
     pub input_limit: i16,
-    /// Mean square of the part of a block that its coefficients do not represent, microvolts
-    /// squared; a block with more is flagged as a misfit.
+    /// Limit for the mean square of what a block's coefficients do not represent, microvolts
+    /// squared; a block above it is flagged as a misfit.
     pub misfit_uv2: f64,
-    /// Recordings that it was trained on, and its figures on the test recordings.
+    /// Training recordings, test recordings and test results.
     pub training: PackedTraining,
 }
 
-/// How a packed model was trained.
+/// Recordings with which a packed model was trained and tested, and the results.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackedTraining {
@@ -36,48 +36,50 @@ pub struct PackedTraining {
     pub train_files: Vec<String>,
     /// File names of the test recordings.
     pub test_files: Vec<String>,
-    /// Figures on the test recordings, one entry for each measured rate.
+    /// Figures (length and error) on the test recordings, one entry for each measured rate.
     pub figures: Vec<PackedFigures>,
-    /// Figures of the Karhunen-Loeve transform of a block with the same number of coefficients,
-    /// trained and coded alike but without prediction; empty without test recordings. Their
-    /// `mse_smoothed` equals `mse`.
+    /// Figures of a Karhunen-Loeve transform of each block, for comparison: it has as many
+    /// coefficients, is trained and coded alike, but predicts nothing. Its `mse_smoothed` equals
+    /// `mse`. Empty without test recordings.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub without_prediction: Vec<PackedFigures>,
 }
 
-/// Figures of one rate on the test recordings.
+/// Length and error of the packed code on the test recordings, at one rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackedFigures {
-    /// The rate, 0..=15.
+    /// Rate at which length and error were measured, 0..=15.
     pub rate: u8,
-    /// Bits of a block, mean.
+    /// Mean length of a block in bits.
     pub bits: f64,
-    /// Mean squared error of each block as decoded without the next one, in units of the network's
+    /// Mean squared error of blocks as decoded without the next block, in units of the network's
     /// input squared.
     pub mse: f64,
-    /// Mean squared error after the smoother has corrected each block by the next one, in the same
-    /// unit.
+    /// Mean squared error after the smoother has corrected each block by the next one, in units of
+    /// the network's input squared.
     pub mse_smoothed: f64,
 }
 
-/// A trained packed model. Encoder and decoder share every integer of it; only the smoother is the
-/// decoder's own.
+/// A trained packed model. Encoder and decoder share all its integers except the smoother, which
+/// only the decoder needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedModel {
-    /// Dimensions and units, and the figures of the training.
+    /// Dimensions, units and test results.
     pub description: PackedDescription,
-    /// Matrix from the values of a block, in the order step, electrode, to its coefficients.
+    /// Matrix that maps the values of a block, in the order step, electrode, to its coefficients.
     pub analysis: IntegerMatrix,
-    /// Matrix from the coefficients of the previous state to the prediction of the next block's.
+    /// Matrix that maps the state after a block to the prediction of the next block's coefficients.
     pub prediction: IntegerMatrix,
-    /// Level of each coefficient's mean magnitude at rate 4, 0..64, in a predicted block.
+    /// Logarithmic level, 0..64, of each coefficient's mean magnitude at rate 4 in a predicted
+    /// block.
     pub predicted_levels: Vec<u8>,
-    /// Level of each coefficient's mean magnitude at rate 4, 0..64, in a block without prediction.
+    /// Logarithmic level, 0..64, of each coefficient's mean magnitude at rate 4 in a block without
+    /// prediction.
     pub reset_levels: Vec<u8>,
-    /// First frequency of each magnitude.
+    /// First frequency of each magnitude in the range coder's tables.
     pub starts: Box<Starts>,
-    /// Correction that the decoder adds to a block when the next one has arrived.
+    /// Correction that the decoder adds to a block once the next block has arrived.
     pub smoother: Smoother,
 }
 
@@ -87,7 +89,7 @@ impl PackedModel {
         self.description.coefficients
     }
 
-    /// Returns the coefficients of a block of input values, in the order step, electrode.
+    /// Returns the coefficients of a block. Its input `values` are in the order step, electrode.
     ///
     /// # Panics
     /// If the number of values is not that of a block.
@@ -95,16 +97,16 @@ impl PackedModel {
         self.analysis.multiply(values)
     }
 
-    /// Returns the prediction of the next block's coefficients from the state after a block.
+    /// Predicts the next block's coefficients from the state after the current block.
     ///
     /// # Panics
-    /// If the number of coefficients differs.
+    /// If `state` does not have one number for each coefficient.
     pub fn predict(&self, state: &[i16]) -> Vec<i16> {
         let rounded: Vec<i16> = state.iter().map(|&s| rounded_state(s)).collect();
         self.prediction.multiply(&rounded)
     }
 
-    /// Returns the bits of each magnitude, 1/16 bit, from their frequencies; the sign included.
+    /// Returns the length of the code of each magnitude with its sign, in 1/16 bit.
     pub fn costs(&self) -> Box<Costs> {
         let mut costs = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
         let rows = self.starts.iter().flatten();
@@ -127,8 +129,8 @@ impl PackedModel {
     }
 }
 
-/// Returns a coefficient of the state as the prediction reads it: divided by 8 and rounded half up,
-/// |x| <= 4096.
+/// Returns a coefficient of the state divided by 8, rounded half up, as the prediction reads it.
+/// The result is at most 4096 in magnitude.
 pub fn rounded_state(coefficient: i16) -> i16 {
     let half = 1 << (STATE_BITS - 1);
     #[expect(clippy::cast_possible_truncation, reason = "an eighth of 16 bits")]
@@ -139,17 +141,17 @@ pub fn rounded_state(coefficient: i16) -> i16 {
 /// A linear map in integers: `y_j = saturate((sum_i weight_ji * x_i * factor_j + 2^31) >> 32)`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct IntegerMatrix {
-    /// Weights, -127..=127, `[output][input]`.
+    /// Weights, -127..=127, in the order `[output][input]`.
     pub weights: Vec<i8>,
-    /// Factor of each output, Q0.32.
+    /// Factor that scales each output's sum, Q0.32.
     pub factors: Vec<i32>,
 }
 
 impl IntegerMatrix {
-    /// Quantises a matrix `[output][input]`. The weights of each output are scaled to 8 bits, but
-    /// by no more than `largest_scale` returns for them; the factors undo the scale, so that the
-    /// result equals `matrix * gain`. A factor of 1/2 or more saturates; an artifact with such a
-    /// factor is refused.
+    /// Quantises `matrix * gain`; `matrix` is `[output][input]`. The weights of each output are
+    /// scaled to 8 bits, but by no more than `largest_scale` returns for them, and its factor
+    /// undoes the scale. A factor of 1/2 or more saturates, and an artifact with such a factor is
+    /// refused.
     pub fn quantised(
         matrix: &[f64],
         inputs: usize,
@@ -193,7 +195,7 @@ impl IntegerMatrix {
             .collect()
     }
 
-    /// Returns the matrix as it maps, `[output][input]`.
+    /// Returns the matrix that the weights and factors stand for, `[output][input]`.
     pub fn to_float(&self) -> Vec<f64> {
         let rows = self.weights.chunks_exact(self.inputs().max(1));
         rows.zip(&self.factors)
@@ -214,24 +216,26 @@ fn requantised(sum: i32, factor: i32) -> i16 {
     saturated
 }
 
-/// For each rate, a linear estimate of coefficient minus state from the next block's dequantised
-/// residual.
+/// For each rate, a linear map that estimates a block's coefficients minus its decoded state from
+/// the next block's dequantised residual.
 ///
-/// A block's residual depends on the error of the state before it, from which it was predicted. One
-/// block later, the reconstruction can therefore remove a part of the error.
+/// The residual of a block depends on the error of the state from which the block was predicted,
+/// that is, of the block before it. One block later, the decoder can therefore remove a part of
+/// this error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Smoother {
     /// Weights, -127..=127, `[rate][coefficient][residual of the next block]`.
     pub weights: Vec<i8>,
-    /// Value of one unit of a weight, `[rate][coefficient]`.
+    /// Factor that turns weights into numbers, `[rate][coefficient]`.
     pub scales: Vec<f32>,
 }
 
 impl Smoother {
-    /// Quantises the matrices of all rates, ascending, each `[coefficient][residual]`.
+    /// Quantises one matrix for each rate, in ascending order of rates, each
+    /// `[coefficient][residual]`.
     ///
     /// # Panics
-    /// If there is not one matrix for each rate.
+    /// If the number of matrices is not that of the rates.
     pub fn quantised(matrices: &[Vec<f64>], coefficients: usize) -> Self {
         assert_eq!(matrices.len(), RATES, "one matrix for each rate");
         let mut smoother = Self {

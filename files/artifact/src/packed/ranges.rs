@@ -1,4 +1,4 @@
-//! Proofs that no sum of the integer encoder leaves its range.
+//! Checks that no sum of the packed code's integer encoder can leave its range.
 
 use super::file::{DESCRIPTION, TENSORS};
 use super::model::PackedModel;
@@ -6,17 +6,17 @@ use crate::description::Description;
 use crate::error::{ArtifactError, TensorProblem};
 use packed::{LEVELS, MAX_COEFFICIENTS, Tables};
 
-/// Largest magnitude of a sum of products with which a kernel recovers two sums from one.
+/// Largest magnitude of a sum of products: kernels compute two such sums in one register.
 pub const SUM_LIMIT: i64 = (1 << 23) - 1;
 
-/// Largest magnitude of a coefficient of the state as the prediction reads it.
+/// Largest magnitude that [`rounded_state`](super::rounded_state) returns.
 pub const LARGEST_STATE: i16 = 4096;
 
-/// Number of inputs that the kernel of the encoder's matrices takes at a time.
+/// Number of inputs that the encoder's matrix kernel takes at a time.
 pub const INPUTS_PER_ROUND: usize = 16;
 
-/// Returns, for each step of a block, the end of the inputs that the encoder has added to its sums:
-/// after step `t`, all whole rounds of 16 values that have arrived; after the last step, all.
+/// Returns, for each step of a block, how many inputs the encoder has added to its sums after it:
+/// all whole rounds of 16 that have arrived; after the last step, all inputs.
 pub fn slice_ends(electrodes: usize, steps: usize) -> Vec<usize> {
     let ends = (1..steps).map(|steps| steps * electrodes / INPUTS_PER_ROUND * INPUTS_PER_ROUND);
     ends.chain([steps * electrodes]).collect()
@@ -128,7 +128,8 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
     Ok(())
 }
 
-/// Checks the lengths of all parts. Those of a model that was read have them already.
+/// Checks the lengths of all tensors. A model read from files has passed this check already; one
+/// built in memory has not.
 fn check_shapes(model: &PackedModel, values: usize) -> Result<(), ArtifactError> {
     for (name, kind, shape, bytes) in model.tensors(values) {
         let length = bytes.len() / (kind.bitsize() / 8);
@@ -139,7 +140,8 @@ fn check_shapes(model: &PackedModel, values: usize) -> Result<(), ArtifactError>
     Ok(())
 }
 
-/// Checks that the products of each slice of inputs up to `limit` sum to at most [`SUM_LIMIT`].
+/// Checks that in each slice of inputs, products with inputs of magnitude `limit` sum to at most
+/// [`SUM_LIMIT`].
 fn check_matrix(
     name: &'static str,
     weights: &[i8],

@@ -1,4 +1,4 @@
-//! A packed model through its files, and what is refused.
+//! Tests that a packed model survives its files unchanged, and that invalid ones are refused.
 
 use crate::description::Mode;
 use crate::error::{ArtifactError, TensorProblem};
@@ -11,7 +11,7 @@ use packed::{LEVELS, MAGNITUDES, RATES};
 
 const COEFFICIENTS: usize = 16;
 
-/// Returns a packed model of the paper's montage with small pseudo-random weights.
+/// Returns a packed model for 61 electrodes and 8 steps, with small pseudo-random weights.
 fn packed() -> PackedModel {
     let values = 61 * 8;
     let mut state = 7_u32;
@@ -66,14 +66,14 @@ fn a_packed_model_reads_back_with_the_same_id_which_covers_it() {
     assert_eq!(Artifact::read(folder.path()).unwrap(), artifact);
     let other = with(|model| model.reset_levels[3] = 5).unwrap();
     assert_ne!(other.id, artifact.id);
-    // Without the packed model, its files are gone and the id is that of the network again.
+    // Without the packed model, its files are removed and the id is that of the network alone.
     let plain = artifact.with_packed(None).unwrap();
     assert_eq!(plain.id, testing::pca().id);
     plain.write(folder.path()).unwrap();
     assert_eq!(Artifact::read(folder.path()).unwrap(), plain);
 }
 
-/// Returns the packed model alone, without a network.
+/// Returns a model of mode `packed`, which has the packed model but no network.
 fn alone() -> Result<Artifact, ArtifactError> {
     let mut description = testing::description();
     description.mode = Mode::Packed;
@@ -163,7 +163,7 @@ fn a_part_of_another_length_is_refused_by_name() {
 fn a_tensor_that_no_packed_model_has_is_refused_by_name() {
     let [(_, toml), (_, mut tensors)] = packed().to_files().unwrap();
     let toml = String::from_utf8(toml).unwrap();
-    // A name of the same length, so that the offsets stay.
+    // A name as long as the old one keeps the tensors at their offsets in the file.
     let at = tensors
         .windows(6)
         .position(|name| name == b"starts")
@@ -185,8 +185,7 @@ fn numbers_of_a_code_without_a_network_are_refused() {
 fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
     type Change = fn(&mut PackedModel);
     let cases: [(Change, &str, usize); 8] = [
-        // The slices of the first seven steps have at most 64 inputs: 33 * 127 * 4095 exceeds 23
-        // bits.
+        // Fills 40 weights of row 2's first slice with 127: 40 * 127 * 4095 exceeds 23 bits.
         (
             |m| m.analysis.weights[2 * 488..][..40].fill(127),
             "analysis",
@@ -215,7 +214,7 @@ fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
             ("packed.safetensors", expected, at)
         );
     }
-    // The prediction of 16 coefficients at their largest: 16 * 127 * 4096 fits 23 bits.
+    // The largest possible sum of the prediction, 16 * 127 * 4096, still fits 23 bits.
     with(|m| m.prediction.weights.fill(127)).unwrap();
 }
 
@@ -290,7 +289,7 @@ fn damaged_files_are_refused() {
 
 #[test]
 fn every_round_of_inputs_is_added_as_soon_as_it_is_complete() {
-    // 61 electrodes: 61, 122, .. 488 values in rounds of 16.
+    // After the steps, 61, 122, .. 488 inputs have arrived, rounded down to whole rounds of 16.
     assert_eq!(
         super::slice_ends(61, 8),
         [48, 112, 176, 240, 304, 352, 416, 488]

@@ -5,70 +5,71 @@ use std::collections::VecDeque;
 /// Layout of the hops that [`Overlap`] yields.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HopLayout {
-    /// Number of steps from the start of one window to the start of the next.
+    /// Length of a hop in steps: the distance between the starts of consecutive windows.
     pub steps: usize,
     /// Number of electrodes in each step.
     pub electrodes: usize,
-    /// Whether a hop holds the newest steps of its window, without the average with the next
-    /// window.
+    /// True if a hop is the newest steps of its window; false if it is older steps, averaged over
+    /// all windows that contain them.
     pub low_latency: bool,
-    /// Largest magnitude of a value, microvolts. Larger ones are limited: a recorder stores values
-    /// outside the announced range as infinite.
+    /// Largest magnitude of a value, microvolts; larger values are limited to it. (A recorder
+    /// stores values outside the range it was told as infinite.)
     pub full_scale_uv: f32,
 }
 
 impl HopLayout {
     /// Returns the number of steps from the first step of a hop to the last step of the window that
-    /// completes the hop. A window has `window_steps` steps.
+    /// [`Overlap::next_hop`] needed for the hop. A window has `window_steps` steps.
     pub fn lookback_steps(window_steps: u32, hop_steps: u32, low_latency: bool) -> u32 {
         let steps = if low_latency { hop_steps } else { window_steps };
         steps.saturating_sub(1)
     }
 
-    /// Number of values in a hop: its steps times the electrodes.
+    /// Number of values in a hop: steps times electrodes.
     fn values(&self) -> usize {
         self.steps * self.electrodes
     }
 }
 
-/// A window, decoded.
+/// A window of electrode signals, decoded from one code.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {
     /// Index of the window in the stream; wraps.
     pub index: u32,
-    /// Status flags of the window.
+    /// Status flags that the device sent with the window.
     pub flags: u16,
     /// Microvolts, all electrodes of the first step, then of the next; `None` if the code was lost.
     pub values: Option<Vec<f32>>,
 }
 
-/// Windows that the values of a hop were computed from.
+/// Which windows the values of a hop were computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// The window that completes the hop.
+    /// Only the window that was passed to [`Overlap::next_hop`].
     Window,
-    /// The average of that window and of earlier ones.
+    /// The average of the window that was passed to [`Overlap::next_hop`] and of earlier windows.
     Average,
-    /// Earlier windows, because the code of the window is lost.
+    /// Earlier windows only, because the code of the window that was passed is lost.
     Earlier,
-    /// No window: the codes of all windows with this hop are lost. The values are not written.
+    /// No window: the codes of all windows that contain the hop are lost. No values are written.
     Missing,
 }
 
-/// Where the values of a hop come from.
+/// Source and flags of the values of a hop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hop {
-    /// Windows that the values were computed from.
+    /// Which windows the values were computed from.
     pub source: Source,
-    /// Flags of the window that completes the hop, and of all windows in the average.
+    /// Flags of the window that was passed to [`Overlap::next_hop`] and of all windows in the
+    /// average.
     pub flags: u16,
 }
 
-/// Averages overlapping windows. Each window completes one hop of steps.
+/// Averages overlapping windows. For each window that it gets, it returns one hop of steps.
 #[derive(Clone, Debug)]
 pub struct Overlap {
     layout: HopLayout,
-    /// Earlier windows that contain steps of hops to come, oldest first.
+    /// Earlier windows that contain steps of hops not yet returned, oldest first.
     earlier: VecDeque<Window>,
 }
 
@@ -81,15 +82,16 @@ impl Overlap {
         }
     }
 
-    /// Forgets the earlier windows. The next hop is computed from one window alone.
+    /// Forgets the earlier windows, so that the next hop is computed from one window alone.
     pub fn forget(&mut self) {
         self.earlier.clear();
     }
 
-    /// Writes the hop that `window` completes to `hop`, and returns its source and flags.
+    /// Takes the next window of the stream, writes one hop to `hop`, and returns its source and
+    /// flags.
     ///
     /// With low latency, the hop is the last one of the window; otherwise it is the first one,
-    /// which the window shares with all earlier windows that contain it.
+    /// averaged over this window and all earlier windows that contain it.
     ///
     /// # Panics
     ///
@@ -100,8 +102,8 @@ impl Overlap {
         if self.layout.low_latency {
             self.forget();
         }
-        // After a restart of the stream the indices do not continue, and no earlier window contains
-        // the hop.
+        // After a restart of the stream, the index does not continue those of the earlier windows,
+        // and none of them contains the hop.
         self.earlier
             .retain(|earlier| hop_at(earlier, index, length).is_some());
         let mut shared: Vec<&[f32]> = self
@@ -144,8 +146,8 @@ impl Overlap {
     }
 }
 
-/// Returns the part of an earlier window that is the first hop of window `index`; `None` if the
-/// earlier window ended before this hop.
+/// Returns the part of an earlier window that covers the first hop of window `index`; `None` if the
+/// earlier window ends before this hop.
 fn hop_at(earlier: &Window, index: u32, length: usize) -> Option<&[f32]> {
     let age = usize::try_from(index.wrapping_sub(earlier.index)).ok()?;
     let start = age.checked_mul(length).filter(|_| age > 0)?;
@@ -155,9 +157,9 @@ fn hop_at(earlier: &Window, index: u32, length: usize) -> Option<&[f32]> {
         .get(start..start.checked_add(length)?)
 }
 
-/// Averages the steps that windows share, which lowers their error. Measured with an earlier model
-/// on EEGMMIDB S001 R11 and R12, with two windows: normalised error 0.00971 for the average and
-/// 0.01034 for one window alone. Not measured again with the built-in model.
+/// Averages the steps that windows share, which lowers the error of decoding. With an earlier model
+/// and two windows, the normalised squared error was 0.00971 for the average and 0.01034 for one
+/// window (recordings EEGMMIDB S001 R11 and R12). The built-in model has not been measured.
 fn average(windows: &[&[f32]], out: &mut [f32]) {
     #[expect(clippy::cast_precision_loss, reason = "at most 8 windows overlap")]
     let share = 1.0 / windows.len() as f32;
@@ -183,8 +185,8 @@ mod tests {
         full_scale_uv: 100.0,
     };
 
-    /// Returns hops and sources of windows; `None` is a lost code. The flags of window k are 1 <<
-    /// k.
+    /// Returns the hops of the windows (index, values), with their sources; `None` is a lost code.
+    /// Window k has the flags 1 << k.
     fn hops(layout: HopLayout, windows: &[(u32, Option<&[f32]>)]) -> Vec<([f32; 2], Hop)> {
         let mut overlap = Overlap::new(layout);
         let mut hop = [0.0; 2];
@@ -225,7 +227,7 @@ mod tests {
 
     #[test]
     fn all_windows_that_contain_a_hop_are_averaged() {
-        // Windows of four steps, a hop of one: up to four windows contain a hop.
+        // A window has four steps and a hop has one step, so four windows contain each hop.
         let windows: [(u32, Option<&[f32]>); 4] = [
             (0, Some(&[0.0, 0.0, 10.0, 10.0, 20.0, 20.0, 30.0, 30.0])),
             (1, Some(&[12.0, 12.0, 21.0, 21.0, 33.0, 33.0, 0.0, 0.0])),

@@ -1,52 +1,51 @@
-//! Consecutive blocks of the packed code to one continuous signal.
+//! Joins consecutive blocks of the packed code to one continuous signal.
 
 use crate::PackedModel;
 use packed::{Malformed, Rate};
 
 use super::packed_decoder::PackedDecoder;
 
-/// Decodes blocks to hops, one for each block: with low latency that of the block itself, otherwise
-/// that of the block before, corrected by what the newer block says about it.
+/// Decodes blocks to hops. For each block it returns one hop: with low latency that of the block
+/// itself, otherwise that of the previous block, corrected with the help of the new block.
 ///
-/// `T` is a label that the caller passes with each block and gets back with its hop, such as its
-/// time.
+/// `T` is a label, such as a time, that the caller passes with a block and gets back with its hop.
 #[derive(Clone, Debug)]
 pub struct PackedOverlap<T> {
     decoder: PackedDecoder,
     low_latency: bool,
     full_scale_uv: f32,
-    /// The newest hop, without correction.
+    /// Hop of the newest block, not yet corrected by a later block.
     newest: Option<PackedHop<T>>,
-    /// Number of received blocks that were malformed.
+    /// Number of received blocks whose bytes could not be decoded.
     malformed: u64,
 }
 
-/// Signals of the steps of one block.
+/// The signals of one block.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedHop<T> {
-    /// Microvolts in the order step, electrode.
+    /// Signals in microvolts, in the order step, electrode.
     pub microvolts: Vec<f32>,
-    /// Where the values come from.
+    /// What the values were computed from.
     pub source: PackedSource,
-    /// What the caller passed with the block.
+    /// Label that the caller passed with the block.
     pub label: T,
 }
 
-/// Where the values of a hop come from.
+/// What the values of a hop were computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PackedSource {
-    /// The block.
+    /// The block of this hop.
     Block,
-    /// The block, whose error is larger because blocks before it are lost.
+    /// The block of this hop, with a larger error because blocks before it were lost.
     Healing,
-    /// The blocks before it: the block is lost or malformed, and the values are the model's
-    /// prediction.
+    /// Earlier blocks only: the block of this hop is lost or malformed, and its values are the
+    /// prediction from the blocks before it.
     Prediction,
 }
 
 impl<T: Clone> PackedOverlap<T> {
-    /// Creates an overlap that waits for a block without prediction. Hops are limited to the range
-    /// of plus and minus `full_scale_uv`.
+    /// Creates an overlap that has seen no block. Values of hops are limited to the range from
+    /// -`full_scale_uv` to `full_scale_uv`.
     pub fn new(model: &PackedModel, low_latency: bool, full_scale_uv: f32) -> Self {
         Self {
             decoder: PackedDecoder::new(model),
@@ -57,23 +56,23 @@ impl<T: Clone> PackedOverlap<T> {
         }
     }
 
-    /// Forgets all blocks: the next one is the first of another recording.
+    /// Forgets all blocks, because the next one is the first of another recording.
     pub fn restart(&mut self) {
         self.decoder.restart();
         self.newest = None;
     }
 
-    /// Takes over the newest hop and the count of malformed blocks from `before`, whose stream
-    /// another device continues.
+    /// Takes over the newest hop and the count of malformed blocks from `before`, when another
+    /// device continues the stream that `before` decoded.
     pub fn continue_from(&mut self, before: &mut Self) {
         self.newest = before.newest.take();
         self.malformed = before.malformed;
     }
 
-    /// Decodes the next block, `None` for a lost one, and returns the hop that it completes; `None`
-    /// if there is none. The block's rate is the index of that of the stream, as on the wire. A
-    /// malformed block, and one whose rate does not exist, is replaced like a lost one, and
-    /// counted.
+    /// Decodes the next block (its bytes and its rate as on the wire), or replaces a lost one
+    /// (`None`) by its prediction. Returns the hop that is now complete, if any: without low
+    /// latency, there is none for the first block. A malformed block, or one with an invalid rate,
+    /// is counted and replaced like a lost one.
     pub fn next_hop(&mut self, block: Option<(&[u8], u8)>, label: T) -> Option<PackedHop<T>> {
         let received = block.map(|(bytes, rate)| {
             let rate = Rate::new(rate).ok_or(Malformed)?;
@@ -95,14 +94,15 @@ impl<T: Clone> PackedOverlap<T> {
         self.complete(newest, smoothed)
     }
 
-    /// Takes `newest` for the hop of the next block, which is not decoded, and returns the hop that
-    /// it completes. For a caller that needs no signals; what is decoded afterwards is wrong.
+    /// Returns the hop that is now complete, if any, as [`Self::next_hop`] does, but takes `newest`
+    /// for the hop of the next block and decodes nothing. For callers that need no signals: hops
+    /// decoded afterwards are wrong.
     pub fn pass(&mut self, newest: PackedHop<T>) -> Option<PackedHop<T>> {
         self.complete(newest, None)
     }
 
-    /// Returns the hop that `newest` completes, with the signals `smoothed` if it corrects the hop
-    /// before it.
+    /// Stores `newest` and returns the hop that is now complete: with low latency `newest` itself,
+    /// otherwise the previous hop, with the signals `smoothed` if there are any.
     fn complete(
         &mut self,
         newest: PackedHop<T>,
@@ -121,20 +121,21 @@ impl<T: Clone> PackedOverlap<T> {
         completed.map(|hop| self.limited(hop))
     }
 
-    /// Returns the hop that waits for the next block, as it is without that block; `None` with low
-    /// latency, because it was returned at once.
+    /// Returns the last hop, which waits for a next block that will not come. `None` with low
+    /// latency, which returned this hop at once.
     pub fn finish(&mut self) -> Option<PackedHop<T>> {
         let newest = self.newest.take().filter(|_| !self.low_latency);
         newest.map(|hop| self.limited(hop))
     }
 
-    /// Returns the newest hop as decoded from its own block: neither corrected by the next block
-    /// nor limited to full scale.
+    /// Returns the newest hop as decoded from its own block, that is, neither corrected by a later
+    /// block nor limited to full scale.
     pub fn newest(&self) -> Option<&PackedHop<T>> {
         self.newest.as_ref()
     }
 
-    /// Number of received blocks that were malformed: their bytes are no block of this model.
+    /// Number of received blocks that were malformed: their bytes are no block of this model, or
+    /// their rate is invalid.
     pub fn malformed(&self) -> u64 {
         self.malformed
     }

@@ -1,11 +1,12 @@
-//! From the coefficients of a block to its signals.
+//! Computes the signals of a block from its coefficients.
 
 use crate::PackedModel;
 
-/// The pseudoinverse of a packed model's analysis.
+/// The pseudoinverse of a packed model's matrix `analysis`, which leads from coefficients to
+/// signals.
 #[derive(Clone, Debug)]
 pub(crate) struct Synthesis {
-    /// Microvolts of each value for one unit of each coefficient, `[coefficient][value]`.
+    /// Microvolts that one unit of a coefficient adds to a value, `[coefficient][value]`.
     rows: Vec<f32>,
     values: usize,
 }
@@ -35,13 +36,13 @@ impl Synthesis {
         Self { rows, values }
     }
 
-    /// Returns the signals of a block, microvolts.
+    /// Returns the signals of a block, microvolts, from integer coefficients.
     pub(crate) fn microvolts(&self, coefficients: &[i16]) -> Vec<f32> {
         let coefficients: Vec<f32> = coefficients.iter().map(|&c| f32::from(c)).collect();
         self.microvolts_of(&coefficients)
     }
 
-    /// Returns the signals of a block from coefficients that are no integers, microvolts.
+    /// Returns the signals of a block, microvolts, from coefficients that need not be integers.
     pub(crate) fn microvolts_of(&self, coefficients: &[f32]) -> Vec<f32> {
         let mut microvolts = vec![0.0; self.values];
         let rows = self.rows.chunks_exact(self.values.max(1));
@@ -54,8 +55,8 @@ impl Synthesis {
     }
 }
 
-/// Solves `matrix * x = right` for the positive definite `matrix` `[count][count]` by elimination;
-/// `right` `[count][columns]` becomes x.
+/// Solves `matrix * x = right` by elimination and writes x to `right`, `[count][columns]`. The
+/// `[count][count]` matrix must be positive definite.
 fn solve(matrix: &mut [f64], right: &mut [f64], count: usize, columns: usize) {
     for pivot in 0..count {
         let (above, below) = matrix.split_at_mut((pivot + 1) * count);
@@ -101,7 +102,7 @@ mod tests {
     #[test]
     fn a_system_with_a_known_solution_is_solved() {
         let mut matrix = [4.0, 2.0, 0.0, 2.0, 5.0, 1.0, 0.0, 1.0, 3.0];
-        // x = (1, 2, 3) and (0, -1, 2).
+        // The right sides belong to the solutions x = (1, 2, 3) and x = (0, -1, 2).
         let mut right = [8.0, -2.0, 15.0, -3.0, 11.0, 5.0];
         solve(&mut matrix, &mut right, 3, 2);
         for (value, expected) in right.iter().zip([1.0, 0.0, 2.0, -1.0, 3.0, 2.0]) {

@@ -3,11 +3,11 @@
 
 use crate::{Artifact, ArtifactError, FloatDecoder};
 
-/// The float decoder of one model, with the scale of its output.
+/// Decoder for the codes of one model, which returns microvolts.
 #[derive(Clone, Debug)]
 pub struct WindowDecoder {
     network: FloatDecoder,
-    /// Microvolts per unit of the network's output.
+    /// Microvolts for each unit of the network's output.
     sd_uv: f32,
 }
 
@@ -16,8 +16,7 @@ impl WindowDecoder {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError`] if a tensor is missing, or if the model's decoder needs more input than
-    /// the code.
+    /// [`ArtifactError`] if a tensor is missing, or if the decoder needs more input than the code.
     pub fn new(artifact: &Artifact) -> Result<WindowDecoder, ArtifactError> {
         #[expect(
             clippy::cast_possible_truncation,
@@ -30,8 +29,8 @@ impl WindowDecoder {
         })
     }
 
-    /// Decodes a dequantised code to the electrode signals of its window, microvolts: all
-    /// electrodes of the first step, then all electrodes of the next step, and so on.
+    /// Returns the electrode signals, in microvolts, of the window whose dequantised code is `z`:
+    /// all electrodes of the first step, then all electrodes of the next step, and so on.
     ///
     /// # Panics
     ///
@@ -45,8 +44,7 @@ impl WindowDecoder {
     }
 }
 
-/// Returns the value `z = (level - zero_point) * scale` of a level of a code, the input of the
-/// decoder network. |level| is below 2^16.
+/// Dequantises one level of a code: `(level - zero_point) * scale`. |level| must be below 2^16.
 #[expect(
     clippy::cast_precision_loss,
     reason = "the difference has 17 bits at most"
@@ -55,8 +53,8 @@ pub fn dequantise(level: i32, scale: f32, zero_point: i8) -> f32 {
     (level - i32::from(zero_point)) as f32 * scale
 }
 
-/// Returns the smallest and the largest value `z` to which levels from `least` to `greatest`
-/// dequantise, over all places of a code; zeros for a code without values.
+/// Returns the smallest and the largest value that any number of a code can dequantise to, if its
+/// levels are from `least` to `greatest`; zeros for a code without numbers.
 pub fn code_range([least, greatest]: [i32; 2], scale: &[f32], zero_point: &[i8]) -> [f32; 2] {
     if scale.is_empty() {
         return [0.0; 2];

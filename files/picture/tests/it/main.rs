@@ -1,4 +1,4 @@
-//! Every chart is drawn with its title, its axes and its data.
+//! Tests that every chart is drawn with its title, its axes and its data.
 #![forbid(unsafe_code)]
 
 use std::ops::RangeBounds;
@@ -15,8 +15,8 @@ use picture::traces::{Trace, Traces};
 
 const SUBTITLE: &str = "synthetic data";
 
-/// Asserts that a picture contains its subtitle and all `words`, and that the number of its
-/// elements `shape` is in `counts`.
+/// Asserts that the SVG of a picture contains its subtitle and all `words`, and that the text
+/// `shape`, such as `<circle`, occurs in it a number of times that is in `counts`.
 fn assert_drawn(
     draw: impl FnOnce(&Path) -> Result<(), PictureError>,
     words: &[&str],
@@ -35,7 +35,7 @@ fn assert_drawn(
     assert!(!text.contains("0.5 Hz"), "a mark beyond the axis");
 }
 
-/// Returns a sine of 20 uV times `gain`, with another phase for each electrode.
+/// Returns a test signal: a sine of 20 uV times `gain`, with another phase for each electrode.
 fn wave(electrode: u8, gain: f32) -> Vec<f32> {
     let times = (0..512_u16).map(f32::from);
     let value = |time: f32| 20.0 * (0.5 * time + f32::from(electrode)).sin();
@@ -126,8 +126,8 @@ fn lines_and_circles_are_drawn_within_the_axes() {
         "40 Hz",
         "50 Hz",
     ];
-    // One of the 60 points is not drawn: its value, 1, is above the y axis, which ends at 0.5. The
-    // legend has a circle too.
+    // 59 of the 60 circles of the curve, because one point is above the end of the y axis, 0.5,
+    // plus one circle in the legend.
     assert_drawn(|path| curves.draw(path), &words, "<circle", 60..=60);
 }
 
@@ -146,7 +146,7 @@ fn a_scalp_map_is_drawn() {
         unit: "%".to_owned(),
     };
     let words = ["E5", "5.00 %", "hollow"];
-    // Two circles for each electrode, and the head.
+    // Two circles for each of the six electrodes, and the head.
     assert_drawn(|path| map.draw(path), &words, "<circle", 13..=13);
     assert_drawn(|path| map.draw(path), &words, "<rect", 200..);
 }
@@ -160,7 +160,7 @@ fn a_histogram_is_drawn() {
         subtitle: SUBTITLE.to_owned(),
         x: "level".to_owned(),
     };
-    // The page, and the two bins that are not empty.
+    // One rectangle is the page's background, two are the bins that are not empty.
     assert_drawn(
         |path| histogram.draw(path),
         &["level", "share"],

@@ -2,18 +2,19 @@
 
 use crate::event::{Event, EventLabel};
 
-/// Byte that ends the time stamp and each text of an annotation list.
+/// Byte after the time stamp and after each text of an annotation list.
 const TEXT_END: u8 = 0x14;
-/// Byte between the onset and the duration of an annotation list.
+/// Byte between the onset and the duration in the time stamp of an annotation list.
 const DURATION: u8 = 0x15;
 
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct RecordAnnotations {
-    /// Start of the record, s after the start of the file: the onset of the first list whose first
-    /// text is empty. EDF+ requires such a list in each record. `None` if there is none.
+    /// Start of the record, in seconds since the start of the file: the onset of the first list
+    /// whose first text is empty. EDF+ requires such a list in each record; `None` if it is
+    /// missing.
     pub(crate) record_start_s: Option<f64>,
     pub(crate) events: Vec<Event>,
-    /// True if all bytes were valid lists or padding.
+    /// True if all bytes were parsed, that is, no list was invalid.
     pub(crate) intact: bool,
 }
 
@@ -51,7 +52,7 @@ fn parse_list(list: &[u8], found: &mut RecordAnnotations) -> bool {
         None => None,
     };
     let texts: Vec<&[u8]> = parts.collect();
-    // The last text also ends with a separator, so the last part is empty.
+    // Every text, also the last, ends with a separator, so the last part must be empty.
     let Some((&[], texts)) = texts.split_last() else {
         return false;
     };
@@ -74,7 +75,7 @@ fn parse_list(list: &[u8], found: &mut RecordAnnotations) -> bool {
     true
 }
 
-/// Parses an onset, which must have a sign.
+/// Parses an onset in seconds, which must start with a sign.
 fn signed_seconds(bytes: &[u8]) -> Option<f64> {
     if matches!(bytes.first(), Some(b'+' | b'-')) {
         seconds(bytes)

@@ -1,4 +1,4 @@
-//! Calendar dates of EDF headers.
+//! Dates and times as the header of an EDF file writes them.
 
 const MONTHS: [&str; 12] = [
     "JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC",
@@ -14,11 +14,11 @@ pub(crate) struct DateTime {
 }
 
 impl DateTime {
-    /// Converts nanoseconds since 1970, rounded down to seconds. Source of the formula: H. Hinnant,
-    /// "chrono-Compatible Low-Level Date Algorithms", `civil_from_days`.
+    /// Converts nanoseconds since 1970, UTC, rounding down to seconds. Source of the formula: H.
+    /// Hinnant, "chrono-Compatible Low-Level Date Algorithms", `civil_from_days`.
     pub(crate) fn new(wall_ns: i64) -> DateTime {
         let seconds = wall_ns.div_euclid(1_000_000_000);
-        // Days since 1 March of the year 0; an era has 400 years.
+        // The formula counts days from 1 March of the year 0, in eras of 400 years.
         let days = seconds.div_euclid(86_400) + 719_468;
         let (era, day_of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
         let leap_days = day_of_era / 1_460 - day_of_era / 36_524 + day_of_era / 146_096;
@@ -34,18 +34,18 @@ impl DateTime {
         }
     }
 
-    /// Returns the date as `02.08.51`.
+    /// Returns the date in the form `02.08.51`.
     pub(crate) fn short_date(self) -> String {
         let year = self.year.rem_euclid(100);
         format!("{:02}.{:02}.{year:02}", self.day, self.month + 1)
     }
 
-    /// Returns the date as `02-AUG-1951`.
+    /// Returns the date in the form `02-AUG-1951`.
     pub(crate) fn long_date(self) -> String {
         format!("{:02}-{}-{:04}", self.day, MONTHS[self.month], self.year)
     }
 
-    /// Returns the time of day as `23.59.59`.
+    /// Returns the time of day in the form `23.59.59`.
     pub(crate) fn time(self) -> String {
         let second = self.second_of_day;
         let (hour, minute) = (second / 3600, second / 60 % 60);

@@ -1,4 +1,4 @@
-//! Writes EDF+ and BDF+: 16-bit or 24-bit samples of one rate, and events as annotations.
+//! Writes EDF+ and BDF+ files: samples of 16 or 24 bits at one rate, and events as annotations.
 //!
 //! Sources: Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
 
@@ -8,27 +8,27 @@ use crate::edf::date::DateTime;
 use crate::header::{FileToWrite, SignalToWrite, invalid};
 use crate::signal::Calibration;
 
-/// Offset of the number of records in the header.
+/// Byte offset of the number of records in the header.
 const RECORDS_AT: u64 = 236;
-/// Largest number of records that its field of 8 characters holds.
+/// Largest number of records that the header's field of 8 digits can state.
 const MAX_RECORDS: u64 = 99_999_999;
-/// Bytes of the time stamp that starts the annotations of a record: `+`, 16 digits with a point,
-/// 0x14 0x14 0.
+/// Length in bytes of the time stamp at the start of each record's annotations: `+`, 16 digits with
+/// a point, and the bytes 0x14, 0x14, 0.
 const TIME_STAMP: usize = 20;
 
-/// An annotation to write: the index of its row, and its text.
+/// An annotation to write: the index of the row it belongs to, and its text.
 pub type RowAnnotation = (u64, String);
 
-/// What differs between EDF+ and BDF+.
+/// The properties in which EDF+ and BDF+ differ.
 #[derive(Debug, Clone, Copy)]
 struct Variant {
-    /// Bytes of a sample.
+    /// Length of a sample in bytes.
     bytes: usize,
-    /// Smallest and largest digital value.
+    /// Smallest and largest integer that a sample can store.
     digital: [f64; 2],
-    /// First bytes of the file.
+    /// First eight bytes of the file, which identify the format.
     magic: [u8; 8],
-    /// Name of the format in the header and in the label of the annotations.
+    /// Name of the format, which is part of the header and of the annotation signal's label.
     name: &'static str,
 }
 
@@ -45,28 +45,28 @@ const BDF: Variant = Variant {
     name: "BDF",
 };
 
-/// Writes an EDF+ or BDF+ file record by record. Values are rounded to 16 or 24 bits of their
-/// signal's range; values outside the range become its ends.
+/// Writes an EDF+ or BDF+ file record by record. A signal's range is mapped to integers of 16 or 24
+/// bits; values are rounded, and values outside the range are limited to it.
 #[derive(Debug)]
 pub struct EdfWriter<W> {
     out: W,
     variant: Variant,
-    /// Calibration of each signal, except that of the annotations.
+    /// Calibration of each signal, without the annotation signal.
     lines: Vec<Calibration>,
     rows_per_record: usize,
     rate_hz: u32,
-    /// Bytes of the annotation signal in a record, a multiple of the bytes of a sample.
+    /// Length in bytes of the annotation signal in a record, a multiple of that of a sample.
     annotation_bytes: usize,
-    /// Annotations not written yet, each with the index of its record. The next one is the last
-    /// item.
+    /// Annotations that are not written yet, each with the index of its record, in reverse order,
+    /// so that the next one can be popped.
     annotations: Vec<(u64, RowAnnotation)>,
     records: u64,
     record: Vec<u8>,
 }
 
 impl<W: Write + Seek> EdfWriter<W> {
-    /// Writes the header of an EDF+ file with `rows` rows. `annotations` are in the order of their
-    /// rows; one after the last row is in the last record.
+    /// Writes the header of an EDF+ file with `rows` rows. `annotations` must be in the order of
+    /// their rows; those after the last row are put into the last record.
     ///
     /// # Errors
     /// `InvalidInput` if the file does not fit the format; otherwise the operating system's error.
@@ -79,7 +79,7 @@ impl<W: Write + Seek> EdfWriter<W> {
         Self::new(EDF, out, file, rows, annotations)
     }
 
-    /// Writes the header of a BDF+ file. Apart from the format, equals [`Self::edf`].
+    /// Writes the header of a BDF+ file; arguments as in [`Self::edf`].
     ///
     /// # Errors
     /// Those of [`Self::edf`].
@@ -139,10 +139,10 @@ impl<W: Write + Seek> EdfWriter<W> {
         })
     }
 
-    /// Writes one record: its values row by row, and within a row in the order of the signals.
+    /// Writes one record from its values: all signals of the first row, then of the next row.
     ///
     /// # Errors
-    /// `InvalidInput` if this is not one record; otherwise the operating system's error.
+    /// `InvalidInput` if `rows` is not exactly one record; otherwise the operating system's error.
     pub fn write_record(&mut self, rows: &[f32]) -> io::Result<()> {
         let signals = self.lines.len();
         if rows.len() != signals * self.rows_per_record {
@@ -179,7 +179,7 @@ impl<W: Write + Seek> EdfWriter<W> {
         self.out.write_all(&self.record)
     }
 
-    /// Completes the header and returns the output.
+    /// Writes the number of records into the header and returns the output.
     ///
     /// # Errors
     /// The operating system's error.
@@ -192,8 +192,8 @@ impl<W: Write + Seek> EdfWriter<W> {
     }
 }
 
-/// Returns the calibration that a reader computes from the header of a signal, which states the
-/// physical ends in at most 8 characters.
+/// Returns the calibration that a reader of the file will compute. It differs a little from the
+/// signal's range, because the header states the ends of the range in at most 8 characters.
 fn calibration(signal: &SignalToWrite, variant: Variant) -> Calibration {
     let [least, most] = signal.range;
     let [least, most] = if least < most {
@@ -216,23 +216,23 @@ fn calibration(signal: &SignalToWrite, variant: Variant) -> Calibration {
     }
 }
 
-/// Returns a number in at most 8 characters, with as many digits as fit.
+/// Formats a number with as many decimal places as fit into 8 characters.
 fn number(value: f64) -> String {
     let texts = (0..8).rev().map(|digits| format!("{value:.digits$}"));
     let mut fitting = texts.filter(|text| text.len() <= 8);
     fitting.next().unwrap_or_else(|| "99999999".to_owned())
 }
 
-/// Returns the time of a row, seconds since the start of the file.
+/// Returns the time of a row in seconds since the start of the file, as text.
 fn onset(row: u64, rate_hz: u32) -> String {
     let rate_hz = u64::from(rate_hz.max(1));
     let (whole, rest) = (row / rate_hz, row % rate_hz);
     format!("{whole}.{:07}", rest * 10_000_000 / rate_hz)
 }
 
-/// Returns an annotation as a time-stamped list.
+/// Encodes an annotation as a time-stamped annotation list.
 fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
-    // The separators of the format cannot be part of a text.
+    // A text must not contain the bytes that separate parts of a list.
     let text = text.replace(['\x14', '\x15', '\0'], " ");
     format!("+{}\x14{text}\x14\0", onset(*row, rate_hz)).into_bytes()
 }

@@ -1,4 +1,4 @@
-//! The event table after the records of a GDF file, and the number of records before it.
+//! Finds and decodes the event table of a GDF file, which follows its records.
 
 use crate::{
     error::RecordingError,
@@ -9,25 +9,24 @@ use crate::{
     source::{BLOCK_BYTES, Source, in_memory, read_at},
 };
 
-/// Length of an event table's prefix (mode, count and rate), bytes.
+/// Length in bytes of an event table's prefix: mode, count and rate.
 pub(crate) const PREFIX: usize = 8;
-/// Size of the longest event table that is searched for, bytes: 2^24 - 1 rows (the limit of GDF 2)
-/// of 12 bytes in mode 3.
+/// Length in bytes of the longest event table that is searched for: in mode 3, 12 bytes for each of
+/// 2^24 - 1 rows, the most that GDF 2 allows.
 const TABLE_MAX: u64 = PREFIX as u64 + 12 * 0x00ff_ffff;
 
-/// First version whose table prefix is mode (u8), count (u24), rate (f32). In earlier versions the
-/// prefix is mode (u8), rate (u24), count (u32). The libraries biosig and MNE use the same limit.
+/// First GDF version whose table prefix is mode (u8), count (u24), rate (f32); earlier ones have
+/// mode (u8), rate (u24), count (u32). The libraries biosig and MNE use the same limit.
 const NEW_PREFIX: f64 = 1.94;
 
-/// The first eight bytes of the table, before its columns.
+/// The first eight bytes of an event table, which its columns follow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TablePrefix {
-    /// Code of the columns in the table: 1 for positions and types; 3 for channels and durations as
-    /// well.
+    /// Which columns the table has: 1 for positions and types; 3 for these, channels and durations.
     mode: u8,
-    /// Number of events.
+    /// Number of rows in the table.
     pub(crate) count: u32,
-    /// Number of event positions per second, Hz; <= 0 if the file does not state a rate.
+    /// Rate in which event positions count, Hz; <= 0 if the file does not state it.
     rate_hz: f64,
 }
 
@@ -49,7 +48,7 @@ impl TablePrefix {
         }
     }
 
-    /// Returns the length of all columns of the table, bytes; `None` for an unknown mode.
+    /// Returns the length of all columns of the table in bytes; `None` for an unknown mode.
     pub(crate) fn column_bytes(&self) -> Option<u64> {
         match self.mode {
             1 => Some(u64::from(self.count) * 6),
@@ -58,14 +57,13 @@ impl TablePrefix {
         }
     }
 
-    /// Returns whether the rate is plausible: at least 1 mHz. The bytes of a small integer, read as
-    /// a float, are far below this limit.
+    /// Returns whether the table states a plausible rate: at least 1 mHz. Where the bytes are
+    /// really a small integer, the float is far below this limit.
     fn states_rate(&self) -> bool {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }
 
-    /// Returns the number of event positions per second, Hz, > 0; `fallback_hz` if the file does
-    /// not state a rate.
+    /// Returns the rate in which event positions count, Hz; `fallback_hz` if the file states none.
     fn rate_or(&self, fallback_hz: f64) -> f64 {
         if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
             self.rate_hz
@@ -75,8 +73,7 @@ impl TablePrefix {
     }
 
     /// Decodes the events in file order from `columns`, which has [`Self::column_bytes`] bytes.
-    /// `fallback_hz` is used if the file does not state a rate. Position 1 is the start of the
-    /// file.
+    /// `fallback_hz` is the rate if the file states none. Position 1 is the start of the file.
     pub(crate) fn events(&self, columns: &[u8], fallback_hz: f64) -> Vec<Event> {
         let count = self.count as usize;
         let rate_hz = self.rate_or(fallback_hz);
@@ -109,12 +106,12 @@ impl TablePrefix {
 }
 
 /// Returns the number of records before an event table that ends exactly at the end of the file;
-/// `None` if there is no table and all bytes after the header are records.
+/// `None` if there is no such table, so that all bytes after the header are records.
 ///
-/// No field of the file states where the records end. The function therefore tests the end of every
-/// record in the last [`TABLE_MAX`] bytes, from the last record backwards, for the prefix of an
-/// event table. The mode and count of the prefix must yield the remaining length of the file.
-/// Samples can fulfil this by chance, so [`is_table`] checks the columns too.
+/// No field of the file states where the records end. The function therefore goes backwards through
+/// the last [`TABLE_MAX`] bytes and tests, at the end of each record, whether the prefix of an
+/// event table follows: its mode and count must yield the remaining length of the file. Samples can
+/// fulfil this by chance, so [`is_table`] checks the columns too.
 ///
 /// # Errors
 /// [`RecordingError::Read`] if reading fails.
@@ -162,7 +159,7 @@ pub(crate) fn records_before_table(
 
 /// Returns whether the columns at byte offset `at` are plausible for the prefix `table`. The first
 /// 16,384 event positions must be within twice the duration that the file would have without a
-/// table. A table without rows must state its rate; otherwise samples whose bytes equal mode 1 and
+/// table. A table without rows must state its rate; otherwise samples whose bytes mean mode 1 and
 /// count 0 would be taken for a table.
 fn is_table(
     source: &mut dyn Source,
@@ -190,8 +187,8 @@ fn is_table(
 mod tests {
     use super::*;
 
-    /// Returns the columns of a table of mode 3 with two rows: positions; types, then channels;
-    /// durations.
+    /// Returns the columns of a mode 3 table with two rows: `positions`; `halves`, which are types,
+    /// then channels; and `durations`.
     fn columns(positions: [u32; 2], halves: [u16; 4], durations: [u32; 2]) -> Vec<u8> {
         let positions = positions.map(u32::to_le_bytes).concat();
         let durations = durations.map(u32::to_le_bytes).concat();
@@ -244,7 +241,7 @@ mod tests {
         };
         assert_eq!(prefix.events(&columns, 1.0), [sparse, plain]);
 
-        // A table of mode 1 has no duration column, so type 0x7fff is an ordinary event type in it.
+        // In mode 1, which has no duration column, type 0x7fff is an ordinary event type.
         let prefix = TablePrefix { mode: 1, ..prefix };
         let events = prefix.events(&columns[..12], 1.0);
         assert_eq!(events[0].label, EventLabel::Type(0x7fff));

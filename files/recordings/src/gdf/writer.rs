@@ -1,4 +1,4 @@
-//! Writes GDF 2.20: signals of one rate, and an event table of mode 1.
+//! Writes GDF 2.20 files: float32 signals of one rate, and an event table of mode 1.
 //!
 //! Source: A. Schlögl, "GDF - A general dataformat for biosignals", arXiv cs/0608052v10.
 
@@ -6,19 +6,19 @@ use std::io::{self, Seek, SeekFrom, Write};
 
 use crate::header::{FileToWrite, SignalToWrite, invalid};
 
-/// Identification of the format and version at the start of a file.
+/// First eight bytes of a file: format and version.
 const MAGIC: &[u8; 8] = b"GDF 2.20";
-/// Offset of the number of records in the header.
+/// Byte offset of the number of records in the header.
 const RECORDS_AT: u64 = 236;
-/// GDF's number of the sample type float32.
+/// GDF's type number of float32.
 const FLOAT32: u32 = 16;
-/// GDF 2 physical dimension codes: microvolt, and a number without a unit.
+/// GDF's codes of two units: microvolts, and a number without a unit.
 const MICROVOLT: u16 = 4275;
 const DIMENSIONLESS: u16 = 512;
-/// Largest number of rows in an event table, which states it in 24 bits.
+/// Largest number of rows in an event table, which states the number in 24 bits.
 const MAX_EVENTS: usize = 0xff_ffff;
 
-/// Writes a GDF file record by record. The values are float32 and are stored unchanged.
+/// Writes a GDF file record by record. Values are stored unchanged as float32.
 #[derive(Debug)]
 pub struct GdfWriter<W> {
     out: W,
@@ -30,7 +30,7 @@ pub struct GdfWriter<W> {
 }
 
 impl<W: Write + Seek> GdfWriter<W> {
-    /// Writes the header.
+    /// Writes the header of the file and returns a writer for its records.
     ///
     /// # Errors
     /// `InvalidInput` if there are no signals or no rows in a record, or more signals than a GDF
@@ -48,10 +48,10 @@ impl<W: Write + Seek> GdfWriter<W> {
         })
     }
 
-    /// Writes one record: its values row by row, and within a row in the order of the signals.
+    /// Writes one record from its values: all signals of the first row, then of the next row.
     ///
     /// # Errors
-    /// `InvalidInput` if this is not one record; otherwise the operating system's error.
+    /// `InvalidInput` if `rows` is not exactly one record; otherwise the operating system's error.
     pub fn write_record(&mut self, rows: &[f32]) -> io::Result<()> {
         if rows.len() != self.values_per_record {
             return Err(invalid("a record has another number of values"));
@@ -66,8 +66,8 @@ impl<W: Write + Seek> GdfWriter<W> {
         self.out.write_all(&self.record)
     }
 
-    /// Writes the event table from (row, type) pairs, rows counted from 0, and completes the
-    /// header. Returns the output.
+    /// Writes the event table from pairs (row counted from 0, GDF type) and the number of records
+    /// into the header. Returns the output.
     ///
     /// # Errors
     /// `InvalidInput` if an event's row or the number of events does not fit the table; otherwise
@@ -97,7 +97,7 @@ impl<W: Write + Seek> GdfWriter<W> {
     }
 }
 
-/// Returns `text` in `width` bytes: padded with zeros, or without the characters that do not fit.
+/// Returns `text` as `width` bytes: padded with zeros, or cut after the last character that fits.
 fn padded(text: &str, width: usize) -> Vec<u8> {
     let mut bytes = text.as_bytes()[..text.floor_char_boundary(width)].to_vec();
     bytes.resize(width, 0);
@@ -111,18 +111,18 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     };
     file.check()?;
     let mut bytes = MAGIC.to_vec();
-    // Patient: unknown, which is written as `X`.
+    // `X` means that the patient is unknown.
     bytes.extend(padded("X X", 66));
     bytes.resize(88, 0);
     bytes.extend(padded(&file.description, 64));
-    // No place of the recording.
+    // The zeros before the time leave the place of the recording unstated.
     bytes.resize(168, 0);
     bytes.extend(gdf_time(file.start_ns).to_le_bytes());
-    // No birthday.
+    // The zeros leave the patient's birthday unstated.
     bytes.resize(184, 0);
     bytes.extend((count + 1).to_le_bytes());
     bytes.resize(236, 0);
-    // -1: unknown, until the file is finished.
+    // The number of records is -1, unknown, until the file is finished.
     bytes.extend((-1_i64).to_le_bytes());
     bytes.extend(file.rows_per_record.to_le_bytes());
     bytes.extend(file.rate_hz.to_le_bytes());
@@ -142,27 +142,27 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
         };
         code.to_le_bytes().to_vec()
     });
-    // The physical range, and the same as digital range: the values are stored unchanged.
+    // The physical range, then the digital one: both are equal, so values are stored unchanged.
     for end in [0, 1, 0, 1] {
         field(&|signal| signal.range[end].to_le_bytes().to_vec());
     }
-    // Prefilter, time offset, low-pass, high-pass, notch: not stated.
+    // Prefilter text, time offset, low-pass, high-pass and notch are not stated.
     field(&|_| vec![0; 68]);
     field(&|_| f32::NAN.to_le_bytes().repeat(3));
     field(&|_| file.rows_per_record.to_le_bytes().to_vec());
     field(&|_| FLOAT32.to_le_bytes().to_vec());
-    // Position and properties of the sensors: not stated.
+    // Position and properties of the electrodes are not stated.
     field(&|_| vec![0; 32]);
     Ok(bytes)
 }
 
-/// Days from GDF's day 0 (1 January of the year 0) to 1 January 1970.
+/// Number of days from GDF's day 0 (1 January of the year 0) to 1 January 1970.
 const DAYS_TO_1970: i128 = 719_529;
 /// Nanoseconds in a day.
 const DAY_NS: i128 = 86_400_000_000_000;
 
-/// Converts nanoseconds since 1970 to GDF's time: days in the upper 32 bits, fractions of a day in
-/// the lower 32.
+/// Converts nanoseconds since 1970 to GDF's time format: days in the upper 32 bits, the fraction of
+/// a day in the lower 32 bits.
 fn gdf_time(wall_ns: i64) -> u64 {
     let days = (i128::from(wall_ns) << 32) / DAY_NS;
     u64::try_from((DAYS_TO_1970 << 32) + days).unwrap_or(0)
@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn a_day_is_2_to_the_32() {
         assert_eq!(gdf_time(0), 719_529 << 32);
-        // 2000-01-01 12:00 is day 730,486.5 of the proleptic calendar with a year 0.
+        // 2000-01-01 12:00 is 730,486.5 days after the start of the year 0.
         assert_eq!(
             gdf_time(946_728_000_000_000_000),
             (730_486 << 32) + (1 << 31)

@@ -1,4 +1,4 @@
-//! Resamples signals, mixes them to electrodes and converts the result to counts.
+//! Resamples signals, mixes them to electrodes and converts the electrodes to counts.
 
 use crate::{
     error::RecordingError,
@@ -10,44 +10,43 @@ use super::counts::{CountBlock, Dither};
 use super::rate_converter::RateConverter;
 use super::{AdcCounters, AdcSpec, CHANNELS};
 
-/// Largest magnitude passed to the resampler, uV. It is far beyond the ADC's range, and small
-/// enough that no sum in a transform overflows; the resampler would panic on an overflow.
+/// Limit for the magnitude of values passed to the resampler, uV. It is far beyond the ADC's range,
+/// but no sum in a transform overflows, on which the resampler would panic.
 const LARGEST_UV: f64 = 1e100;
 
-/// Label and sampling rate of a signal.
+/// Label and sampling rate of a signal of the recording.
 pub(super) struct SignalRate<'a> {
     pub(super) label: &'a str,
     /// Sampling rate, Hz; `None` if the signal has no samples.
     pub(super) rate: Option<Ratio>,
 }
 
-/// Converts signals in uV to samples of the ADC.
+/// Converts the signals of a recording, in uV, to samples of the virtual ADC.
 pub(super) struct Conversion {
     pub(super) spec: AdcSpec,
     groups: Vec<RateGroup>,
-    /// Terms of each electrode; the value of an electrode is the sum of its weighted signals.
+    /// Signals and weights whose sum is the value of an electrode, for each electrode.
     mixes: Vec<Vec<MixTerm>>,
-    /// Samples that are converted to counts but not delivered yet. Boxed, because the block is
-    /// large.
+    /// Samples converted to counts but not delivered yet; boxed, because the block is large.
     converted: Box<CountBlock>,
-    /// Dither of repeated counts; `None` for the exact conversion.
+    /// Dither of counts that repeat; `None` to convert exactly.
     pub(super) dither: Option<Dither>,
     pub(super) counters: AdcCounters,
 }
 
-/// A weighted signal in the mix of an electrode.
+/// A signal and its weight in the sum that is the value of an electrode.
 struct MixTerm {
     group: usize,
-    /// Index of the signal within its group.
+    /// Index of the signal within its rate group.
     member: usize,
     weight: f64,
 }
 
-/// The signals of one sampling rate, which share a converter.
+/// All signals of one sampling rate, which share a rate converter.
 struct RateGroup {
     signals: Vec<usize>,
     converter: RateConverter,
-    /// Last finite sample of each signal, uV.
+    /// Last finite sample of each signal in the group, uV.
     held: Vec<f64>,
 }
 
@@ -114,20 +113,20 @@ impl Conversion {
         })
     }
 
-    /// Returns whether more input is needed for the next sample.
+    /// Returns whether the next sample cannot be computed before more input is appended.
     pub(super) fn is_starved(&self) -> bool {
         self.converted.is_empty() && self.ready() == 0
     }
 
-    /// Returns the number of samples that every group has resampled, but that are not converted to
+    /// Returns the number of samples that are resampled in all groups but not yet converted to
     /// counts.
     fn ready(&self) -> usize {
         let ready = self.groups.iter().map(|group| group.converter.ready());
         ready.min().unwrap_or(usize::MAX)
     }
 
-    /// Appends samples and resamples them. `samples` returns the next samples of the signal with
-    /// the given index, uV.
+    /// Appends samples to all signals and resamples them. `samples` returns the new samples of the
+    /// signal with the given index, uV.
     ///
     /// # Errors
     /// Those of [`RateConverter::convert`].
@@ -142,7 +141,7 @@ impl Conversion {
         Ok(())
     }
 
-    /// Extends every signal by `samples` repetitions of its last finite sample, and converts them.
+    /// Extends every signal by `samples` repetitions of its last finite sample, and resamples them.
     ///
     /// # Errors
     /// Those of [`RateConverter::convert`].
@@ -152,8 +151,8 @@ impl Conversion {
             .try_for_each(|group| group.hold(samples))
     }
 
-    /// Extends every signal by one block of its resampler, in which it keeps its last finite
-    /// sample, and converts that block. After the last record, this yields the remaining outputs.
+    /// Extends every signal by one block of its resampler, filled with its last finite sample, and
+    /// resamples the block. After the last record, this yields the outputs that are still missing.
     ///
     /// # Errors
     /// Those of [`RateConverter::convert`].
@@ -162,7 +161,7 @@ impl Conversion {
         groups.try_for_each(|group| group.hold(group.converter.block()))
     }
 
-    /// Returns the next sample. Call it only if [`Self::is_starved`] is false.
+    /// Returns the next sample. The caller must have checked that [`Self::is_starved`] is false.
     pub(super) fn next_counts(&mut self) -> [i32; CHANNELS] {
         if self.converted.is_empty() {
             self.convert_to_counts();
@@ -175,7 +174,7 @@ impl Conversion {
         counts
     }
 
-    /// Converts the resampled values of a block to counts.
+    /// Converts the next resampled values of all electrodes to a block of counts.
     fn convert_to_counts(&mut self) {
         let samples = self.converted.start(self.ready());
         for (channel, mix) in self.mixes.iter().enumerate() {
@@ -190,14 +189,14 @@ impl Conversion {
         }
     }
 
-    /// Returns the largest number of input samples that one block of a resampler takes; 1 if no
+    /// Returns the largest number of input samples that a resampler converts together; 1 if no
     /// signal is resampled.
     pub(super) fn block(&self) -> usize {
         let blocks = self.groups.iter().map(|group| group.converter.block());
         blocks.max().unwrap_or(1)
     }
 
-    /// Returns the largest number of samples in memory per signal.
+    /// Returns the largest number of samples that are in memory for one signal.
     #[cfg(test)]
     pub(super) fn queued_samples(&self) -> usize {
         let groups = self.groups.iter();
@@ -207,7 +206,7 @@ impl Conversion {
 }
 
 impl RateGroup {
-    /// Appends samples, uV. Returns the number of non-finite samples.
+    /// Appends samples, uV, to the group's signals. Returns how many were NaN or infinite.
     fn append<S: Iterator<Item = f64>>(&mut self, samples: &impl Fn(usize) -> S) -> u64 {
         let mut not_finite = 0;
         for (member, &signal) in self.signals.iter().enumerate() {
@@ -226,7 +225,7 @@ impl RateGroup {
         not_finite
     }
 
-    /// Appends `samples` repetitions of each signal's last finite sample, and converts them.
+    /// Appends `samples` repetitions of each signal's last finite sample, and resamples them.
     fn hold(&mut self, samples: usize) -> Result<(), RecordingError> {
         for (member, &value) in self.held.iter().enumerate() {
             let held = std::iter::repeat_n(value, samples);
@@ -236,8 +235,8 @@ impl RateGroup {
     }
 }
 
-/// Returns the index of the rate group of a signal, and the index of the signal within the group.
-/// Adds the group and the signal if they are new.
+/// Returns the index of a signal's rate group, and the index of the signal within the group. Adds
+/// the group and the signal if they are new.
 fn find_or_add(
     signal: usize,
     signals: &[SignalRate],

@@ -1,4 +1,4 @@
-//! Converts values to counts, and dithers counts that repeat.
+//! Converts microvolts to counts, and dithers counts that repeat.
 
 use std::ops::RangeInclusive;
 
@@ -8,18 +8,18 @@ use super::CHANNELS;
 const RAILS: RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
 /// Largest number of samples converted together. One channel's values and the counts of all
-/// channels then fit the first-level cache of a processor.
+/// channels then fit a processor's first-level cache.
 const SAMPLES: usize = 64;
 
-/// A block of samples of the ADC. Volts are converted to counts one channel at a time, over all
-/// samples of the block, because the compiler vectorises that loop.
+/// A block of samples of the ADC. Microvolts are converted to counts one channel at a time, over
+/// all samples of the block, because the compiler vectorises such a loop.
 pub(super) struct CountBlock {
     counts: [[i32; CHANNELS]; SAMPLES],
-    /// Number of channels in each sample that were beyond the rails.
+    /// Number of channels of each sample that were beyond the rails.
     saturated: [u64; SAMPLES],
     /// Number of samples in the block.
     length: usize,
-    /// Number of samples that have been delivered.
+    /// Number of samples of the block that have been delivered.
     delivered: usize,
 }
 
@@ -39,23 +39,22 @@ impl CountBlock {
         self.delivered == self.length
     }
 
-    /// Starts a block of at most `ready` samples, all counts 0, and returns their number.
+    /// Clears the block, sets its length to at most `ready` samples, and returns this length.
     pub(super) fn start(&mut self, ready: usize) -> usize {
         *self = Self::new();
         self.length = ready.min(SAMPLES);
         self.length
     }
 
-    /// Converts one channel of all samples. The value of a sample is the weighted sum of its
-    /// `terms`, uV, added in their order. A term is one value per sample, and a weight.
+    /// Converts one channel of all samples of the block. Its value is the sum of `terms`, added in
+    /// their order; each term is a signal's values in uV, one for each sample, and a weight.
     pub(super) fn convert<'v>(
         &mut self,
         channel: usize,
         terms: impl Iterator<Item = (&'v [f64], f64)>,
         lsb_uv: f64,
     ) {
-        // Start at -0.0, as the standard library's sums do: adding it changes no value, not even
-        // -0.0.
+        // Adding to -0.0 changes no value, not even -0.0; the standard library does the same.
         let mut sums = [-0.0; SAMPLES];
         for (values, weight) in terms {
             for (sum, value) in sums.iter_mut().zip(values) {
@@ -66,7 +65,7 @@ impl CountBlock {
         for ((counts, saturated), sum) in samples.zip(sums).take(self.length) {
             let unlimited = sum / lsb_uv;
             counts[channel] = rounded(unlimited.clamp(*RAILS.start(), *RAILS.end()));
-            // False for values that round to a count beyond the rails.
+            // False if the value rounds to a count beyond the rails.
             let inside = unlimited > *RAILS.start() - 0.5 && unlimited < *RAILS.end() + 0.5;
             *saturated += u64::from(!inside);
         }
@@ -91,20 +90,20 @@ impl CountBlock {
 #[expect(clippy::cast_possible_truncation, reason = "within i24")]
 fn rounded(value: f64) -> i32 {
     let whole = value as i32;
-    // Exact, because |whole| <= |value| < 2^24.
+    // The subtraction is exact, because |whole| <= |value| < 2^24.
     let fraction = value - f64::from(whole);
     whole + i32::from(fraction >= 0.5) - i32::from(fraction <= -0.5)
 }
 
-/// Number of channels of one converter of the chain (ADS1299).
+/// Number of channels of one chip (ADS1299) of the ADC.
 const CONVERTER_CHANNELS: usize = 8;
 
-/// Adds one count where all channels of a converter would repeat their last sample.
+/// Adds one count where all channels of a chip would repeat their last sample.
 ///
-/// A real converter has noise, so its driver reports eight repeated counts as a frozen chip. A
-/// recording has no such noise: a flat stretch, or one of low resolution, repeats exactly. Every
-/// second sample of such a stretch gets one count (22.35 nV, a ninth of the converter's rms noise
-/// at 512 Hz) on each channel that is neither 0 nor at a rail. All other samples stay as they are.
+/// A real chip has noise, so its driver reports eight repeated counts as a frozen chip. A recording
+/// has no such noise: where it is flat or of low resolution, samples repeat exactly. There, every
+/// second sample gets one count (22.35 nV, a ninth of the chip's rms noise at 512 Hz) on each
+/// channel that is neither 0 nor at a rail. All other samples stay as they are.
 #[derive(Debug)]
 pub(super) struct Dither {
     /// Previous sample as delivered. It starts as `i32::MIN`, which is outside the range of 24
@@ -120,7 +119,7 @@ impl Dither {
         }
     }
 
-    /// Changes the next sample so that no converter repeats its previous counts.
+    /// Changes the next sample so that no chip repeats its previous counts.
     pub(super) fn apply(&mut self, counts: &mut [i32; CHANNELS]) {
         let new = counts.chunks_exact_mut(CONVERTER_CHANNELS);
         for (new, last) in new.zip(self.last.chunks_exact(CONVERTER_CHANNELS)) {
@@ -145,7 +144,7 @@ fn is_live(count: i32) -> bool {
 mod tests {
     use super::*;
 
-    /// Returns the counts of one channel and the number of saturated samples.
+    /// Returns the counts of one channel for all values, and the number of saturated samples.
     fn converted(values: &[f64], weights: &[f64], lsb_uv: f64) -> (Vec<i32>, u64) {
         let (mut counts, mut saturated) = (Vec::new(), 0);
         let mut block = CountBlock::new();

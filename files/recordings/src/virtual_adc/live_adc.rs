@@ -1,4 +1,4 @@
-//! The virtual ADC of a source that is still measuring.
+//! The virtual ADC for samples that arrive while they are measured.
 
 use crate::{error::RecordingError, montage_map::MontageMap, ratio::Ratio};
 
@@ -65,7 +65,7 @@ impl LiveAdc {
         })
     }
 
-    /// Replaces `samples` lost samples by repetitions of the last one.
+    /// Appends `samples` repetitions of each signal's last sample in place of lost samples.
     ///
     /// # Errors
     /// As [`LiveAdc::append`].
@@ -79,12 +79,12 @@ impl LiveAdc {
         (!self.conversion.is_starved()).then(|| self.conversion.next_counts())
     }
 
-    /// Returns the number of input samples that are resampled together; 1 without resampling.
+    /// Returns the number of input samples that are resampled together; 1 if nothing is resampled.
     pub fn block(&self) -> usize {
         self.conversion.block()
     }
 
-    /// Counts of saturated and non-finite values since the first sample.
+    /// Returns the numbers of saturated and non-finite values since the first sample.
     pub fn counters(&self) -> AdcCounters {
         self.conversion.counters
     }

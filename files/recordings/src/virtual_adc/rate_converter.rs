@@ -1,4 +1,4 @@
-//! Band-limited conversion of several signals from a common rate to the rate of the ADC.
+//! Converts signals of one rate to the rate of the ADC, with a band limit.
 
 use rubato::{
     Fft, FixedSync, Resampler,
@@ -10,51 +10,47 @@ use crate::{
     ratio::{Ratio, greatest_common_divisor},
 };
 
-/// Minimum number of samples per transform at the lower of the two rates, unless [`BLOCK_MAX`]
+/// Smallest number of samples in a transform, at the lower of the two rates, unless [`BLOCK_MAX`]
 /// requires less. With 1024 samples the edge of the anti-aliasing filter is at 0.987 of the lower
 /// Nyquist frequency.
 const BLOCK: u64 = 1024;
-/// Maximum number of samples per transform at either rate. Pairs of rates that need more are
-/// refused.
+/// Largest number of samples in a transform, at either rate. Rates that need more are refused.
 const BLOCK_MAX: u64 = 1 << 17;
 
-/// Number of consumed outputs that are kept before their memory is reused. It is small compared
-/// with one block read from the file, but large enough that moving the remaining outputs costs
-/// little per sample.
+/// Number of consumed outputs after which their memory is reused. It is small compared with a block
+/// read from the file, but large enough that moving the remaining outputs costs little per sample.
 const CONSUMED_MAX: usize = 4096;
 
-/// Converts the rate of several signals without a time shift: output k is the input at the time
+/// Converts several signals to another rate without a time shift: output k is the input at the time
 /// k / output rate.
 ///
-/// Beyond the ends of a signal, its first or last value is held, so that an electrode offset does
-/// not ring. Within half a block (about 512 samples at the lower of the two rates) of either end,
-/// the output depends on the held value.
+/// Beyond its ends, a signal keeps its first or last value, so that an electrode's offset does not
+/// ring. Within half a block (about 512 samples at the lower of the two rates) of either end, the
+/// output depends on this assumption.
 pub(crate) struct RateConverter {
     resampler: Option<BlockResampler>,
-    /// Unconverted samples of each signal, uV.
+    /// Samples of each signal that are not converted yet, uV.
     input: Vec<Vec<f64>>,
-    /// Converted samples of each signal, uV. The first `consumed` samples of each signal are no
-    /// longer needed.
+    /// Converted samples of each signal, uV. The first `consumed` of them have been used already.
     output: Vec<Vec<f64>>,
     consumed: usize,
 }
 
-/// The resampler and the state that compensates its delay. There is none if the input rate equals
-/// the output rate.
+/// A resampler that works in blocks, and what is needed to compensate its delay. A converter has
+/// none if input rate and output rate are equal.
 struct BlockResampler {
     resampler: Fft<f64>,
     converted: Vec<Vec<f64>>,
     block_in: usize,
     block_out: usize,
-    /// Number of outputs still to be discarded: the block that primes the filter, and the filter's
-    /// delay.
+    /// Number of outputs still to be discarded: the first block and the delay of the filter.
     skip: usize,
     primed: bool,
 }
 
 impl RateConverter {
-    /// Creates a converter from `rate` to `rate_hz` for `signals` signals, of which an error names
-    /// the one with this label.
+    /// Creates a converter from `rate` to `rate_hz` for `signals` signals. `label` names one of
+    /// them in errors.
     ///
     /// # Errors
     /// [`RecordingError::Rate`] if the two rates need a transform longer than [`BLOCK_MAX`],
@@ -86,8 +82,8 @@ impl RateConverter {
         }
         let divisor = greatest_common_divisor(wanted, rate.numerator());
         let (unit_in, unit_out) = (rate.numerator() / divisor, wanted / divisor);
-        // Use an even number of units, so that the filter's delay is a whole number of samples at
-        // both rates.
+        // A unit is the shortest input with a whole number of outputs. With an even number of
+        // units, the filter's delay is a whole number of samples at both rates.
         let most = BLOCK_MAX / unit_in.max(unit_out) / 2 * 2;
         let units = BLOCK
             .div_ceil(unit_in.min(unit_out))
@@ -162,13 +158,13 @@ impl RateConverter {
         Ok(())
     }
 
-    /// Returns the number of input samples in a block of the resampler; 1 without one.
+    /// Returns the number of input samples in a block of the resampler; 1 if nothing is resampled.
     pub(crate) fn block(&self) -> usize {
         let resampler = self.resampler.as_ref();
         resampler.map_or(1, |resampler| resampler.block_in)
     }
 
-    /// Returns the number of converted samples that are available for every signal.
+    /// Returns the number of converted samples that are available for all signals.
     pub(crate) fn ready(&self) -> usize {
         self.output.iter().map(Vec::len).min().unwrap_or(0) - self.consumed
     }
@@ -179,19 +175,19 @@ impl RateConverter {
         outputs.get(..samples).unwrap_or(outputs)
     }
 
-    /// Returns the largest number of samples in memory per signal: inputs and outputs, including
-    /// consumed outputs.
+    /// Returns the largest number of samples in memory for one signal: inputs and outputs,
+    /// including consumed outputs.
     #[cfg(test)]
     pub(crate) fn queued_samples(&self) -> usize {
         let longest = |queues: &[Vec<f64>]| queues.iter().map(Vec::len).max().unwrap_or(0);
         longest(&self.input) + longest(&self.output)
     }
 
-    /// Advances by `samples` outputs, at most [`Self::ready`].
+    /// Marks the next `samples` outputs as consumed, at most [`Self::ready`].
     ///
-    /// Memory is released after a fixed number of outputs, not when the queue is empty: if another
-    /// converter has a longer delay, the queue of this converter is not empty before the end of the
-    /// recording.
+    /// Memory is released after a fixed number of outputs. Waiting for an empty queue would not do:
+    /// if another converter has a longer delay, the queue of this converter is only empty at the
+    /// end of the recording.
     pub(crate) fn advance(&mut self, samples: usize) {
         self.consumed += samples;
         if self.consumed >= CONSUMED_MAX {

@@ -1,6 +1,6 @@
-//! Builds small EDF, EDF+, BDF and GDF files.
+//! Builds small EDF, EDF+, BDF and GDF files for the tests.
 
-/// Appends records. Each signal has the length of its part of a record, bytes, and the data of all
+/// Appends all records. A signal is given as its length in a record, bytes, and its data for all
 /// records.
 fn append_records(out: &mut Vec<u8>, signals: &[(usize, &[u8])]) {
     let records = signals.iter().map(|(size, data)| data.len() / size.max(&1));
@@ -11,12 +11,12 @@ fn append_records(out: &mut Vec<u8>, signals: &[(usize, &[u8])]) {
     }
 }
 
-/// One signal of an EDF file: its header fields and the samples or annotation bytes of all records.
+/// A signal of an EDF file: its header fields and its samples or annotation bytes for all records.
 #[derive(Debug, Clone)]
 pub(crate) struct EdfSignal {
     pub(crate) label: &'static str,
     pub(crate) unit: &'static str,
-    /// Physical minimum, physical maximum, digital minimum, digital maximum, as text.
+    /// Physical minimum and maximum, digital minimum and maximum, as text.
     pub(crate) ranges: [String; 4],
     pub(crate) samples_per_record: usize,
     pub(crate) data: Vec<u8>,
@@ -39,7 +39,7 @@ impl EdfSignal {
         }
     }
 
-    /// Creates an annotation signal with one list per record, padded to 60 bytes.
+    /// Creates an annotation signal with one annotation list for each record, padded to 60 bytes.
     pub(crate) fn annotations(lists: &[&[u8]]) -> Self {
         let mut signal = Self::int16("EDF Annotations", 30, &[]);
         for list in lists {
@@ -57,7 +57,7 @@ impl EdfSignal {
 pub(crate) struct EdfFile {
     /// First eight bytes of the file, which identify the format.
     pub(crate) magic: [u8; 8],
-    /// Reserved field, such as `EDF+C`.
+    /// Reserved field of the header, such as `EDF+C`.
     pub(crate) reserved: &'static str,
     pub(crate) records: &'static str,
     pub(crate) duration: &'static str,
@@ -77,7 +77,7 @@ impl EdfFile {
         }
     }
 
-    /// Creates a BDF file of one signal `Cz`, which has `samples_per_record` samples of 3 bytes.
+    /// Creates a BDF file of one signal `Cz` with `samples_per_record` samples of 3 bytes each.
     pub(crate) fn bdf(records: &'static str, samples_per_record: usize, data: Vec<u8>) -> Self {
         let signal = EdfSignal {
             ranges: ["-8388608", "8388607", "-8388608", "8388607"].map(str::to_owned),
@@ -91,8 +91,8 @@ impl EdfFile {
         }
     }
 
-    /// Creates an EDF+ file of one signal `Cz` and one annotation list per record. `reserved` is
-    /// `EDF+C` or `EDF+D`.
+    /// Creates an EDF+ file of one signal `Cz` and one annotation list for each record. `reserved`
+    /// is `EDF+C` or `EDF+D`.
     pub(crate) fn edf_plus(
         reserved: &'static str,
         records: &'static str,
@@ -141,13 +141,13 @@ impl EdfFile {
     }
 }
 
-/// One signal of a GDF file: its header fields and the encoded samples of all records.
+/// A signal of a GDF file: its header fields and its encoded samples for all records.
 #[derive(Debug, Clone)]
 pub(crate) struct GdfSignal {
     pub(crate) label: &'static str,
     pub(crate) unit: &'static str,
     pub(crate) unit_code: u16,
-    /// Physical minimum, physical maximum, digital minimum, digital maximum.
+    /// Physical minimum and maximum, digital minimum and maximum.
     pub(crate) ranges: [f64; 4],
     pub(crate) samples_per_record: u32,
     pub(crate) type_number: u32,
@@ -176,7 +176,7 @@ pub(crate) struct GdfFile {
     pub(crate) records: i64,
     pub(crate) duration: (u32, u32),
     pub(crate) signals: Vec<GdfSignal>,
-    /// Bytes of the optional third header, between the header of the signals and the records.
+    /// Optional third part of the header, between those of the signals and the records.
     pub(crate) third_header: Vec<u8>,
     pub(crate) events: Vec<u8>,
 }
@@ -274,7 +274,7 @@ impl GdfFile {
     }
 }
 
-/// Encodes an event table of mode 1 from (position, type) pairs.
+/// Encodes an event table of mode 1 from pairs (position, type).
 pub(crate) fn event_table(rate_hz: f32, events: &[(u32, u16)]) -> Vec<u8> {
     let count = u32::try_from(events.len())
         .expect("few events")

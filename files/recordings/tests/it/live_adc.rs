@@ -1,4 +1,4 @@
-//! A live source yields the counts of a recording with the same samples.
+//! Tests that live samples yield the counts of a recording with the same samples.
 
 use std::io::Cursor;
 
@@ -6,13 +6,14 @@ use recordings::{AdcSpec, FileToWrite, GdfWriter, LiveAdc, Missing, MontageMap, 
 
 use crate::{open, played};
 
-/// Montage of the test: Fz is missing in the source and interpolated from the others.
+/// Montage of the test; the source lacks Fz, which is interpolated from the others.
 const MONTAGE: [&str; 4] = ["Cz", "Fz", "Pz", "C3"];
-/// Labels of the source, in another order and spelling, with a signal that no electrode uses.
+/// Labels of the source: in another order and spelling than the montage, and with EMG, which no
+/// electrode uses.
 const LABELS: [&str; 4] = ["PZ.", "EMG", "c3", "Cz"];
 const SECONDS: u32 = 20;
 
-/// Returns samples of the source in uV: noise on an offset, deterministic.
+/// Returns samples of the source in uV: pseudo-random noise on an offset.
 fn samples(rate_hz: u32) -> Vec<f32> {
     let mut state = 1_u32;
     let values = (0..rate_hz * SECONDS).flat_map(|_| [0.0_f32, 1.0, 2.0, 3.0]);
@@ -69,7 +70,7 @@ fn counts_are_those_of_a_recording_whatever_the_rate_and_the_size_of_frames() {
             counts.extend(std::iter::from_fn(|| adc.next_sample()));
         }
         assert_eq!(counts, expected[..counts.len()], "{rate_hz} Hz");
-        // At most one and a half blocks of the resampler are still missing.
+        // At the end, at most one and a half blocks wait in the resampler.
         let missing = expected.len() - counts.len();
         let block = adc.block() * 512 / rate_hz as usize;
         let most = if rate_hz == 512 { 0 } else { block * 3 / 2 };
@@ -85,7 +86,7 @@ fn lost_samples_are_held_so_that_later_samples_keep_their_time() {
     adc.hold(2).expect("converted");
     adc.append(&[f32::NAN, -100.0]).expect("converted");
     let counts: Vec<i32> = std::iter::from_fn(|| adc.next_sample().map(|all| all[0])).collect();
-    // Every second repetition gets one count of dither.
+    // 100 uV is repeated three times; the first and the third repetition get one count of dither.
     assert_eq!(counts, [0, 4474, 4475, 4474, 4475, -4474]);
     assert_eq!(adc.counters().not_finite, 1);
 }

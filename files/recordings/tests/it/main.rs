@@ -1,10 +1,10 @@
-//! Tests of the readers and the virtual ADC with synthetic and real files.
+//! Tests the readers and the virtual ADC with synthetic and real files.
 #![allow(
     clippy::float_cmp,
     reason = "values that a header scales by powers of two are exact"
 )]
 
-/// Expects that a file is refused with this error.
+/// Asserts that a file is refused with an error that matches `$error`.
 macro_rules! assert_refused {
     ($bytes:expr, $error:pat) => {
         let error = crate::open($bytes).err().expect("refused");
@@ -27,7 +27,7 @@ use recordings::{
     AdcSpec, Block, Event, EventLabel, Missing, MontageMap, Recording, RecordingError, VirtualAdc,
 };
 
-/// Opens a recording in memory.
+/// Opens a recording whose file is `bytes`.
 fn open(bytes: Vec<u8>) -> Result<Recording, RecordingError> {
     Recording::from_source(Cursor::new(bytes))
 }
@@ -54,7 +54,7 @@ fn read_all(recording: &mut Recording) -> Vec<Vec<f64>> {
     all
 }
 
-/// Plays a recording on the electrodes of a montage at 512 Hz, with the scale of the ADS1299.
+/// Plays a recording on the electrodes of a montage at 512 Hz with the scale of an ADS1299.
 fn played(recording: Recording, montage: &[&str], missing: Missing) -> VirtualAdc {
     let map = MontageMap::new(&recording.labels(), montage, missing).expect("a montage");
     VirtualAdc::new(recording, &map, AdcSpec::ads1299(512)).expect("usable rates")

@@ -1,5 +1,5 @@
-//! Mutated files can cause errors, but no panic, no hang and no allocation for data that the file
-//! does not have.
+//! Tests that a mutated file can cause an error, but no panic, no hang and no allocation for data
+//! that it does not have.
 
 use proptest::{collection::vec, prelude::*};
 
@@ -49,7 +49,7 @@ fn read_or_refuse(bytes: Vec<u8>) -> Result<(), TestCaseError> {
     if let Ok(map) = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero)
         && let Ok(adc) = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512))
     {
-        // A damaged header can announce a record of many years, so only the first samples are read.
+        // A damaged header can announce a record of many years, so only 2000 samples are read.
         for counts in adc.take(2000) {
             let counts = counts.map_err(|error| TestCaseError::fail(error.to_string()))?;
             prop_assert!((-8_388_608..=8_388_607).contains(&counts[0]));
@@ -58,7 +58,7 @@ fn read_or_refuse(bytes: Vec<u8>) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Bytes that are likely to break number parsing or binary lengths.
+/// Generates bytes that are likely to break number parsing or lengths in binary headers.
 fn special_byte() -> impl Strategy<Value = u8> {
     prop_oneof![
         any::<u8>(),
@@ -124,7 +124,7 @@ proptest! {
 
 #[test]
 fn impossible_sizes_are_refused_without_an_allocation() {
-    // The header announces 99,999,999 samples per record in a file of a few hundred bytes.
+    // The header announces 99,999,999 samples in a record, but the file has a few hundred bytes.
     let file = EdfFile::edf("99999999", vec![EdfSignal::int16("Cz", 99_999_999, &[])]);
     let mut bytes = file.bytes();
     bytes.extend([0; 100]);

@@ -1,8 +1,8 @@
-//! Real recordings from the folder that `CORTICODE_DATA` names.
+//! Tests with real recordings, from the folder that `CORTICODE_DATA` names.
 //!
-//! MNE-Python 1.13.2 (`mne.io.read_raw_edf` / `_bdf` / `_gdf`) printed the expected values of the
-//! files that it can read. MNE treats a missing unit as V, so its values of MI128 were divided by
-//! 1e6.
+//! The expected values were printed by MNE-Python 1.13.2 (`mne.io.read_raw_edf` / `_bdf` / `_gdf`),
+//! for files that it can read. MNE treats a missing unit as V, so its values of MI128 were divided
+//! by 1e6.
 
 use std::{env, io::Write, path::PathBuf};
 
@@ -10,11 +10,11 @@ use recordings::{EventLabel, Format, Missing, MontageMap, MontageMapError, Recor
 
 use crate::{event, played, read_all};
 
-/// Returns the path of a file in the data folder; without the folder, reports that the test is
-/// skipped.
+/// Returns the path of a file in the data folder; `None` if the folder is not set, after printing
+/// that the test is skipped.
 pub(crate) fn data(file: &str) -> Option<PathBuf> {
     let Some(folder) = env::var_os("CORTICODE_DATA") else {
-        // Written to stderr directly, because the test harness captures `eprintln!`.
+        // `eprintln!` would be captured by the test harness.
         let skipped = format!("SKIPPED: {file} not read, CORTICODE_DATA is not set");
         writeln!(std::io::stderr(), "{skipped}").expect("stderr");
         return None;
@@ -83,7 +83,7 @@ fn gdf_signals_of_all_sample_types_are_equal() {
         assert_eq!(found, events, "{file}");
         let samples = read_all(&mut recording);
         assert_eq!((samples.len(), samples[0].len()), (10, 512));
-        // libgdf wrote the same random walk of integers in all types; the first value is 0x4c = 76.
+        // libgdf wrote the same random walk of integers in all types; its first value is 0x4c = 76.
         assert_eq!(samples[0][0], 76.0);
         for other in &samples[1..] {
             let mut pairs = other.iter().zip(&samples[0]);
@@ -99,8 +99,7 @@ fn gdf_of_a_bci_and_of_an_ecg_equal_mne() {
     };
     let events = recording.events().expect("readable");
     assert_eq!(events.len(), 280);
-    // MNE prints the onset 9.992188 s: position 1280, counted from 1, at 128 Hz, rounded to six
-    // decimals.
+    // Position 1280, counted from 1, at 128 Hz is 9.9921875 s, which MNE prints as 9.992188 s.
     assert_eq!(
         events[0],
         event(1279.0 / 128.0, None, EventLabel::Type(785))
@@ -155,8 +154,8 @@ fn a_10_10_cap_covers_the_scalp_grid() {
     };
     let map = MontageMap::new(&recording.labels(), &grid.labels(), Missing::Interpolate)
         .expect("common electrodes");
-    // Of the electrodes of the grid, the recording contains F3..F4, P3..P4 and seven columns each
-    // of FC, C and CP, 31 in total. The other 30 are interpolated.
+    // Of the grid's 61 electrodes, the recording has 31: F3..F4, P3..P4 and seven columns each of
+    // FC, C and CP. The other 30 are interpolated.
     assert_eq!(
         (map.real().len(), map.interpolated().len(), map.zero().len()),
         (31, 30, 0)
@@ -180,9 +179,9 @@ fn a_10_10_cap_covers_the_scalp_grid() {
     let rms = |of: &dyn Fn(&(f64, f64)) -> f64| {
         (pairs.iter().map(|pair| of(pair).powi(2)).sum::<f64>() / f64::from(30 * 512)).sqrt()
     };
-    // The reference was resampled with a wider filter. The measured difference is 0.894 uV rms for
-    // a signal of 52 uV rms; only 0.03 uV of the difference are below 70 Hz. A shift by one sample
-    // in either direction would cause 6.9 uV.
+    // The reference was resampled with a wider filter, which explains a measured difference of
+    // 0.894 uV rms for a signal of 52 uV rms; only 0.03 uV of it are below 70 Hz. A shift by one
+    // sample in either direction would cause 6.9 uV.
     let error = rms(&|(a, b)| a - b);
     assert!(error < 1.2, "{error} uV rms of {}", rms(&|(_, b)| *b));
 }

@@ -1,4 +1,4 @@
-//! Samples, events, warnings and errors from synthetic EDF, EDF+ and BDF files.
+//! Tests samples, events, warnings and errors of synthetic EDF, EDF+ and BDF files.
 
 use recordings::{EventLabel, Format, Ratio, RecordingError, Warning};
 

@@ -1,5 +1,5 @@
-//! Samples, events, warnings and errors from synthetic GDF files, and the number of records that is
-//! found where the header states -1.
+//! Tests samples, events, warnings and errors of synthetic GDF files, and the number of records
+//! that is found where the header states -1.
 
 use recordings::{Event, EventLabel, Format, Ratio, RecordingError, Warning};
 
@@ -12,7 +12,7 @@ use crate::{
 
 #[test]
 fn signals_of_all_sample_types_are_read_from_one_file() {
-    // GDF type, bytes of all samples, expected values. The extremes of the types show the sign.
+    // GDF type, bytes of all samples, expected values; extremes of each type test its sign.
     let types: [(u32, Vec<u8>, &[f64]); 12] = [
         (1, vec![0x80, 0x7f], &[-128.0, 127.0]),
         (2, vec![1, 2, 0x80, 0xff], &[1.0, 2.0, 128.0, 255.0]),
@@ -68,8 +68,8 @@ fn signals_of_all_sample_types_are_read_from_one_file() {
     let mut recording = open(file.bytes()).expect("a valid file");
     let samples = read_all(&mut recording);
     for (signal, (found, expected)) in samples.iter().zip(expected).enumerate() {
-        // The calibration (d + 100) * 1 - 100 is exact for integers and changes 0.1 by less than
-        // 1e-14.
+        // The calibration computes (d + 100) * 1 - 100, which is exact for integers and changes 0.1
+        // by less than 1e-14.
         let mut pairs = found.iter().zip(expected);
         let close = pairs.all(|(a, b)| (a - b).abs() <= 1e-9) && found.len() == expected.len();
         assert!(close, "signal {signal}: {found:?}");
@@ -133,7 +133,7 @@ fn each_signal_of_a_file_has_its_own_unit() {
         unit_code,
         ..GdfSignal::with_type(3, 1, vec![1, 0])
     };
-    // Codes of ISO/IEEE 11073: microvolts, millivolts, volts.
+    // 4275, 4274 and 4256 are the ISO/IEEE 11073 codes of microvolts, millivolts and volts.
     let signals = vec![
         signal("Fp1", "uV", 4275),
         signal("Cz", "mV", 4274),
@@ -216,8 +216,8 @@ fn read(bytes: Vec<u8>) -> (Vec<Event>, Vec<Vec<f64>>, Vec<Warning>) {
     (events, samples, recording.warnings().to_vec())
 }
 
-/// Builds a file with one float32 signal, `per_record` samples per record of 1 s, and -1 records in
-/// its header.
+/// Builds a file of one float32 signal with `per_record` samples in each record of 1 s; its header
+/// states -1 records.
 fn unstated(per_record: u32, samples: &[f32], events: Vec<u8>) -> GdfFile {
     GdfFile {
         events,
@@ -227,9 +227,9 @@ fn unstated(per_record: u32, samples: &[f32], events: Vec<u8>) -> GdfFile {
 
 #[test]
 fn an_event_table_is_not_read_as_samples() {
-    // The 80,000 samples of 4 bytes are searched in several blocks. The tables have 20, 32, 20, 8,
-    // 26 and 20 bytes. With records of 4 bytes, the first four tables are as long as whole records;
-    // the other two are not.
+    // The 80,000 samples of 4 bytes are so many that the search reads several blocks. The tables
+    // have 20, 32, 20, 8, 26 and 20 bytes; the first four are a whole number of records of 4 bytes,
+    // so that records and table cannot be told apart by length.
     let samples: Vec<f32> = (0_u16..40_000).map(f32::from).collect();
     let samples = [&samples[..], &samples[..]].concat();
     let mut mode_3 = vec![3, 1, 0, 0];
@@ -269,8 +269,8 @@ fn the_event_table_of_version_1_is_found() {
 
 #[test]
 fn samples_that_look_like_a_table_stay_samples() {
-    // Read as event tables, the last bytes are: first, mode 1 with two rows at position 1,000,000,
-    // in a file of 8 s; second, mode 1 without rows at a rate of 3e-45 Hz. Neither is plausible.
+    // Read as tables, the last bytes would be: first, mode 1 with two rows at position 1,000,000 in
+    // a file of 8 s; second, mode 1 without rows at a rate of 3e-45 Hz. Neither is plausible.
     for words in [
         vec![9, 9, 9, 0x0201, 2, 1_000_000, 1_000_000, 7],
         vec![9, 9, 9, 9, 9, 9, 1, 2],

@@ -1,4 +1,4 @@
-//! Output of the virtual ADC for synthetic files.
+//! Tests the output of the virtual ADC for synthetic files.
 
 use std::f64::consts::TAU;
 
@@ -13,8 +13,8 @@ use crate::{
 
 const ADS1299: AdcSpec = AdcSpec::ads1299(512);
 
-/// Limit of the error, uV: half a count of 22.35 nV for rounding, plus 0.01 nV for the resampler.
-/// The largest error measured in the tests below is 0.011125 uV, less than the half count alone.
+/// Limit of the error, uV: rounding by half a count of 22.35 nV, plus 0.01 nV for the resampler.
+/// The largest error measured in these tests is 0.011125 uV, less than the half count alone.
 const HALF_COUNT_UV: f64 = 0.011_175_9 + 1e-5;
 
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
@@ -22,7 +22,8 @@ fn seconds(sample: usize, rate: f64) -> f64 {
     sample as f64 / rate
 }
 
-/// Builds a file of `records` records of 1 s, with a sine of 100 uV at `hz` on an offset of 20 mV.
+/// Builds a file of `records` records of 1 s that holds a sine of 100 uV at `hz` Hz on an offset of
+/// 20 mV.
 fn sine_file(hz: f64, rate: u32, records: usize) -> Vec<u8> {
     let samples = (0..records * rate as usize)
         .map(|k| 20_000.0 + 100.0 * (TAU * hz * seconds(k, rate.into())).sin());
@@ -31,7 +32,7 @@ fn sine_file(hz: f64, rate: u32, records: usize) -> Vec<u8> {
     GdfFile::version_2(i64::try_from(records).expect("small"), vec![signal]).bytes()
 }
 
-/// Plays a file that has the electrode Cz, with exact counts.
+/// Plays the electrode Cz of a file, without dither.
 fn play_cz(bytes: Vec<u8>) -> (Vec<[i32; 64]>, AdcCounters) {
     play(bytes, &["Cz"], Missing::Refuse)
 }
@@ -44,7 +45,7 @@ fn play(bytes: Vec<u8>, electrodes: &[&str], missing: Missing) -> (Vec<[i32; 64]
     (counts, adc.counters())
 }
 
-/// Returns the largest error against the analytic sine, uV, at least `edge` s away from both ends.
+/// Returns the largest deviation from the exact sine, uV, at least `edge` s away from both ends.
 fn worst_error_uv(counts: &[[i32; 64]], hz: f64, edge: f64) -> f64 {
     let end = seconds(counts.len(), 512.0) - edge;
     let inside = counts
@@ -62,9 +63,8 @@ fn worst_error_uv(counts: &[[i32; 64]], hz: f64, edge: f64) -> f64 {
 
 #[test]
 fn a_resampled_sine_equals_the_analytic_sine_at_k_over_rate() {
-    // 40 s at 160 Hz need six transforms, so the checked range contains boundaries between
-    // transforms. The range excludes the ends, where the output depends on the values held beyond
-    // the signal.
+    // 40 s at 160 Hz need six transforms, so boundaries between transforms are tested too. The
+    // first and last 3.3 s are not, because they depend on the values assumed beyond the signal.
     for hz in [1.0, 10.0, 60.0] {
         let (counts, counters) = play_cz(sine_file(hz, 160, 40));
         assert_eq!(counts.len(), 40 * 512);
@@ -130,7 +130,7 @@ fn saturated_and_non_finite_samples_are_counted() {
     file.duration = (8, 512);
     let (counts, counters) = play_cz(file.bytes());
     let played: Vec<i32> = counts.iter().map(|c| c[0]).collect();
-    // Full scale is 2^23 * 22.35 nV = 187.5 mV. The largest output is 2^23 - 1 counts, so +187.5 mV
+    // Full scale is 2^23 * 22.35 nV = 187.5 mV. The largest count is 2^23 - 1, so +187.5 mV
     // saturates and -187.5 mV does not.
     let (top, bottom) = (8_388_607, -8_388_608);
     assert_eq!(played, [0, top, bottom, bottom, 224, 224, top, bottom]);
@@ -159,7 +159,7 @@ fn voltage_units_are_converted_to_microvolts() {
         let mut file = GdfFile::float32(1, 512, &[value; 512]);
         (file.signals[0].unit_code, file.signals[0].unit) = (code, unit);
         let (counts, _) = play_cz(file.bytes());
-        // 1 mV / 22.351741790771484 nV = 44739.24.
+        // 1 mV is 1 mV / 22.351741790771484 nV = 44739.24 counts.
         assert_eq!(counts[7][0], 44_739, "{unit} {code}");
     }
 }
@@ -189,7 +189,7 @@ fn electrodes_can_combine_signals_of_different_rates() {
     assert_eq!(counts.len(), 8 * 512);
     for sample in &counts {
         let uv = sample.map(|count| f64::from(count) * ADS1299.lsb_uv);
-        // Cz and Pz are at equal distances from C3 and C4, so they are the mean of the two: 150 uV.
+        // Cz and Pz are as far from C3 as from C4, so each is the mean of these two: 150 uV.
         for (found, expected) in uv.iter().zip([150.0, 100.0, 200.0, 150.0, 0.0]) {
             let error = (found - expected).abs();
             assert!(error < HALF_COUNT_UV, "{found} uV, expected {expected}");

@@ -1,4 +1,4 @@
-//! Files of the EDF+, BDF+ and GDF writers, read by the readers of these formats.
+//! Tests that files of the EDF+, BDF+ and GDF writers read back with the same contents.
 #![expect(
     clippy::cast_precision_loss,
     reason = "numbers of rows, times and words are small and exact"
@@ -65,7 +65,7 @@ fn values_rates_and_annotations_are_read_back() {
     let samples = read_all(&mut recording);
     assert_eq!(samples[0].len(), 160);
     for row in 0..160 {
-        // Half of 375,000 uV / 2^24.
+        // Values are rounded to steps of 375,000 uV / 2^24, so the error is at most half a step.
         let at = usize::try_from(row).unwrap();
         let error = samples[0][at] - f64::from(value(row));
         assert!(error.abs() <= 0.011_18, "{row}: {error}");
@@ -160,7 +160,7 @@ fn values_rates_labels_and_events_are_read_back_unchanged() {
         .into_inner();
     let mut recording = open(bytes).unwrap();
     assert_eq!(recording.format(), Format::Gdf2(2.2));
-    // The signals without a unit cause a warning.
+    // Only the signals without a unit cause a warning.
     assert!(matches!(
         recording.warnings(),
         [Warning::UnitUnknown { .. }]

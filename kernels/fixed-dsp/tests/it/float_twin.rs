@@ -1,5 +1,5 @@
-//! Sections of every type follow the same difference equations in f64, and split coefficients equal
-//! whole ones.
+//! Tests that sections of every type follow their difference equations in f64, and that a
+//! coefficient split into integer and fraction equals the whole one.
 
 use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};
 use proptest::prelude::*;
@@ -8,7 +8,7 @@ fn value(coefficient: Coefficient) -> f64 {
     f64::from(coefficient.integer) + f64::from(coefficient.fraction) / 4_294_967_296.0
 }
 
-/// Stable sections of every type, with poles at a random radius and angle.
+/// Draws stable sections of every type, with poles at a random radius and angle.
 fn section() -> impl Strategy<Value = Section> {
     (0..4, 0.1..0.95_f64, 0.1..3.0_f64, 0.05..1.0_f64).prop_map(|(shape, radius, angle, gain)| {
         let a1 = Coefficient::nearest(2.0 * radius * angle.cos());
@@ -45,7 +45,7 @@ fn polynomials(section: &Section) -> ([f64; 3], [f64; 2]) {
     }
 }
 
-/// Returns the larger of the two poles' distances from the origin.
+/// Returns the distance from the origin of the section's outer pole.
 fn outer_pole(section: &Section) -> f64 {
     let [a1, a2] = polynomials(section).1;
     let discriminant = a1 * a1 / 4.0 + a2;
@@ -56,7 +56,7 @@ fn outer_pole(section: &Section) -> f64 {
     }
 }
 
-/// Filters `input` with the section's difference equation in f64.
+/// Filters `input` with the section's difference equation, computed in f64.
 fn twin(section: &Section, input: &[i32]) -> Vec<f64> {
     let ([b0, b1, b2], [a1, a2]) = polynomials(section);
     let (mut x1, mut x2, mut y1, mut y2) = (0.0, 0.0, 0.0, 0.0);
@@ -81,8 +81,8 @@ proptest! {
         let mut state = CascadeState::REST;
         for (&x, expected) in input.iter().zip(twin(&section, &input)) {
             let y = f64::from(cascade.apply(&mut state, x));
-            // A rounding error in [0, 1) enters as a difference e[n] - e[n-1] and is filtered by
-            // `1 / A`, whose L1 norm is at most 1 / (1 - outer pole)^2. The limit is twice that
+            // The rounding error e, in [0, 1), enters as a difference e[n] - e[n-1] and is filtered
+            // by `1 / A`, whose L1 norm is at most 1 / (1 - outer pole)^2. The limit is twice that
             // norm.
             let bound = 2.0 / (1.0 - outer_pole(&section)).powi(2);
             prop_assert!((y - expected).abs() < bound, "{} instead of {}", y, expected);
@@ -99,7 +99,7 @@ proptest! {
 
 #[test]
 fn a_notch_passes_a_constant_unchanged() {
-    // Coefficients from scipy's iirnotch(50, 30, fs=512).
+    // Coefficients from scipy's `iirnotch(50, 30, fs=512)`.
     let notch = Section::Notch {
         a1: Coefficient::nearest(1.618_616_208),
         one_minus_b0: Coefficient::nearest(1.0 - 0.989_876_635),

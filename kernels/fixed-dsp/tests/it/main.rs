@@ -1,4 +1,4 @@
-//! Filters compared with float and with exact references.
+//! Compares the filters with float references and with exact ones.
 #![forbid(unsafe_code)]
 
 mod float_twin;

@@ -1,11 +1,11 @@
-//! Blocks, single samples and compiled filters return the same bits: those of the exact sum with
-//! whole, unsplit coefficients.
+//! Tests that filtering in blocks, by single samples and with compiled coefficients all return the
+//! same bits: those of the exact sum with unsplit coefficients.
 
 use fixed_dsp::{BLOCK, Cascade, CascadeState, Coefficient, Compiled, Design, Filter, Section};
 use proptest::prelude::*;
 
-/// Sections of every type. The first high-pass has poles near DC, where `a1 - 2` and `a2 + 1` have
-/// integer parts of 0; the second has poles far from DC.
+/// A cascade with sections of every type. The first high-pass has poles near DC, where `a1 - 2` and
+/// `a2 + 1` have integer parts of 0; the second has poles far from DC.
 struct Mixture;
 
 impl Design<5> for Mixture {
@@ -37,8 +37,8 @@ impl Design<5> for Mixture {
     };
 }
 
-/// One section as documented at [`Section`], computed exactly in 128 bits. `memory` is
-/// `[x1, x2, y1, y2]`; `error` is the rounding error in Q0.32.
+/// State of one section that is computed exactly, in 128 bits, by the formulas at [`Section`].
+/// `memory` is `[x1, x2, y1, y2]`; `error` is the rounding error in Q0.32.
 #[derive(Clone, Copy)]
 struct Exact {
     memory: [i32; 4],
@@ -76,7 +76,7 @@ impl Exact {
 proptest! {
     #[test]
     fn every_way_to_filter_returns_the_bits_of_the_exact_sum(
-        // Half of the device's full scale, with which no output of these sections overflows.
+        // Inputs up to half of full scale, so that no output of these sections overflows.
         input in prop::collection::vec(-(1_i32 << 27)..(1 << 27), BLOCK..400),
         channels in 1_usize..4,
     ) {

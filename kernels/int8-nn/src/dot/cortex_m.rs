@@ -1,9 +1,9 @@
-//! The dot products on a Cortex-M4 or M7, with SMLAD: two products per instruction.
+//! The dot products on a Cortex-M4 or M7, where SMLAD computes two products per instruction.
 //!
-//! There are two schedules with the same results. `grouped` loads several registers at a time,
-//! which takes the fewest cycles on a Cortex-M4. `interleaved` (feature `cortex-m7`) alternates
-//! loads and products, because a Cortex-M7 issues one of each together. The cycles are computed by
-//! llvm-mca, not measured.
+//! There are two schedules (orders of instructions) with the same results. `grouped` loads several
+//! registers at a time, which takes the fewest cycles on a Cortex-M4. `interleaved` (feature
+//! `cortex-m7`) alternates loads and products, because a Cortex-M7 can issue one of each together.
+//! The cycles were predicted by llvm-mca, not measured.
 #![expect(
     unsafe_code,
     reason = "LLVM does not generate SMLAD from Rust, and the loop needs every register"
@@ -13,13 +13,13 @@
 /// whether all blocks use the same weights. One iteration computes `$blocks` blocks, and updates
 /// the pointers on the stack once.
 ///
-/// The lists hold the instructions of a schedule: at the start of a block, at the start of a
-/// segment, of each round, and at the end of a block, where lr moves to the weights of the next
+/// The four lists are the instructions of a schedule: at the start of a block, at the start of a
+/// segment, in each round, and at the end of a block, where lr moves to the weights of the next
 /// block.
 ///
 /// r0-r5: sums; r6-r9: weights of a round (two words of the first output, two of the second);
-/// r10-r11: inputs of a position; r12: next position of a segment; lr: weights. The other arguments
-/// stay on the stack.
+/// r10-r11: inputs of a position; r12: next position of a segment; lr: weights. Pointers for which
+/// no register is left stay on the stack.
 macro_rules! kernel {
     ($name:ident, $segments:literal, $width:literal, $stride:literal, $blocks:literal, $shared:literal,
         [$($start:literal,)*] [$($segment:literal,)*] [$($round:literal,)*] [$($end:literal,)*]) => {
@@ -80,7 +80,7 @@ macro_rules! kernel {
     };
 }
 
-/// Defines the kernels of a schedule, whose instructions are four lists for [`kernel`].
+/// Defines all kernels with one schedule, given as the four lists of instructions for [`kernel`].
 macro_rules! schedule {
     ($start:tt $segment:tt $round:tt $end:tt) => {
         kernel!(dots_1x14, 1, 14, 14, 4, true, $start $segment $round $end);
@@ -102,20 +102,20 @@ use interleaved::{dots_1x14, dots_3x8, dots_9x24};
 use super::{OUTPUTS, POSITIONS};
 use crate::pair::Pair;
 
-/// Arguments of a kernel, which receives their address and copies them to its stack.
+/// Arguments of a kernel, which gets their address and copies them to its stack.
 #[repr(C)]
 struct Arguments<const SEGMENTS: usize> {
-    /// Inputs of the next position, in each segment.
+    /// For each segment, pointer to the first input of the next position.
     inputs: [*const Pair; SEGMENTS],
     weights: *const Pair,
     sums: *mut i32,
-    /// Address after the last sum.
+    /// Address after the last sum, at which the kernel stops.
     end: *mut i32,
 }
 
 /// Computes the dot products of [`super::dots`] and returns true, or returns false if there is no
-/// assembler kernel for these sizes. `sums` must not be empty, and the slices must have the lengths
-/// to which [`super::dots`] cuts them.
+/// assembler kernel for these sizes. `sums` must not be empty, and the slices must have exactly the
+/// lengths to which [`super::dots`] cuts them.
 #[inline(always)]
 pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
@@ -131,7 +131,7 @@ pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
         end: range.end.cast(),
     };
     let arguments = (&raw const arguments).cast();
-    // For each kernel, the number of blocks that one iteration of its loop computes.
+    // Each kernel comes with the number of blocks that one iteration of its loop computes.
     let (kernel, blocks): (unsafe extern "C" fn(*const ()), usize) =
         match (SEGMENTS, WIDTH, STRIDE, is_shared) {
             (1, 14, 14, true) => (dots_1x14, 4),
@@ -144,12 +144,11 @@ pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
     }
     // SAFETY: `arguments` points to the `Arguments` above, which lives until this function returns;
     // the kernel only reads it. The pointers in it come from slices that are borrowed until this
-    // function returns, and only the kernel uses them. The match passes each kernel the number of
-    // segments that it expects. A position reads WIDTH inputs of each segment, STRIDE after those
-    // of the previous position; a block reads OUTPUTS * SEGMENTS * WIDTH weights and writes
-    // POSITIONS * OUTPUTS sums. `super::dots` cut the slices to the number of blocks in `sums`,
-    // which is a whole number of iterations and not 0. A pair is an aligned word, as LDRD and LDM
-    // require.
+    // function returns, and only the kernel uses them. The match selects a kernel for this number
+    // of segments. A position reads WIDTH inputs of each segment, STRIDE after those of the
+    // previous position; a block reads OUTPUTS * SEGMENTS * WIDTH weights and writes POSITIONS *
+    // OUTPUTS sums. `super::dots` has cut the slices to the number of blocks in `sums`, which is
+    // not 0 and a whole number of iterations. A pair is an aligned word, as LDRD and LDM require.
     unsafe { kernel(arguments) };
     true
 }

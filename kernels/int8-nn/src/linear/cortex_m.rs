@@ -1,4 +1,4 @@
-//! The matrix product on a Cortex-M4 or M7, two products at a time with SMLAD.
+//! The matrix product on a Cortex-M4 or M7, where SMLAD computes two products per instruction.
 #![expect(
     unsafe_code,
     reason = "LLVM does not generate SMLAD from Rust, and the loop needs every register"
@@ -9,15 +9,15 @@ use core::arch::naked_asm;
 use super::{INPUTS, ROUND};
 use crate::pair::Pair;
 
-/// Adds `weights * inputs` to the accumulators, for slices checked by
-/// [`super::Linear::accumulate`].
+/// Adds `weights * inputs` to the accumulators. [`super::Linear::accumulate`] has checked the
+/// lengths of the slices.
 #[inline(always)]
 pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
     let (inputs, accumulators) = (inputs.as_ptr_range(), accumulators.as_mut_ptr_range());
     // SAFETY: the pointers come from the three slices, which are borrowed until `quads` returns,
     // and only `quads` uses them. The caller has asserted `Linear::is_consistent`: a multiple of 8
     // pairs of inputs and a multiple of 4 outputs, neither of them 0, and half of their product in
-    // pairs of weights. It has cut inputs and accumulators to these numbers. The loops read and
+    // pairs of weights. It has cut inputs and accumulators to these lengths. The loops read and
     // write exactly that many elements.
     unsafe {
         quads(
@@ -30,12 +30,12 @@ pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [
     }
 }
 
-/// Accumulates four outputs at a time over all inputs. Without loads, four products take three
+/// Accumulates four outputs at a time over all inputs. Apart from loads, four products take three
 /// instructions.
 ///
-/// r0: products with the packed weights of the first pair of outputs; r1: products with the even
-/// output's weights only; r2, r3: the same for the second pair; r4-r7: weights of the current
-/// iteration; r8-r9: inputs; r10: low bytes of the weights; r11: next input; r12: next weights; lr:
+/// r0: sum of products with the packed weights of the first pair of outputs; r1: with the low
+/// bytes, the weights of the even output; r2, r3: as r0, r1, for the second pair; r4-r7: packed
+/// weights; r8-r9: inputs; r10: low bytes of the weights; r11: next input; r12: next weights; lr:
 /// end of the inputs.
 #[unsafe(naked)]
 unsafe extern "C" fn quads(
@@ -84,7 +84,7 @@ unsafe extern "C" fn quads(
         "add r7, r7, r2, asr #8",
         "stm r10!, {{r4-r7}}",
         "str r10, [sp, #4]",
-        // The fifth argument is on the stack above the eleven saved registers.
+        // The fifth argument is on the stack, above the eleven registers saved there.
         "ldr r11, [sp, #44]",
         "cmp r10, r11",
         "bne.w 2b",

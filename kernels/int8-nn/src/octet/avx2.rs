@@ -1,4 +1,4 @@
-//! Eight words in an AVX2 register.
+//! Octets in an AVX2 register.
 #![expect(
     unsafe_code,
     reason = "calls AVX2 intrinsics, after a test that the processor has them"
@@ -20,11 +20,11 @@ use crate::{
 
 cpufeatures::new!(detected, "avx2");
 
-/// Runs the kernel and returns `None`, or returns the kernel if this processor has no AVX2.
+/// Runs the kernel and returns `None` if the processor has AVX2; otherwise returns the kernel.
 #[inline(always)]
 pub(super) fn run_if_available<K: Kernel>(kernel: K) -> Option<K> {
     if detected::get() {
-        // SAFETY: the processor has AVX2.
+        // SAFETY: `detected` has found that the processor has AVX2.
         unsafe { run(kernel) };
         None
     } else {
@@ -37,53 +37,52 @@ fn run(kernel: impl Kernel) {
     kernel.run::<Avx2>();
 }
 
-/// Four words of the first output in the low half, and of the second output in the high half:
-/// `[output][round][pair]`.
+/// An octet whose words are in the order `[output][round][pair]`: the first output in the low half.
 ///
-/// Only [`run`] names this type, so that all its functions run on a processor with AVX2.
+/// Only [`run`] uses this type, so that all its functions run on a processor with AVX2.
 #[derive(Clone, Copy, Debug)]
 struct Avx2(__m256i);
 
 impl Octet for Avx2 {
     #[inline(always)]
     fn zeros() -> Self {
-        // SAFETY: see `Avx2`.
+        // SAFETY: this runs only on a processor with AVX2; see `Avx2`.
         Self(unsafe { _mm256_setzero_si256() })
     }
 
     #[inline(always)]
     fn inputs(pairs: &[Pair; INPUTS]) -> Self {
-        // SAFETY: see `Avx2`.
+        // SAFETY: this runs only on a processor with AVX2; see `Avx2`.
         Self(unsafe { inputs(pairs) })
     }
 
     #[inline(always)]
     fn weights(pairs: &[Pair; WEIGHTS]) -> Self {
-        // SAFETY: see `Avx2`.
+        // SAFETY: this runs only on a processor with AVX2; see `Avx2`.
         Self(unsafe { weights(pairs) })
     }
 
     #[inline(always)]
     fn low_bytes(self) -> Self {
-        // SAFETY: see `Avx2`.
+        // SAFETY: this runs only on a processor with AVX2; see `Avx2`.
         Self(unsafe { low_bytes(self.0) })
     }
 
     #[inline(always)]
     fn multiply_add(self, other: Self, sums: Self) -> Self {
-        // SAFETY: see `Avx2`.
+        // SAFETY: this runs only on a processor with AVX2; see `Avx2`.
         Self(unsafe { multiply_add(self.0, other.0, sums.0) })
     }
 
     #[inline(always)]
     fn output_sums(self) -> [i32; OUTPUTS] {
-        // SAFETY: see `Avx2`.
+        // SAFETY: this runs only on a processor with AVX2; see `Avx2`.
         unsafe { output_sums(self.0) }
     }
 
     #[inline(always)]
     fn position_sums([a, b, c]: [Self; POSITIONS]) -> [i32; POSITIONS * OUTPUTS] {
-        // SAFETY: see `Avx2`.
+        // SAFETY: this runs only on a processor with AVX2; see `Avx2`.
         unsafe { position_sums([a.0, b.0, c.0]) }
     }
 }
@@ -102,7 +101,7 @@ fn weights(pairs: &[Pair; WEIGHTS]) -> __m256i {
     const { assert!(size_of::<[Pair; WEIGHTS]>() == 32) };
     // SAFETY: the load reads the 32 bytes of the array, at any alignment.
     let rounds = unsafe { _mm256_loadu_si256(pairs.as_ptr().cast()) };
-    // From [round][output] to [output][round].
+    // Changes the order of the words from [round][output] to [output][round].
     _mm256_permute4x64_epi64::<0b11_01_10_00>(rounds)
 }
 
@@ -131,7 +130,7 @@ fn output_sums(words: __m256i) -> [i32; OUTPUTS] {
 #[inline]
 #[target_feature(enable = "avx2")]
 fn position_sums([a, b, c]: [__m256i; POSITIONS]) -> [i32; POSITIONS * OUTPUTS] {
-    // In each half, that is for each output: the sums of positions 0, 1, 2 and 2.
+    // Each half belongs to one output and has the sums of positions 0, 1, 2 and 2.
     let sums = _mm256_hadd_epi32(_mm256_hadd_epi32(a, b), _mm256_hadd_epi32(c, c));
     let by_position = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
     let sums = _mm256_permutevar8x32_epi32(sums, by_position);
@@ -141,7 +140,7 @@ fn position_sums([a, b, c]: [__m256i; POSITIONS]) -> [i32; POSITIONS * OUTPUTS] 
     [a, b, c, d, e, f]
 }
 
-/// Returns the low and the high half of a double word.
+/// Returns the low and the high half of a 64-bit word.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "each cast keeps one half")]
 fn halves_of(words: i64) -> [i32; 2] {

@@ -8,24 +8,24 @@ use core::{
 use super::tile::Lanes;
 use crate::pair::Pair;
 
-/// The channels of one position, `PAIRS` pairs. The compiler turns its operations into SIMD
+/// The channels of one position, as `PAIRS` pairs. The compiler turns operations on them into SIMD
 /// instructions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Channels<const PAIRS: usize>([[i16; 2]; PAIRS]);
 
 impl<const PAIRS: usize> Channels<PAIRS> {
-    /// All channels 0.
+    /// All channels are 0.
     pub(super) const ZERO: Self = Self([[0; 2]; PAIRS]);
 
-    /// Reads a position of a plane `[pair of channels][position]` with `positions` positions;
-    /// `plane` starts at the position.
+    /// Reads the channels of a position from a plane `[pair of channels][position]` with
+    /// `positions` positions; the slice `plane` starts at the position.
     #[inline(always)]
     pub(super) fn gather(plane: &[Pair], positions: usize) -> Self {
         let plane = &plane[..=(PAIRS - 1) * positions];
         Self(from_fn(|pair| plane[pair * positions].get()))
     }
 
-    /// Writes the channels as pairs.
+    /// Writes the channels to `pairs`.
     #[inline(always)]
     pub(super) fn store(self, pairs: &mut [Pair]) {
         for (pair, channels) in pairs[..PAIRS].iter_mut().zip(self.0) {
@@ -58,7 +58,7 @@ impl<const PAIRS: usize> Lanes for Channels<PAIRS> {
 impl<const PAIRS: usize> Add for Channels<PAIRS> {
     type Output = Self;
 
-    /// Adds each channel separately, wrapping.
+    /// Adds channel by channel, wrapping.
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         self.map2(other, i16::wrapping_add)
@@ -68,7 +68,7 @@ impl<const PAIRS: usize> Add for Channels<PAIRS> {
 impl<const PAIRS: usize> Sub for Channels<PAIRS> {
     type Output = Self;
 
-    /// Subtracts each channel separately, wrapping.
+    /// Subtracts channel by channel, wrapping.
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         self.map2(other, i16::wrapping_sub)

@@ -1,4 +1,4 @@
-//! The inverse transform from products to pooled outputs, on a Cortex-M4 or M7.
+//! Winograd's inverse transform, from sums of products to pooled outputs, on a Cortex-M4 or M7.
 #![expect(
     unsafe_code,
     reason = "LLVM spills registers to the stack: 50 % more instructions"
@@ -9,9 +9,9 @@ use core::arch::naked_asm;
 use super::tile::{PRODUCTS, Sums, TRANSFORMED_TILE, WINDOWS};
 use crate::dot::OUTPUTS;
 
-/// Inverse-transforms the sums of `tiles` tiles and a pair of outputs, and keeps the maximum of
-/// each pool window in `windows[(tile * WINDOWS + window) * outputs + output]`. `windows` must end
-/// with the last number that this formula selects.
+/// Computes the outputs of `tiles` tiles for a pair of output channels from `sums`, and keeps the
+/// maximum of each pool window in `windows[(tile * WINDOWS + window) * outputs + output]`.
+/// `windows` must end with the last number that this formula selects.
 #[inline(always)]
 pub(super) fn keep_largest(
     sums: &[Sums; PRODUCTS],
@@ -23,8 +23,8 @@ pub(super) fn keep_largest(
     // only that function uses them. There are 1 to POSITIONS tiles, so their sums are in the first
     // OUTPUTS * tiles words of each product. The last address used in `windows` is that of the last
     // tile's second window and second output, which is the last number of the slice.
-    // `Winograd::is_consistent`, which `convolve_max_pool` asserts, keeps byte offsets within a
-    // word.
+    // `Winograd::is_consistent`, which `convolve_max_pool` asserts, makes all byte offsets fit 32
+    // bits.
     unsafe {
         tiles_of_pair(
             sums.as_ptr().cast(),
@@ -35,11 +35,11 @@ pub(super) fn keep_largest(
     }
 }
 
-/// Inverse-transforms and pools two rows of six sums for each of `count` combinations of tile and
-/// output.
+/// Inverse-transforms and pools two rows of outputs for each of `count` combinations of tile and
+/// output channel.
 ///
-/// r0: sums; r1: windows; r2: bytes from one window to the next; r3: combinations left; r4-r9: sums
-/// of a row; r10, r11: maxima of both windows; r12, lr: scratch.
+/// r0: sums; r1: windows; r2: bytes from one window to the next; r3: combinations left; r4-r9: six
+/// sums of a row; r10, r11: maxima of both windows; r12, lr: scratch.
 #[unsafe(naked)]
 unsafe extern "C" fn tiles_of_pair(
     sums: *const i32,
@@ -65,7 +65,7 @@ unsafe extern "C" fn tiles_of_pair(
         "it lt",
         "movlt \\to, \\other",
         ".endm",
-        // Turns the six sums of a row, r4-r9, into the maxima of the row in two windows, r4 and r6.
+        // Turns the six sums of a row, r4-r9, into the maxima of two pool windows, r4 and r6.
         ".macro row_outputs",
         "add r12, r5, r6",
         "sub r5, r5, r6",
@@ -107,7 +107,7 @@ unsafe extern "C" fn tiles_of_pair(
         "str r6, [r1, r2]",
         "str r4, [r1], #4",
         "add r0, #4",
-        // After the second output of a tile, r1 moves to the first window of the next tile.
+        // After the second output channel of a tile, r1 moves to the first window of the next tile.
         "subs r3, #1",
         "tst r3, #1",
         "ittt eq",

@@ -1,4 +1,4 @@
-//! One tile of Winograd's convolution: its sizes and its transforms.
+//! One tile of Winograd's convolution: its dimensions and its transforms.
 
 use core::ops::{Add, Sub};
 
@@ -7,25 +7,24 @@ use crate::{
     pair::Pair,
 };
 
-/// Number of rows and columns of outputs in a tile.
+/// Numbers of rows and columns of outputs in a tile.
 pub(super) const TILE: [usize; 2] = [2, 4];
-/// Number of rows and columns in a transformed tile: two more rows and two more columns than
-/// outputs.
+/// Numbers of rows and columns in a transformed tile: each is larger by two than that of outputs.
 pub(super) const TRANSFORMED_TILE: [usize; 2] = [4, 6];
-/// Number of products in a tile for each pair of channels and time step: 24. A direct convolution
-/// needs 72, nine for each of the eight outputs.
+/// Number of products that a tile takes for each pair of channels and time step: 24. A direct
+/// convolution needs 72, nine for each of the eight outputs.
 pub(super) const PRODUCTS: usize = TRANSFORMED_TILE[0] * TRANSFORMED_TILE[1];
-/// Factor of every sum of transformed products: 2 from the rows, times 24 from the columns.
+/// Factor by which the transforms enlarge a sum: 2 from the rows, times 24 from the columns.
 pub(super) const SCALE: usize = 48;
-/// Number of pool windows in a tile, side by side.
+/// Number of pool windows in a tile; they are side by side.
 pub(super) const WINDOWS: usize = 2;
 
-/// Sums of one product: `[position][output]`.
+/// Sums of one of the tile's products, in the order `[position][output]`.
 pub(super) type Sums = [i32; POSITIONS * OUTPUTS];
 
-/// Numbers that are transformed together, each separately.
+/// Several numbers to which each operation of a transform applies at once.
 pub(super) trait Lanes: Copy + Add<Output = Self> + Sub<Output = Self> {
-    /// Returns all numbers times four; all must be in 0..2^13.
+    /// Multiplies all numbers by four; all must be in 0..2^13.
     fn quadrupled(self) -> Self;
 }
 
@@ -56,7 +55,7 @@ fn transform_rows<L: Lanes>([d0, d1, d2, d3]: [L; 4]) -> [L; 4] {
     [d0 - d2, d1 + d2, d2 - d1, d1 - d3]
 }
 
-/// Transforms the inputs of a tile, `[row][column]`, to its products.
+/// Transforms the inputs of a tile, `[row][column]`, to the factors of its products.
 #[cfg(not(smlad))]
 #[inline(always)]
 pub(super) fn transform_tile<L: Lanes>(tile: [[L; 6]; 4]) -> [[L; 6]; 4] {
@@ -77,8 +76,8 @@ pub(super) fn transform_tile<L: Lanes>(tile: [[L; 6]; 4]) -> [[L; 6]; 4] {
     out
 }
 
-/// Transforms the inputs of a tile for a pair of channels. In `tile` a row starts `COLUMNS` pairs
-/// after the row before; in `out` a product is `POSITIONS * PAIRS` pairs after the product before.
+/// Transforms the inputs of a tile for a pair of channels. A row of `tile` starts `COLUMNS` pairs
+/// after the previous row; a product in `out` is `POSITIONS * PAIRS` pairs after the previous one.
 #[cfg(smlad)]
 #[inline(always)]
 pub(super) fn transform_inputs<const PAIRS: usize, const COLUMNS: usize>(
@@ -98,7 +97,7 @@ pub(super) fn transform_inputs<const PAIRS: usize, const COLUMNS: usize>(
     }
 }
 
-/// Returns the transformed weights of one input and output channel, from `tap(row, column)`.
+/// Transforms the weights `tap(row, column)` of one input and output channel and one time step.
 pub(super) fn transform_taps(tap: impl Fn(usize, usize) -> i32) -> [i16; PRODUCTS] {
     let columns: [[i32; 6]; 3] = core::array::from_fn(|row| {
         let [g0, g1, g2] = core::array::from_fn(|column| tap(row, column));
@@ -118,8 +117,8 @@ pub(super) fn transform_taps(tap: impl Fn(usize, usize) -> i32) -> [i16; PRODUCT
     })
 }
 
-/// Inverse-transforms the sums of `tiles` tiles and a pair of outputs, and keeps the maximum of
-/// each pool window in `windows[(tile * WINDOWS + window) * outputs + output]`.
+/// Computes the outputs of `tiles` tiles for a pair of output channels from `sums`, and keeps the
+/// maximum of each pool window in `windows[(tile * WINDOWS + window) * outputs + output]`.
 ///
 /// This is the portable equivalent of the assembler. It transforms the rows first: 44 additions per
 /// tile and output, instead of 56 with the columns first.
@@ -151,7 +150,7 @@ pub(super) fn keep_largest(
     }
 }
 
-/// Returns the four outputs of a row from its six sums.
+/// Returns the four outputs of a row of a tile from the six sums of that row.
 #[cfg(not(smlad))]
 #[inline(always)]
 fn row_outputs([m0, m1, m2, m3, m4, m5]: [i32; 6]) -> [i32; TILE[1]] {

@@ -1,4 +1,4 @@
-//! Signals and recordings come back bit for bit.
+//! Tests that signals and recordings come back bit for bit.
 #![forbid(unsafe_code)]
 
 mod recordings;

@@ -1,4 +1,4 @@
-//! Bits per sample of real recordings, at their own counts.
+//! Measures how many bits a count of real recordings takes.
 
 use std::fs;
 use std::io::{Write as _, stderr};
@@ -6,11 +6,11 @@ use std::path::Path;
 
 use lossless::{Decoder, Encoder, EncoderState, MAX_SAMPLES};
 
-/// Number of channels of a recording that are compressed together.
+/// Number of channels of each recording that the test compresses.
 const CHANNELS: usize = 16;
 
-/// Reads the first channels of an EDF or BDF file (`bytes` is 2 or 3 for each count) whose signals
-/// all have the same rate. Returns the counts of each sample.
+/// Reads the first [`CHANNELS`] channels of an EDF or BDF file whose signals all have the same
+/// rate; a count has 2 (EDF) or 3 (BDF) `bytes`. Returns the counts of each sample.
 fn read(path: &Path, bytes: usize) -> Vec<[i32; CHANNELS]> {
     let file = fs::read(path).expect("a recording");
     let number = |from: usize, length: usize| -> usize {
@@ -38,7 +38,7 @@ fn read(path: &Path, bytes: usize) -> Vec<[i32; CHANNELS]> {
     samples
 }
 
-/// Compresses and compares all samples; returns the bits for each count.
+/// Compresses all samples, asserts that they decode to the same counts, and returns bits per count.
 #[expect(clippy::cast_precision_loss, reason = "a figure for people")]
 fn bits_per_count(samples: &[[i32; CHANNELS]]) -> f64 {
     let (mut state, mut decoder) = (EncoderState::NEW, Decoder::<CHANNELS>::NEW);
@@ -68,7 +68,7 @@ fn recordings_come_back_bit_for_bit() {
         let note = b"SKIPPED: real recordings: CORTICODE_DATA is not set\n";
         return stderr().write_all(note).expect("stderr");
     };
-    // Measured: 6.97 and 14.43 bits. The counts of the first are 1 uV.
+    // Limits a little above the measured 6.97 and 14.43 bits; a count of the first file is 1 uV.
     for (file, bytes, most) in [
         ("eegmmidb_S001/S001R04.edf", 2, 7.5),
         ("bdf_edf/test.bdf", 3, 16.0),

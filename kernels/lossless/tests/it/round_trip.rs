@@ -1,4 +1,4 @@
-//! Every signal comes back bit for bit, and no block is longer than its counts.
+//! Tests that every signal comes back bit for bit, and that no block is longer than its counts.
 
 mod signal;
 
@@ -10,10 +10,10 @@ use lossless::{Block, DecodeError, Decoder, Encoder, EncoderState, Kind, MAX_SAM
 use proptest::prelude::*;
 use signal::{CHANNELS, Row, Shape, rows, to_bytes};
 
-/// Key blocks often enough to see several.
+/// The encoder of the tests; it sends key blocks so often that long signals have several.
 const ENCODER: Encoder = Encoder { key_blocks: 16 };
 
-/// A block with its own bytes, and the samples that it holds.
+/// An encoded block that owns its bytes, with the samples that it was made from.
 #[derive(Clone, Debug)]
 struct Encoded {
     kind: Kind,
@@ -40,7 +40,7 @@ impl Encoded {
     }
 }
 
-/// Encodes stretches of samples; between two of them samples are missing.
+/// Encodes stretches of samples; between two stretches, samples were lost.
 fn encode(stretches: &[Vec<Row>]) -> Vec<Encoded> {
     let mut state = EncoderState::NEW;
     let mut blocks = Vec::new();
@@ -95,7 +95,7 @@ proptest! {
             needs_key &= block.kind == Kind::Continuing;
             let expected = if needs_key { Err(DecodeError::NoKey) } else { Ok(()) };
             prop_assert_eq!(decode(&mut decoder, block), expected);
-            // Key blocks are due every 16 blocks.
+            // At most 16 blocks after the lost one, a key block must have come.
             prop_assert!(!needs_key || index < lost + 16);
         }
     }
@@ -203,7 +203,7 @@ fn python_writes_and_reads_the_same_bytes() {
 }
 
 /// Encodes stretches of samples in blocks of 8 with `kernels/lossless/tests/reference.py`, which
-/// decodes them again. Returns the kind and the bytes of each block; `None` without Python.
+/// also checks that they decode. Returns kind and bytes of each block; `None` if Python is missing.
 fn encode_in_python(stretches: &[Vec<Row>], key_blocks: u16) -> Option<Vec<(u8, Vec<u8>)>> {
     let mut input = format!("{CHANNELS} {key_blocks}\n");
     for stretch in stretches {

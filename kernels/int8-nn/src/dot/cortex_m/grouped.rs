@@ -1,4 +1,4 @@
-//! Loads in groups, for a Cortex-M4: one LDM and three LDRD for every twelve SMLAD.
+//! The schedule for a Cortex-M4, which groups loads: one LDM and three LDRD for every twelve SMLAD.
 
 schedule! {
     []

@@ -1,12 +1,12 @@
-//! Loads between the products, for a Cortex-M7, which issues an LDR and an SMLAD in the same cycle.
+//! The schedule for a Cortex-M7, which issues an LDR and an SMLAD in the same cycle: loads between
+//! the products.
 //!
 //! Within a segment, each register is reloaded right after its last use, and at least two other
-//! products precede its next use.
+//! products come before its next use.
 
 schedule! {
     [
-        // Load the weights of the first round; those of each later round are loaded one
-        // round ahead.
+        // Load the weights of the first round; those of a later round are loaded in the one before.
         ".if {shared} || (block == 0)",
         "ldm lr, {{r6-r9}}",
         ".endif",
@@ -73,8 +73,7 @@ schedule! {
         ".endif",
     ]
     [
-        // Move lr from the weights of the last round to those of the next block's first
-        // round.
+        // Move lr from the weights of the last round to those of the next block's first round.
         ".if {shared}",
         "sub lr, #({weights_of_block} - 16)",
         ".elseif block == {blocks} - 1",

@@ -1,33 +1,33 @@
-//! Signals that are easy, hard or at the limits.
+//! Test signals that are easy or hard to compress, or at the limits of the range.
 
 use proptest::prelude::*;
 
-/// Channels of every signal.
+/// Number of channels of every test signal.
 pub(super) const CHANNELS: usize = 5;
 
-/// One sample: a count for each channel.
+/// One sample: the counts of all channels.
 pub(super) type Row = [i32; CHANNELS];
 
-/// Largest count.
+/// Largest count that 24 bits can hold.
 const MAX: i32 = (1 << 23) - 1;
 
-/// Kind of signal; the number is that of its bits.
+/// Shape of a test signal; the numbers are bits of noise.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
-    /// Uniform noise with this number of bits.
+    /// Uniform noise with this number of bits, different in each sample.
     Noise(u32),
-    /// Sum of such noise, reflected at the rails.
+    /// Running sum of noise with this number of bits, limited to the rails.
     Walk(u32),
-    /// Sum of such sums.
+    /// Running sum of a running sum of noise with this number of bits.
     SmoothWalk(u32),
-    /// One rail or the other.
+    /// Every count is at one rail or the other.
     Rails,
-    /// Constant, with jumps to any count.
+    /// Constant for 16 samples on average, then a jump to any count.
     Steps,
 }
 
 impl Shape {
-    /// One of each, and noise of several sizes.
+    /// Examples of all shapes, with several sizes of noise.
     pub(super) const SOME: [Self; 8] = [
         Self::Noise(0),
         Self::Noise(3),
@@ -39,7 +39,7 @@ impl Shape {
         Self::Steps,
     ];
 
-    /// Returns `samples` samples, the same for the same `seed`.
+    /// Returns `samples` samples of this shape; the same `seed` yields the same samples.
     pub(super) fn rows(self, seed: u64, samples: usize) -> Vec<Row> {
         let mut random = seed;
         let mut value = [0_i64; CHANNELS];
@@ -71,7 +71,7 @@ impl Shape {
     }
 }
 
-/// Signals of all shapes; each channel's noise differs.
+/// Draws signals of all shapes; each channel has different noise.
 pub(super) fn rows(samples: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Row>> {
     let shape = prop_oneof![
         (0..=24_u32).prop_map(Shape::Noise),
@@ -83,13 +83,13 @@ pub(super) fn rows(samples: std::ops::Range<usize>) -> impl Strategy<Value = Vec
     (shape, any::<u64>(), samples).prop_map(|(shape, seed, samples)| shape.rows(seed, samples))
 }
 
-/// Returns a count as an encoder takes it.
+/// Returns a count in the form that an encoder takes.
 pub(super) fn to_bytes(count: i32) -> [u8; 3] {
     let [low, middle, high, _] = count.to_le_bytes();
     [low, middle, high]
 }
 
-/// SplitMix64 (Steele, Lea and Flood 2014).
+/// Returns the next number of the generator SplitMix64 (Steele, Lea and Flood 2014).
 fn split_mix(state: &mut u64) -> u64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut mixed = *state;
