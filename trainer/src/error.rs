@@ -150,7 +150,7 @@ pub enum TrainerError {
     NoModel(PathBuf, #[source] Box<artifact::ArtifactError>),
     #[error(transparent)]
     Artifact(#[from] artifact::ArtifactError),
-    #[error("{} is not a checkpoint of this trainer or is damaged: {}; train without --resume", .0.display(), .1)]
+    #[error("{} is damaged, or the checkpoint of another version of the trainer: {}; train without --resume", .0.display(), .1)]
     Checkpoint(PathBuf, String),
     #[error(transparent)]
     Picture(#[from] picture::canvas::PictureError),
@@ -188,8 +188,8 @@ pub enum TrainerError {
     Resampler(#[source] model_gen::FilterError),
     #[error("the model cannot be turned into integers")]
     Quantise(#[from] model_gen::ModelGenError),
-    #[error("the loss of epoch {0} is {1}: training diverged; use a lower --learning-rate")]
-    Diverged(u32, f64),
+    #[error("the {1} of epoch {0} is {2}: training diverged; use a lower --learning-rate")]
+    Diverged(u32, &'static str, f64),
 
     // Errors of an import.
     #[error("{} is no specification of an import; docs/importing.md has an example", .0.display())]

@@ -233,7 +233,7 @@ impl Training {
         for batch in windows.chunks(self.settings.batch) {
             let BatchGradients { loss, gradients } = network.gradients(&mut self.parameters, batch);
             if !loss.is_finite() {
-                return Err(TrainerError::Diverged(epoch, loss));
+                return Err(TrainerError::Diverged(epoch, "loss", loss));
             }
             let rate = schedule.rate(self.adam.updates - first_update);
             self.adam.update(&mut self.parameters, &gradients, rate);
@@ -244,7 +244,8 @@ impl Training {
         }
         let validation = network.mean_squared_error(&self.parameters, &validation_windows(split));
         if !validation.is_finite() {
-            return Err(TrainerError::Diverged(epoch, validation));
+            let what = "validation error";
+            return Err(TrainerError::Diverged(epoch, what, validation));
         }
         self.epoch = epoch;
         if validation < self.best.validation {

@@ -198,7 +198,7 @@ pub(crate) fn record_duration(seconds: f64) -> Result<Option<Ratio>, RecordingEr
     let duration = Ratio::from_f64(seconds);
     if duration.is_none() && seconds != 0.0 {
         let reason = "it must be 0 or between 1e-9 and 1e9 s";
-        let found = seconds.to_string();
+        let found = format!("{seconds:e}");
         return Err(field_error(
             "duration of a record",
             "the file",

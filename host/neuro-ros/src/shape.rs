@@ -49,9 +49,9 @@ pub enum BlockError {
     /// `minmax` is not two finite values in ascending order; holds its content.
     #[error("minmax is {}; it must be the smallest and the largest value", list(.0))]
     MinMax(Vec<f64>),
-    /// `stride` is not `nchannels * 4`; holds the stride in bytes.
-    #[error("stride is {0}; it must be nchannels * 4 bytes")]
-    Stride(u16),
+    /// `stride` is not `nchannels * 4`; holds the stride in bytes and `nchannels`.
+    #[error("stride is {0} for {1} channels; it must be nchannels * 4 bytes")]
+    Stride(u16, u16),
     /// The number of values in the block is not `nsamples * nchannels`. The recorder copies the
     /// values without checking their number.
     #[error("{length} values for {nsamples} samples of {nchannels} channels")]
@@ -166,7 +166,7 @@ fn check_block(
         _ => return Err(BlockError::MinMax(info.minmax.clone())),
     }
     if u32::from(info.stride) != u32::from(nchannels) * 4 {
-        return Err(BlockError::Stride(info.stride));
+        return Err(BlockError::Stride(info.stride, nchannels));
     }
     if info.isint != isint {
         return Err(BlockError::IsInt(info.isint));

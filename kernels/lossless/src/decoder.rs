@@ -173,7 +173,10 @@ impl fmt::Display for DecodeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::NoKey => "the blocks that this one continues from are missing",
-            Self::Malformed => "the bytes are no block of this number of samples and channels",
+            Self::Malformed => {
+                "the bytes are too few, too many or out of range for a block of this number of samples \
+                 and channels"
+            },
             Self::Sum => "the counts do not add up to the block's sum",
         })
     }

@@ -204,3 +204,17 @@ impl Draw {
         hash.add(sums.iter().map(|sum| sum.cast_unsigned()));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_networks_have_the_same_digest() {
+        let bytes = digests();
+        let (digests, _) = bytes.as_chunks::<DIGEST_BYTES>();
+        for (index, digest) in digests.iter().enumerate() {
+            assert!(!digests[..index].contains(digest), "network {index}");
+        }
+    }
+}

@@ -78,3 +78,46 @@ impl Random {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shape_integer_and_sign_is_drawn_and_samples_reach_both_ends_of_their_range() {
+        let mut contender = AnySections::default();
+        let (mut shapes, mut integers) = ([0; 4], [0; 5]);
+        let (mut lowest, mut highest) = ([0; 2], [0; 2]);
+        let mut observe = |place: usize, value: i32| {
+            lowest[place] = value.min(lowest[place]);
+            highest[place] = value.max(highest[place]);
+        };
+        for _ in 0..crate::block::BLOCKS {
+            contender.load(&[[1 << 28, -(1 << 28), 12_345, 0]; ELECTRODES]);
+            for section in contender.cascade.sections {
+                let (shape, coefficient) = match section {
+                    Section::Notch { one_minus_b0, .. } => (0, one_minus_b0),
+                    Section::HighPass { a2, .. } => (1, a2),
+                    Section::BandPass { a2, .. } => (2, a2),
+                    Section::LowPass { a2, .. } => (3, a2),
+                };
+                shapes[shape] += 1;
+                integers[usize::try_from(coefficient.integer + 2).expect("-2..=2")] += 1;
+                observe(0, coefficient.fraction);
+            }
+            contender.run();
+            for sample in contender.output()[0] {
+                observe(1, sample);
+            }
+        }
+        // 256 blocks have 1,536 sections: on average 384 of each shape (standard deviation 17) and
+        // 307 of each integer part (standard deviation 16). Both limits are about five standard
+        // deviations below the average.
+        assert!(shapes.iter().all(|times| *times > 300), "{shapes:?}");
+        assert!(integers.iter().all(|times| *times > 220), "{integers:?}");
+        // The smallest and the largest of at least 1,024 random values are within 1 % of the ends
+        // of the range.
+        assert!(lowest.iter().all(|value| *value < i32::MIN / 100 * 99));
+        assert!(highest.iter().all(|value| *value > i32::MAX / 100 * 99));
+    }
+}

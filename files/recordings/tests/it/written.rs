@@ -189,3 +189,14 @@ fn a_file_that_was_not_finished_is_read_as_far_as_it_goes() {
     assert_eq!(recording.records(), 1);
     assert_eq!(read_all(&mut recording)[1], [1.5; 32]);
 }
+
+#[test]
+fn values_beyond_the_range_are_clamped() {
+    let mut writer = EdfWriter::bdf(Cursor::new(Vec::new()), &file(2, 1), 2, Vec::new()).unwrap();
+    writer.write_record(&[1e9, -5.0]).unwrap();
+    writer.write_record(&[-1e9, 1e6]).unwrap();
+    let mut recording = open(writer.finish().unwrap().into_inner()).unwrap();
+    let samples = read_all(&mut recording);
+    assert_eq!(samples[0], [187_500.0, -187_500.0]);
+    assert_eq!(samples[1], [0.0, 65_535.0]);
+}

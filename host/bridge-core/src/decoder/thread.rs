@@ -347,11 +347,12 @@ impl Worker {
         };
         packed.set_number(self.number);
         let before = packed.malformed();
-        if let Some(frame) = packed.next_frame(block)
-            && self.sink.has_receivers()
-        {
-            publish(frame, self.sink.as_mut(), &self.progress)?;
-        }
+        let published = match packed.next_frame(block) {
+            Some(frame) if self.sink.has_receivers() => {
+                publish(frame, self.sink.as_mut(), &self.progress)
+            }
+            _ => Ok(()),
+        };
         self.number = packed.number();
         let malformed = packed.malformed() - before;
         let decoded = u64::from(block.block.is_some()) - malformed;
@@ -359,7 +360,7 @@ impl Worker {
             .malformed
             .fetch_add(malformed, Ordering::Relaxed);
         self.progress.decoded.fetch_add(decoded, Ordering::Relaxed);
-        Ok(())
+        published
     }
 
     /// Publishes the frame that waits to be corrected by the next packed block.

@@ -125,9 +125,9 @@ pub enum DecodeError {
         found: String,
     },
     /// The text of an `<int>` is not a 32-bit integer, that of a `<double>` not a number, or that of
-    /// a `<boolean>` neither 0 nor 1; holds the text.
-    #[error("not an int, double or boolean: '{}'", .0.escape_debug())]
-    Scalar(String),
+    /// a `<boolean>` neither 0 nor 1; holds what it should be, and the text.
+    #[error("not {}: '{}'", .0, .1.escape_debug())]
+    Scalar(&'static str, String),
     /// Arrays and structs are nested deeper than 64 levels.
     #[error("values nested deeper than {MAX_DEPTH} levels")]
     TooDeep,
@@ -324,13 +324,13 @@ impl<'a> Document<'a> {
             }
         };
         let value = match tag.as_str() {
-            "int" | "i4" => self.scalar(|text| text.parse().ok().map(Value::Int))?,
-            "boolean" => self.scalar(|text| match text {
+            "int" | "i4" => self.scalar("a 32-bit integer", |text| text.parse().ok().map(Value::Int))?,
+            "boolean" => self.scalar("0 or 1", |text| match text {
                 "0" => Some(Value::Bool(false)),
                 "1" => Some(Value::Bool(true)),
                 _ => None,
             })?,
-            "double" => self.scalar(|text| text.parse().ok().map(Value::Double))?,
+            "double" => self.scalar("a number", |text| text.parse().ok().map(Value::Double))?,
             "string" => Value::String(self.text_until_close()?),
             "base64" => Value::Base64(self.text_until_close()?),
             "dateTime.iso8601" => Value::DateTime(self.text_until_close()?),
@@ -346,10 +346,15 @@ impl<'a> Document<'a> {
         Ok(value)
     }
 
-    /// Reads the text up to the closing tag and converts it, without the white space around it.
-    fn scalar(&mut self, parse: impl Fn(&str) -> Option<Value>) -> Result<Value, DecodeError> {
+    /// Reads the text up to the closing tag, which must be `what`, and converts it without the white
+    /// space around it.
+    fn scalar(
+        &mut self,
+        what: &'static str,
+        parse: impl Fn(&str) -> Option<Value>,
+    ) -> Result<Value, DecodeError> {
         let text = self.text_until_close()?;
-        parse(text.trim()).ok_or(DecodeError::Scalar(text))
+        parse(text.trim()).ok_or(DecodeError::Scalar(what, text))
     }
 
     fn array(&mut self, depth: u32) -> Result<Value, DecodeError> {

@@ -366,3 +366,32 @@ fn a_start_resets_the_next_window_and_a_stop_keeps_it() {
     device.run(Streams::CODES);
     assert_eq!(next(&device), 0);
 }
+
+#[test]
+fn noise_and_echoes_are_counted_and_timing_is_sent_unchanged() {
+    let mut device = Device::new(EVERYTHING);
+    let mut buffer = [0; MAX_FRAME];
+    let echo = link::Encoder::starting_at(1)
+        .encode(0, &ToHost::SelfTest(SelfTest::default()), &mut buffer)
+        .unwrap();
+    for bytes in [&[7, 7, 7, 0][..], echo] {
+        let Device { session, sender } = &mut device;
+        session.receive(bytes, 1_000, Counts::default(), sender, |_| ());
+    }
+    assert_eq!(device.kinds(), [""; 0]);
+    assert_eq!(device.execute(ToDevice::Stop).1, AckResult::Done);
+    let stats = device.session.stats(Counts::default(), 0);
+    assert_eq!((stats.input_bad, stats.commands), (2, 1));
+
+    let timing = Timing {
+        stack_used: 1_024,
+        stack_size: 4_096,
+        ..Timing::default()
+    };
+    device.session.send_timing(timing.clone(), 5, &mut device.sender);
+    let sent = device.sent(|header, message| match message {
+        ToHost::Timing(timing) => Some((header.device_time_us, timing.clone())),
+        _ => None,
+    });
+    assert_eq!(sent, [(5, timing)]);
+}

@@ -56,8 +56,69 @@ fn the_largest_frame_fits() {
         reset_cause: ResetCause::Newer(255),
         fault: &text,
     });
-    // Each of the device's other messages is shorter, or the test below asserts its length.
-    assert!(body_bytes(&hello) < largest);
+    let code = ToHost::Code(Code {
+        model_id: [255; 8],
+        window: u32::MAX,
+        first_sample: u64::MAX,
+        flags: Flags::from_bits(u16::MAX),
+        clipped: u16::MAX,
+        clipped_values: u8::MAX,
+        saturated: u64::MAX,
+        values: CodeValues::int16(&[255; 2 * MAX_NUMBERS]),
+    });
+    let stats = ToHost::Stats(Stats {
+        streams: Streams::from_bits(u16::MAX),
+        next_window: u32::MAX,
+        codes_made: u32::MAX,
+        frames_dropped: u32::MAX,
+        samples: u64::MAX,
+        overruns: u32::MAX,
+        adc_status_bad: u32::MAX,
+        clipped: u32::MAX,
+        clipped_values: u32::MAX,
+        commands: u32::MAX,
+        input_bad: u32::MAX,
+    });
+    let ack = ToHost::Ack(Ack {
+        of: u32::MAX,
+        result: AckResult::Newer(255),
+    });
+    let quality = ToHost::Quality(Quality {
+        first_sample: u64::MAX,
+        settling: true,
+        electrodes: heapless::Vec::from_array(
+            [ElectrodeQuality {
+                rms_uv: f32::MAX,
+                mains_uv: f32::MAX,
+                mains_residual_uv: f32::MAX,
+                samples_at_rail: u16::MAX,
+                flat: true,
+            }; MAX_ELECTRODES],
+        ),
+    });
+    let timing = ToHost::Timing(Timing {
+        stages: heapless::Vec::from_array(
+            [StageTiming {
+                stage: Stage::Newer(255),
+                deadline_ns: u32::MAX,
+                worst_ns: u32::MAX,
+                histogram: [u32::MAX; 9],
+            }; MAX_STAGES],
+        ),
+        stack_used: u32::MAX,
+        stack_size: u32::MAX,
+    });
+    let packed = ToHost::PackedCode(PackedCode {
+        block: u32::MAX,
+        rate: u8::MAX,
+        flags: Flags::from_bits(u16::MAX),
+        clipped: u16::MAX,
+        saturated: u64::MAX,
+        bytes: &[255; 118],
+    });
+    for other in [hello, code, stats, ack, quality, timing, packed] {
+        assert!(body_bytes(&other) < largest, "{other:?}");
+    }
     let start = Start {
         streams: Streams::from_bits(u16::MAX),
         mains_hz: 255,

@@ -44,11 +44,11 @@ mod image {
     unsafe extern "C" {
         /// Called on panic and defined nowhere, so that an image with a reachable panic does not
         /// link. An image that allocates does not link either, because there is no allocator.
-        safe fn the_path_from_sample_to_code_can_panic() -> !;
+        safe fn the_path_of_a_sample_can_panic() -> !;
     }
 
     #[panic_handler]
     fn panic(_: &PanicInfo) -> ! {
-        the_path_from_sample_to_code_can_panic()
+        the_path_of_a_sample_can_panic()
     }
 }

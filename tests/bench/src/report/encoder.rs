@@ -56,7 +56,7 @@ pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
         images::check_panics(&images::loaded(tasks.path())?)?;
         let image = Image::build("bench", "encoder", machine.features)?;
         let (printed, different) = expected.run(&image, machine, "bench/encoder")?;
-        let mut counts = Counts::new(machine, printed);
+        let mut counts = Counts::new(machine, printed)?;
         [counts.different_codes, counts.different_networks] = different;
         match cycles::loops(machine, &image) {
             Ok(loops) => counts.loops = loops,

@@ -82,13 +82,20 @@ pub(crate) struct Range {
 }
 
 impl Range {
-    /// Returns the range of each column (a contender or a time step) over all inputs; `inputs` has
-    /// one row of tallies for each input. Columns that an input lacks are left out.
-    pub(crate) fn of_columns(inputs: &[Vec<Tally>]) -> Vec<Self> {
-        let columns = 0..inputs.iter().map(Vec::len).min().unwrap_or(0);
-        columns
-            .map(|column| Self::new(inputs.iter().map(|tallies| tallies[column])))
-            .collect()
+    /// Returns the range of each of `columns` columns (a contender or a time step) over all inputs;
+    /// `inputs` has one row of tallies for each input.
+    ///
+    /// # Errors
+    /// A row has another number of tallies, or there is no row.
+    pub(crate) fn of_columns(inputs: &[Vec<Tally>], columns: usize) -> anyhow::Result<Vec<Self>> {
+        let is_complete = !inputs.is_empty() && inputs.iter().all(|row| row.len() == columns);
+        ensure!(
+            is_complete,
+            "the image has not counted {columns} contenders or time steps for each input\n  \
+             next: `cargo clean --package bench`"
+        );
+        let range = |column| Self::new(inputs.iter().map(|tallies| tallies[column]));
+        Ok((0..columns).map(range).collect())
     }
 
     /// Returns the range of one contender or time step, from its tally with each input.
@@ -190,12 +197,14 @@ mod tests {
             vec![tally([10, 11]), tally([20, 21])],
         ];
         assert_eq!(
-            Range::of_columns(&inputs),
+            Range::of_columns(&inputs, 2).expect("two columns"),
             [range(10, 11, true), range(20, 21, false)]
         );
         // The largest counts of the two inputs are equal; only the smallest differ.
         let inputs = [vec![tally([10, 11])], vec![tally([11, 11])]];
-        assert!(!Range::of_columns(&inputs)[0].constant);
+        assert!(!Range::of_columns(&inputs, 1).expect("a column")[0].constant);
+        let incomplete = [vec![tally([10, 11])], vec![]];
+        assert!(Range::of_columns(&incomplete, 1).is_err());
     }
 
     #[test]

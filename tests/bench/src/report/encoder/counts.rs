@@ -1,5 +1,6 @@
 //! Instruction counts of the encoder on one emulated machine.
 
+use anyhow::Context;
 use emulator::Machine;
 use model::HOP;
 use serde::{Deserialize, Serialize};
@@ -75,14 +76,18 @@ pub(crate) struct Figures {
 impl Counts {
     /// Computes the counts from what the image printed. The caller sets the numbers of different
     /// codes and networks, and the loops.
-    pub(crate) fn new(machine: Machine, printed: Printed) -> Self {
-        let steps = Range::of_columns(&printed.inputs);
+    ///
+    /// # Errors
+    /// The image has counted other time steps than those of a hop, or no shortcut.
+    pub(crate) fn new(machine: Machine, printed: Printed) -> anyhow::Result<Self> {
+        let steps = Range::of_columns(&printed.inputs, HOP)?;
         let kernels = printed.kernels.iter();
         let in_kernels: u32 = kernels.map(|kernel| kernel.insn_per_code).sum();
         let mut kernels = printed.kernels.iter();
         let shortcut = kernels.find(|kernel| kernel.name == SHORTCUT);
-        let figures = Figures::new(&steps, shortcut.map_or(0, |kernel| kernel.insn_per_code));
-        Self {
+        let shortcut = shortcut.with_context(|| format!("the image has not counted {SHORTCUT}"))?;
+        let figures = Figures::new(&steps, shortcut.insn_per_code);
+        Ok(Self {
             machine: machine.name,
             core: machine.core,
             steps: steps.iter().map(|step| [step.fewest, step.most]).collect(),
@@ -96,7 +101,7 @@ impl Counts {
             different_networks: 0,
             loops: Vec::new(),
             skipped: Vec::new(),
-        }
+        })
     }
 
     /// Returns whether the machine computed the same codes and digests as this PC.
