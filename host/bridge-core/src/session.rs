@@ -71,9 +71,9 @@ pub(crate) struct Session {
     stats: Option<Stats>,
     /// Newest signal quality of the electrodes; `None` after `/diagnostics` has published it.
     quality: Option<Quality>,
-    /// Newest report of the stages' worst times; `None` after `/diagnostics` has published it.
+    /// Newest report of processing times; `None` after `/diagnostics` has published it.
     timing: Option<Timing>,
-    /// Of all reported stages, the one with the largest ratio of worst time to deadline.
+    /// Of all processing stages reported, the one with the largest ratio of worst time to deadline.
     worst_stage: Option<StageTiming>,
     converters: Option<ChainReport>,
     /// Electrodes without a recorded signal, by the device's newest introduction.
@@ -87,7 +87,8 @@ pub(crate) struct Session {
 struct LoggedOnce {
     newer_messages: bool,
     wire_version: bool,
-    /// Set to false when the device restarts or another one connects. The other flags stay set.
+    /// Whether a refusal of streams was logged. Unlike the other flags, it is set to false when the
+    /// device restarts or another one connects.
     refused_streams: bool,
 }
 
@@ -117,8 +118,8 @@ struct MessageTimes {
 }
 
 impl MessageTimes {
-    /// Returns the context for the message's conversion. If not `is_possible`, the device time is
-    /// wrong and is left out.
+    /// Returns the times, clock and trigger with which the message is converted for publication. If
+    /// not `is_possible`, the device time is wrong and is left out.
     fn reception<'a>(
         self,
         is_possible: bool,
@@ -517,8 +518,8 @@ impl Session {
         self.introduced && self.commands.accepts_codes()
     }
 
-    /// Returns whether codes and packed blocks of the device can be published. If the device
-    /// streams others than announced, because an acknowledgement was lost, announces it again.
+    /// Returns whether codes and packed blocks of the device can be published. If the device sends
+    /// other streams than announced (an acknowledgement was lost), announces the device again.
     fn expects_hops(&mut self, read: HostTime, effects: &mut dyn Effects) -> bool {
         let is_usable = self.accepts_codes();
         if is_usable {

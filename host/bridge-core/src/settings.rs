@@ -52,7 +52,8 @@ pub struct Settings {
     /// samples first, and for compressed ones if the device refuses plain ones because its port is
     /// too slow.
     pub streams: Streams,
-    /// Rate to which the packed code is set, 0 to 15; `None` leaves the choice to the device.
+    /// Rate of the packed code, 0 (finest) to 15 (coarsest); `None` leaves the choice to the
+    /// device.
     pub packed_rate: Option<u8>,
     /// Whether the stamp of an event refers to the event itself or to its place in a recording.
     pub event_stamps: EventStamps,

@@ -388,10 +388,10 @@ impl<R: Read + Seek> Replayer<R> {
     }
 }
 
-/// Numbers of what a replay has sent, and left out.
+/// Numbers of frames, codes and packed blocks that a replay sent, and of frames that it left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReplayCounts {
-    /// Number of frames sent, with answers to commands.
+    /// Number of frames sent, including answers to commands.
     pub frames: u64,
     /// Number of codes sent.
     pub codes: u64,
