@@ -89,7 +89,7 @@ impl AnnouncedStream {
         ("/neurodata_corticode", AnnouncedStream::Filtered),
     ];
 
-    /// Returns whether a device that sends `streams` provides what this stream needs.
+    /// Returns whether this stream can be published if the device sends `streams`.
     pub fn is_in(self, streams: Streams) -> bool {
         match self {
             AnnouncedStream::Encoded => streams.contains(Streams::CODES),

@@ -40,7 +40,7 @@ pub(crate) struct HopTimeline {
 pub(crate) struct HopPlace {
     pub(crate) index: u32,
     /// Device time of the last step of the code or packed block by the clock of the newest run,
-    /// microseconds. Negative for one from before that run.
+    /// microseconds. Negative for a code or block from before that run.
     pub(crate) device_us: i128,
     /// Total number of missing codes or packed blocks, counted up to and including this one.
     pub(crate) missing: u64,
@@ -49,8 +49,8 @@ pub(crate) struct HopPlace {
 }
 
 impl HopPlace {
-    /// Returns the status words of this item's frame, for which `last_sample` is the index of the
-    /// last ADC sample.
+    /// Returns the status words of this item's frame. `last_sample` is the index of the last ADC
+    /// sample of the frame.
     pub(crate) fn words(
         self,
         flags: Flags,
@@ -343,8 +343,8 @@ pub(crate) struct Continuity {
     newest_us: Option<f64>,
     /// Whether the device has restarted since the newest code, packed block or sample.
     run_ended: bool,
-    /// Remainder of the last gap after it was rounded to whole items, microseconds. It is added to
-    /// the next gap, so the errors of many restarts never add up to more than half an item.
+    /// Duration of the last gap minus that of the items counted for it, microseconds. It is added
+    /// to the next gap, so the errors of many restarts never add up to more than half an item.
     left_over_us: f64,
 }
 

@@ -24,7 +24,7 @@ struct Run {
     /// Smallest time from a code's last sample to its arrival, microseconds.
     least_delay_us: f64,
     /// Largest delay of an arrival in excess of `least_delay_us`, microseconds. For most arrivals
-    /// the excess is less than a quarter of it.
+    /// the excess is less than a quarter of this limit.
     jitter_us: f64,
     /// Stalls of the host: times at which it stops reading and continues, seconds.
     stalls: &'static [[f64; 2]],

@@ -14,7 +14,7 @@ use crate::recording::{RecordKind, RecordingError};
 /// How fast a recording is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// Each frame is sent at its time.
+    /// The frames are sent at the intervals at which they were recorded.
     RealTime,
     /// Each frame is sent as soon as the host has read the frames before it.
     Fast,
