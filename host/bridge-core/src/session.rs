@@ -56,7 +56,8 @@ pub(crate) struct Session {
     /// The device that was announced first. The bridge refuses every device that is not compatible
     /// with it, for as long as the bridge runs.
     announced: Option<Arc<Device>>,
-    /// Stream from which `/neurodata_reconstructed` is decoded, by the newest announcement.
+    /// Stream from which `/neurodata_reconstructed` is decoded according to the newest
+    /// announcement.
     decoding: Decoding,
     /// Whether, at the newest announcement, the bridge asked the device for the stream that
     /// `/acquisition/get_info` describes, and the device did not refuse to stream.
@@ -76,7 +77,7 @@ pub(crate) struct Session {
     /// Of all processing stages reported, the one with the largest ratio of worst time to deadline.
     worst_stage: Option<StageTiming>,
     converters: Option<ChainReport>,
-    /// Electrodes without a recorded signal, by the device's newest introduction.
+    /// Electrodes without a recorded signal, according to the device's newest introduction.
     substitutes: Substitutes,
     logged: LoggedOnce,
     link_log: LinkLog,
@@ -351,7 +352,8 @@ impl Session {
         self.trigger.restart();
     }
 
-    /// Ends the recording of all streams, because the user has stopped them.
+    /// Ends the recording of all streams, because the user has stopped them. The pause is not
+    /// filled.
     fn end_recording(&mut self, effects: &mut dyn Effects) {
         effects.finish_blocks();
         if let Some(codes) = &mut self.codes {

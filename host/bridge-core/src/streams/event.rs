@@ -1,4 +1,5 @@
-//! Events on `/events/bus`: edges of the trigger input, and what happens to device and data.
+//! Events on `/events/bus`: trigger edges, data losses, electrode contact, restarts, refused
+//! devices.
 
 use std::collections::VecDeque;
 

@@ -48,7 +48,8 @@ impl Introduction {
         self.hello.is_some() && self.capabilities.is_some()
     }
 
-    /// Returns whether `hello` comes from this device, without a restart since its introduction.
+    /// Returns whether `hello` comes from the introduced device, and the device has not restarted
+    /// since.
     pub(crate) fn is_session(&self, hello: &Hello) -> bool {
         let identity = self.identity.as_ref();
         identity.is_some_and(|identity| identity.is_same_session(hello))

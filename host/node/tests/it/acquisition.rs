@@ -99,7 +99,7 @@ impl Acquisition {
         let recording = Recording::from_source(Cursor::new(bytes)).unwrap();
         let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
         let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate).unwrap();
-        // Rate and counts per microvolt as in host-sim's virtual ADC.
+        // Rate and microvolts per count as in host-sim's virtual ADC.
         let spec = AdcSpec {
             rate_hz: model::ADC_RATE_HZ.into(),
             lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
