@@ -56,7 +56,7 @@ pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     new_status("timing", state, values)
 }
 
-/// Returns the stage with the largest ratio of worst time to deadline.
+/// Returns the processing stage with the largest ratio of worst time to deadline.
 pub(crate) fn closest_to_deadline<'t>(
     stages: impl Iterator<Item = &'t StageTiming>,
 ) -> Option<StageTiming> {

@@ -46,8 +46,8 @@ pub(crate) struct Session {
     encoder: Encoder,
     pub(crate) commands: Commands,
     identity: Option<Identity>,
-    /// Whether `Hello` has arrived since the port was opened. Sequence numbers of earlier frames
-    /// are ignored.
+    /// Whether `Hello` has arrived since the port was opened. Until then, the sequence numbers of
+    /// frames are ignored.
     introduced: bool,
     codes: Option<CodeStream>,
     packed: Option<PackedStream>,
@@ -399,8 +399,8 @@ impl Session {
         if !self.clock.admits(at.device_us, at.read) && !self.clock.observe(at.device_us, at.read) {
             return;
         }
-        // `next_window` counts codes. A device that replays a recording reports it even to a host
-        // that did not ask for codes, and to which no codes are lost.
+        // `next_window` counts codes. A replayed recording reports it also to a host that did not
+        // ask for codes. Such a host has lost none.
         if self.commands.streams().contains(Streams::CODES) {
             let reception = at.reception(true, &self.clock, &self.trigger);
             codes.fill_before(stats.next_window, reception, effects);

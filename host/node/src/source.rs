@@ -172,7 +172,8 @@ impl Source {
             let is_lost = self.is_lost();
             let at_us = self.device_us();
             self.outputs += 1;
-            // The virtual ADC has at least as many channels as a sample; the others are left out.
+            // The virtual ADC can have more channels than a sample; the excess channels are left
+            // out.
             let sample = Sample {
                 counts: std::array::from_fn(|channel| counts[channel]),
             };
@@ -202,7 +203,7 @@ impl Source {
     }
 
     /// Sends the device's counters, as a device does every second. With a resampler, codes come
-    /// less than once a second.
+    /// less often than that.
     pub fn send_stats(&mut self) {
         if self.is_streaming() {
             self.device.send_stats(self.device_us());

@@ -296,8 +296,8 @@ impl Worker {
         self.finish_blocks()
     }
 
-    /// Replaces the reconstructions by `codes` and `packed` for another device. They continue the
-    /// frames of the reconstructions before.
+    /// Replaces the reconstructions by `codes` and `packed` for another device. The new
+    /// reconstructions continue the frames of the old ones.
     fn replace_device(
         &mut self,
         mut codes: Box<Reconstruction>,

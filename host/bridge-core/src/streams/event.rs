@@ -36,7 +36,8 @@ impl EventStream {
     /// Publishes an event that happened at `reception.device_us` and returns the trigger's new
     /// level. If that time is `None`, the stamp is the time at which the event was read.
     ///
-    /// Returns `None` for a replay and for an event of an unknown kind, which are not published.
+    /// Returns `None` for an event with an old number or of an unknown kind, which is not
+    /// published.
     pub(crate) fn receive(
         &mut self,
         event: Event,
@@ -132,7 +133,8 @@ pub(crate) enum BusEvent {
     ElectrodesOff(Vec<String>),
     /// All electrodes have regained contact.
     ElectrodesOn,
-    /// The device made data that the bridge did not receive. Holds their duration in seconds.
+    /// The device made data that the bridge did not receive. Holds the duration of the data in
+    /// seconds.
     DataLost(f32),
     /// The bridge did not receive some edges of the trigger input. Holds their number.
     EdgesLost(u32),
