@@ -56,8 +56,7 @@ pub(crate) struct Session {
     /// The device that was announced first. The bridge refuses every device that is not compatible
     /// with it, for as long as the bridge runs.
     announced: Option<Arc<Device>>,
-    /// Stream from which `/neurodata_reconstructed` is decoded according to the newest
-    /// announcement.
+    /// Stream from which `/neurodata_reconstructed` is decoded, as last announced.
     decoding: Decoding,
     /// Whether, at the newest announcement, the bridge asked the device for the stream that
     /// `/acquisition/get_info` describes, and the device did not refuse to stream.
@@ -352,8 +351,7 @@ impl Session {
         self.trigger.restart();
     }
 
-    /// Ends the recording of all streams, because the user has stopped them. The pause is not
-    /// filled.
+    /// Ends the recording of all streams, which the user has stopped. The pause is not filled.
     fn end_recording(&mut self, effects: &mut dyn Effects) {
         effects.finish_blocks();
         if let Some(codes) = &mut self.codes {

@@ -172,8 +172,7 @@ impl Source {
             let is_lost = self.is_lost();
             let at_us = self.device_us();
             self.outputs += 1;
-            // The virtual ADC can have more channels than a sample; the excess channels are left
-            // out.
+            // The virtual ADC can have more channels than a sample. Leave out the excess channels.
             let sample = Sample {
                 counts: std::array::from_fn(|channel| counts[channel]),
             };

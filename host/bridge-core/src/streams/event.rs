@@ -1,5 +1,4 @@
-//! Events on `/events/bus`: trigger edges, data losses, electrode contact, restarts, refused
-//! devices.
+//! Events on `/events/bus`: trigger edges, lost data, electrode contact, restarts, refused devices.
 
 use std::collections::VecDeque;
 
@@ -36,8 +35,7 @@ impl EventStream {
     /// Publishes an event that happened at `reception.device_us` and returns the trigger's new
     /// level. If that time is `None`, the stamp is the time at which the event was read.
     ///
-    /// Returns `None` for an event with an old number or of an unknown kind, which is not
-    /// published.
+    /// Returns `None` for an event with an old number or of an unknown kind; it is not published.
     pub(crate) fn receive(
         &mut self,
         event: Event,
@@ -133,8 +131,7 @@ pub(crate) enum BusEvent {
     ElectrodesOff(Vec<String>),
     /// All electrodes have regained contact.
     ElectrodesOn,
-    /// The device made data that the bridge did not receive. Holds the duration of the data in
-    /// seconds.
+    /// The device made data that the bridge did not receive. Holds the duration, in seconds.
     DataLost(f32),
     /// The bridge did not receive some edges of the trigger input. Holds their number.
     EdgesLost(u32),

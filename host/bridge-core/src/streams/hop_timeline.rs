@@ -49,8 +49,7 @@ pub(crate) struct HopPlace {
 }
 
 impl HopPlace {
-    /// Returns the status words of this item's frame. `last_sample` is the index of the last ADC
-    /// sample of the frame.
+    /// Returns the status words of this item's frame. `last_sample` is its last ADC sample's index.
     pub(crate) fn words(
         self,
         flags: Flags,

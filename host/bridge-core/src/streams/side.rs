@@ -89,8 +89,7 @@ impl SideStreams {
         self.bus.set_shift(shift_us);
     }
 
-    /// Ends the recording of all side streams, because the user has stopped them. The pause is not
-    /// filled.
+    /// Ends the recording of all side streams, which the user has stopped. The pause is not filled.
     pub(crate) fn end_recording(&mut self) {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
             stream.end_recording();

@@ -48,8 +48,7 @@ impl Introduction {
         self.hello.is_some() && self.capabilities.is_some()
     }
 
-    /// Returns whether `hello` comes from the introduced device, and the device has not restarted
-    /// since.
+    /// Returns whether `hello` comes from the introduced device, without a restart since then.
     pub(crate) fn is_session(&self, hello: &Hello) -> bool {
         let identity = self.identity.as_ref();
         identity.is_some_and(|identity| identity.is_same_session(hello))

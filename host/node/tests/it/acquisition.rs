@@ -107,8 +107,7 @@ impl Acquisition {
         let mut pipeline = Pipeline::new(mains);
         let samples = VirtualAdc::new(recording, &map, spec).unwrap();
         let codes = samples.filter_map(|counts| {
-            // The virtual ADC can have more channels than a sample; the excess channels are left
-            // out.
+            // The virtual ADC can have more channels than a sample. Leave out the excess channels.
             let counts = counts.unwrap();
             pipeline.encode_sample(&Sample {
                 counts: std::array::from_fn(|channel| counts[channel]),
