@@ -12,7 +12,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::acquisition::Acquisition;
 
-/// Timeout of each wait. On an idle machine every wait ends within milliseconds.
+/// Timeout of each wait, long enough for a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
 
 pub(crate) struct Graph {
