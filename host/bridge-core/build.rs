@@ -7,7 +7,7 @@ use std::{
     process::ExitCode,
 };
 
-/// Environment variable with the absolute path of a model's folder, to embed another model.
+/// Name of the environment variable with the absolute path of the folder of the model to embed.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 fn main() -> ExitCode {

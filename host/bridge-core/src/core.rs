@@ -75,8 +75,8 @@ impl Core {
         self.session.commands.set_streaming(streaming);
     }
 
-    /// Sets the rate of the packed code, 0 to 15. The next [`Core::tick`] sends the command that
-    /// sets it on the device.
+    /// Sets the rate of the packed code, 0 (finest) to 15 (coarsest). The next [`Core::tick`] sends
+    /// the command that sets it on the device.
     pub fn set_packed_rate(&mut self, rate: u8) {
         self.session.commands.set_rate(rate);
     }
@@ -137,9 +137,9 @@ pub trait Effects {
     /// Publishes the frame of a code, or of a filler, on `/encoded`.
     fn publish_encoded(&mut self, _frame: &NeuroFrame) {}
 
-    /// Returns how many fillers can be published on `/encoded` at once. Of a longer gap, only so
-    /// many codes are filled, and the rest is only counted. The default, 68 minutes of codes, is
-    /// for an output without a queue.
+    /// Returns how many fillers can be published on `/encoded` at once. If a gap is longer, this
+    /// number of codes is filled, and the rest is only counted. The default, 68 minutes of codes,
+    /// is for an output without a queue.
     fn max_fillers(&self) -> u64 {
         65_536
     }

@@ -288,7 +288,7 @@ pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
     digits.concat()
 }
 
-/// Owned copy of a device's [`Hello`], which borrows its strings.
+/// Copy of a device's [`Hello`] that owns its strings; a `Hello` borrows them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     firmware: String,
@@ -314,7 +314,7 @@ impl Identity {
         }
     }
 
-    /// Returns a `Hello` with this identity, which borrows the strings.
+    /// Returns this identity as a `Hello` that borrows the strings.
     pub fn as_hello(&self) -> Hello<'_> {
         Hello {
             firmware: &self.firmware,

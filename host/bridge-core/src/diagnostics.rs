@@ -7,8 +7,8 @@ pub(crate) mod packed;
 use link::{ElectrodeQuality, Quality, StageTiming, Timing};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-/// Creates a status for `/diagnostics` with the bare name. The function that collects all statuses
-/// adds the hardware id and a prefix to the name.
+/// Creates a status for `/diagnostics`, named `name` without a prefix. The function that collects
+/// all statuses adds the prefix and the hardware id.
 pub(crate) fn new_status(
     name: &str,
     (level, message): (DiagnosticLevel, String),
@@ -23,9 +23,9 @@ pub(crate) fn new_status(
     }
 }
 
-/// Returns the status `timing`. The message names the stages that missed a deadline since the
-/// device's boot, and the stack if more than 3/4 of it was used. The values of the status are the
-/// times of all stages.
+/// Returns the status `timing`. The message names the processing stages that missed a deadline
+/// since the device's boot, and the stack if more than 3/4 of it was used. The values of the status
+/// are the times of all stages.
 pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     let Timing {
         stages,
@@ -56,7 +56,7 @@ pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     new_status("timing", state, values)
 }
 
-/// Returns the stage with the largest ratio of worst time to deadline.
+/// Returns the processing stage with the largest ratio of worst time to deadline.
 pub(crate) fn closest_to_deadline<'t>(
     stages: impl Iterator<Item = &'t StageTiming>,
 ) -> Option<StageTiming> {

@@ -135,8 +135,8 @@ impl Query {
         }
     }
 
-    /// Returns whether the port may close and return at present. A device on USB disconnects while
-    /// it restarts.
+    /// Returns whether it is normal at present that the port closes and opens again: a device on
+    /// USB disconnects while it restarts.
     pub fn expects_reconnect(&self) -> bool {
         self.stage == Stage::Wait && matches!(self.request, Request::Reset(_))
     }

@@ -46,8 +46,8 @@ pub(crate) struct Session {
     encoder: Encoder,
     pub(crate) commands: Commands,
     identity: Option<Identity>,
-    /// Whether `Hello` has arrived since the port was opened. Sequence numbers of earlier frames
-    /// are ignored.
+    /// Whether `Hello` has arrived since the port was opened. Until then, the sequence numbers of
+    /// frames are ignored.
     introduced: bool,
     codes: Option<CodeStream>,
     packed: Option<PackedStream>,
@@ -56,7 +56,7 @@ pub(crate) struct Session {
     /// The device that was announced first. The bridge refuses every device that is not compatible
     /// with it, for as long as the bridge runs.
     announced: Option<Arc<Device>>,
-    /// Stream from which `/neurodata_reconstructed` is decoded, by the newest announcement.
+    /// Stream from which `/neurodata_reconstructed` is decoded, as last announced.
     decoding: Decoding,
     /// Whether, at the newest announcement, the bridge asked the device for the stream that
     /// `/acquisition/get_info` describes, and the device did not refuse to stream.
@@ -71,12 +71,12 @@ pub(crate) struct Session {
     stats: Option<Stats>,
     /// Newest signal quality of the electrodes; `None` after `/diagnostics` has published it.
     quality: Option<Quality>,
-    /// Newest report of the stages' worst times; `None` after `/diagnostics` has published it.
+    /// Newest report of processing times; `None` after `/diagnostics` has published it.
     timing: Option<Timing>,
-    /// Of all reported stages, the one with the largest ratio of worst time to deadline.
+    /// Of all processing stages reported, the one with the largest ratio of worst time to deadline.
     worst_stage: Option<StageTiming>,
     converters: Option<ChainReport>,
-    /// Electrodes without a recorded signal, by the device's newest introduction.
+    /// Electrodes without a recorded signal, according to the device's newest introduction.
     substitutes: Substitutes,
     logged: LoggedOnce,
     link_log: LinkLog,
@@ -87,7 +87,8 @@ pub(crate) struct Session {
 struct LoggedOnce {
     newer_messages: bool,
     wire_version: bool,
-    /// Set to false when the device restarts or another one connects. The other flags stay set.
+    /// Whether a refusal of streams was logged. Unlike the other flags, it is set to false when the
+    /// device restarts or another one connects.
     refused_streams: bool,
 }
 
@@ -117,8 +118,8 @@ struct MessageTimes {
 }
 
 impl MessageTimes {
-    /// Returns the context for the message's conversion. If not `is_possible`, the device time is
-    /// wrong and is left out.
+    /// Returns the times, clock and trigger with which the message is converted for publication. If
+    /// not `is_possible`, the device time is wrong and is left out.
     fn reception<'a>(
         self,
         is_possible: bool,
@@ -350,7 +351,7 @@ impl Session {
         self.trigger.restart();
     }
 
-    /// Ends the recording of all streams, because the user has stopped them.
+    /// Ends the recording of all streams, which the user has stopped. The pause is not filled.
     fn end_recording(&mut self, effects: &mut dyn Effects) {
         effects.finish_blocks();
         if let Some(codes) = &mut self.codes {
@@ -396,8 +397,8 @@ impl Session {
         if !self.clock.admits(at.device_us, at.read) && !self.clock.observe(at.device_us, at.read) {
             return;
         }
-        // `next_window` counts codes. A device that replays a recording reports it even to a host
-        // that did not ask for codes, and to which no codes are lost.
+        // `next_window` counts codes. A replayed recording reports it also to a host that did not
+        // ask for codes. Such a host has lost none.
         if self.commands.streams().contains(Streams::CODES) {
             let reception = at.reception(true, &self.clock, &self.trigger);
             codes.fill_before(stats.next_window, reception, effects);
@@ -517,8 +518,8 @@ impl Session {
         self.introduced && self.commands.accepts_codes()
     }
 
-    /// Returns whether codes and packed blocks of the device can be published. If the device
-    /// streams others than announced, because an acknowledgement was lost, announces it again.
+    /// Returns whether codes and packed blocks of the device can be published. If the device sends
+    /// other streams than announced (an acknowledgement was lost), announces the device again.
     fn expects_hops(&mut self, read: HostTime, effects: &mut dyn Effects) -> bool {
         let is_usable = self.accepts_codes();
         if is_usable {

@@ -52,7 +52,8 @@ pub struct Settings {
     /// samples first, and for compressed ones if the device refuses plain ones because its port is
     /// too slow.
     pub streams: Streams,
-    /// Rate to which the packed code is set, 0 to 15; `None` leaves the choice to the device.
+    /// Rate of the packed code, 0 (finest) to 15 (coarsest); `None` leaves the choice to the
+    /// device.
     pub packed_rate: Option<u8>,
     /// Whether the stamp of an event refers to the event itself or to its place in a recording.
     pub event_stamps: EventStamps,
@@ -88,7 +89,7 @@ impl AnnouncedStream {
         ("/neurodata_corticode", AnnouncedStream::Filtered),
     ];
 
-    /// Returns whether a device that sends `streams` provides what this stream needs.
+    /// Returns whether this stream can be published if the device sends `streams`.
     pub fn is_in(self, streams: Streams) -> bool {
         match self {
             AnnouncedStream::Encoded => streams.contains(Streams::CODES),

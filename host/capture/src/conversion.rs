@@ -110,7 +110,7 @@ pub struct ConvertSummary {
     files: Vec<(PathBuf, u64)>,
     events: usize,
     left_out: LeftOut,
-    /// Number of missing rows that have no fillers, because they would be too many.
+    /// Number of missing rows without fillers, because their stream already had too many fillers.
     unfilled: u64,
     core: Summary,
 }

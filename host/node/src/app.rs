@@ -69,7 +69,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         Ok(SourceFeed::new(subscriber, mains, Stamp::now().nsecs))
     };
     let summary = runtime.block_on(Box::pin(publication.publish(log, connect)))?;
-    // Dropping the runtime would wait for a lookup of a host name that has not ended.
+    // Dropping the runtime would wait for an unfinished lookup of a host name.
     runtime.shutdown_background();
     eprintln!("corticode-node: {summary}");
     Ok(())

@@ -7,7 +7,7 @@ use device::{
 use link::{ResetCause, Streams, Substitutes};
 use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
-/// What the device tells its host that it can do.
+/// Abilities that the device reports to its host.
 const ABILITIES: Abilities = Abilities {
     streams: STREAMS,
     self_test: false,

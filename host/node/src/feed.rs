@@ -32,7 +32,7 @@ pub(crate) struct SourceFeed {
     /// First frame of the device, its arrival, and a deadline: the frame is encoded when the bridge
     /// has started the streams, at the latest at the deadline.
     held: Option<(NeuroFrame, HostTime, Instant)>,
-    /// Arrival of the frame from which the bytes that were read last were made.
+    /// Arrival of the acquisition's frame from which the newest bytes for the host were made.
     read: HostTime,
     /// Time at which bytes were last passed to the host.
     passed: Instant,

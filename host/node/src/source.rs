@@ -28,7 +28,7 @@ pub struct Source {
     sequence: Sequence,
     adc: LiveAdc,
     device: EncoderDevice,
-    /// Number of samples of the acquisition since the device's start, with those lost.
+    /// Number of samples of the acquisition since the device's start, including lost ones.
     inputs: u64,
     /// Number of samples that the virtual ADC has made since the device's start.
     outputs: u64,
@@ -127,9 +127,9 @@ impl Source {
         }
     }
 
-    /// Replaces the device by a new one, because the acquisition has restarted; the first frame
-    /// after that arrived at `read`. The new device introduces itself to the host, which then
-    /// starts its streams. Samples that wait for the resampler are dropped.
+    /// Replaces the device by a new one, because the acquisition has restarted. `read` is the
+    /// arrival of the first frame after that. The new device introduces itself to the host, which
+    /// then starts its streams. Samples that wait for the resampler are dropped.
     ///
     /// # Errors
     ///
@@ -172,7 +172,7 @@ impl Source {
             let is_lost = self.is_lost();
             let at_us = self.device_us();
             self.outputs += 1;
-            // The virtual ADC has at least as many channels as a sample; the others are left out.
+            // The virtual ADC can have more channels than a sample. Leave out the excess channels.
             let sample = Sample {
                 counts: std::array::from_fn(|channel| counts[channel]),
             };
@@ -202,7 +202,7 @@ impl Source {
     }
 
     /// Sends the device's counters, as a device does every second. With a resampler, codes come
-    /// more rarely than that.
+    /// less often than that.
     pub fn send_stats(&mut self) {
         if self.is_streaming() {
             self.device.send_stats(self.device_us());
@@ -215,7 +215,7 @@ impl Source {
         self.outgoing.pop_front()
     }
 
-    /// Puts bytes back in front that the host has not taken yet.
+    /// Puts bytes that the host has not taken yet back to the front of the queue.
     pub(crate) fn put_back(&mut self, read: HostTime, bytes: Vec<u8>) {
         self.outgoing.push_front((read, bytes));
     }
@@ -243,7 +243,8 @@ impl Source {
         lost.is_some_and(|lost| lost.contains(&before) || lost.contains(&after))
     }
 
-    /// Queues the device's bytes for the host, with the arrival of the newest converted sample.
+    /// Queues the device's bytes for the host, with the arrival time of the newest converted
+    /// sample.
     fn collect(&mut self) {
         let bytes = self.device.take_bytes();
         if bytes.is_empty() {

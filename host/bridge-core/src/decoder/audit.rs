@@ -55,7 +55,7 @@ pub struct AuditedWindow {
     pub device: Arc<Device>,
     /// Index of the window; the first one after the command `Start` has index 0.
     pub window: u32,
-    /// Planes of the window, oldest first, each row by row; int8, as the encoder reads them.
+    /// Encoder's input: for each step, oldest first, a plane of scalp-grid cells, row by row; int8.
     pub planes: Vec<i8>,
     /// The device's code, in levels of its format; empty if the device has no network.
     pub levels: Vec<i32>,
@@ -145,7 +145,7 @@ impl AuditedWindow {
         })
     }
 
-    /// Returns whether a cell has the smallest or largest int8, as it has if the input was clipped.
+    /// Returns whether any cell has the smallest or largest int8 value, as after clipping.
     fn is_at_rail(&self) -> bool {
         self.planes.iter().any(|cell| *cell == 127 || *cell == -128)
     }

@@ -1,7 +1,7 @@
 //! Decides when the bridge stops reading the port until the decoder has caught up.
 
 /// Number of waiting windows above which the bridge stops reading the port, if the source can wait.
-/// So many windows are 16 s of signal and take about 1 s to decode.
+/// 256 windows are 16 s of signal and take about 1 s to decode.
 const WAITING_WINDOWS: u64 = 256;
 
 /// Lead of the device's time over the host's time, microseconds, above which the source counts as

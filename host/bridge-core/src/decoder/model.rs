@@ -138,8 +138,8 @@ impl Model {
         self.sd_uv
     }
 
-    /// Returns the electrode signals of a window, all electrodes of one step after those of the
-    /// step before, and the voltage of one int8 level, both in microvolts. `planes` holds the
+    /// Returns two results in microvolts: the electrode signals of a window (all electrodes of the
+    /// first step, then of the next), and the voltage of one int8 level. `planes` holds the
     /// encoder's input for the window; missing cells count as 0.
     pub fn electrodes_uv(&self, planes: &[i8]) -> (Vec<f32>, f64) {
         let level_uv = f64::from(self.input_scale) * self.sd_uv;

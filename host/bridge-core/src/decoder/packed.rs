@@ -32,7 +32,7 @@ pub struct TimedPackedBlock {
 pub struct PackedBytes {
     /// Content of the block, as the device sent it.
     pub bytes: Vec<u8>,
-    /// Rate of the packed code, 0 to 15; a block with a larger rate counts as malformed.
+    /// Rate of the packed code: 0 (finest) to 15 (coarsest), or larger in a malformed block.
     pub rate: u8,
 }
 

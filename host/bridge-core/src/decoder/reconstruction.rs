@@ -79,8 +79,8 @@ impl Reconstruction {
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// Counts the frame of a window that is not decoded because no subscriber would receive the
-    /// frame. Forgets the earlier windows, so the next frame is decoded from one window alone.
+    /// Increments the sequence number without decoding a window, whose frame nobody would receive.
+    /// Forgets the earlier windows, so the next frame is decoded from one window alone.
     pub(crate) fn skip_frame(&mut self) {
         self.overlap.forget();
         self.count_frame();

@@ -296,8 +296,8 @@ impl Worker {
         self.finish_blocks()
     }
 
-    /// Replaces the reconstructions by `codes` and `packed` for another device. They continue the
-    /// frames of the reconstructions before.
+    /// Replaces the reconstructions by `codes` and `packed` for another device. The new
+    /// reconstructions continue the frames of the old ones.
     fn replace_device(
         &mut self,
         mut codes: Box<Reconstruction>,
@@ -411,8 +411,8 @@ fn publish(
     Ok(())
 }
 
-/// Numbers of windows that were decoded, that wait, and that were not decoded, by reason. Here a
-/// window is a code or a packed block. The program prints these numbers in its last line.
+/// Numbers of windows that were decoded, that wait, and that were not decoded for each reason. Here
+/// a window is a code or a packed block. The program prints these numbers in its last line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecoderCounts {
     /// Number of codes and packed blocks decoded so far.

@@ -15,14 +15,14 @@ pub(crate) struct AuditCounts {
     pub(crate) compared: u64,
     pub(crate) wrong: u64,
     pub(crate) at_rail: u64,
-    /// Number of the newest audits in a row whose windows all have a clipped cell.
+    /// Number of consecutive audits, up to the newest, whose windows have a clipped cell.
     unjudged: u64,
     pub(crate) newest: Option<AuditResult>,
     /// Number of audited windows that were compared with packed blocks.
     packed_compared: u64,
     /// Number of audited windows that could not be compared with packed blocks.
     packed_skipped: u64,
-    /// Number of the newest windows in a row that could not be compared with packed blocks.
+    /// Number of consecutive windows, up to the newest, that were not compared with packed blocks.
     packed_unjudged: u64,
     packed_newest: Option<PackedError>,
 }

@@ -11,7 +11,7 @@ use crate::streams::ledger::SampleCounts;
 use crate::time::HostTime;
 
 /// Builds the report for `/diagnostics`: the statuses of device, loss, link and clock, and those of
-/// packed blocks and of converters once the device has sent such messages. The statuses of
+/// packed blocks and converters once the device has sent messages about them. The statuses of
 /// electrodes and deadlines are included only if new messages about them have arrived.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
@@ -123,9 +123,9 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     new_status("device", (level, message), values)
 }
 
-/// Returns level and message of the status `device` while the device streams. If it refuses codes,
-/// samples, filtered steps or packed blocks, that is a warning. If it refuses only audits or events
-/// it is not, because older firmware does not have them.
+/// Returns level and message of the status `device` while the device streams. The level is a
+/// warning if the device refuses codes, samples, filtered steps or packed blocks, but not if it
+/// refuses only audits or events, which older firmware does not have.
 fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     let refused = session.commands.refused_streams();
     if refused.is_empty() {

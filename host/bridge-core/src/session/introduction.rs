@@ -169,7 +169,7 @@ impl Session {
     }
 
     /// Returns which stream to decode, of those that the bridge asks the device for, and whether it
-    /// can be decoded. `decodable` states that the bridge's model is the device's.
+    /// can be decoded. `decodable`: the bridge has the device's model.
     fn decoding(&self, decodable: bool) -> Decoding {
         let stream = DecodedStream::of(self.commands.streams());
         let has_packed = || self.model.as_ref()?.packed();

@@ -14,11 +14,11 @@ use crate::streams::packed::PackedStream;
 pub struct Summary {
     /// Number of codes that the device has made, by their indices: those received plus those lost.
     pub made: u64,
-    /// Number of codes that arrived; replays do not count.
+    /// Number of codes that arrived; frames with an old sequence number do not count.
     pub received: u64,
     /// Number of codes that did not arrive.
     pub lost: u64,
-    /// Number of codes that the device would have made in the time between two of its runs.
+    /// Number of codes that are missing because restarts interrupted the stream.
     pub between_runs: u64,
     /// Number of bursts; a burst is a sequence of consecutive lost codes.
     pub bursts: u64,
@@ -42,8 +42,8 @@ pub struct Summary {
     /// Drift: rate of the host's clock divided by that of the device's clock, minus 1, in parts per
     /// million.
     pub drift_ppm: f64,
-    /// Of the device's stages, the one with the largest ratio of worst time to deadline so far;
-    /// `None` if the device reports no stages.
+    /// Of the device's processing stages, the one with the largest ratio of worst time to deadline
+    /// so far; `None` if the device reports no stages.
     pub worst_stage: Option<StageTiming>,
     /// Counts of the decoder thread, which is not part of the core. A core sets all of them to 0.
     pub decoder: DecoderCounts,
@@ -54,13 +54,13 @@ pub struct Summary {
 pub struct PackedSummary {
     /// Number of blocks that the device has made: those received plus those lost.
     pub made: u64,
-    /// Number of blocks that arrived; replays do not count.
+    /// Number of blocks that arrived; frames with an old sequence number do not count.
     pub received: u64,
     /// Number of blocks that did not arrive.
     pub lost: u64,
     /// Number of placeholders that were decoded in place of missing blocks.
     pub fillers: u64,
-    /// Number of blocks that the device would have made in the time between two of its runs.
+    /// Number of blocks that are missing because restarts interrupted the stream.
     pub between_runs: u64,
     /// Number of bits in the blocks that arrived, without the overhead of the frames around them.
     pub bits: u64,

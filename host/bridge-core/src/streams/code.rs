@@ -24,8 +24,8 @@ pub(crate) struct CodeStream {
     z: Vec<f32>,
     /// Whether `z` holds the newest code of this recording, which a filler can repeat.
     has_last: bool,
-    /// Whether packed blocks were decoded until now. In this case, codes missing before the first
-    /// code of this run are no gap in the decoded signals, so they are not passed to the decoder.
+    /// Whether packed blocks were decoded until now. If so, codes missing before the device's
+    /// present run are no gap in the decoded signals, so they are not passed to the decoder.
     follows_other: bool,
     pub(crate) counts: CodeCounts,
     encoded_stamps: MonotoneStamps,

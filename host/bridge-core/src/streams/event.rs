@@ -1,4 +1,4 @@
-//! Events on `/events/bus`: edges of the trigger input, and what happens to device and data.
+//! Events on `/events/bus`: trigger edges, lost data, electrode contact, restarts, refused devices.
 
 use std::collections::VecDeque;
 
@@ -35,7 +35,7 @@ impl EventStream {
     /// Publishes an event that happened at `reception.device_us` and returns the trigger's new
     /// level. If that time is `None`, the stamp is the time at which the event was read.
     ///
-    /// Returns `None` for a replay and for an event of an unknown kind, which are not published.
+    /// Returns `None` for an event with an old number or of an unknown kind; it is not published.
     pub(crate) fn receive(
         &mut self,
         event: Event,
@@ -131,7 +131,7 @@ pub(crate) enum BusEvent {
     ElectrodesOff(Vec<String>),
     /// All electrodes have regained contact.
     ElectrodesOn,
-    /// The device made data that the bridge did not receive. Holds their duration in seconds.
+    /// The device made data that the bridge did not receive. Holds the duration, in seconds.
     DataLost(f32),
     /// The bridge did not receive some edges of the trigger input. Holds their number.
     EdgesLost(u32),

@@ -40,7 +40,7 @@ pub(crate) struct HopTimeline {
 pub(crate) struct HopPlace {
     pub(crate) index: u32,
     /// Device time of the last step of the code or packed block by the clock of the newest run,
-    /// microseconds. Negative for one from before that run.
+    /// microseconds. Negative for a code or block from before that run.
     pub(crate) device_us: i128,
     /// Total number of missing codes or packed blocks, counted up to and including this one.
     pub(crate) missing: u64,
@@ -49,8 +49,7 @@ pub(crate) struct HopPlace {
 }
 
 impl HopPlace {
-    /// Returns the status words of this item's frame, for which `last_sample` is the index of the
-    /// last ADC sample.
+    /// Returns the status words of this item's frame. `last_sample` is its last ADC sample's index.
     pub(crate) fn words(
         self,
         flags: Flags,
@@ -150,8 +149,8 @@ impl HopTimeline {
         self.running
     }
 
-    /// Returns the newest stretch of missing items, each stretch once; otherwise `None`. A stretch
-    /// starts at the stamp of its first filler.
+    /// Removes and returns the stretch of missing items that is not reported yet, if there is one.
+    /// A stretch starts at the stamp of its first filler.
     pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
         self.missing.take()
     }
@@ -165,15 +164,15 @@ impl HopTimeline {
         self.counts.fillers += fillers as u64;
     }
 
-    /// Returns whether an item with this index, in a new frame, shows that the device restarted its
-    /// stream without a command. This is so if an item of this index was already counted.
+    /// Returns whether the index of an item in a newly received frame shows that the device
+    /// restarted its stream without a command: an item of this index was already counted.
     pub(crate) fn is_restart(&self, index: u32) -> bool {
         self.counts.ledger.is_old(index)
     }
 
-    /// Returns the place of the received item `index`, and before it the places of the items
-    /// missing before it, oldest first and at most `max_fillers`. The device made the item at
-    /// `reception.device_us`; if that is `None`, the time is computed from the index.
+    /// Returns the places of the missing items directly before the received item `index`, oldest
+    /// first and at most `max_fillers`, followed by the place of the received item. The device made
+    /// it at `reception.device_us`; if that is `None`, the time is computed from the index.
     pub(crate) fn receive(
         &mut self,
         index: u32,
@@ -343,8 +342,8 @@ pub(crate) struct Continuity {
     newest_us: Option<f64>,
     /// Whether the device has restarted since the newest code, packed block or sample.
     run_ended: bool,
-    /// Remainder of the last gap after it was rounded to whole items, microseconds. It is added to
-    /// the next gap, so the errors of many restarts never add up to more than half an item.
+    /// Duration of the last gap minus that of the items counted for it, microseconds. It is added
+    /// to the next gap, so the errors of many restarts never add up to more than half an item.
     left_over_us: f64,
 }
 
@@ -382,7 +381,7 @@ impl Continuity {
     }
 }
 
-/// Consecutive missing data of a topic, for one event on the bus.
+/// A stretch of consecutive missing data of a topic, which becomes one event on the bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MissingStretch {
     /// Device time at which the first missing sample was at the electrodes, microseconds.

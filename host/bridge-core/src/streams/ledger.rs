@@ -93,7 +93,7 @@ impl Ledger {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct HopCounts {
     pub(crate) ledger: Ledger,
-    /// Number of items that the device would have made in the time between two of its runs.
+    /// Number of items that are missing because restarts interrupted the stream.
     pub(crate) between_runs: u64,
     pub(crate) fillers: u64,
     /// Number of missing items without a filler, because the gap was longer than what fits into the
@@ -102,7 +102,7 @@ pub(crate) struct HopCounts {
 }
 
 impl HopCounts {
-    /// Returns the number of items that the bridge did not receive, lost or between two runs.
+    /// Returns the number of missing items: those lost in a run, plus those between two runs.
     pub(crate) fn missing(&self) -> u64 {
         self.ledger.lost + self.between_runs
     }
@@ -127,10 +127,11 @@ pub(crate) struct PackedCounts {
     pub(crate) bits: u64,
     /// Number of blocks that the device coded without prediction from the block before.
     pub(crate) resets: u64,
-    /// Number of blocks with the flag `MISFIT`. Blocks before the filters have settled do not
-    /// count, because the model fits none of them.
+    /// Number of blocks with the flag `MISFIT`: the model does not represent their signals well.
+    /// Blocks before the filters have settled do not count, because the model fits none of them.
     pub(crate) misfits: u64,
-    /// Number of blocks with the flag `BLANK`, except those before the filters have settled.
+    /// Number of blocks with the flag `BLANK`: they were too long and have no content. Blocks
+    /// before the filters have settled do not count.
     pub(crate) blanks: u64,
     /// Number of blocks that the device quantised more coarsely than the set rate, because they
     /// would have been too long.
@@ -144,10 +145,10 @@ pub(crate) struct PackedCounts {
 pub(crate) struct SampleCounts {
     pub(crate) received: u64,
     pub(crate) lost: u64,
-    /// Number of samples that the device would have made in the time between two of its runs.
+    /// Number of samples that are missing because restarts interrupted the stream.
     pub(crate) between_runs: u64,
     /// Number of samples that no published frame contains: those of a frame that was unfinished
-    /// when the stream ended, those of a gap after its first two minutes, and, if the user wants no
+    /// when the stream ended, those of a gap in excess of two minutes, and, if the user wants no
     /// fillers, all samples of a frame in which one is lost.
     pub(crate) unpublished: u64,
     /// Number of messages whose content does not match the device's capabilities.
@@ -157,7 +158,7 @@ pub(crate) struct SampleCounts {
 }
 
 impl SampleCounts {
-    /// Returns the number of samples that the bridge did not receive, lost or between two runs.
+    /// Returns the number of missing samples: those lost in a run, plus those between two runs.
     pub(crate) fn missing(&self) -> u64 {
         self.lost.saturating_add(self.between_runs)
     }

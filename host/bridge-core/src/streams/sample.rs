@@ -71,7 +71,7 @@ struct SampleTimeline {
 }
 
 impl SampleTimeline {
-    /// Returns the device time of sample `index`, microseconds, rounded towards the known time.
+    /// Returns the device time of sample `index`, microseconds, rounded towards the known sample's.
     fn device_us_at(self, index: u64) -> i128 {
         let samples = i128::from(index) - i128::from(self.index);
         i128::from(self.us) + samples * 1_000_000 / i128::from(self.rate_hz.max(1))
@@ -146,7 +146,8 @@ impl SampleStream {
         self.newest.len()
     }
 
-    /// Returns the newest stretch of missing samples, each stretch once; otherwise `None`.
+    /// Removes and returns the stretch of missing samples that is not reported yet, if there is
+    /// one.
     pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
         self.missing.take()
     }
@@ -366,7 +367,7 @@ struct Batch<'a> {
     publish: &'a mut dyn FnMut(&NeuroFrame),
 }
 
-/// Largest number of channels that a message can state, which sizes the decoder.
+/// Largest number of channels that a message can state; the decoder has room for so many.
 const CHANNELS: usize = u8::MAX as usize;
 
 /// Decodes a message of compressed samples to a [`Raw`] message.

@@ -89,7 +89,7 @@ impl SideStreams {
         self.bus.set_shift(shift_us);
     }
 
-    /// Ends the recording of all side streams, because the user has stopped them.
+    /// Ends the recording of all side streams, which the user has stopped. The pause is not filled.
     pub(crate) fn end_recording(&mut self) {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
             stream.end_recording();
@@ -189,7 +189,7 @@ impl SideStreams {
     }
 
     /// Publishes an event and returns the trigger's new level; `None` if the event is not
-    /// published, because it was not requested, is a replay or has an unknown kind.
+    /// published, because it was not requested, has an old number or has an unknown kind.
     pub(crate) fn receive_event(
         &mut self,
         event: Event,

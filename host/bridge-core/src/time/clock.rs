@@ -27,11 +27,12 @@ use std::collections::VecDeque;
 use crate::time::HostTime;
 
 /// Device time over which the offset's minimum is taken, microseconds. A change of drift by 20 ppm
-/// shifts stamps by 0.2 ms within these 10 s. If the host reads every 16 ms, the wait for its read
-/// takes all values within 2 s, because 62.5 ms between codes is not a multiple of 16 ms.
+/// shifts stamps by 0.2 ms within these 10 s. If the host reads every 16 ms, a code waits up to 16
+/// ms to be read. This wait varies from code to code, because 62.5 ms is not a multiple of 16 ms;
+/// within 2 s it is below 0.5 ms once.
 const OFFSET_SPAN_US: f64 = 10e6;
-/// Device time that one block spans, microseconds. A block groups frames; the one with the least
-/// delay is one point of the drift's fit.
+/// Device time that one block spans, microseconds. A block is a group of frames; its frame with the
+/// least delay is one point for the fit of the drift.
 const BLOCK_US: f64 = 2e6;
 /// Number of newest blocks from which the drift is fitted; they span 2 minutes.
 const BLOCKS: usize = 60;
@@ -41,17 +42,17 @@ const MIN_BLOCKS: usize = 5;
 /// Limit of the fitted drift, as a fraction, in both directions. The drift between two crystals is
 /// always smaller.
 const MAX_DRIFT: f64 = 500e-6;
-/// Fastest rise of the offset, host seconds per device second. It is the largest error that is
-/// expected in the fitted drift.
+/// Limit of the rate at which the offset may rise, host seconds per device second. It is the
+/// largest error that is expected in the fitted drift.
 const MAX_RISE: f64 = 200e-6;
 /// Lag behind the fit, microseconds, above which a frame counts as part of a backlog: it has waited
 /// in a buffer while the host did not read. A host that reads every 16 ms causes smaller lags.
 const BACKLOG_LAG_US: f64 = 25_000.0;
-/// Device time without a backlog, microseconds, after which the offset may rise by all of
-/// `unseen_drift` at once.
+/// Device time without a backlog, microseconds, after which the offset may rise at once by up to
+/// `unseen_drift`, which it could not follow during backlogs.
 const PROMPT_SPAN_US: f64 = 5e6;
-/// Fastest change of the smoothed wall clock relative to the monotonic clock, seconds per second.
-/// NTP slews the wall clock by at most 500 ppm, so the smoothed one can follow.
+/// Limit of the slew of the smoothed wall clock against the monotonic clock, seconds per second.
+/// NTP slews the wall clock by at most 500 ppm, so the smoothed clock can follow.
 const WALL_SLEW: f64 = 600e-6;
 /// Difference between the wall clock and the smoothed one above which the wall clock counts as
 /// stepped, nanoseconds.
@@ -90,7 +91,7 @@ pub struct Clock {
     unseen_drift: f64,
     /// Device time of the newest frame from a backlog, microseconds relative to `origin`.
     newest_backlog: f64,
-    /// The newest frame with a possible device time, from a backlog or not.
+    /// The newest frame with a possible device time, whether from a backlog or not.
     newest_frame: Option<Point>,
     /// Number of frames that were left out of the fit, because they were part of a backlog.
     backlog: u64,

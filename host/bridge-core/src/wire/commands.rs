@@ -22,9 +22,9 @@ const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
 #[derive(Clone, Debug)]
 pub(crate) struct Commands {
     mains_hz: u8,
-    /// Rate to which the packed code is to be set; `None` leaves the choice to the device.
+    /// Wanted rate of the packed code, 0 (finest) to 15 (coarsest); `None`: the device chooses.
     rate: Option<u8>,
-    /// Newest rate for which the device has answered the command, with any result.
+    /// Newest rate for which the device has answered the command to set it, with any result.
     answered_rate: Option<u8>,
     streams: WantedStreams,
     streaming_wanted: bool,
@@ -213,7 +213,7 @@ impl Commands {
         self.clock_query.sent_us()
     }
 
-    /// Returns whether the user wants the device to stream, and the bridge has not refused it.
+    /// Returns whether the user wants the device to stream, and the bridge accepts the device.
     pub(crate) fn wants_stream(&self) -> bool {
         self.streaming_wanted && self.device != Introduction::Unusable
     }

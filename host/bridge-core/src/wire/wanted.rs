@@ -72,8 +72,8 @@ fn choices(wanted: Streams) -> Vec<Streams> {
     choices
 }
 
-/// Returns `wanted` for each kind of device: one with network and packed code; one with the packed
-/// code alone, so without codes; one with the network alone, so with codes, not packed blocks.
+/// Returns a variant of `wanted` for each kind of device: with network and packed code; with the
+/// packed code alone, so without codes; with the network alone, so with codes, not packed blocks.
 fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     if !wanted.contains(Streams::PACKED) {
         return vec![wanted];
@@ -85,8 +85,8 @@ fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     ]
 }
 
-/// Returns `wanted` for each speed of the device's port, fastest first: with plain ADC samples;
-/// with compressed ones; with filtered steps but no ADC samples; without samples and steps.
+/// Returns variants of `wanted`, one for each speed of the port, fastest first: with plain ADC
+/// samples; with compressed ones; with filtered steps, no ADC samples; without samples and steps.
 fn sample_choices(wanted: Streams) -> [Streams; 4] {
     let [raw, compressed] = [Streams::RAW, Streams::COMPRESSED_RAW];
     let first = if wanted.contains(raw) {

@@ -8,7 +8,7 @@ use link::{
     MAX_FRAME, ResetCause, SelfTest, Stats, Streams, Substitutes, ToDevice, ToHost,
 };
 
-/// Wall-clock time at which host and device begin their test, nanoseconds since 1970.
+/// Wall-clock time at the start of every test, nanoseconds since 1970.
 pub(crate) const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
 
 /// Returns the host time `us` microseconds after the start; its wall clock has no error.
@@ -184,7 +184,7 @@ impl Board {
         bytes
     }
 
-    /// Handles the commands in `bytes`, and returns the frames that the board answers.
+    /// Handles the commands in `bytes`, and returns the frames with which the board answers.
     pub(crate) fn answer(&mut self, mut bytes: &[u8]) -> Vec<u8> {
         let mut answers = Vec::new();
         let mut commands = Vec::new();

@@ -24,7 +24,7 @@ struct Run {
     /// Smallest time from a code's last sample to its arrival, microseconds.
     least_delay_us: f64,
     /// Largest delay of an arrival in excess of `least_delay_us`, microseconds. For most arrivals
-    /// the excess is less than a quarter of it.
+    /// the excess is less than a quarter of this limit.
     jitter_us: f64,
     /// Stalls of the host: times at which it stops reading and continues, seconds.
     stalls: &'static [[f64; 2]],
@@ -298,8 +298,8 @@ fn a_step_back_is_counted_and_one_beyond_30_s_is_followed_at_once() {
         assert_eq!((clock.wall_steps(), clock.wall_steps_back()), (1, back));
         let true_ns = at(11_000_000).wall_ns + step_ns;
         let error_ns = clock.wall_ns(11_000_000).unwrap() - true_ns;
-        // After a step of up to 30 s, stamps have caught up by 0.1 s in the first second. They
-        // follow a longer step at once.
+        // After a step of up to 30 s, stamps have caught up by 0.1 s in the first second. After a
+        // longer step they follow at once.
         let expected = if back == 1 { 0 } else { -step_ns - 100_000_000 };
         assert!((error_ns - expected).abs() < 1000, "{step_s} s: {error_ns}");
     }

@@ -32,7 +32,7 @@ impl Device {
         self.send_as(harness, first, first, lost)
     }
 
-    /// Does the same as [`Self::send`], but the samples have the values of those from `origin` on.
+    /// Does the same as [`Self::send`], but with the values of the samples from `origin` on.
     fn send_as(&mut self, harness: &mut Harness, origin: u64, first: u64, lost: bool) -> BlockForm {
         let counts = counts(origin, 8, 64);
         let counts: Vec<Count> = counts.as_chunks().0.to_vec();

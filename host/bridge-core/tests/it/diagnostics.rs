@@ -177,7 +177,7 @@ const ACQUIRE: StageTiming = StageTiming {
     histogram: [512, 0, 0, 0, 0, 0, 0, 0, 0],
 };
 
-/// A stage whose worst time equals its deadline, so it is closer to it than `ACQUIRE` is.
+/// A stage whose worst time is its deadline; the worst time of `ACQUIRE` is far below its deadline.
 const CODE: StageTiming = StageTiming {
     stage: Stage::Code,
     deadline_ns: 7_812_500,

@@ -1,4 +1,5 @@
-//! Samples that do not match the device's capabilities, restart, or were not requested.
+//! Samples that do not match the device's capabilities, begin a new stream, were not requested, or
+//! have a device time before that of earlier samples.
 
 use link::{Filtered, Flags, Raw, ToHost};
 

@@ -114,7 +114,7 @@ fn connected(code_format: CodeFormat) -> Harness {
 }
 
 /// Sends a code from a board whose code scale is 0.5. Returns the value in the frame on `/encoded`,
-/// which all places share, and the announced range.
+/// which is the same at all places, and the announced range.
 fn published(values: &CodeValues) -> (f32, Vec<f64>) {
     let mut harness = connected(values.format());
     harness.code_of(values);

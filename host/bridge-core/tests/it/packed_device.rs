@@ -39,10 +39,10 @@ pub(crate) fn flags(frames: &[NeuroFrame]) -> Vec<u16> {
     words.map(|word| u16::try_from(word).unwrap()).collect()
 }
 
-/// For each block of a run: its own signals, and the block before's signals, corrected by it.
+/// For each block of a run: its own signals, and those of the block before, corrected by it.
 type Decoded = (Vec<Vec<f32>>, Vec<Option<Vec<f32>>>);
 
-/// Decodes blocks of a run with the library. `received` gives their indices; `None` is a lost one.
+/// Decodes a run with its own decoder. `received` gives the blocks' indices, `None` for lost ones.
 pub(crate) fn decode(received: impl Iterator<Item = Option<u32>>) -> Decoded {
     let mut decoder = PackedDecoder::new(model().packed().unwrap());
     let rate = Rate::new(4).unwrap();

@@ -98,7 +98,7 @@ fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
 }
 
 /// Restarts the board with another image, which supports the `supported` streams. The restart takes
-/// one hop. With the hop of the first code this makes the two hops of a run's first window.
+/// one hop. The first code is one hop later, so both hops of its window have passed.
 fn restart_with(harness: &mut Harness, supported: Streams) {
     harness.board.supported = supported;
     harness.reboot(62_500);

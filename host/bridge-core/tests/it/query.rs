@@ -193,9 +193,10 @@ fn a_test_that_stopped_early_is_not_in_order() {
 #[test]
 fn a_missing_figure_is_a_dash_in_the_table_and_null_in_json() {
     let report = report(result(|test| {
-        // Channel 0 was not measured, because DRDY was missing. 1 had only bad frames. 2 had too
-        // few samples to separate the two levels of the square wave. On 3 the test stopped before
-        // the inputs were shorted. 4 was measured, but has no signal.
+        // Channel 0 was not measured, because DRDY was missing. Channel 1 had only bad frames.
+        // Channel 2 had too few samples to separate the two levels of the square wave. On channel 3
+        // the test stopped before the inputs were shorted. Channel 4 was measured, but has no
+        // signal.
         test.channels[0] = ChannelTest::default();
         test.channels[1] = ChannelTest {
             gain_error: -1.0,

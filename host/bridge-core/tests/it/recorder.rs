@@ -186,7 +186,7 @@ impl Harness {
         self.receive(&stats);
     }
 
-    /// Lets the board answer until it streams, but loses its acknowledgement of `Start`.
+    /// Lets the board answer until it streams. The acknowledgement of `Start` is lost on the way.
     pub(crate) fn start_unacknowledged(&mut self) {
         while !self.board.streaming {
             let commands = std::mem::take(&mut self.recorder.sent);
@@ -202,8 +202,8 @@ impl Harness {
             .receive(bytes, at(self.now_us), &mut self.recorder);
     }
 
-    /// Advances time by 62.5 ms, in which the board makes a code. All its values are `value`. It
-    /// reaches the core unless it is `lost`.
+    /// Advances time by 62.5 ms, in which the board makes a code whose values are all `value`. The
+    /// code reaches the core unless it is `lost`.
     pub(crate) fn code(&mut self, value: i8, lost: bool) {
         self.now_us += 62_500;
         let bytes = self.board.code(self.now_us.unsigned_abs(), value);

@@ -93,7 +93,7 @@ fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
     let alone = wanted | Streams::FILTERED;
     let with_filtered = harness(alone | Streams::CODES, alone);
     assert_eq!(starts(&with_filtered), [0b101_1101, 0b101_1001, 0b101_1100]);
-    // If the user wants codes too, their refusal is a warning.
+    // If the user wants codes too, the refusal of codes causes a warning.
     let mut without_codes = harness(wanted | Streams::CODES, alone);
     let status = without_codes.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);

@@ -43,10 +43,10 @@ pub(crate) struct Block {
     /// Number of restarts of the device before these rows. Device times before and after a restart
     /// cannot be compared.
     pub(crate) run: u32,
-    /// Device time at which the first row happened on the scalp, microseconds. Negative if that was
-    /// before the device started.
+    /// Device time when the signals of the first row were at the electrodes, microseconds. Negative
+    /// if that was before the device started.
     pub(crate) first_us: i64,
-    /// Wall clock when the first row happened on the scalp, nanoseconds since 1970.
+    /// Wall clock when the signals of the first row were at the electrodes, nanoseconds since 1970.
     pub(crate) wall_ns: i64,
     /// Index of the first row in its stream; `None` for codes and reconstructed rows.
     pub(crate) index: Option<u64>,

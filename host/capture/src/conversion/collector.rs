@@ -1,4 +1,4 @@
-//! Turns what the bridge's core publishes while it replays a recording into blocks and events.
+//! Converts what the bridge's core publishes of a recording to blocks and events.
 
 use std::sync::Arc;
 
@@ -13,8 +13,8 @@ use crate::conversion::block::{Block, Stream, TimedEvent};
 /// Event code of a rising edge of the trigger input; a falling edge has bit 15 as well.
 const TRIGGER: u16 = 1;
 
-/// Time that the fillers of a stream may exceed the length of the recording by, seconds: the clocks
-/// of device and host drift.
+/// Time by which the fillers of a stream may be longer than the recording, seconds. It allows for
+/// the drift between the clocks of device and host.
 const SPARE_S: u64 = 120;
 /// Longest time that the fillers of a stream can stand for, seconds: a day.
 const MAX_FILLERS_S: u64 = 86_400;
@@ -55,7 +55,7 @@ pub(crate) struct Collector<L> {
     pub(crate) elapsed_s: u64,
     /// Number of fillers, in rows, that each stream has so far.
     fillers: [u64; 4],
-    /// Number of missing rows that have no fillers, because they would be too many.
+    /// Number of missing rows without fillers, because their stream already had too many fillers.
     pub(crate) unfilled: u64,
 }
 
@@ -148,7 +148,7 @@ impl<L: Listener> Collector<L> {
     }
 
     /// Returns the time from when the first step of a code or packed block was at the electrodes to
-    /// its device time, microseconds. `steps` returns the number of steps in it.
+    /// the device time of the code or block, microseconds. `steps` returns the number of its steps.
     fn delay_us(&self, steps: impl Fn(&Device) -> u8) -> i64 {
         self.device.as_ref().map_or(0, |device| {
             let lookback = u32::from(steps(device)) - 1;

@@ -1,4 +1,4 @@
-//! Plays a recording to the bridge's core: the device's frames, each at its time, and its answers.
+//! Plays a recording to the bridge's core: delivers the device's frames, each at its time.
 
 use std::collections::HashMap;
 use std::mem::discriminant;

@@ -15,7 +15,7 @@ const SAME_US: i64 = 2;
 /// event, which a damaged recording can hold, is placed there too.
 const MAX_AFTER_END_S: u64 = 86_400;
 
-/// What the first pass has found.
+/// Streams and events that the first pass over a recording has found.
 #[derive(Debug, Default)]
 pub(crate) struct Survey {
     pub(crate) streams: [StreamSurvey; 4],

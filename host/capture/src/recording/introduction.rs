@@ -48,7 +48,7 @@ impl Introduction {
         self.hello.is_some() && self.capabilities.is_some()
     }
 
-    /// Returns whether `hello` comes from the same device and the same start of it.
+    /// Returns whether `hello` comes from the introduced device, without a restart since then.
     pub(crate) fn is_session(&self, hello: &Hello) -> bool {
         let identity = self.identity.as_ref();
         identity.is_some_and(|identity| identity.is_same_session(hello))
@@ -59,7 +59,7 @@ impl Introduction {
         self.mains_hz
     }
 
-    /// Returns the bytes of the frames, in the order in which a device sends them.
+    /// Returns the bytes of the introduction's frames, in the order in which a device sends them.
     pub(crate) fn payloads(&self) -> Vec<Vec<u8>> {
         let frames = [
             &self.hello,

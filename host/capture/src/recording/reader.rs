@@ -30,7 +30,7 @@ pub struct RecordingReader<R> {
     position: usize,
     at_end: bool,
     left_out: LeftOut,
-    /// Number of bytes since the last whole record that are not part of one.
+    /// Number of bytes since the last whole record that are not part of a record.
     damaged: u64,
     /// Time of the newest record.
     newest: Option<HostTime>,

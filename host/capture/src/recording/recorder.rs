@@ -8,8 +8,8 @@ use crate::recording::{FileHeader, MAX_PAYLOAD, Record, RecordKind};
 /// [`Recorder::take`] returns to a file.
 ///
 /// The bytes from the device are split after each zero that ends a frame, and become the payloads
-/// of records. One after the other, the payloads are all bytes, unchanged. Only garbage longer than
-/// a frame, and the bytes before a port was lost, end without a zero.
+/// of records. Joined in order, the payloads are exactly the bytes from the device. Only garbage
+/// longer than a frame, and the bytes of an unfinished frame, end without a zero.
 #[derive(Debug)]
 pub struct Recorder {
     /// Bytes so far of the frame that is not complete yet.
@@ -36,7 +36,7 @@ impl Recorder {
         self.append(RecordKind::Opened, now, &[]);
     }
 
-    /// Records that the port was closed or lost; before that, the bytes of an unfinished frame.
+    /// Records the bytes of an unfinished frame, if any, and then that the port was closed or lost.
     pub fn closed(&mut self, now: HostTime) {
         self.finish_piece(now);
         self.append(RecordKind::Closed, now, &[]);
@@ -105,7 +105,7 @@ mod tests {
     use super::{FileHeader, HostTime, MAX_PAYLOAD, Recorder};
     use crate::recording::reader::RecordingReader;
 
-    /// Records `chunks` as bytes from a device, read one by one. Returns the records' payloads.
+    /// Records each of `chunks` as one read from a device. Returns the records' payloads.
     fn split(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
         let time = HostTime {
             monotonic_us: 0,

@@ -14,7 +14,7 @@ use crate::recording::{RecordKind, RecordingError};
 /// How fast a recording is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// Each frame is sent at its time.
+    /// The frames are sent at the intervals at which they were recorded.
     RealTime,
     /// Each frame is sent as soon as the host has read the frames before it.
     Fast,
@@ -388,10 +388,10 @@ impl<R: Read + Seek> Replayer<R> {
     }
 }
 
-/// Numbers of what a replay has sent, and left out.
+/// Numbers of frames, codes and packed blocks that a replay sent, and of frames that it left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReplayCounts {
-    /// Number of frames sent, with answers to commands.
+    /// Number of frames sent, including answers to commands.
     pub frames: u64,
     /// Number of codes sent.
     pub codes: u64,

@@ -12,7 +12,7 @@ use proptest::prelude::*;
 use crate::board::assert_has;
 use crate::synthetic_recording::Rig;
 
-/// Longest time that a conversion may take, which on an idle machine takes milliseconds.
+/// Longest time that a conversion may take. On an idle machine it takes milliseconds.
 const TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Largest size that all files of a conversion may have, bytes. With 122 s of fillers in each

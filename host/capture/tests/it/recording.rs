@@ -1,4 +1,4 @@
-//! Recordings have the bytes in docs/recording-format.md, and can be read around damage.
+//! Recordings have the bytes in docs/recording-format.md. Damage costs only the records it hits.
 
 use std::io::Cursor;
 

@@ -99,7 +99,7 @@ impl Acquisition {
         let recording = Recording::from_source(Cursor::new(bytes)).unwrap();
         let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
         let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate).unwrap();
-        // Rate and counts per microvolt as in host-sim's virtual ADC.
+        // Rate and microvolts per count as in host-sim's virtual ADC.
         let spec = AdcSpec {
             rate_hz: model::ADC_RATE_HZ.into(),
             lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
@@ -107,7 +107,7 @@ impl Acquisition {
         let mut pipeline = Pipeline::new(mains);
         let samples = VirtualAdc::new(recording, &map, spec).unwrap();
         let codes = samples.filter_map(|counts| {
-            // The virtual ADC has at least as many channels as a sample; the others are left out.
+            // The virtual ADC can have more channels than a sample. Leave out the excess channels.
             let counts = counts.unwrap();
             pipeline.encode_sample(&Sample {
                 counts: std::array::from_fn(|channel| counts[channel]),

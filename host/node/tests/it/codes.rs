@@ -24,8 +24,8 @@ fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     for (window, (code, expected)) in codes.iter().zip(&expected).enumerate() {
         assert_eq!(*code, expected, "window {window}");
     }
-    // A live resampler waits for the end of its last block, and that of a recording does not, so up
-    // to one and a half blocks of codes are missing.
+    // A live resampler waits until its last block is complete. The resampler of a recording does
+    // not, so the live one lacks the codes of up to one and a half blocks.
     let waiting_us = harness.source.block_us() * 3 / 2;
     let missing = expected.len() - codes.len();
     let hop_us = 1_000_000 * model::HOP as u64 / u64::from(model::STEP_RATE_HZ);

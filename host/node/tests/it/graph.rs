@@ -12,7 +12,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::acquisition::Acquisition;
 
-/// Longest wait for what takes milliseconds on an idle machine.
+/// Timeout of each wait, long enough for a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
 
 pub(crate) struct Graph {
@@ -39,7 +39,7 @@ impl Graph {
             .env("ROS_HOSTNAME", "127.0.0.1")
             .env_remove("ROS_IP")
             .env_remove("RUST_LOG")
-            // A variable that is set to nothing sets no option.
+            // An environment variable with an empty value sets no option.
             .env("CORTICODE_MAINS", "")
             .stdin(Stdio::null())
             .stderr(File::create(log.path().join("log")).unwrap())

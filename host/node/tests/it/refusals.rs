@@ -7,7 +7,7 @@ use pipeline::Mains;
 use crate::acquisition::Acquisition;
 use crate::harness::Harness;
 
-/// Returns why a first frame is refused that is sound apart from `change`.
+/// Returns why a first frame is refused. `change` makes the only change to a valid frame.
 fn refusal(change: impl FnOnce(&mut NeuroFrame)) -> Refusal {
     let mut frame = Acquisition::new(512, 32).frame(0);
     change(&mut frame);
