@@ -49,8 +49,8 @@ pub struct Decoded {
     pub codes: u64,
     /// Total number of bits of the packed blocks; `None` for codes of the network.
     pub packed_bits: Option<u64>,
-    /// Number of windows whose code is missing, or of missing packed blocks. If no neighbour covers
-    /// a window, its steps repeat the last values; a missing block is predicted.
+    /// Number of windows whose code is missing, or of missing packed blocks. Steps of a missing
+    /// window that no other window contains repeat the last values; a missing block is predicted.
     pub missing: u64,
     /// Number of frames whose content is lost because they are damaged.
     pub damaged: u32,

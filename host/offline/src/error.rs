@@ -51,7 +51,7 @@ pub enum OfflineError {
     /// The name of an output cannot be used.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
-    /// An output cannot be written. Holds the error of the operating system, or of the writer that
+    /// An output cannot be written: the error of the operating system, or of the writer that
     /// refuses a value.
     #[error("{} cannot be written; is the disk full?", .0.display())]
     Write(PathBuf, #[source] io::Error),

@@ -54,11 +54,9 @@ impl Publication {
         Ok(Arc::new(model.map_err(BridgeError::Model)?))
     }
 
-    /// Returns the settings. A rate of the packed code that they leave open becomes the model's
-    /// rate.
+    /// Returns the settings. If they set no rate of the packed code, the model's rate is filled in.
     ///
     /// # Errors
-    ///
     /// [`BridgeError::AnnouncedNotStreamed`] if the announced stream is not among the streams.
     fn settings(&self, model: &Model) -> Result<Settings, BridgeError> {
         let settings = self.settings;
@@ -223,7 +221,8 @@ impl<F: Feed> Bridge<F> {
         let mut deadline: Option<Instant> = None;
         let mut failure = None;
         loop {
-            // Checked again at every tick. A device whose port is not read waits or drops frames.
+            // While paused, the port is not read, so the device waits or drops frames; checked at
+            // every tick.
             let paused = self.outlets.must_pause();
             tokio::select! {
                 event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => self.handle_connection(event?, &buffer),

@@ -287,7 +287,7 @@ fn config_option() -> Arg {
 /// List the serial ports of this machine, and say which are Corticode boards.
 ///
 /// A port that cannot be opened has a line with the reason and the command that helps. No port is
-/// opened. An ST-LINK `may be` a board: the UART of whatever board it is on.
+/// opened. An ST-LINK `may be` a board: it leads to the UART of the board that it is mounted on.
 ///
 /// Exit status: 0, also without any port.
 #[derive(Clone, Debug, Parser)]
@@ -364,10 +364,11 @@ pub(crate) struct StreamOptions {
         default_value = "codes,audit,events"
     )]
     pub(crate) streams: Vec<StreamKind>,
-    /// Rate of the packed code, 0 to 15: one more is 3 dB coarser; the model's by default
+    /// Rate of the packed code, 0 to 15: each next one is 3 dB coarser; by default the model's
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
     pub(crate) packed_rate: Option<u8>,
-    /// Form in which the device sends the samples of the stream raw; both yield the same frames
+    /// Form in which the device sends the samples of the stream raw; all forms yield the same
+    /// frames
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_RAW_FORM", default_value = "any", value_parser = choice::<RawForm>())]
     pub(crate) raw_form: RawForm,
 }

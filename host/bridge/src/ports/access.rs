@@ -67,7 +67,7 @@ impl PortAccess {
     }
 }
 
-/// Returns the command that ends a program. For a service that is not `kill`, because the service
+/// Returns the command that ends a program. A service is not ended by `kill`, because the service
 /// manager would start the program again.
 fn remedy(program: &Program) -> String {
     match program.name.as_str() {
