@@ -30,8 +30,8 @@ pub struct NdjsonWriter {
     pending: Arc<AtomicUsize>,
 }
 
-/// One encoded line. The writer thread subtracts the line from its topic's queue usage when it
-/// receives the line.
+/// One encoded line on its way to the writer thread, which then subtracts it from the queue usage
+/// of its topic.
 #[derive(Debug)]
 struct QueuedLine {
     line: Vec<u8>,

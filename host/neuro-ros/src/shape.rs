@@ -7,8 +7,8 @@ use crate::rosneuro_msgs::{NeuroDataInfo, NeuroFrame};
 /// Why a frame violates the contract that ROS-Neuro's recorder, filters and visualizer rely on.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ContractError {
-    /// A block, `eeg`, `exg` or `tri`, is not consistent: the block's name and the rule that it
-    /// violates.
+    /// A block is not consistent. The fields are its name (`eeg`, `exg` or `tri`) and the rule that
+    /// it violates.
     #[error("{0}: {1}")]
     Block(&'static str, BlockError),
     /// `sr` is not a multiple of `nsamples`, so the frame rate is not an integer.
@@ -47,10 +47,10 @@ pub enum BlockError {
         /// Number of channels that the block announces.
         nchannels: u16,
     },
-    /// `minmax` is not two finite values in ascending order, but these values.
+    /// `minmax` has these values, which are not two finite values in ascending order.
     #[error("minmax is {}; it must be the smallest and the largest value", list(.0))]
     MinMax(Vec<f64>),
-    /// `stride` is not `nchannels * 4`, but this number of bytes.
+    /// `stride` has this value, bytes, which is not `nchannels * 4`.
     #[error("stride is {0}; it must be nchannels * 4 bytes")]
     Stride(u16),
     /// The number of values in the block is not `nsamples * nchannels`. The recorder copies the

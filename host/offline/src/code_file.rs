@@ -41,7 +41,7 @@ pub enum CodeFileError {
         "it holds no code; the shortest recording that yields a code is one window long ({0} steps)"
     )]
     NoCodes(usize),
-    /// The file contains codes, but none of this kind, which is to be decoded.
+    /// The file contains codes, but none of this kind, the kind that is to be decoded.
     #[error("it holds no {}, and {} in their place: decode these with --stream {}", .0.names().0, .0.other().names().0, .0.other().names().1)]
     OtherKind(CodeKind),
     /// The first code comes before the `Hello` and `Capabilities` of the device.

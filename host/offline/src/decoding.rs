@@ -99,7 +99,7 @@ impl Decoding<'_> {
     ///
     /// # Errors
     /// [`OfflineError`] if a file cannot be read or written, or [`Progress::interrupt`] was called.
-    /// Then no file has the name of the output.
+    /// A file that has the name of the output is then unchanged.
     pub fn decode(
         &self,
         input: &Path,

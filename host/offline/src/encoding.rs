@@ -78,7 +78,8 @@ impl Encoding {
     ///
     /// # Errors
     /// [`OfflineError`] if the recording cannot be read to its end, the file cannot be written, or
-    /// [`Progress::interrupt`] was called. Then no file has the name of the output.
+    /// [`Progress::interrupt`] was called. A file that has the name of the output is then
+    /// unchanged.
     pub fn encode(
         &self,
         input: &Path,

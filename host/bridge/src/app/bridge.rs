@@ -57,6 +57,7 @@ impl Publication {
     /// Returns the settings. If they set no rate of the packed code, the model's rate is filled in.
     ///
     /// # Errors
+    ///
     /// [`BridgeError::AnnouncedNotStreamed`] if the announced stream is not among the streams.
     fn settings(&self, model: &Model) -> Result<Settings, BridgeError> {
         let settings = self.settings;
@@ -110,9 +111,9 @@ impl Publication {
     }
 }
 
-/// Runs the bridge until one of these ends it: a signal (such as SIGTERM), a call of `~quit`,
-/// `rosnode kill`, or the reader of the JSON lines by closing the pipe. Then stops the device,
-/// unregisters the node and closes the port.
+/// Runs the bridge until it is ended by a signal (such as SIGTERM), a call of `~quit`, `rosnode
+/// kill`, or a reader of the JSON lines that closes the pipe. Then stops the device, unregisters
+/// the node and closes the port.
 ///
 /// # Errors
 ///

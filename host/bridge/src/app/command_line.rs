@@ -76,12 +76,12 @@ pub(crate) struct Options {
         value_parser = BoolishValueParser::new()
     )]
     pub(crate) low_latency: bool,
-    /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording
-    /// of the announced stream, or the event itself, as the frames' stamps
+    /// Time that the stamp of an event gives: that of its place in a recording of the announced
+    /// stream by rosneuro_recorder, or that of the event itself
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
     /// Stream that /acquisition/get_info describes; record this one and no other [default: encoded,
-    /// without codes reconstructed]
+    /// or reconstructed if codes do not stream]
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_ANNOUNCE", value_parser = choice::<AnnouncedStream>())]
     pub(crate) announce: Option<AnnouncedStream>,
 }
@@ -188,7 +188,7 @@ impl ResetOptions {
 /// when it returns. Needs no ROS and decodes nothing. Ends on Ctrl-C or SIGTERM; a file that was
 /// not ended, because of kill -9 or an empty battery, is readable to its last whole frame. `replay`
 /// plays the file as a device, and `convert` writes it as GDF, BDF, CSV or NPZ. An existing file is
-/// never replaced.
+/// replaced only with --force.
 ///
 /// Exit status: 0 done, 1 the file cannot be written any further, 2 wrong usage or an existing
 /// file.

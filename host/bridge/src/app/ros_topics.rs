@@ -82,6 +82,7 @@ impl RosTopics {
     /// frames.
     ///
     /// # Errors
+    ///
     /// [`NodeError`] if a topic cannot be advertised. An absent ROS master is not an error.
     pub(crate) async fn start(self: &Arc<Self>) -> Result<(), NodeError> {
         self.check().await?;

@@ -1,4 +1,4 @@
-//! The subcommand `convert`: events stand at their samples in spite of loss and a restart; errors.
+//! The subcommand `convert`: the place of events among samples after losses and a restart; errors.
 #![expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,

@@ -155,7 +155,7 @@ impl Registrar {
             .ok_or_else(|| CallFailure::Shape.of(&self.master_uri, method))
     }
 
-    /// Marks each service of this node for which the master lists no provider as not registered. If
+    /// Marks a service of this node as not registered if the master lists no provider for it. If
     /// another node takes a service over and leaves, the master does not give it back.
     async fn find_lost_services(&self) {
         let services = |key: &Key| matches!(key, Key::Service(_));
