@@ -26,7 +26,7 @@ const QUEUE_BYTES: usize = 64 << 20;
 pub struct NdjsonWriter {
     lines: Sender<QueuedLine>,
     done: Receiver<std::io::Result<()>>,
-    /// Number of lines of all topics that the thread has not written yet.
+    /// Number of lines, of all topics, that the writer thread has not written yet.
     pending: Arc<AtomicUsize>,
 }
 

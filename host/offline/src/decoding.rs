@@ -38,7 +38,7 @@ pub struct Decoding<'m> {
     /// Kind of codes to decode from a file that holds both kinds; `None` for the kind that comes
     /// first.
     pub kind: Option<CodeKind>,
-    /// Whether a file that has the name of the output is replaced.
+    /// Whether the output replaces a file of the same name.
     pub existing: Existing,
 }
 

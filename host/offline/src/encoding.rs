@@ -38,7 +38,7 @@ pub struct Encoding {
     pub mains: Mains,
     /// Treatment of electrodes that a recording lacks.
     pub missing: Missing,
-    /// Whether a file that has the name of the output is replaced.
+    /// Whether the output replaces a file of the same name.
     pub existing: Existing,
     /// Kind of codes that the file gets.
     pub stream: EncodedStream,

@@ -55,7 +55,7 @@ pub enum OfflineError {
     /// that refuses a value.
     #[error("{} cannot be written; is the disk full?", .0.display())]
     Write(PathBuf, #[source] io::Error),
-    /// The format or the kind of the output cannot hold the signal.
+    /// The format cannot hold the signal, or needs a regular file as the output.
     #[error(
         "{} cannot hold the signal in this format; choose another one with --to, or a regular file",
         .0.display()
@@ -70,7 +70,8 @@ pub enum OfflineError {
 }
 
 impl OfflineError {
-    /// Returns a closure that turns an error of the operating system into that of writing `path`.
+    /// Returns a closure that turns an error of the operating system into the error that `path`
+    /// cannot be written.
     pub(crate) fn write(path: &std::path::Path) -> impl Fn(io::Error) -> Self + use<> {
         let path = path.to_owned();
         move |error| match error.kind() {

@@ -54,7 +54,7 @@ pub(crate) struct Options {
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, help_heading = DECODING, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
-    /// Point of a frame that its stamp refers to
+    /// What the stamp of a frame refers to
     #[arg(long, help_heading = DECODING, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,
     #[command(flatten)]

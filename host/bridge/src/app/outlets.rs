@@ -35,7 +35,7 @@ pub(crate) struct Outlets {
     back_pressure: BackPressure,
     /// Channel to the task that serves `get_info`; `None` if frames go to stdout.
     announcements: Option<Sender<Option<AcquisitionInfo>>>,
-    /// What `get_info` was last told to answer; it is not told the same again.
+    /// Answer that `get_info` was last told to give; the task is not told the same answer again.
     announced: Option<AcquisitionInfo>,
     /// Sum of all dropped and undecoded frames in the previous report to `/diagnostics`.
     reported: u64,
@@ -323,7 +323,8 @@ impl Names {
             raw: raw.then(|| namespace.resolve("neurodata")),
             filtered: requested(Streams::FILTERED, "neurodata_corticode"),
             events: requested(Streams::EVENTS, "events/bus"),
-            // Has no namespace, because one aggregator collects the diagnostics of all bridges.
+            // This topic has no namespace, because one aggregator collects the diagnostics of all
+            // bridges.
             diagnostics: "/diagnostics",
         }
     }
