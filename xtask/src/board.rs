@@ -11,7 +11,7 @@ use crate::figures::{self, Figures, Row};
 use crate::images::{self, Board};
 use crate::install;
 
-/// Figures that are true if a board has measured all figures of a group. Each entry has the
+/// Figures that are true if the row of a board has all figures of a group. Each entry has the
 /// figure's name, the common start of the names in the group, and their different ends, separated
 /// by blanks.
 #[rustfmt::skip]

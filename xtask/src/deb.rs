@@ -27,7 +27,7 @@ const FILES: [(&str, &str); 10] = [
     ("debian/prerm", "DEBIAN/prerm"),
     ("debian/postrm", "DEBIAN/postrm"),
 ];
-/// Each shell, with the path in the package of the file by which it completes the bridge's options.
+/// Each shell, and the path in the package of its script that completes the bridge's options.
 const COMPLETIONS: [(&str, &str); 3] = [
     ("bash", "bash-completion/completions/corticode-bridge"),
     ("zsh", "zsh/vendor-completions/_corticode-bridge"),

@@ -23,8 +23,8 @@ pub(crate) type Figures = BTreeMap<String, Row>;
 /// the JSON object.
 pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
     let file = target_folder().join(format!("{verb}-figures.jsonl"));
-    // Fails if no earlier run left a file, which is no error. A test that cannot write the file
-    // reports it.
+    // Removing fails if no earlier run left a file, which is no error. A test that cannot write the
+    // file reports it.
     let _ = fs::remove_file(&file);
     if json {
         command.stdout(stderr());

@@ -40,8 +40,7 @@ enum Verb {
     },
     /// Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures
     Demo {
-        /// Seconds of EEG; the filters need the first 9.5 to settle, and nothing before that is
-        /// compared
+        /// Seconds of EEG; the first 9.5, in which the filters settle, are not compared
         #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
         seconds: u32,
         /// Seed of the synthetic EEG
@@ -91,8 +90,8 @@ enum Verb {
         /// TCP port of --live on 127.0.0.1
         #[arg(long, default_value_t = 5556, requires = "live")]
         port: u16,
-        /// Run the image with the other port, for --live: the UART of the NUCLEO-H743ZI2, USB of
-        /// the NUCLEO-F446RE
+        /// For --live, run the image for the other port: the UART of the NUCLEO-H743ZI2, USB of the
+        /// NUCLEO-F446RE
         #[arg(long, requires = "live")]
         other_port: bool,
         /// Print one JSON object instead of a table

@@ -95,7 +95,7 @@ pub(crate) fn deny() -> Result<(), Failure> {
         .try_for_each(|check| run(&mut cargo(check), next))
 }
 
-/// Returns an error with the command that installs probe-rs if it does not run.
+/// Returns an error with the command that installs probe-rs if probe-rs does not run.
 pub(crate) fn require_probe_rs() -> Result<(), Failure> {
     let install = "`cargo install probe-rs-tools --version 0.32.0 --locked`";
     require("probe-rs", &mut Command::new("probe-rs"), install)

@@ -117,8 +117,8 @@ fn read_task(
         let runtime = one_thread()?;
         let names = Options::parameter_names();
         let parameters = runtime.block_on(parameters::read(ros, master_uri, &names));
-        // Dropping the runtime would wait for a lookup of the master's host name that has not
-        // ended.
+        // Dropping the runtime would wait until an unfinished lookup of the master's host name
+        // ends.
         runtime.shutdown_background();
         for (name, argument) in parameters? {
             if !given.is_set(&name) {
@@ -221,7 +221,7 @@ fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
 fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
     let runtime = one_thread()?;
     let report = runtime.block_on(doctor::examine(options, ros));
-    // Dropping the runtime would wait for a lookup of a host name that has not ended.
+    // Dropping the runtime would wait until an unfinished lookup of a host name ends.
     runtime.shutdown_background();
     print_report(&report, options.json)?;
     Ok(ExitCode::from(u8::from(report.errors > 0)))

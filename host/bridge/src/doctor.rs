@@ -1,5 +1,5 @@
-//! Checks of what a laboratory needs before the bridge runs, as pure functions of facts about the
-//! machine that the program has collected.
+//! Checks what a laboratory needs before the bridge runs. The checks are pure functions of facts
+//! that the program has collected about the machine.
 
 pub(crate) mod device_checks;
 pub(crate) mod port_checks;
@@ -144,7 +144,7 @@ pub(crate) fn check_clock(synchronised: Option<bool>) -> Check {
     }
 }
 
-/// Checks the disk space that is free in the current folder, bytes; `None` if it is not known.
+/// Checks the free disk space of the current folder. `free` is in bytes, `None` if it is not known.
 pub(crate) fn check_disk(free: Option<u64>) -> Check {
     const NAME: &str = "disk";
     let remedy = "df -h . (record in a folder with more space)";

@@ -62,7 +62,7 @@ pub enum BridgeError {
     Config {
         /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Why the configuration file cannot be used.
         source: ConfigError,
     },
     /// A private parameter, `_name:=` or `~name`, has the name of no option.
@@ -81,8 +81,8 @@ pub enum BridgeError {
         /// Full name of the parameter.
         name: String,
     },
-    /// The port does not open or is lost while one request is sent; `selftest` and `reset` do not
-    /// wait.
+    /// The port does not open or is lost while one request is sent: unlike the streaming bridge,
+    /// `selftest` and `reset` do not wait for it.
     #[error("{port} {what}; {remedy}")]
     Unreachable {
         /// Address from `--port`.
@@ -155,7 +155,7 @@ pub enum BridgeError {
     Recording {
         /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Why the file cannot be used as a recording.
         source: RecordingError,
     },
     /// The recording cannot be converted.

@@ -26,12 +26,12 @@ const QUEUE_BYTES: usize = 64 << 20;
 pub struct NdjsonWriter {
     lines: Sender<QueuedLine>,
     done: Receiver<std::io::Result<()>>,
-    /// Number of lines of all topics that the thread has not written yet.
+    /// Number of lines, of all topics, that the writer thread has not written yet.
     pending: Arc<AtomicUsize>,
 }
 
-/// One encoded line. The writer thread subtracts the line from its topic's queue usage when it
-/// receives the line.
+/// One encoded line on its way to the writer thread, which then subtracts it from the queue usage
+/// of its topic.
 #[derive(Debug)]
 struct QueuedLine {
     line: Vec<u8>,

@@ -7,7 +7,8 @@ use crate::rosneuro_msgs::{NeuroDataInfo, NeuroFrame};
 /// Why a frame violates the contract that ROS-Neuro's recorder, filters and visualizer rely on.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ContractError {
-    /// A block is not consistent. Holds its name, `eeg`, `exg` or `tri`, and the violated rule.
+    /// A block is not consistent. The fields are its name (`eeg`, `exg` or `tri`) and the rule that
+    /// it violates.
     #[error("{0}: {1}")]
     Block(&'static str, BlockError),
     /// `sr` is not a multiple of `nsamples`, so the frame rate is not an integer.
@@ -46,10 +47,10 @@ pub enum BlockError {
         /// Number of channels that the block announces.
         nchannels: u16,
     },
-    /// `minmax` is not two finite values in ascending order; holds its content.
+    /// `minmax` has these values, which are not two finite values in ascending order.
     #[error("minmax is {}; it must be the smallest and the largest value", list(.0))]
     MinMax(Vec<f64>),
-    /// `stride` is not `nchannels * 4`; holds the stride in bytes and `nchannels`.
+    /// `stride`, in bytes, is not `nchannels * 4`; holds both.
     #[error("stride is {0} for {1} channels; it must be nchannels * 4 bytes")]
     Stride(u16, u16),
     /// The number of values in the block is not `nsamples * nchannels`. The recorder copies the
@@ -63,7 +64,7 @@ pub enum BlockError {
         /// Number of channels that the block announces.
         nchannels: u16,
     },
-    /// `isint` does not match the block's sample type; holds its value.
+    /// `isint` has this value, which does not match the block's sample type.
     #[error("isint is {0}; it is 1 for tri and 0 for eeg and exg")]
     IsInt(u8),
 }

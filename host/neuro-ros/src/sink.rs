@@ -40,8 +40,8 @@ pub enum SinkError {
     /// The reader has closed its end of the output.
     #[error("the reader has closed the output")]
     Closed,
-    /// The time limit expired before all queued lines were written; holds the number of lines that
-    /// were not.
+    /// The time limit expired before all queued lines were written. The field is the number of
+    /// lines that were not written.
     #[error("the reader does not read the output; {0} lines are lost")]
     Stuck(usize),
     /// The disk of the output has no room for another line.

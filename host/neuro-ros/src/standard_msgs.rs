@@ -1,4 +1,4 @@
-//! The messages of `/diagnostics` and `/rosout`, and a number as a message.
+//! The messages of `/diagnostics` and `/rosout`, and a message that holds one number.
 
 use serde::Serialize;
 

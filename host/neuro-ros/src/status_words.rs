@@ -13,7 +13,8 @@ pub const TRI_LABELS: [&str; 8] = [
 /// exact only for integers up to 2^24.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TriWords {
-    /// Bits of the flags on the wire, including `filler`.
+    /// Flags of the code or frame as on the wire, with the bits that the host adds, such as
+    /// `filler`.
     pub flags: u16,
     /// Index, since `Start`, of the code's window or of the packed block, or of the frame that
     /// contains the sample or step.

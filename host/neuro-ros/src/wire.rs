@@ -13,7 +13,7 @@ pub enum WireError {
          definition (compare `rosmsg md5`), or it was cut"
     )]
     Truncated(usize),
-    /// Bytes follow the last field; holds their number.
+    /// This number of bytes follows the last field.
     #[error(
         "{0} bytes follow the last field; sender and receiver disagree about the definition \
          (compare `rosmsg md5`)"

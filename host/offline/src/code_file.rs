@@ -22,7 +22,8 @@ pub enum CodeFileError {
     /// The path is that of a folder, a device or a pipe, which cannot be read twice.
     #[error("it is no file, and a file of codes is read twice; write the codes to a file first")]
     NoFile,
-    /// The notch filter removed a mains frequency that this program cannot; holds it, Hz.
+    /// The notch filter removed this mains frequency, Hz, which the filters of this program cannot
+    /// remove.
     #[error(
         "its notch filter removed {0} Hz, which this program cannot; decode it without --original"
     )]
@@ -35,12 +36,12 @@ pub enum CodeFileError {
         "it holds no intact frame; name a file that `host-sim encode` or `host-sim run` has written"
     )]
     NoFrames,
-    /// The file holds no code. Holds the number of steps in a window.
+    /// The file contains no code. The field is the number of steps in a window.
     #[error(
         "it holds no code; the shortest recording that yields a code is one window long ({0} steps)"
     )]
     NoCodes(usize),
-    /// The file holds codes, but none of the kind that is to be decoded; holds that kind.
+    /// The file contains codes, but none of this kind, the kind that is to be decoded.
     #[error("it holds no {}, and {} in their place: decode these with --stream {}", .0.names().0, .0.other().names().0, .0.other().names().1)]
     OtherKind(CodeKind),
     /// The first code comes before the `Hello` and `Capabilities` of the device.
@@ -84,8 +85,8 @@ pub enum CodeFileError {
          them with --model, or decode codes of the same file with --stream codes"
     )]
     NotPacked(ModelId),
-    /// The index of a window is not larger than that of the window before it; holds the latter
-    /// index.
+    /// The index of a window is not larger than that of the window before it. The field is the
+    /// index of the window before it.
     #[error(
         "a second run starts after window {0}: a file holds one run, so keep runs in files of their \
          own"
@@ -138,7 +139,7 @@ impl CodeKind {
     }
 }
 
-/// What the device of a file announces about its codes.
+/// What the device that made a file announces about its codes.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Announcement {
     pub(crate) scale: Vec<f32>,
@@ -147,7 +148,7 @@ pub(crate) struct Announcement {
     pub(crate) levels: RangeInclusive<i32>,
     /// Largest input voltage, microvolts.
     pub(crate) full_scale_uv: f32,
-    /// Electrodes that the recording lacks.
+    /// Which electrodes the recording lacks, and whether they are interpolated or 0.
     pub(crate) substitutes: Substitutes,
     /// Group delay of the filters, microseconds.
     pub(crate) group_delay_us: u32,
@@ -291,8 +292,8 @@ impl<R: Read> CodeFile<R> {
         self.left_out
     }
 
-    /// Returns the kind that is to be returned if all codes so far had to be skipped as they are
-    /// not of it.
+    /// Returns the wanted kind of codes if all codes so far are of the other kind; otherwise
+    /// `None`.
     pub(crate) fn missing_kind(&self) -> Option<CodeKind> {
         self.kind
             .filter(|_| self.left_out > 0 && self.last.is_none())

@@ -101,7 +101,7 @@ impl Comparison {
         (self.total().signal / values.max(1.0)).sqrt()
     }
 
-    /// Returns the mean squared error, uV^2, if `error` holds the sums over `electrodes`
+    /// Returns the mean squared error of one value, uV^2. `error` has the sums over `electrodes`
     /// electrodes.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 values")]
     pub fn mse_uv2(&self, error: ElectrodeSums, electrodes: usize) -> f64 {

@@ -38,7 +38,7 @@ pub struct Decoding<'m> {
     /// Kind of codes to decode from a file that holds both kinds; `None` for the kind that comes
     /// first.
     pub kind: Option<CodeKind>,
-    /// Whether a file that has the name of the output is replaced.
+    /// Whether the output replaces a file of the same name.
     pub existing: Existing,
 }
 
@@ -49,8 +49,8 @@ pub struct Decoded {
     pub codes: u64,
     /// Total number of bits of the packed blocks; `None` for codes of the network.
     pub packed_bits: Option<u64>,
-    /// Number of windows whose code is missing, or of missing packed blocks. If no neighbour covers
-    /// a window, its steps repeat the last values; a missing block is predicted.
+    /// Number of windows whose code is missing, or of missing packed blocks. Steps of a missing
+    /// window that no other window contains repeat the last values; a missing block is predicted.
     pub missing: u64,
     /// Number of frames whose content is lost because they are damaged.
     pub damaged: u32,
@@ -99,7 +99,7 @@ impl Decoding<'_> {
     ///
     /// # Errors
     /// [`OfflineError`] if a file cannot be read or written, or [`Progress::interrupt`] was called.
-    /// Then no file has the name of the output.
+    /// A file that has the name of the output is then unchanged.
     pub fn decode(
         &self,
         input: &Path,

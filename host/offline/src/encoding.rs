@@ -38,7 +38,7 @@ pub struct Encoding {
     pub mains: Mains,
     /// Treatment of electrodes that a recording lacks.
     pub missing: Missing,
-    /// Whether a file that has the name of the output is replaced.
+    /// Whether the output replaces a file of the same name.
     pub existing: Existing,
     /// Kind of codes that the file gets.
     pub stream: EncodedStream,
@@ -78,7 +78,8 @@ impl Encoding {
     ///
     /// # Errors
     /// [`OfflineError`] if the recording cannot be read to its end, the file cannot be written, or
-    /// [`Progress::interrupt`] was called. Then no file has the name of the output.
+    /// [`Progress::interrupt`] was called. A file that has the name of the output is then
+    /// unchanged.
     pub fn encode(
         &self,
         input: &Path,

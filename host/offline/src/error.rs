@@ -40,7 +40,7 @@ pub enum OfflineError {
     #[error("the model in {} cannot decode codes", .0.display())]
     Model(PathBuf, #[source] ArtifactError),
     /// The program cannot filter the original recording for the model of the codes, because it was
-    /// built with another one.
+    /// built with another model.
     #[error(
         "{path} cannot be compared with codes of model {1}, because this program was built with another \
          one; build it with CORTICODE_ARTIFACT, the absolute path of the model's folder, or leave out \
@@ -51,11 +51,11 @@ pub enum OfflineError {
     /// The name of an output cannot be used.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
-    /// An output cannot be written. Holds the error of the operating system, or of the writer that
-    /// refuses a value.
+    /// An output cannot be written. The error is that of the operating system, or of the writer
+    /// that refuses a value.
     #[error("{} cannot be written; is the disk full?", .0.display())]
     Write(PathBuf, #[source] io::Error),
-    /// The format or the kind of the output cannot hold the signal.
+    /// The format cannot hold the signal, or needs a regular file as the output.
     #[error(
         "{} cannot hold the signal in this format; choose another one with --to, or a regular file",
         .0.display()
@@ -70,7 +70,8 @@ pub enum OfflineError {
 }
 
 impl OfflineError {
-    /// Returns a closure that turns an error of the operating system into that of writing `path`.
+    /// Returns a closure that turns an error of the operating system into the error that `path`
+    /// cannot be written.
     pub(crate) fn write(path: &std::path::Path) -> impl Fn(io::Error) -> Self + use<> {
         let path = path.to_owned();
         move |error| match error.kind() {

@@ -13,9 +13,10 @@ use crate::error::OfflineError;
 /// One hop of decoded steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DecodedHop<'a> {
-    /// Index of the first row: the step since the start of the run.
+    /// Index of the hop's first row, which is its first step counted from the start of the run.
     pub(crate) first_row: u64,
-    /// Microvolts, all electrodes of the first step, then of the next.
+    /// Microvolts: the values of all electrodes at the first step, then those at the next, and so
+    /// on.
     pub(crate) uv: &'a [f32],
     /// Flags of all windows that contain the hop. The filler flag marks steps for which every code
     /// is missing: their values repeat the last step.
@@ -203,8 +204,8 @@ impl PackedHops {
         }
     }
 
-    /// Passes a decoded hop to `emit`, with the flags of its block. If the decoder is still healing
-    /// or has predicted the hop, the flags also state this.
+    /// Passes a decoded hop to `emit`, with the flags of its block. A flag is added if the hop was
+    /// predicted, or if the decoder's state still differs from the device's after a lost block.
     fn pass_on(
         &self,
         hop: &PackedHop<Label>,

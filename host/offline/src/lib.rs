@@ -1,5 +1,5 @@
-//! Recordings encoded to files of codes or of packed blocks, these decoded to files of signals, and
-//! the error between them, without a host or a clock.
+//! Encodes recordings to files of codes or of packed blocks, decodes these to files of signals, and
+//! measures the error of the decoded signals, without a board, a bridge or a clock.
 //!
 //! The pipeline and the link are those of the firmware, and the decoder is the bridge's, so codes
 //! and microvolts equal theirs bit for bit. The commands `host-sim encode` and `host-sim decode`

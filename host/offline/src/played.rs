@@ -16,7 +16,7 @@ const _: () = assert!(model::CHANNELS <= virtual_adc::CHANNELS);
 pub struct Played {
     /// Virtual ADC, which yields the samples of the recording.
     pub adc: VirtualAdc,
-    /// Electrodes that the recording lacks.
+    /// Which electrodes the recording lacks, and whether they are interpolated or 0.
     pub substitutes: Substitutes,
     /// Text for the user that states where the samples of each electrode come from.
     pub montage: String,
@@ -59,8 +59,8 @@ impl Played {
     }
 }
 
-/// Returns a sample with the channels of the model's ADC. The virtual ADC fills the channels of the
-/// longest chain; those beyond the model's carry no electrode.
+/// Returns a sample of the model's ADC. The virtual ADC fills the channels of the longest chain of
+/// converters; those beyond the model's carry no electrode, and are left out.
 pub(crate) fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),

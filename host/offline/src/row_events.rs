@@ -78,8 +78,8 @@ impl RowEvents {
     }
 }
 
-/// Returns the row that shows the electrodes at `onset_s`, which is later by the delay of the
-/// filters; `None` if the row is not in the decoded signal.
+/// Returns the row that shows the electrodes at the time `onset_s`: the row is later than this time
+/// by the delay of the filters. `None` if the decoded signal has no such row.
 fn row_of(onset_s: f64, survey: &Survey, description: &Description) -> Option<u64> {
     let delay_s = f64::from(survey.announcement.group_delay_us) / 1e6;
     let row = ((onset_s + delay_s) * f64::from(description.window.rate_hz)).round();

@@ -58,7 +58,7 @@ pub(crate) struct Signal<'a> {
     /// Number of rows of the whole signal.
     pub(crate) rows: u64,
     /// Group delay of the filters, microseconds: a row with the time t shows the potentials that
-    /// the electrodes had earlier by the delay.
+    /// the electrodes had at t minus the delay.
     pub(crate) group_delay_us: u32,
     /// Largest absolute value that a row can have, microvolts.
     pub(crate) full_scale_uv: f32,

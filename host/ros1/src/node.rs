@@ -44,7 +44,8 @@ pub enum NodeError {
         /// Error from the operating system.
         source: io::Error,
     },
-    /// This node already has the topic or service. Holds the kind and the name of the duplicate.
+    /// This node already has the topic or service. The field is the kind and the name of the
+    /// duplicate.
     #[error("this node already has a {0}; clone that one, or drop it first")]
     Duplicate(String),
     /// The master refused the registration.

@@ -54,8 +54,7 @@ impl Publication {
         Ok(Arc::new(model.map_err(BridgeError::Model)?))
     }
 
-    /// Returns the settings. A rate of the packed code that they leave open becomes the model's
-    /// rate.
+    /// Returns the settings. If they set no rate of the packed code, the model's rate is filled in.
     ///
     /// # Errors
     ///
@@ -112,9 +111,9 @@ impl Publication {
     }
 }
 
-/// Runs the bridge until one of these ends it: a signal (such as SIGTERM), a call of `~quit`,
-/// `rosnode kill`, or the reader of the JSON lines by closing the pipe. Then stops the device,
-/// unregisters the node and closes the port.
+/// Runs the bridge until it is ended by a signal (such as SIGTERM), a call of `~quit`, `rosnode
+/// kill`, or a reader of the JSON lines that closes the pipe. Then stops the device, unregisters
+/// the node and closes the port.
 ///
 /// # Errors
 ///
@@ -223,7 +222,8 @@ impl<F: Feed> Bridge<F> {
         let mut deadline: Option<Instant> = None;
         let mut failure = None;
         loop {
-            // Checked again at every tick. A device whose port is not read waits or drops frames.
+            // While paused, the port is not read, so the device waits or drops frames; checked at
+            // every tick.
             let paused = self.outlets.must_pause();
             tokio::select! {
                 event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => self.handle_connection(event?, &buffer),

@@ -54,7 +54,7 @@ pub(crate) struct Options {
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, help_heading = DECODING, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
-    /// Point of a frame that its stamp refers to
+    /// What the stamp of a frame refers to
     #[arg(long, help_heading = DECODING, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,
     #[command(flatten)]
@@ -76,12 +76,12 @@ pub(crate) struct Options {
         value_parser = BoolishValueParser::new()
     )]
     pub(crate) low_latency: bool,
-    /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording
-    /// of the announced stream, or the event itself, as the frames' stamps
+    /// Time that the stamp of an event gives: that of its place in a recording of the announced
+    /// stream by rosneuro_recorder, or that of the event itself
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
     /// Stream that /acquisition/get_info describes; record this one and no other [default: encoded,
-    /// without codes reconstructed]
+    /// or reconstructed if codes do not stream]
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_ANNOUNCE", value_parser = choice::<AnnouncedStream>())]
     pub(crate) announce: Option<AnnouncedStream>,
 }
@@ -188,7 +188,7 @@ impl ResetOptions {
 /// when it returns. Needs no ROS and decodes nothing. Ends on Ctrl-C or SIGTERM; a file that was
 /// not ended, because of kill -9 or an empty battery, is readable to its last whole frame. `replay`
 /// plays the file as a device, and `convert` writes it as GDF, BDF, CSV or NPZ. An existing file is
-/// never replaced.
+/// replaced only with --force.
 ///
 /// Exit status: 0 done, 1 the file cannot be written any further, 2 wrong usage or an existing
 /// file.
@@ -287,7 +287,7 @@ fn config_option() -> Arg {
 /// List the serial ports of this machine, and say which are Corticode boards.
 ///
 /// A port that cannot be opened has a line with the reason and the command that helps. No port is
-/// opened. An ST-LINK `may be` a board: the UART of whatever board it is on.
+/// opened. An ST-LINK `may be` a board: it leads to the UART of the board that it is mounted on.
 ///
 /// Exit status: 0, also without any port.
 #[derive(Clone, Debug, Parser)]
@@ -364,10 +364,11 @@ pub(crate) struct StreamOptions {
         default_value = "codes,audit,events"
     )]
     pub(crate) streams: Vec<StreamKind>,
-    /// Rate of the packed code, 0 to 15: one more is 3 dB coarser; the model's by default
+    /// Rate of the packed code, 0 to 15: each next one is 3 dB coarser; by default the model's
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
     pub(crate) packed_rate: Option<u8>,
-    /// Form in which the device sends the samples of the stream raw; both yield the same frames
+    /// Form in which the device sends the samples of the stream raw; all forms yield the same
+    /// frames
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_RAW_FORM", default_value = "any", value_parser = choice::<RawForm>())]
     pub(crate) raw_form: RawForm,
 }

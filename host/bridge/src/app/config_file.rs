@@ -1,4 +1,4 @@
-//! A TOML file with options, the source of options that all others override.
+//! A TOML file with options, which all other sources of options override.
 
 use std::any::TypeId;
 use std::ffi::OsString;

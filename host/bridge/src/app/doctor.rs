@@ -67,7 +67,8 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     Report::new(checks)
 }
 
-/// Returns where the port is, and its address if it exists. For `auto` that is the board's port.
+/// Returns the place of the port, and its address if the port exists. For `auto`, the port is that
+/// of the board.
 fn locate(address: &PortAddress, root: &SystemRoot) -> (PortPlace, Option<PortAddress>) {
     let path = match address {
         PortAddress::Tcp(_) => {

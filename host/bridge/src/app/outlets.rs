@@ -35,7 +35,7 @@ pub(crate) struct Outlets {
     back_pressure: BackPressure,
     /// Channel to the task that serves `get_info`; `None` if frames go to stdout.
     announcements: Option<Sender<Option<AcquisitionInfo>>>,
-    /// What `get_info` was last told to answer; it is not told the same again.
+    /// Answer that `get_info` was last told to give; the task is not told the same answer again.
     announced: Option<AcquisitionInfo>,
     /// Sum of all dropped and undecoded frames in the previous report to `/diagnostics`.
     reported: u64,
@@ -275,7 +275,8 @@ impl Effects for Outlets {
 }
 
 /// Number of frames with codes or reconstructed signals that can wait for each subscriber: 8.5
-/// minutes at 16 frames per second. A frame takes about 3 KB, and only slow subscribers have any.
+/// minutes at 16 frames per second. A frame takes about 3 KB, and frames wait only for slow
+/// subscribers.
 const QUEUE_FRAMES: usize = 8192;
 /// Largest number of fillers for lost codes that are published at once: 4.3 minutes. They take half
 /// of a subscriber's queue; the codes that follow take the other half and push no filler out.
@@ -297,7 +298,7 @@ pub(crate) struct Sinks {
     filtered: Option<Box<dyn FrameSink>>,
     events: Option<Box<dyn Sink<NeuroEvent>>>,
     diagnostics: Box<dyn Sink<DiagnosticArray>>,
-    /// The ROS topics that the sinks publish; `None` if frames go to stdout.
+    /// The ROS topics on which the sinks publish; `None` if frames go to stdout.
     topics: Option<Arc<RosTopics>>,
     namespace: Namespace,
 }
@@ -322,7 +323,8 @@ impl Names {
             raw: raw.then(|| namespace.resolve("neurodata")),
             filtered: requested(Streams::FILTERED, "neurodata_corticode"),
             events: requested(Streams::EVENTS, "events/bus"),
-            // Has no namespace, because one aggregator collects the diagnostics of all bridges.
+            // This topic has no namespace, because one aggregator collects the diagnostics of all
+            // bridges.
             diagnostics: "/diagnostics",
         }
     }

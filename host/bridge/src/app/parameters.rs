@@ -27,8 +27,8 @@ pub fn to_flags(arguments: Vec<String>, known: &[String]) -> Result<Vec<String>,
 }
 
 /// Reads the node's private parameters from the parameter server at `master_uri`. Returns pairs of
-/// a name and an argument `--name=value`, and none without a master. `known` are the names of the
-/// options, with underscores.
+/// a name and an argument `--name=value`, or an empty list without a master. `known` are the names
+/// of the options, with underscores.
 ///
 /// # Errors
 ///

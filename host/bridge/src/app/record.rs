@@ -205,7 +205,8 @@ impl Recording {
         self.port.outgoing.clear();
     }
 
-    /// Queues what the recorder holds for the file. Returns whether the file still accepts bytes.
+    /// Queues the bytes that the recorder has collected. Returns whether the file still accepts
+    /// bytes.
     fn write(&mut self) -> bool {
         self.file.append(self.port.recorder.take())
     }
@@ -235,7 +236,7 @@ struct RecordedPort {
     outgoing: Vec<u8>,
     /// Host time of the event that is being handled.
     now: HostTime,
-    /// Model of a device that has just introduced itself; the main loop takes it.
+    /// Id of the model of a device that has just introduced itself; the main loop takes it.
     announced: Option<[u8; 8]>,
 }
 

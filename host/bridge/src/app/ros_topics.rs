@@ -78,7 +78,8 @@ impl RosTopics {
         Ok(sink)
     }
 
-    /// Checks who publishes the topics of frames, now and then every second in a task of its own.
+    /// Checks at once, and then every second in a task of its own, who publishes the topics of
+    /// frames.
     ///
     /// # Errors
     ///
@@ -98,8 +99,8 @@ impl RosTopics {
     }
 
     /// Asks the ROS master who publishes the topics of frames. Advertises a topic that no other
-    /// node publishes, and withdraws a topic that one does. Checks again after advertising, because
-    /// another node may have advertised it at the same time.
+    /// node publishes, and withdraws a topic that another node publishes. Checks again after
+    /// advertising, because another node may have advertised it at the same time.
     async fn check(&self) -> Result<(), NodeError> {
         loop {
             // Without a master no node can subscribe, so the topics need not be advertised yet.
@@ -251,12 +252,13 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Number of checks in a row in which no other node may publish a topic before the bridge does, if
-/// another node has published it before. After a restart of the master, nodes register within two.
+/// Number of checks in a row that must find no other publisher before the bridge publishes a topic
+/// that another node has published. After a restart of the master, nodes register within two
+/// checks.
 const FREE_CHECKS: u32 = 3;
 
-/// The bridge's claim to be the only publisher of a topic: a recorder that allocates for the frames
-/// of one publisher would copy frames of another publisher into the same memory.
+/// The bridge's claim to be the only publisher of a topic. A recorder allocates memory for the
+/// frames of one publisher, and would copy frames of another publisher into the same memory.
 #[derive(Debug, Default)]
 pub(crate) struct Claim {
     published: bool,

@@ -12,8 +12,8 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
-/// Number of lines that can wait to be published, and then wait for each subscriber. Further lines
-/// are only on stderr.
+/// Number of lines of the log that can wait to be published, and of published lines that can wait
+/// for each subscriber. Lines beyond it are only on stderr.
 const QUEUE_LINES: usize = 1024;
 /// Longest wait of the first lines for a subscriber, which needs several milliseconds to connect.
 const FIRST_SUBSCRIBER_TIMEOUT: Duration = Duration::from_secs(5);

@@ -4,7 +4,7 @@ use std::net::IpAddr;
 
 use crate::doctor::Check;
 
-/// The facts about ROS that the checks are made of.
+/// The facts about ROS on which the checks are based.
 #[derive(Clone, Debug)]
 pub(crate) struct RosFacts {
     pub(crate) master_uri: String,

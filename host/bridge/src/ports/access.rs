@@ -67,7 +67,7 @@ impl PortAccess {
     }
 }
 
-/// Returns the command that ends a program. For a service that is not `kill`, because the service
+/// Returns the command that ends a program. A service is not ended by `kill`, because the service
 /// manager would start the program again.
 fn remedy(program: &Program) -> String {
     match program.name.as_str() {
@@ -123,8 +123,8 @@ fn user_name(users: &str, uid: u32) -> Option<&str> {
     })
 }
 
-/// Returns whether a user whom the port has refused belongs to its group. `groups` is the text of
-/// `/etc/group`; `gid` and `mode` are the port's.
+/// Returns whether a user who may not open the port belongs to the port's group. `groups` is the
+/// text of `/etc/group`; `gid` and `mode` are the port's.
 fn membership(groups: &str, gid: u32, mode: u32, user: Option<&str>) -> Membership {
     const GROUP_READ_WRITE: u32 = 0o060;
     let mut lines = groups.lines().map(|line| line.split(':'));

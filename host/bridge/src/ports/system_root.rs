@@ -67,8 +67,8 @@ impl SystemRoot {
         })
     }
 
-    /// Returns whether udev has finished with a device, whose folder in sysfs is `folder`. udev
-    /// then writes a file named after the device's kind and numbers, such as `c166:0`.
+    /// Returns whether udev has finished with a device, whose folder in sysfs is `folder`. At the
+    /// end, udev writes a file named after the device's kind and numbers, such as `c166:0`.
     fn is_settled(&self, folder: &Path) -> bool {
         let numbers = text(&folder.join("dev")).unwrap_or_default();
         // The running udev has this socket; a container without udev can still have udev's folders.

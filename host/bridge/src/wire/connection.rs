@@ -241,7 +241,7 @@ impl Feed for Connection {
         self.is_stranger
     }
 }
-/// Connection to a device, in the form that the loop needs which publishes the device's streams.
+/// Connection to a device, as used by the loop that publishes the device's streams.
 pub trait Feed {
     /// Waits for the next event; bytes from the device then stand at the front of `buffer`.
     /// Meanwhile passes `outgoing` to the device and removes what was accepted. Cancel safe.

@@ -85,7 +85,7 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
         let stream = send(&topic, &subscription(NeuroFrame::TYPE.md5)).await;
         stream.set_zero_linger().unwrap();
     }
-    // A subscriber whose message definition is another one receives an error.
+    // A subscriber with another MD5 sum of the message definition receives an error.
     let mut wrong = send(&topic, &subscription("00000000000000000000000000000000")).await;
     let mut answer = Vec::new();
     let read = timeout(TIMEOUT, wrong.read_to_end(&mut answer)).await;

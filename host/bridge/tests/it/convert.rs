@@ -1,4 +1,4 @@
-//! The subcommand `convert`: events stand at their samples in spite of loss and a restart; errors.
+//! The subcommand `convert`: the place of events among samples after losses and a restart; errors.
 #![expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -122,7 +122,7 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
             let tick = tick - (at - row) as f64 * ticks;
             let event = *us as f64 * TICKS_PER_SECOND as f64 / 1e6;
             // The pause of the restart is filled with whole rows, so later rows are off by a
-            // fraction.
+            // fraction of a row.
             worst = worst.max((tick - event).abs() / ticks);
             checked += 1;
         }
@@ -411,7 +411,7 @@ fn events_beside_a_restart_stand_at_their_rows() {
     let table = signals(recording);
     let fillers = (0..table.rows.len()).filter(|row| table.is_filler(*row));
     assert!(fillers.eq(160..224));
-    // No row is late enough for the last event, so it stands at none.
+    // The last event is later than every row, so no row has it.
     let after = (0..19).map(|block| 224 + 8 * block + 9);
     let expected: Vec<usize> = std::iter::once(158).chain(after).collect();
     assert_eq!(table.events(), expected);

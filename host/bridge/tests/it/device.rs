@@ -25,7 +25,7 @@ pub(crate) const PACE: Duration = Duration::from_millis(20);
 pub(crate) struct Controls {
     /// Number of codes that the board makes next but does not send.
     pub(crate) lose: AtomicU32,
-    /// Number of codes that the board skips next, as a long outage would.
+    /// Number of codes that the board skips next, as in a long outage.
     pub(crate) jump: AtomicU32,
     /// Whether a byte of every third code is changed on its way to the host.
     pub(crate) damage: AtomicBool,

@@ -10,7 +10,8 @@ use crate::device::Device;
 use crate::graph::{ended, frame, node, subscribe, until};
 use crate::process::{Bridge, free_address};
 
-/// Runs `corticode-bridge master` at an address and waits until it answers. Returns its URI too.
+/// Runs `corticode-bridge master` at an address and waits until it answers. Returns the running
+/// program and its URI.
 async fn master(address: SocketAddr) -> (Bridge, String) {
     let master = Bridge::start(&["master", "--bind", &address.to_string()]);
     let uri = format!("http://127.0.0.1:{}/", address.port());

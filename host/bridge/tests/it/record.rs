@@ -16,7 +16,7 @@ use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, wait_for_bytes};
 
-/// What the tests need to know of a recording.
+/// What the tests check in a recording.
 #[derive(Debug, Default)]
 struct Content {
     windows: Vec<u32>,

@@ -75,7 +75,7 @@ fn summary(description: &Description, entry: &Entry) -> String {
     )
 }
 
-/// Returns the number of codes or packed blocks, and their size.
+/// Returns a text with the number of codes or packed blocks and their size.
 fn items(description: &Description, decoded: &Decoded) -> String {
     match decoded.bits_per_block() {
         Some(bits) => format!("{} packed blocks of {bits:.1} bits", decoded.codes),

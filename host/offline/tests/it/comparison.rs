@@ -1,4 +1,5 @@
-//! The error of each electrode is that of the written file against the filtered recording.
+//! The reported error of each electrode equals that of the written file against the filtered
+//! recording.
 
 use offline::{ElectrodeOrigin, SignalFormat};
 use pipeline::{FrontEnd, Mains};

@@ -76,8 +76,8 @@ impl Fixture {
             })
     }
 
-    /// Writes a file with those frames of [`Self::codes`] for whose message `change` returns true.
-    /// `change` may also change the message.
+    /// Writes a file with the frames of [`Self::codes`] for whose messages `change` returns true;
+    /// `change` may also change the messages.
     pub(crate) fn changed(
         &self,
         name: &str,

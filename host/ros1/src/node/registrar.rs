@@ -155,8 +155,8 @@ impl Registrar {
             .ok_or_else(|| CallFailure::Shape.of(&self.master_uri, method))
     }
 
-    /// Marks those services of this node as not registered that no node provides according to the
-    /// master. If another node takes a service over and leaves, the master does not give it back.
+    /// Marks a service of this node as not registered if the master lists no provider for it. If
+    /// another node takes a service over and leaves, the master does not give it back.
     async fn find_lost_services(&self) {
         let services = |key: &Key| matches!(key, Key::Service(_));
         if !lock(&self.graph).registered.iter().any(services) {
