@@ -1,4 +1,5 @@
-//! A contender that runs our filters with random coefficients.
+//! A contender (filter code whose instructions are counted) that runs our filters with random
+//! coefficients.
 
 use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};
 use model::{ELECTRODES, SECTIONS};

@@ -145,7 +145,8 @@ impl Contender for Resampling {
     }
 }
 
-/// The whole acquisition as a contender: rails, filters, decimation, scalp grid, quantisation.
+/// The whole acquisition as a contender: detection of rails, filters, decimation, scalp grid,
+/// quantisation.
 struct Acquiring {
     acquisition: Acquisition,
     samples: [Sample; BLOCK],

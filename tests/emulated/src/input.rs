@@ -18,7 +18,7 @@ const REAL: &str = "eegmmidb_S001/S001R11.edf";
 /// Samples for a scenario, and the names of their sources.
 #[derive(Debug)]
 pub struct Input {
-    /// The samples, those of one source after those of the other.
+    /// Samples of all sources, one source after the other.
     pub samples: Vec<Sample>,
     /// Names of the sources that the samples come from.
     pub names: Vec<&'static str>,

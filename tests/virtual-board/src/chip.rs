@@ -127,7 +127,8 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Sets the level of the timer's trigger input, if `pin` has the timer's alternate function.
     fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
-    /// Sets the level of a pin of the emulated part and, if it leads there, of the timer input.
+    /// Sets the level of a pin of the emulated part, and that of the timer input if the pin is
+    /// connected to it.
     fn drive_part(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
     /// Sets the level of an input pin from outside the chip, for all of the chip's models.

@@ -27,8 +27,8 @@ pub(crate) struct Change {
     pub(crate) memory: Vec<(u64, Vec<u8>)>,
 }
 
-/// Offset in bytes of memory that the firmware does not use, from the start of the memory that
-/// keeps the failure record across a reset.
+/// Offset in bytes of unused memory from the start of the memory that keeps the failure record
+/// across a reset.
 const SPARE: u64 = 0x300;
 
 const SP: usize = 13;

@@ -9,7 +9,7 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use pipeline::{Mains, Pipeline, Sample};
 
-/// Duration of the EEG that the board encodes in each test, in seconds.
+/// Longest wait for a program to end or to reach a condition; a busy machine is slow.
 const SECONDS: u32 = 20;
 /// Longest wait for a program, which is slow on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);

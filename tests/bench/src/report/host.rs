@@ -23,11 +23,12 @@ const ROUNDS: usize = 9;
 /// Speeds of all contenders in one round, codes per second.
 #[derive(Debug)]
 struct Round {
-    /// Our encoder, fed the stream of time steps.
+    /// Speed of our encoder on the stream of time steps.
     streaming: f64,
-    /// Our encoder, started anew for each window, so that it computes the overlap of windows again.
+    /// Speed of our encoder when restarted for each window, so that it computes the overlap of
+    /// windows again.
     by_window: f64,
-    /// Our acquisition and encoder, fed ADC samples.
+    /// Speed of our acquisition and encoder on ADC samples.
     pipeline: f64,
     /// Answer of PyTorch; `None` where it is not installed.
     torch: Option<Answer>,

@@ -16,7 +16,8 @@ use crate::tally::Tally;
 /// Longest permitted time in which an image prints nothing; the longest measured one is 3 s.
 const SILENCE: Duration = Duration::from_mins(2);
 
-/// Virtual time per instruction, which the images' counter assumes, as a power of two: 2^10 ns.
+/// Exponent of the virtual time per instruction, 2^10 ns, which the images' instruction counter
+/// assumes.
 const INSTRUCTION_TIME: u8 = 10;
 
 /// Runs an image on `machine` in the subfolder `folder` of cargo's target folder, with `inputs` as

@@ -29,7 +29,8 @@ use self::figures::{Figures, Times, Usage};
 use self::subscriber::Subscriber;
 use super::programs::Python;
 
-/// Environment variable that names the folder of our programs; by default it is this program's.
+/// Environment variable that names the folder of our programs; the default is this program's
+/// folder.
 const FOLDER: &str = "CORTICODE_PROGRAMS";
 /// Address at which a server listens on any free port of this PC.
 const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);
@@ -215,7 +216,8 @@ impl Nodes {
         &self.codes[..=usize::from(self.rospy.is_some())]
     }
 
-    /// Measures both nodes for `seconds`. `sent` returns when each code was sent to each node.
+    /// Measures both nodes for `seconds`. `sent` returns, for each node, the times at which the
+    /// codes, or the frames that complete their windows, were sent to the node.
     ///
     /// # Errors
     /// A node has ended.

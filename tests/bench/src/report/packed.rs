@@ -28,7 +28,8 @@ struct Printed {
     inputs: Vec<Counted>,
 }
 
-/// Instruction counts of one input: a tally for each time step of a hop, and one for whole hops.
+/// Instruction counts of one input: a tally for each time step of a hop, and a tally over whole
+/// hops.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Counted {
@@ -213,8 +214,8 @@ const FOLDER: &str = "eegmmidb_S001";
 const RECORDINGS: [&str; 2] = ["S001R11.edf", "S001R12.edf"];
 const MAINS_HZ: u32 = 60;
 
-/// Returns bits and errors of the built-in packed model, at its own rate and at every rate, and of
-/// PCA's codes of windows, on recordings; null where `CORTICODE_DATA` is not set.
+/// Measures bits and errors on recordings: of the built-in packed model, at its own rate and at
+/// every rate, and of windows coded by PCA. Returns null if `CORTICODE_DATA` is not set.
 ///
 /// # Errors
 /// The recordings or the model cannot be used.

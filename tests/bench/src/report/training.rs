@@ -1,4 +1,5 @@
-//! The benchmark `training`: times updates of the autoencoder on one thread, and PyTorch's.
+//! The benchmark `training`: times the trainer's updates of the autoencoder on one thread, and
+//! PyTorch's.
 //!
 //! Both contenders start from the built-in model's weights and see the same batches. Equal losses
 //! after each update therefore show that they compute the same gradients and updates.

@@ -1,5 +1,6 @@
-//! With other models than the built-in one, the pipeline also streams the codes and packed blocks
-//! of the batch references. Each model is built from an artifact, as a user builds it.
+//! Built with models other than the checked-in one, the pipeline also streams the same codes and
+//! packed blocks as the batch references. Each model is built from an artifact, as a user builds
+//! it.
 //!
 //! `encoder_numpy.rs` compares the reference itself with numpy for networks of every mode, padding
 //! and pool.
@@ -30,7 +31,9 @@ const VARIANTS: [(Mode, Padding, [usize; 3], Size); 10] = [
     (Shortcut, Padding::All, [2, 1, 1], ROW),
 ];
 
-/// Size of the smallest model. A convolution cannot read its grid of four electrodes.
+/// Models to build (mode, padding, pool, size). Together they use every kernel, both ends of a
+/// padded window, encoders that lack each of the optional parts, every overlap of windows, and the
+/// ends of every parameter's range.
 const SMALLEST: Size = Size {
     grid: [2, 2],
     electrodes: 4,
@@ -57,7 +60,7 @@ const ROW: Size = Size {
     numbers: 32,
 };
 
-/// Formats of codes, of which the variants use one after the other in turn.
+/// Formats of the codes; successive variants use them in turn.
 const FORMATS: [CodeFormat; 3] = [
     CodeFormat::Int8Exponent,
     CodeFormat::Int16,

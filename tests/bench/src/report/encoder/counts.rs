@@ -62,12 +62,13 @@ struct KernelCount {
 /// counted alone and divided evenly among the time steps of a hop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Figures {
-    /// Sum of the largest counts of all time steps of a hop.
+    /// Sum, over the time steps of a hop, of each step's largest instruction count.
     insn_per_code: u32,
     pub(crate) insn_per_code_shortcut: u32,
     insn_after_last_sample: u32,
     insn_after_last_sample_shortcut: u32,
-    /// Largest count of any time step, divided by the mean of the time steps' smallest counts.
+    /// Largest instruction count of any time step, divided by the mean of the time steps' smallest
+    /// instruction counts.
     worst_over_mean: f64,
     worst_over_mean_shortcut: f64,
 }

@@ -26,7 +26,7 @@ const START: Duration = Duration::from_secs(20);
 /// Time between two attempts to connect or to accept.
 const RETRY: Duration = Duration::from_millis(20);
 
-/// Levels of a code's values, and the index of its window.
+/// A code's values as levels (integers), and the index of its window.
 struct Levels {
     window: u32,
     values: Vec<i32>,
