@@ -72,9 +72,9 @@ pub fn simulated(streams: Streams, samples: &[Sample]) -> Vec<u8> {
 /// A code in a frame that a board has sent.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SentCode {
-    /// Values of the code as levels (integers).
+    /// Index of the code's window, from 0 at the last `Start`.
     pub window: u32,
-    /// Levels of the code's values.
+    /// Values of the code as levels (integers).
     pub levels: Vec<i32>,
     /// The whole code message, encoded by [`encoded`] for comparison.
     pub bytes: Vec<u8>,

@@ -9,9 +9,9 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use pipeline::{Mains, Pipeline, Sample};
 
-/// Longest wait for a program to end or to reach a condition; a busy machine is slow.
+/// Duration of the EEG that the board encodes in each test, in seconds.
 const SECONDS: u32 = 20;
-/// Longest wait for a program, which is slow on a busy machine.
+/// Longest wait for a program to end or to reach a condition; a busy machine is slow.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]

@@ -56,8 +56,8 @@ pub(crate) fn run<T: DeserializeOwned>(
     Ok((counts?, output))
 }
 
-/// Returns an input file that starts with the number of time steps of each input; `bytes` are those
-/// of all inputs.
+/// Returns an input file: the number of time steps of each input, then `bytes`, the contents of all
+/// inputs.
 pub(crate) fn with_steps(steps: usize, bytes: impl Iterator<Item = u8>) -> Vec<u8> {
     let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
     steps.into_iter().chain(bytes).collect()

@@ -61,7 +61,7 @@ struct Counts {
 /// Packed blocks that this PC computes from one input.
 #[derive(Debug, Default)]
 struct Coded {
-    /// Length in bytes (one byte) and bytes of each block, as the image writes them.
+    /// For each block, its length in bytes (one byte) and its bytes, as the image writes them.
     output: Vec<u8>,
     lengths: Vec<usize>,
     blank: usize,

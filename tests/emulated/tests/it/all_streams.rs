@@ -204,9 +204,9 @@ const BURST_PERIOD: u64 = 40;
 /// (`firmware::deadlines::EVENTS_WAITING`).
 const BURST_EDGES: usize = 24;
 
-/// Smallest number of events that a board must send for a burst. Its queue holds 16 events, of
-/// which those of the three edges around the preceding DRDY may take three, because they wait while
-/// the encoder is busy.
+/// Smallest number of events that a board must send for a burst. Its queue holds 16 events, but up
+/// to three places can be taken by the three edges around the preceding DRDY, whose events wait
+/// while the encoder is busy.
 const BURST_KEPT: usize = 13;
 
 /// Time between two edges of a burst, microseconds. The whole burst is between two DRDYs.

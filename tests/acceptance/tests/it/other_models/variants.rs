@@ -16,7 +16,7 @@ use artifact::{
 };
 
 /// Models to build (mode, padding, pool, size). Together they use every kernel, both ends of a
-/// padded window, an encoder without each of its optional parts, every overlap of windows, and the
+/// padded window, encoders that lack one or other optional part, every overlap of windows, and the
 /// ends of every parameter's range.
 const VARIANTS: [(Mode, Padding, [usize; 3], Size); 10] = [
     (Paper, Padding::None, [2, 2, 2], Size::paper(16)),
@@ -31,9 +31,7 @@ const VARIANTS: [(Mode, Padding, [usize; 3], Size); 10] = [
     (Shortcut, Padding::All, [2, 1, 1], ROW),
 ];
 
-/// Models to build (mode, padding, pool, size). Together they use every kernel, both ends of a
-/// padded window, encoders that lack each of the optional parts, every overlap of windows, and the
-/// ends of every parameter's range.
+/// Size of the smallest model. Its grid of four electrodes is too small for a convolution.
 const SMALLEST: Size = Size {
     grid: [2, 2],
     electrodes: 4,

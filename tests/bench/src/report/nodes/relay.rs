@@ -1,6 +1,6 @@
 //! Forwards the bytes of host-sim to the bridge, and the codes among them to the node in rospy, and
-//! notes the times. Codes leave exactly one hop apart, within some microseconds, so that the jitter
-//! at a subscriber is that of the node.
+//! notes when each code is sent. Codes leave exactly one hop apart, within some microseconds, so
+//! that the jitter at a subscriber is that of the node.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
