@@ -35,7 +35,8 @@ const SP: usize = 13;
 const PC: usize = 15;
 
 impl Injection {
-    /// Returns the changes that cause this failure; `None` if the image lacks what they need.
+    /// Returns the changes that cause this failure; `None` if the image lacks symbols or code for
+    /// them.
     pub(crate) fn change(self, image: &Image) -> Option<Change> {
         let mut change = Change::default();
         match self {

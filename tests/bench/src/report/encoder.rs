@@ -28,7 +28,7 @@ struct Room {
     ram_left: i64,
 }
 
-/// A microcontroller of `parts.toml` and its memory, KiB of 1024 bytes.
+/// A microcontroller of `parts.toml`, and the sizes of its memories in KiB of 1024 bytes.
 #[derive(Debug, Deserialize)]
 struct Part {
     name: String,

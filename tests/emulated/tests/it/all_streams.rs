@@ -39,8 +39,8 @@ fn all_streams_of_the_packed_code_at_once_equal_host_sims() {
     );
 }
 
-/// Runs the boards with `argument`, with which the image starts the streams `streams`, and checks
-/// what they send. Records the figures as `name`.
+/// Runs the boards with the image's argument `argument`, which starts the streams `streams`, and
+/// checks what they send. Records the figures as `name`.
 fn stream(argument: &str, name: &str, streams: Streams) {
     let input = Input::from_environment();
     let skip = input.samples.len().saturating_sub(SAMPLES) / 2;
