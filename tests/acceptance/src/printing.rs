@@ -14,8 +14,7 @@ use crate::programs::programs;
 /// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
-/// `NAME` in the file names `NAME.out` and `NAME.err` of the output of the bridge that [`print`]
-/// starts.
+/// `NAME` in `NAME.out` and `NAME.err`, the output files of the bridge that [`print`] starts.
 const PRINTING: &str = "printing";
 
 /// Starts `host-sim run` in real time with `seconds` of synthetic EEG with seed 7.

@@ -26,7 +26,8 @@ pub(crate) struct ClearedBits {
     pub(crate) bits: u64,
 }
 
-/// How the emulated part differs from the chip, and what the core's accesses get instead.
+/// Differences between the emulated part and the chip, which the bus corrects in the core's
+/// accesses.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,

@@ -35,8 +35,7 @@ fn lost_blocks_cost_little_and_the_decoder_says_until_when() {
     let Some(coded) = coded("packed code with loss") else {
         return;
     };
-    // One block of the recording is a misfit, which the model represents badly: an electrode jumps
-    // in it.
+    // One block is a misfit (the model represents it badly), because an electrode jumps in it.
     assert!(coded.misfits <= 2, "{} misfits", coded.misfits);
     let model = model();
     let (whole, sound) = error(&model, &coded, |_| false);

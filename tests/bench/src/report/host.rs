@@ -34,7 +34,8 @@ struct Round {
     torch: Option<Answer>,
 }
 
-/// Times our encoder and PyTorch alternately, and compares the codes of both with float codes.
+/// Times our encoder and PyTorch alternately, and compares the codes of both with the float
+/// network's.
 ///
 /// # Errors
 /// PyTorch does not run, or a contender's codes are incomplete.

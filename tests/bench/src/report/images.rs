@@ -16,8 +16,7 @@ use crate::tally::Tally;
 /// Longest permitted time in which an image prints nothing; the longest measured one is 3 s.
 const SILENCE: Duration = Duration::from_mins(2);
 
-/// Exponent of the virtual time per instruction, 2^10 ns, which the images' instruction counter
-/// assumes.
+/// Virtual time per instruction as a power of two, 2^10 ns; the images' counter relies on it.
 const INSTRUCTION_TIME: u8 = 10;
 
 /// Runs an image on `machine` in the subfolder `folder` of cargo's target folder, with `inputs` as
@@ -75,7 +74,7 @@ pub(crate) fn different(expected: &[u8], output: &[u8], length: usize) -> usize 
 pub(crate) struct Range {
     pub(crate) fewest: u32,
     pub(crate) most: u32,
-    /// Whether the number is the same for every input.
+    /// Whether the number of instructions is the same for every input.
     ///
     /// Within one input the number may vary, because the position in a ring buffer affects it. The
     /// contents of the buffer must not affect it.

@@ -41,7 +41,8 @@ impl Violations {
         }
     }
 
-    /// Records a violation of each of the `rules` that is false; `section` states the rules.
+    /// Records a violation for each of the `rules` that is false; `section` is the section that
+    /// states them.
     pub(super) fn expect<const N: usize>(
         &mut self,
         at_ns: u64,

@@ -1,6 +1,5 @@
-//! Built with models other than the checked-in one, the pipeline also streams the same codes and
-//! packed blocks as the batch references. Each model is built from an artifact, as a user builds
-//! it.
+//! With models other than the checked-in one, too, the pipeline streams the codes and packed blocks
+//! of the batch references. Each model is built from an artifact, as a user builds it.
 //!
 //! `encoder_numpy.rs` compares the reference itself with numpy for networks of every mode, padding
 //! and pool.
@@ -16,7 +15,7 @@ use artifact::{
 };
 
 /// Models to build (mode, padding, pool, size). Together they use every kernel, both ends of a
-/// padded window, encoders that lack one or other optional part, every overlap of windows, and the
+/// padded window, for each optional part an encoder without it, every overlap of windows, and the
 /// ends of every parameter's range.
 const VARIANTS: [(Mode, Padding, [usize; 3], Size); 10] = [
     (Paper, Padding::None, [2, 2, 2], Size::paper(16)),

@@ -74,8 +74,8 @@ pub(crate) struct Figures {
 }
 
 impl Counts {
-    /// Computes the counts from what the image printed. The caller sets the numbers of different
-    /// codes and networks, and the loops.
+    /// Computes the counts from what the image printed. The caller fills in `different_codes`,
+    /// `different_networks` and `loops`.
     pub(crate) fn new(machine: Machine, printed: Printed) -> Self {
         let steps = Range::of_columns(&printed.inputs);
         let kernels = printed.kernels.iter();
