@@ -40,8 +40,7 @@ impl LossyCable {
         })
     }
 
-    /// Closes the host's connection and, until [`Self::plug`] is called, discards what the board
-    /// sends.
+    /// Closes the host's connection and discards the board's bytes until [`Self::plug`] is called.
     pub fn unplug(&self) {
         self.unplugged.store(true, Ordering::Relaxed);
     }

@@ -145,8 +145,7 @@ impl Contender for Resampling {
     }
 }
 
-/// The whole acquisition as a contender: detection of rails, filters, decimation, scalp grid,
-/// quantisation.
+/// The whole acquisition as a contender: rail detection, filters, decimation, grid, quantisation.
 struct Acquiring {
     acquisition: Acquisition,
     samples: [Sample; BLOCK],

@@ -127,8 +127,7 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Sets the level of the timer's trigger input, if `pin` has the timer's alternate function.
     fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
-    /// Sets the level of a pin of the emulated part, and that of the timer input if the pin is
-    /// connected to it.
+    /// Sets the level of a pin of the emulated part and of the timer input that it drives, if any.
     fn drive_part(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
     /// Sets the level of an input pin from outside the chip, for all of the chip's models.

@@ -26,8 +26,7 @@ pub(crate) struct ClearedBits {
     pub(crate) bits: u64,
 }
 
-/// Differences between the emulated part and the chip, which the bus corrects in the core's
-/// accesses.
+/// Differences between emulated part and chip, which the bus corrects when the core accesses them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,

@@ -99,8 +99,7 @@ fn printed(lines: &str) -> Vec<Frame> {
     frames.collect()
 }
 
-/// Returns the text with the numbers of blocks and bits that the bridge must log after a run
-/// without losses.
+/// Returns the text with the counts of blocks and bits that the bridge must log without losses.
 fn counts(blocks: &[Vec<u8>]) -> String {
     let bytes: usize = blocks.iter().map(Vec::len).sum();
     format!(

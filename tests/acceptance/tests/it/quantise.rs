@@ -43,8 +43,8 @@ fn integer_codes_follow_the_float_codes_in_every_variant() {
         let model = quantise(&artifact).expect("a quantisable network");
         let sqnr = sqnr_db(&codes(&artifact, &model, seed));
         println!("{mode:?}, {padding:?}, {pool:?}: {sqnr:.1} dB");
-        // The lowest measured ratios of signal to quantisation noise are 29.5 dB for modes with a
-        // shortcut and 22.2 dB for others.
+        // The lowest signal-to-noise ratios measured are 29.5 dB with a shortcut and 22.2 dB
+        // without.
         let floor_db = if mode.has_shortcut() { 27.0 } else { 21.0 };
         assert!(
             sqnr > floor_db,
@@ -63,8 +63,7 @@ fn zeros_in_place_of_the_padding_degrade_the_codes() {
         model.hidden_padding.fill(0);
         let wrong = sqnr_db(&codes(&artifact, &model, 7));
         println!("{padding:?}: {right:.1} dB, with zeros {wrong:.1} dB");
-        // With zero padding, the measured ratio of signal to quantisation noise was 26 dB lower
-        // than with the model's own padding.
+        // With padding by zeros, the measured SQNR was 26 dB lower than with the right padding.
         assert!(wrong < right - 20.0, "{padding:?}: {right:.1}, {wrong:.1}");
     }
 }

@@ -25,8 +25,7 @@ const ROUNDS: usize = 9;
 struct Round {
     /// Speed of our encoder on the stream of time steps.
     streaming: f64,
-    /// Speed of our encoder when restarted for each window, so that it computes the overlap of
-    /// windows again.
+    /// Speed of our encoder, restarted for each window, so that it computes overlaps again.
     by_window: f64,
     /// Speed of our acquisition and encoder on ADC samples.
     pipeline: f64,

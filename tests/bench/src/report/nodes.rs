@@ -29,8 +29,7 @@ use self::figures::{Figures, Times, Usage};
 use self::subscriber::Subscriber;
 use super::programs::Python;
 
-/// Environment variable that names the folder of our programs; the default is this program's
-/// folder.
+/// Environment variable that names the folder of our programs; default: this program's folder.
 const FOLDER: &str = "CORTICODE_PROGRAMS";
 /// Address at which a server listens on any free port of this PC.
 const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);

@@ -28,8 +28,7 @@ struct Printed {
     inputs: Vec<Counted>,
 }
 
-/// Instruction counts of one input: a tally for each time step of a hop, and a tally over whole
-/// hops.
+/// Instruction counts of one input: a tally for each time step of a hop, and one over whole hops.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Counted {

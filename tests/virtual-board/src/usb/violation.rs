@@ -41,8 +41,7 @@ impl Violations {
         }
     }
 
-    /// Records a violation for each of the `rules` that is false; `section` is the section that
-    /// states them.
+    /// Records a violation for each of the `rules` that is false; they are stated in `section`.
     pub(super) fn expect<const N: usize>(
         &mut self,
         at_ns: u64,

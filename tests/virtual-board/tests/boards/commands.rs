@@ -8,8 +8,7 @@ use virtual_board::{BoardError, Cable, Kind, VirtualBoard};
 use crate::images::Subject;
 use crate::session::{acks, assert_sound, converters, pick, run_codes, running, stats, streaming};
 
-/// Number of codes during which the device sends its counters at least once; it does so each
-/// second.
+/// Number of codes in which the device sends its counters at least once; it does so each second.
 const A_REPORT: usize = 20;
 
 /// Number of commands that a scenario sends without pause; over the UART they take about 50 ms.
