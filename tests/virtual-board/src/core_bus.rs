@@ -26,7 +26,7 @@ pub(crate) struct ClearedBits {
     pub(crate) bits: u64,
 }
 
-/// Differences between emulated part and chip, which the bus corrects when the core accesses them.
+/// Differences of the emulated part from the chip, which the bus hides from the core.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,

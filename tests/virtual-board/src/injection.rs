@@ -35,8 +35,8 @@ const SP: usize = 13;
 const PC: usize = 15;
 
 impl Injection {
-    /// Returns the changes that cause this failure; `None` if the image lacks needed symbols or
-    /// code.
+    /// Returns the changes that cause this failure; `None` if the image lacks symbols or code that
+    /// they need.
     pub(crate) fn change(self, image: &Image) -> Option<Change> {
         let mut change = Change::default();
         match self {

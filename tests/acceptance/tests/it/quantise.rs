@@ -43,8 +43,7 @@ fn integer_codes_follow_the_float_codes_in_every_variant() {
         let model = quantise(&artifact).expect("a quantisable network");
         let sqnr = sqnr_db(&codes(&artifact, &model, seed));
         println!("{mode:?}, {padding:?}, {pool:?}: {sqnr:.1} dB");
-        // The lowest signal-to-noise ratios measured are 29.5 dB with a shortcut and 22.2 dB
-        // without.
+        // The lowest SQNR measured is 29.5 dB for modes with a shortcut and 22.2 dB for others.
         let floor_db = if mode.has_shortcut() { 27.0 } else { 21.0 };
         assert!(
             sqnr > floor_db,

@@ -16,8 +16,8 @@ use super::figures::{Report, median};
 use super::inputs;
 use super::programs::Python;
 
-/// Number of rounds, each of which times every contender once. A warm-up round at the start is not
-/// counted.
+/// Number of rounds, each of which times every contender (our encoder, PyTorch) once. A warm-up
+/// round at the start is not counted.
 const ROUNDS: usize = 9;
 
 /// Speeds of all contenders in one round, codes per second.

@@ -44,7 +44,7 @@ struct Round {
     version: Option<String>,
 }
 
-/// Number of rounds, each of which times every contender once.
+/// Number of rounds, each of which times every contender (the trainer, PyTorch) once.
 const ROUNDS: usize = 5;
 /// One round's results: of the trainer, and of PyTorch where it is installed.
 type Pair = (Round, Option<Round>);

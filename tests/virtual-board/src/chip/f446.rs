@@ -53,7 +53,7 @@ const DCKCFGR2: u64 = 0x4002_3894;
 /// Address at which the emulator serves accesses to DCKCFGR2; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
 
-/// An emulated STM32F446: the emulator's part, the model of EXTI and the model of the USB core.
+/// An emulated STM32F446: the emulator's model of the part, and added models of EXTI and USB.
 #[derive(Debug)]
 pub(crate) struct F446 {
     part: Stm32f427,

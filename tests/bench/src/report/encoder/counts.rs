@@ -19,7 +19,7 @@ pub(crate) struct Printed {
     /// Number of instructions of the acquisition for the time steps of one hop.
     pub(crate) acquisition_per_code: u32,
     kernels: Vec<KernelCount>,
-    /// For each input, the instruction tallies of a hop's time steps, in order.
+    /// For each input, the tallies (fewest, most, total) of a hop's time steps, in order.
     pub(crate) inputs: Vec<Vec<Tally>>,
 }
 
