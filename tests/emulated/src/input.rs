@@ -8,8 +8,8 @@ use model::{ADC_RATE_HZ, CHANNELS, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::Sample;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
-/// Name of the file in the image's folder that holds the samples: 32-bit counts, little endian, one
-/// sample after the other.
+/// Name of the file in the image's folder that holds the samples: 32-bit ADC counts, little endian,
+/// one sample after the other.
 pub const FILE: &str = "samples.i32";
 
 /// Recording of real EEG, in the folder that `CORTICODE_DATA` names: 125 s, not used in training.

@@ -100,8 +100,8 @@ impl Expected {
         }
     }
 
-    /// Runs the image on the machine. Returns the counts that it prints, and how many codes and how
-    /// many digests differ from the expected ones.
+    /// Runs the image on the machine. Returns the instruction counts that it prints, and how many
+    /// codes and how many digests differ from the expected ones.
     ///
     /// # Errors
     /// The image does not run to its end, or its outputs are incomplete.

@@ -35,7 +35,7 @@ const FOLDER: &str = "CORTICODE_PROGRAMS";
 const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);
 /// Longest permitted time until the first code has arrived at each subscriber, on a busy machine.
 const START: Duration = Duration::from_secs(30);
-/// Time before each measurement in which connections and caches settle.
+/// Warm-up before each measurement, in which connections and caches settle.
 const WARM_UP: Duration = Duration::from_secs(3);
 /// Longest time to wait after a measurement for its last codes to arrive, on a busy machine.
 const STRAGGLERS: Duration = Duration::from_secs(10);

@@ -152,7 +152,7 @@ fn audits(sent: &[u8], codes: &[SentCode]) -> Vec<bool> {
     })
 }
 
-/// Returns the counts in all raw frames, one sample of all channels after the other.
+/// Returns the ADC counts in all raw frames, one sample of all channels after the other.
 fn raw_counts(sent: &[u8]) -> Vec<i32> {
     let frames = frames::filter_map(sent, |_, message| match message {
         ToHost::Raw(raw) => Some(raw.counts().collect::<Vec<_>>()),

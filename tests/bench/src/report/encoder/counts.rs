@@ -107,8 +107,8 @@ impl Counts {
 }
 
 impl Figures {
-    /// Computes the figures from the counts of a hop's time steps. `shortcut` is the number of
-    /// instructions that the shortcut's matrix products take per code.
+    /// Computes the figures from the instruction counts of a hop's time steps. `shortcut` is the
+    /// number of instructions that the shortcut's matrix products take per code.
     fn new(steps: &[Range], shortcut: u32) -> Self {
         let hop = u32::try_from(HOP).unwrap_or(u32::MAX);
         let in_step = shortcut / hop;
