@@ -1,5 +1,6 @@
 //! Scenario with all streams of an encoder at once and a bouncing trigger input: the board sends
-//! what host-sim sends, and every event of the trigger.
+//! what host-sim sends, and every event of the trigger but those of a burst that overflow its
+//! queue.
 
 use emulated::board::boards;
 use emulated::compare::first_difference;
