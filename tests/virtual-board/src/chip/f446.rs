@@ -160,7 +160,7 @@ impl Chip for F446 {
         vec![spare, self.otg.redirect()]
     }
 
-    /// Returns PCLK1 divided by 2^(BR + 1), where BR is a field of the register SPI_CR1 (RM0390).
+    /// Returns the frequency of SCLK: PCLK1 divided by 2^(BR + 1) (RM0390, register SPI_CR1).
     fn sclk_hz(&self) -> u32 {
         let spi = self.bus().registers("SPI2").expect("the part has SPI2");
         let rcc = self.bus().registers("RCC").expect("the part has an RCC");

@@ -167,7 +167,7 @@ impl Chip for H743 {
         vec![self.otg.redirect()]
     }
 
-    /// Returns the SPI's kernel clock divided by 2^(MBR + 1); MBR is a field of SPI_CFG1 (RM0433).
+    /// Returns the frequency of SCLK: the SPI's kernel clock over 2^(MBR + 1) (RM0433, SPI_CFG1).
     fn sclk_hz(&self) -> u32 {
         let registers = self.bus().registers("SPI1").expect("the part has SPI1");
         let divider = spi1::cfg1::MBR.get(registers.get(spi1::Register::Cfg1)) + 1;
