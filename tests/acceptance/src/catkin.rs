@@ -90,8 +90,8 @@ impl CatkinWorkspace {
             .expect("catkin_make starts")
     }
 
-    /// Returns a command that runs `program` with the environment variables that this workspace
-    /// sets up in `space`, its folder `devel` or `install`.
+    /// Returns a command that runs `program` in the environment that this workspace's script
+    /// `SPACE/setup.sh` sets up; `space` is `devel` or `install`.
     pub fn command(&self, ros: &Ros<'_>, space: &str, program: &str) -> Command {
         let setup = self.folder.join(space).join("setup.sh");
         let mut shell = ros.command("sh");

@@ -12,7 +12,7 @@ use crate::process::Process;
 /// Name of both the package that contains the firmware image and the image itself.
 const IMAGE: &str = "board-qemu";
 
-/// Name of the file in the emulation's folder from which the image reads its samples as 32-bit
+/// Name of the file in the emulation's folder from which the image reads its samples as 32-bit ADC
 /// counts, little endian.
 const SAMPLES: &str = "samples.i32";
 

@@ -12,8 +12,8 @@ const RETRY: Duration = Duration::from_millis(20);
 /// Longest wait for the board to open its port.
 const START: Duration = Duration::from_secs(30);
 
-/// A TCP port for the host that passes bytes on to a board and back, but loses some frames. It
-/// closes when the board closes its own port.
+/// A TCP port to which the host connects. It passes bytes between host and board, but loses some of
+/// the board's frames. It closes when the board closes its own port.
 #[derive(Debug)]
 pub struct LossyCable {
     /// Address to which the host connects, in the format of the bridge's option `--port`.
@@ -22,8 +22,8 @@ pub struct LossyCable {
 }
 
 impl LossyCable {
-    /// Connects to the board at TCP port `port` of 127.0.0.1. The cable loses `percent` of the
-    /// frames that the board sends.
+    /// Connects to the board at TCP port `port` of 127.0.0.1. The cable loses `percent` percent of
+    /// the frames that the board sends.
     ///
     /// # Errors
     /// The board does not open its port in time.
@@ -40,7 +40,7 @@ impl LossyCable {
         })
     }
 
-    /// Closes the host's connection and discards what the board sends, until [`Self::plug`].
+    /// Closes the host's connection and discards the board's bytes until [`Self::plug`] is called.
     pub fn unplug(&self) {
         self.unplugged.store(true, Ordering::Relaxed);
     }

@@ -1,5 +1,5 @@
-//! A lock for tests of one executable that would disturb each other by the load that they put on
-//! the machine: builds, which use all cores, and tests that judge wall-clock times.
+//! A lock that tests of one executable hold while they build, which loads all cores, or judge
+//! wall-clock times, which such a load disturbs.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -18,7 +18,7 @@ pub struct Npz(ZipArchive<File>);
 pub struct Array {
     /// Length of each axis, the slowest-varying axis first.
     pub shape: Vec<usize>,
-    /// Values as f64, also of float32 arrays; the index of the last axis varies fastest.
+    /// Values, converted to f64 if the array is float32; the index of the last axis varies fastest.
     pub values: Vec<f64>,
 }
 

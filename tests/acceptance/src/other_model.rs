@@ -1,4 +1,4 @@
-//! Programs and tests built with another model than the one in the repository.
+//! Programs and tests built with a model other than the one in the repository.
 
 use std::env;
 use std::fs;
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 use crate::machine_load::exclusive;
 use crate::workspace;
 
-/// Crates that contain the model or depend on it; cargo compiles them again for each other model.
+/// Crates that contain the model or depend on it; a build with another model compiles them again.
 const DEPENDENTS: [&str; 9] = [
     "model",
     "pipeline",
@@ -24,7 +24,7 @@ const DEPENDENTS: [&str; 9] = [
     "node",
 ];
 
-/// Programs and tests that cargo has built with one model.
+/// Programs and tests that cargo has built with a model other than the one in the repository.
 #[derive(Debug)]
 pub struct OtherModel {
     /// Folder with copies of the built executables.
@@ -95,12 +95,13 @@ impl OtherModel {
     }
 }
 
-/// Returns `cargo WORDS`, set up to build in the root folder with another model.
+/// Returns `cargo WORDS`, set up to build in the root folder with a model other than the checked-in
+/// one.
 ///
-/// Builds with another model use the target folder of this program, so that cargo compiles only the
-/// crates that depend on the model again. These crates get a changed profile and thereby other file
-/// names, so that the builds with the checked-in model remain. Programs, whose file names do not
-/// depend on the profile, go to the folder `variants`.
+/// Such builds use the target folder of this program, so that cargo compiles again only the crates
+/// that depend on the model. These crates get a changed profile and thereby other file names, so
+/// that the builds with the checked-in model remain. Programs, whose file names do not depend on
+/// the profile, go to the folder `variants`.
 fn cargo(words: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo

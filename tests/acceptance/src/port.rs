@@ -6,14 +6,14 @@ use std::sync::atomic::{AtomicU16, Ordering::Relaxed};
 
 /// First port that a test may use, and number of such ports. All are below 32768, from where the
 /// system takes ports for outgoing connections: a program that tries to connect to such a port
-/// could be given the port itself and connect to itself.
+/// could get that port for its own end, and so connect to itself.
 const FIRST: u16 = 20_000;
 const COUNT: u16 = 12_000;
 
 /// Number of ports that this process has tried so far.
 static TRIED: AtomicU16 = AtomicU16::new(0);
 
-/// Returns a TCP port of 127.0.0.1 that is free; each call of a process returns another one.
+/// Returns a free TCP port of 127.0.0.1. No two calls in one process return the same port.
 ///
 /// # Errors
 /// No port of the range is free.

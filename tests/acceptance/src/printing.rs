@@ -11,10 +11,10 @@ use serde_json::Value;
 use crate::process::Process;
 use crate::programs::programs;
 
-/// Longest wait for a program, which is slow on a busy machine.
+/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
-/// Name in `NAME.out` and `NAME.err`, the output files of the bridge that [`print`] starts.
+/// `NAME` in `NAME.out` and `NAME.err`, the output files of the bridge that [`print`] starts.
 const PRINTING: &str = "printing";
 
 /// Starts `host-sim run` in real time with `seconds` of synthetic EEG with seed 7.
@@ -70,9 +70,9 @@ pub fn messages<'l>(lines: &'l str, topic: &str) -> impl Iterator<Item = Value> 
     lines.map(|line| serde_json::from_str::<Value>(line).expect("JSON")["message"].take())
 }
 
-/// Records a board's run of `seconds` by a bridge with `options`, replays the recording to a bridge
-/// that prints, and converts it to tables. Returns the first bridge's log, the second's log, and
-/// what the second printed.
+/// Runs a board for `seconds`, records its bytes by a bridge with `options`, replays the recording
+/// to a bridge that prints messages, and converts it to tables. Returns the first bridge's log, the
+/// second's log, and what the second printed.
 ///
 /// # Panics
 /// When a program fails.

@@ -120,7 +120,7 @@ impl Process {
     /// Waits until `condition` holds; `what` describes the condition in messages.
     ///
     /// # Panics
-    /// When the program ends before, or `timeout` passes; the message contains its output.
+    /// When the program ends or `timeout` passes first; the message contains the program's output.
     pub fn wait_until(
         &mut self,
         what: &str,

@@ -56,9 +56,9 @@ pub fn programs() -> &'static Programs {
     })
 }
 
-/// Returns the path of the program `trainer` in the folder that `CORTICODE_PROGRAMS` names or where
-/// cargo has built it with the tests' profile. It is not built here, because that takes minutes; if
-/// it is missing, reports the test `what` as skipped.
+/// Returns the path of the program `trainer`: in the folder that `CORTICODE_PROGRAMS` names or,
+/// without this variable, where cargo builds it with the tests' profile. It is not built here,
+/// because that takes minutes; if it is missing, reports the test `what` as skipped.
 ///
 /// # Panics
 /// When the program is missing and `CORTICODE_REQUIRE_ROS=1`.

@@ -44,7 +44,7 @@ pub fn generate(folder: &Path) -> PathBuf {
     python_path
 }
 
-/// Command line under construction of one of genpy's generators.
+/// Command line, under construction, for one of genpy's generators.
 struct Generator(Command);
 
 fn generator(kind: &str, output: &Path) -> Generator {

@@ -120,7 +120,7 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Starts host-sim, which sends to `output`, as board number `number` of the test.
+/// Starts host-sim as the test's board number `number`; it sends to `output`.
 fn board(folder: &Path, output: &str, number: u32) -> Process {
     let mut board = Command::new(&programs().host_sim);
     board.args([
@@ -140,7 +140,7 @@ struct Recorded {
     flags: Vec<u16>,
     frames: Vec<u32>,
     trigger: Vec<u16>,
-    /// Positions of the rising edges that the recorder has stored as events, in samples.
+    /// Positions, in samples, of the rising edges that the recorder has stored as events.
     rises: Vec<f64>,
     /// Codes of the events that are neither rising nor falling edges.
     reports: Vec<u16>,

@@ -34,7 +34,7 @@ type First<'w> = InputConv<'w, COLUMNS>;
 type Conv<'w> = Winograd<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 type Plain<'w> = Direct<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 
-/// Returns one hash for each random network, over the outputs of all kernels that compute it.
+/// Returns one hash for each random network, over the outputs of all the network's kernels.
 pub fn digests() -> [u8; BYTES] {
     let mut bytes = [0; BYTES];
     for (seed, digest) in (1..).zip(bytes.as_chunks_mut::<DIGEST_BYTES>().0) {

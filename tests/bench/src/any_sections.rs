@@ -1,4 +1,4 @@
-//! A contender that runs our filters with random coefficients.
+//! A contender (filter code to be measured) that runs our filters with random coefficients.
 
 use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};
 use model::{ELECTRODES, SECTIONS};

@@ -24,7 +24,7 @@ pub trait Contender {
     fn output(&self) -> Block;
 }
 
-/// Names of the contenders in reports, in the order in which [`with_contenders`] passes them.
+/// Names in reports of the contenders (compared filters), in the order of [`with_contenders`].
 pub const NAMES: [&str; 8] = [
     "ours-blocks",
     "ours-singles",
@@ -145,7 +145,7 @@ impl Contender for Resampling {
     }
 }
 
-/// The whole acquisition as a contender: rails, filters, decimation, scalp grid, quantisation.
+/// The whole acquisition as a contender: rail detection, filters, decimation, grid, quantisation.
 struct Acquiring {
     acquisition: Acquisition,
     samples: [Sample; BLOCK],

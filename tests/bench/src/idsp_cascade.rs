@@ -56,8 +56,8 @@ where
         self.block = *block;
     }
 
-    /// Applies each section to all four samples before the next section, the order that idsp itself
-    /// uses and that is faster than sample by sample.
+    /// Applies each section to all four samples before the next section. This is the order that
+    /// idsp uses itself, and it is faster than sample by sample.
     fn run(&mut self) {
         for (states, samples) in self.states.iter_mut().zip(&mut self.block) {
             for (section, state) in self.sections.iter().zip(states) {

@@ -35,7 +35,7 @@ const KNOWN: u32 = 1000;
 /// Counter of executed instructions, based on the emulated timer.
 #[derive(Debug)]
 pub struct Clock {
-    /// Number of instructions that the counter adds itself, measured with an empty closure.
+    /// Number of instructions that counting itself adds, measured with an empty closure.
     overhead: u32,
 }
 

@@ -62,7 +62,7 @@ enum Benchmark {
         #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(65..=1_500))]
         hops: u32,
     },
-    /// Lossless compression: bits per count, and instructions on emulated microcontrollers.
+    /// Lossless compression: bits per channel sample; instructions on emulated microcontrollers.
     Lossless,
     /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM
     /// of the boards' images. Fails when a code differs from the batch reference's, or an image

@@ -52,8 +52,8 @@ pub fn encoded<'m>(message: &impl Message<'m>) -> Vec<u8> {
 }
 
 /// Returns the bytes that host-sim's virtual board sends for `samples` with the streams `streams`.
-/// As the image with the argument `start`, it starts at device time 0 with the default mains
-/// frequency.
+/// Like the image with the argument `start`, the board starts at device time 0 with the default
+/// mains frequency.
 pub fn simulated(streams: Streams, samples: &[Sample]) -> Vec<u8> {
     // With `Wait` the queue of frames grows as needed, so the board drops no frame.
     let outbox = Outbox::new(WhenFull::Wait);
@@ -74,7 +74,7 @@ pub fn simulated(streams: Streams, samples: &[Sample]) -> Vec<u8> {
 pub struct SentCode {
     /// Index of the code's window, from 0 at the last `Start`.
     pub window: u32,
-    /// Levels of the code's values.
+    /// Values of the code as levels (integers).
     pub levels: Vec<i32>,
     /// The whole code message, encoded by [`encoded`] for comparison.
     pub bytes: Vec<u8>,

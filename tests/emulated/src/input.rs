@@ -8,8 +8,8 @@ use model::{ADC_RATE_HZ, CHANNELS, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::Sample;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
-/// Name of the file in the image's folder that holds the samples: 32-bit counts, little endian, one
-/// sample after the other.
+/// Name of the file in the image's folder that holds the samples: 32-bit ADC counts, little endian,
+/// one sample after the other.
 pub const FILE: &str = "samples.i32";
 
 /// Recording of real EEG, in the folder that `CORTICODE_DATA` names: 125 s, not used in training.
@@ -18,7 +18,7 @@ const REAL: &str = "eegmmidb_S001/S001R11.edf";
 /// Samples for a scenario, and the names of their sources.
 #[derive(Debug)]
 pub struct Input {
-    /// The samples, those of one source after those of the other.
+    /// Samples of all sources, one source after the other.
     pub samples: Vec<Sample>,
     /// Names of the sources that the samples come from.
     pub names: Vec<&'static str>,

@@ -7,7 +7,7 @@ use crate::board::INSTRUCTION_SHIFT;
 
 /// Largest permitted worst time of a stage, as a fraction of its deadline, while only codes are
 /// streamed. The largest measured fractions are 0.43 on the Cortex-M4F and 0.49 on the Cortex-M7.
-/// The rest is for the emulator, whose times differ by some microseconds when the PC is busy.
+/// The margin is for the emulator, whose times differ by some microseconds when the PC is busy.
 pub const LIMIT: f64 = 0.55;
 
 /// Largest permitted worst time of a stage, as a fraction of its deadline, while a board sends all

@@ -3,8 +3,8 @@
 
 use fixed_dsp::{BLOCK, Cascade, DelayLine, Filter, Position, Resampler};
 
-/// Indices of the outputs, of which every [`EVERY`]th is compared, as in `scipy_rates.csv`. At 128
-/// outputs per second, the range is the fourth second.
+/// Range of the output indices from which every [`EVERY`]th output is compared, as in
+/// `scipy_rates.csv`. At 128 outputs per second, it is the fourth second.
 pub(crate) const COMPARED: core::ops::Range<usize> = 384..512;
 const EVERY: usize = 8;
 /// Number of outputs that are compared for each filter.

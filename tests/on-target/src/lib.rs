@@ -54,7 +54,7 @@ mod golden {
 pub use mismatch::Mismatch;
 pub use path::Device;
 
-/// Golden vector: checks one part of the signal path.
+/// Golden vector: a check of one part of the signal path against expected outputs.
 #[derive(Clone, Copy, Debug)]
 pub struct Vector {
     /// Name of the part, as the image prints it.

@@ -69,7 +69,7 @@ mod image {
     /// Number of times that SysTick has counted down to 0.
     static ENDS: AtomicU32 = AtomicU32::new(0);
 
-    /// Starts SysTick as clock: the DWT's cycle counter has 32 bits, but QEMU does not emulate it.
+    /// Starts SysTick as the clock, because QEMU does not emulate the DWT's 32-bit cycle counter.
     fn start_clock(timer: &mut SYST) {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(RELOAD);

@@ -11,8 +11,8 @@ use crate::chain::Chain;
 use crate::core_bus::{ClearedBits, Redirect};
 use crate::model::Pin;
 
-/// Defines the methods of [`Chip`] whose source text is the same for both chips. In each chip, the
-/// text uses other types for `part` and the registers, and other indices. `spare_timer` replaces
+/// Defines the methods of [`Chip`] whose source text is the same for both chips. The text refers to
+/// each chip's own types of `part` and registers, and to its own indices. `spare_timer` replaces
 /// TIM2 while a method has moved TIM2 out of the part.
 macro_rules! common_to_both_chips {
     ($spare_timer:expr) => {
@@ -127,7 +127,7 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Sets the level of the timer's trigger input, if `pin` has the timer's alternate function.
     fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
-    /// Sets the level of a pin of the emulated part and, if it leads there, of the timer input.
+    /// Sets the level of a pin of the emulated part and of the timer input that it drives, if any.
     fn drive_part(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
     /// Sets the level of an input pin from outside the chip, for all of the chip's models.

@@ -26,7 +26,7 @@ pub(crate) struct ClearedBits {
     pub(crate) bits: u64,
 }
 
-/// How the emulated part differs from the chip, and what the core's accesses get instead.
+/// Differences of the emulated part from the chip, which the bus hides from the core.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,

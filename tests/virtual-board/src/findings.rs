@@ -58,8 +58,8 @@ impl Findings {
         }
     }
 
-    /// Returns those manual violations, unimplemented registers and undefined addresses that are
-    /// not allowed for the board `model`. Ignores findings of other kinds.
+    /// Returns those violations of the manual, unimplemented registers and undefined addresses that
+    /// are not allowed for the board `model`. Ignores findings of other kinds.
     pub fn unexpected(&self, model: Model) -> Vec<String> {
         let list = match model {
             Model::H743 => H743,

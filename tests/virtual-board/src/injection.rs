@@ -27,15 +27,16 @@ pub(crate) struct Change {
     pub(crate) memory: Vec<(u64, Vec<u8>)>,
 }
 
-/// Offset in bytes of memory that the firmware does not use, from the start of the memory that
-/// keeps the failure record across a reset.
+/// Offset in bytes of unused memory from the start of the memory that keeps the failure record
+/// across a reset.
 const SPARE: u64 = 0x300;
 
 const SP: usize = 13;
 const PC: usize = 15;
 
 impl Injection {
-    /// Returns the changes that cause this failure; `None` if the image lacks what they need.
+    /// Returns the changes that cause this failure; `None` if the image lacks symbols or code that
+    /// they need.
     pub(crate) fn change(self, image: &Image) -> Option<Change> {
         let mut change = Change::default();
         match self {

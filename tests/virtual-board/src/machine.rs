@@ -225,8 +225,8 @@ impl VirtualBoard {
         &self.observer
     }
 
-    /// Runs until the virtual time `us` since power-on, in us, and decodes the frames received from
-    /// the device.
+    /// Runs until virtual time reaches `us` microseconds since power-on, and decodes the frames
+    /// received from the device.
     ///
     /// # Errors
     /// The emulator fails or hangs, or the board resets in a loop.

@@ -128,7 +128,7 @@ impl Pin {
     }
 }
 
-/// Returns the pins of one port that have these numbers.
+/// Returns the pins of the port `port` that have the numbers `numbers`.
 const fn pins(port: u8, numbers: [u8; 8]) -> [Pin; 8] {
     let mut pins = [Pin(port, 0); 8];
     let mut index = 0;

@@ -15,8 +15,8 @@ use rigless::time::VirtualNanos;
 
 use crate::core_bus::{Bus, Differences, forward};
 
-/// Number of program counters that are kept. When this number of failed accesses is reached, no
-/// more of them are recorded.
+/// Number of latest program counters that are kept. Once this many failed accesses have been
+/// recorded, further ones are not.
 const KEPT: usize = 16;
 
 /// Handle of the running core: shows what was recorded, and takes changes, which are applied before
@@ -192,13 +192,13 @@ impl Processor for Core {
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
         // SAFETY: the caller meets the requirements of `Processor::map` for this wrapper, and the
         // arguments are passed on unchanged. The wrapper does not use `host` itself. The inner core
-        // outlives this wrapper, and so the memory, but it does not run until the next wrapper has
-        // mapped all addresses again: every run of an image has the same memories.
+        // outlives this wrapper and thereby the mapped memory, but it does not run until the next
+        // wrapper has mapped all addresses again: every run of an image has the same memories.
         unsafe { self.inner.map(start, length, host, writable) }
     }
 
-    /// Ignores that the emulator writes the image to memory before the core runs, because an idle
-    /// core's translations come from the same image.
+    /// Ignores the emulator's requests to discard translations before the core first runs, which
+    /// follow the loading of the image: an idle core's translations come from the same image.
     fn ask(&mut self, queued: Queued) {
         if self.has_run || !matches!(queued, Queued::Invalidate(..)) {
             self.inner.ask(queued);

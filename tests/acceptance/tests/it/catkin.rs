@@ -69,8 +69,8 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     let workspace = CatkinWorkspace::new(folder.path().join("rosneuro"), &packages);
     text_of(&workspace.make(&ros, None, &[&bridge_option()]));
 
-    // The build must refuse the project's package, which would hide the one of the same name in the
-    // workspace below.
+    // The build must refuse the project's package, because the workspace below has one of the same
+    // name, which it would hide.
     let above = [catkin::package("rosneuro_msgs")];
     let above = CatkinWorkspace::new(folder.path().join("above"), &above);
     let refused = above.make(&ros, Some(&workspace), &[]);
@@ -245,7 +245,7 @@ fn launch(
 }
 
 /// Waits until rostopic, which uses the workspace's message classes, has received 32 NeuroFrames of
-/// `topic`, 2 s: by then the recorded bag also contains a status on /diagnostics.
+/// `topic`. This takes 2 s, in which the bag also records a status on /diagnostics.
 fn wait_for_frames(workspace: &CatkinWorkspace, ros: &Ros<'_>, folder: &Path, topic: &str) {
     let mut echo = workspace.command(ros, "devel", "rostopic");
     echo.args(["echo", "-n32", topic]);

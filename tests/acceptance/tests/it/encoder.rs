@@ -18,8 +18,8 @@ fn streaming_equals_batch_on_every_window_of_r12() {
     compare(real_data::EDF_R12);
 }
 
-/// Compares the codes of the pipeline with those of model-gen's simple loops on the same quantised
-/// planes.
+/// Compares the codes of the pipeline with those that model-gen's simple loops compute from the
+/// same quantised planes (one scalp grid for each time step).
 fn compare(file: &str) {
     let test = format!("streaming equals batch on {file}");
     let Some(path) = real_data::path(&test, file) else {

@@ -62,8 +62,8 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
         let quiet = windows
             .iter()
             .map(|window| any_model::quantised(&artifact, &model, window));
-        // Planes at the ends of the input's range drive activations and codes to the ends of their
-        // ranges.
+        // A window of cells at both ends of the input's range drives activations and codes to the
+        // ends of their ranges.
         let dimensions = &model.geometry.dimensions;
         let step = |cell: usize| cell / dimensions.cells();
         let rail = |cell| if step(cell) % 5 < 3 { 127 } else { -128 };
@@ -92,7 +92,8 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
     }
 }
 
-/// Returns the planes of each input: extreme values, synthetic EEG and, if available, real EEG.
+/// Returns the planes (scalp grids of one time step) of each input: extreme values, synthetic EEG
+/// and, if available, real EEG.
 fn inputs(test: &str) -> Vec<Vec<Plane>> {
     let requested = std::env::var("CORTICODE_WINDOWS").ok();
     let windows = requested.map_or(WINDOWS, |text| text.parse().expect("a number of windows"));

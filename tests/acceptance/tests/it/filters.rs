@@ -9,7 +9,7 @@ use pipeline::{FrontEnd, Mains};
 /// Largest error from rounding a sample to whole counts: half a count, in uV.
 const HALF_COUNT_UV: f64 = 0.5 * model::LSB_NV as f64 / 1000.0;
 
-/// Number of a filtered sample's levels that make one count.
+/// Number of levels of a filtered sample per ADC count.
 const LEVELS_PER_COUNT: f64 = (1_u32 << model::GUARD_BITS) as f64;
 
 /// Compares the filters with scipy's `sosfilt`, started from zero states, with `iirnotch(50, 30,

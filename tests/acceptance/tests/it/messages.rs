@@ -23,7 +23,7 @@ const CRATES: [&str; 14] = [
     "trainer",
 ];
 
-/// Text with which a message begins in the source code, and text with which it ends.
+/// For each kind of message, the texts with which it begins and ends in the source code.
 const MESSAGES: [(&str, &str); 9] = [
     ("#[error(", ")]"),
     ("println!(", ");"),

@@ -36,7 +36,7 @@ fn printed(folder: &Path, arguments: &[&str]) -> String {
     text
 }
 
-/// Calls `each` with the device time and the levels of every code in a file of frames.
+/// Calls `each` with the device time and the contents of every code in a file of frames.
 fn for_each_code(path: &Path, mut each: impl FnMut(u64, &Code)) {
     let bytes = fs::read(path).expect("frames");
     let mut rest = &bytes[..];
@@ -49,7 +49,8 @@ fn for_each_code(path: &Path, mut each: impl FnMut(u64, &Code)) {
     }
 }
 
-/// Returns a text with time and levels of each code in a file, to compare two files.
+/// Returns a text for each code in a file, with its device time and its levels (integer values), by
+/// which two files can be compared.
 fn codes(path: &Path) -> Vec<String> {
     let mut codes = Vec::new();
     for_each_code(path, |time_us, code| {

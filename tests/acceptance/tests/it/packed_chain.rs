@@ -1,5 +1,5 @@
-//! A user gets packed blocks as the electrode signals that the library decodes: live from a real
-//! roscore, printed, recorded, replayed, converted, and after losses.
+//! A user gets from packed blocks the same electrode signals as the library decodes: live from a
+//! real roscore, printed, recorded, replayed, converted, and after losses.
 
 use std::path::Path;
 use std::time::Duration;
@@ -21,9 +21,9 @@ use serde_json::Value;
 
 /// Duration of the EEG that the board encodes, in seconds.
 const SECONDS: usize = 8;
-/// Longest wait for a program, which is slow on a busy machine.
+/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
-/// Rate at which blocks are encoded; not the default, so that the bridge must set it.
+/// Rate of the packed code; not the default, so that the bridge must set it.
 const RATE: u8 = 3;
 /// Number of blocks that the board sends in [`SECONDS`].
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
@@ -69,8 +69,8 @@ fn decode(blocks: &[Option<&Vec<u8>>]) -> Vec<PackedBlock> {
     decoded.collect()
 }
 
-/// Returns the frames that the bridge publishes without its option for low latency: the next block
-/// corrects each block, except the last.
+/// Returns the frames that the bridge publishes without its option for low latency: the signals of
+/// each block as corrected by the next block, and the last block uncorrected.
 fn expected(decoded: &[PackedBlock]) -> Vec<Vec<f32>> {
     let pairs = decoded.windows(2);
     let smoothed = pairs.map(|pair| pair[1].smoothed.as_ref().unwrap_or(&pair[0].microvolts));
@@ -99,7 +99,7 @@ fn printed(lines: &str) -> Vec<Frame> {
     frames.collect()
 }
 
-/// Returns the numbers of blocks and bits that the bridge logs after a run without losses.
+/// Returns the text with the counts of blocks and bits that the bridge must log without losses.
 fn counts(blocks: &[Vec<u8>]) -> String {
     let bytes: usize = blocks.iter().map(Vec::len).sum();
     format!(

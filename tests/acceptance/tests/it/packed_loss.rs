@@ -35,15 +35,15 @@ fn lost_blocks_cost_little_and_the_decoder_says_until_when() {
     let Some(coded) = coded("packed code with loss") else {
         return;
     };
-    // The recording has one misfit, measured: a block in which one electrode jumps.
+    // One block is a misfit (the model represents it badly), because an electrode jumps in it.
     assert!(coded.misfits <= 2, "{} misfits", coded.misfits);
     let model = model();
     let (whole, sound) = error(&model, &coded, |_| false);
     println!("no loss: error {whole:.5} of the power");
     assert_eq!(sound, BLOCKS);
     assert!((0.005..0.012).contains(&whole), "{whole}");
-    // The limits are a quarter above the errors measured: 0.0167 with 14 lost blocks, 0.0923 with
-    // 168.
+    // The limits are a quarter above the measured errors: 0.0167 with 14 lost blocks, 0.0923 with
+    // 168 lost blocks.
     for (percent, most) in [(1, 0.021), (10, 0.115)] {
         let mut state = 3_u32;
         let lost: Vec<bool> = (0..BLOCKS)

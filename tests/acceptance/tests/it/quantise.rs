@@ -21,8 +21,8 @@ fn codes(artifact: &Artifact, model: &IntegerModel, seed: u32) -> (Vec<Vec<f32>>
         .unzip()
 }
 
-/// Returns the ratio of signal to quantisation noise over all codes, in dB. The signal is the
-/// difference of each dimension of a code from the mean of this dimension.
+/// Returns the ratio of signal to quantisation noise over all codes, in dB. The signal of a code's
+/// dimension is its deviation from the dimension's mean over all codes.
 fn sqnr_db((float, integer): &(Vec<Vec<f32>>, Vec<Vec<f32>>)) -> f32 {
     let (mut signal, mut noise) = (0.0, 0.0);
     for j in 0..float[0].len() {
@@ -43,7 +43,7 @@ fn integer_codes_follow_the_float_codes_in_every_variant() {
         let model = quantise(&artifact).expect("a quantisable network");
         let sqnr = sqnr_db(&codes(&artifact, &model, seed));
         println!("{mode:?}, {padding:?}, {pool:?}: {sqnr:.1} dB");
-        // The lowest ratios measured are 29.5 dB for modes with a shortcut and 22.2 dB for others.
+        // The lowest SQNR measured is 29.5 dB for modes with a shortcut and 22.2 dB for others.
         let floor_db = if mode.has_shortcut() { 27.0 } else { 21.0 };
         assert!(
             sqnr > floor_db,
@@ -62,7 +62,7 @@ fn zeros_in_place_of_the_padding_degrade_the_codes() {
         model.hidden_padding.fill(0);
         let wrong = sqnr_db(&codes(&artifact, &model, 7));
         println!("{padding:?}: {right:.1} dB, with zeros {wrong:.1} dB");
-        // With padding by zeros, the measured ratio was 26 dB lower than with the right padding.
+        // With padding by zeros, the measured SQNR was 26 dB lower than with the right padding.
         assert!(wrong < right - 20.0, "{padding:?}: {right:.1}, {wrong:.1}");
     }
 }

@@ -14,7 +14,7 @@ use model::{ADC_RATE_HZ, CHANNELS, LSB_NV};
 
 /// Duration of the EEG that the board samples, in seconds.
 const SECONDS: usize = 6;
-/// Longest wait for a program, which is slow on a busy machine.
+/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 /// Smallest value of the status word `flags` in which the highest bit is set; this bit marks a
 /// filler, which replaces a lost sample.

@@ -11,7 +11,7 @@ use pipeline::{Mains, Pipeline, Sample};
 
 /// Duration of the EEG that the board encodes in each test, in seconds.
 const SECONDS: u32 = 20;
-/// Longest wait for a program, which is slow on a busy machine.
+/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]

@@ -16,7 +16,7 @@ const SECONDS: usize = 8;
 const SAMPLES: usize = HOP * ADC_RATE_HZ as usize / STEP_RATE_HZ as usize;
 /// Number of levels of a filtered step per count: 2^5, because the step has 5 fraction bits.
 const FRACTION: f64 = 32.0;
-/// Longest wait for a program, which is slow on a busy machine.
+/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]

@@ -106,7 +106,7 @@ E: SUBSYSTEM=tty
 struct Decision {
     /// Properties as lines `NAME=VALUE`, and the commands that udev would run.
     properties: String,
-    /// Log that names, for each assignment, the rule that made it.
+    /// Log of udev, which names for each assignment the rule that made it.
     log: String,
 }
 

@@ -50,8 +50,8 @@ mod image {
         hprintln!("acquisition_per_code = {}", count as usize * HOP);
     }
 
-    /// Encodes all inputs. Prints, for each input, an instruction tally for each time step of a
-    /// hop.
+    /// Encodes all inputs. Prints, for each input, an instruction tally (fewest, most, total) for
+    /// each time step of a hop.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut files = Files::open()?;
         let steps = files.read_steps()?;
@@ -59,8 +59,8 @@ mod image {
         files.outputs.write(&any_network::digests())
     }
 
-    /// Encodes the next input. Returns the tally of each time step of a hop, or `None` at the end
-    /// of the file.
+    /// Encodes the next input. Returns the instruction tally of each time step of a hop, or `None`
+    /// at the end of the file.
     fn count_input(
         clock: &Clock,
         steps: usize,

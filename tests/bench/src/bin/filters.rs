@@ -20,14 +20,14 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Filters all inputs. Prints, for each input, the contenders' tallies of instructions, in the
-    /// order of `NAMES`.
+    /// Filters all inputs. Prints, for each input, the instruction tallies (fewest, most, total) of
+    /// the contenders, in the order of `NAMES`.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut files = Files::open()?;
         files.count_inputs(|files| count_input(clock, files))
     }
 
-    /// Filters the next input. Returns each contender's tally, or `None` at the end of the file.
+    /// Filters the next input. Returns the contenders' tallies, or `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         files: &mut Files,

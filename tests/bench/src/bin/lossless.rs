@@ -22,14 +22,14 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Compresses all inputs. Prints, for each input, one tally of instructions over its blocks.
+    /// Compresses all inputs. Prints, for each input, one instruction tally over all of its blocks.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         hprintln!("state_bytes = {}", size_of::<EncoderState<CHANNELS>>());
         let mut files = Files::open()?;
         files.count_inputs(|files| count_input(clock, files))
     }
 
-    /// Compresses the next input. Returns its blocks' tally, or `None` at the end of the file.
+    /// Compresses the next input. Returns its instruction tally, or `None` at the end of the file.
     fn count_input(clock: &Clock, files: &mut Files) -> Result<Option<Tally>, Refused> {
         let mut state = EncoderState::NEW;
         let mut tally = Tally::EMPTY;

@@ -21,7 +21,8 @@ mod image {
     use model::HOP;
     use pipeline::{ELECTRODES, PackedEncoder, PackedMemory, Step};
 
-    /// Instruction counts of one input: a tally for each time step of a hop, one for whole hops.
+    /// Instruction counts of one input, each as a tally (fewest, most, total): `places` for each
+    /// time step of a hop, `hops` over whole hops.
     struct Counts {
         places: [Tally; HOP],
         hops: Tally,
@@ -43,8 +44,8 @@ mod image {
         })
     }
 
-    /// Encodes all inputs. Prints, for each input, an instruction tally for each time step of a hop
-    /// and one for whole hops.
+    /// Encodes all inputs. Prints, for each input, an instruction tally (fewest, most, total) for
+    /// each time step of a hop, and one over whole hops.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut files = Files::open()?;
         let steps = files.read_steps()?;

@@ -28,7 +28,7 @@ struct Room {
     ram_left: i64,
 }
 
-/// A microcontroller of `parts.toml` and its memory, KiB of 1024 bytes.
+/// A microcontroller of `parts.toml`, and the sizes of its memories in KiB of 1024 bytes.
 #[derive(Debug, Deserialize)]
 struct Part {
     name: String,
@@ -100,8 +100,8 @@ impl Expected {
         }
     }
 
-    /// Runs the image on the machine. Returns the counts that it prints, and how many codes and how
-    /// many digests differ from the expected ones.
+    /// Runs the image on the machine. Returns the instruction counts that it prints, and how many
+    /// codes and how many digests differ from the expected ones.
     ///
     /// # Errors
     /// The image does not run to its end, or its outputs are incomplete.

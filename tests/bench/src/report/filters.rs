@@ -22,15 +22,15 @@ use crate::contenders::{NAMES, with_contenders};
 use crate::tally::Tally;
 use demo::response::{Response, Twin};
 
-/// Name of the contender whose figures have limits.
+/// Name of the contender (compared filter) whose figures have limits.
 const OURS: &str = "ours-blocks";
-/// Name of the contender whose number of instructions is compared with that of [`OURS`].
+/// Name of the contender (compared filter) whose instructions are compared with those of [`OURS`].
 const IDSP_DITHER: &str = "idsp-dither";
 /// Index in [`NAMES`] of our filters that run sample by sample. Their output must equal that of the
 /// contender before them, [`OURS`].
 const SINGLES: usize = 1;
 
-/// What the image `filters` prints: for each input, the instruction tallies of all contenders.
+/// What the image `filters` prints: for each input, the instruction tallies of all filters.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Printed {
@@ -42,7 +42,7 @@ struct Printed {
 struct Counts {
     machine: &'static str,
     core: &'static str,
-    /// Counts of each contender, in the order of [`NAMES`].
+    /// Instruction counts of each contender (compared filter), in the order of [`NAMES`].
     contenders: Vec<Contender>,
 }
 

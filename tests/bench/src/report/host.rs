@@ -16,24 +16,25 @@ use super::figures::{Report, median};
 use super::inputs;
 use super::programs::Python;
 
-/// Number of rounds, each of which times every contender once. A warm-up round at the start is not
-/// counted.
+/// Number of rounds, each of which times every contender (our encoder, PyTorch) once. A warm-up
+/// round at the start is not counted.
 const ROUNDS: usize = 9;
 
 /// Speeds of all contenders in one round, codes per second.
 #[derive(Debug)]
 struct Round {
-    /// Our encoder, fed the stream of time steps.
+    /// Speed of our encoder on the stream of time steps.
     streaming: f64,
-    /// Our encoder, started anew for each window, so that it computes the overlap of windows again.
+    /// Speed of our encoder, restarted for each window, so that it computes overlaps again.
     by_window: f64,
-    /// Our acquisition and encoder, fed ADC samples.
+    /// Speed of our acquisition and encoder on ADC samples.
     pipeline: f64,
     /// Answer of PyTorch; `None` where it is not installed.
     torch: Option<Answer>,
 }
 
-/// Times our encoder and PyTorch alternately, and compares the codes of both with float codes.
+/// Times our encoder and PyTorch alternately, and compares the codes of both with the float
+/// network's.
 ///
 /// # Errors
 /// PyTorch does not run, or a contender's codes are incomplete.

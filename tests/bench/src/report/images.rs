@@ -16,7 +16,7 @@ use crate::tally::Tally;
 /// Longest permitted time in which an image prints nothing; the longest measured one is 3 s.
 const SILENCE: Duration = Duration::from_mins(2);
 
-/// Virtual time per instruction, which the images' counter assumes, as a power of two: 2^10 ns.
+/// Virtual time per instruction as a power of two, 2^10 ns; the images' counter relies on it.
 const INSTRUCTION_TIME: u8 = 10;
 
 /// Runs an image on `machine` in the subfolder `folder` of cargo's target folder, with `inputs` as
@@ -55,8 +55,8 @@ pub(crate) fn run<T: DeserializeOwned>(
     Ok((counts?, output))
 }
 
-/// Returns an input file that starts with the number of time steps of each input; `bytes` are those
-/// of all inputs.
+/// Returns an input file: the number of time steps of each input, then `bytes`, the contents of all
+/// inputs.
 pub(crate) fn with_steps(steps: usize, bytes: impl Iterator<Item = u8>) -> Vec<u8> {
     let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
     steps.into_iter().chain(bytes).collect()
@@ -74,7 +74,7 @@ pub(crate) fn different(expected: &[u8], output: &[u8], length: usize) -> usize 
 pub(crate) struct Range {
     pub(crate) fewest: u32,
     pub(crate) most: u32,
-    /// Whether the number is the same for every input.
+    /// Whether the number of instructions is the same for every input.
     ///
     /// Within one input the number may vary, because the position in a ring buffer affects it. The
     /// contents of the buffer must not affect it.

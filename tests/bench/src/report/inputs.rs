@@ -229,8 +229,8 @@ fn to_blocks(samples: impl IntoIterator<Item = Sample>) -> Vec<Block> {
     blocks.collect()
 }
 
-/// Returns the planes of at most `steps` time steps, which the acquisition computes from the
-/// samples.
+/// Returns the planes (scalp grids) that the acquisition computes from the samples, for at most
+/// `steps` time steps.
 fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Sample>, steps: usize) -> Vec<Plane> {
     let mut acquisition = Acquisition::new(mains);
     let samples = samples.into_iter();

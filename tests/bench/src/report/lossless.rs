@@ -17,7 +17,7 @@ use crate::tally::Tally;
 /// Name of the input whose figures have limits.
 const EEG: &str = "synthetic EEG";
 
-/// Number of counts in a block, over all channels and samples.
+/// Number of ADC counts in a block: one for each channel and sample.
 #[expect(clippy::cast_precision_loss, reason = "at most 512")]
 const COUNTS: f64 = (CHANNELS * MAX_SAMPLES) as f64;
 
@@ -38,7 +38,7 @@ struct Counts {
     inputs: Vec<Input>,
 }
 
-/// Figures of one input on one machine. `per_sample` in a name means per count of one channel.
+/// Figures of one input on one machine. `per_sample` in a name means per sample of one channel.
 #[derive(Debug, Serialize)]
 struct Input {
     name: &'static str,
@@ -52,7 +52,7 @@ struct Input {
 #[derive(Debug)]
 struct Expected {
     output: Vec<u8>,
-    /// For each input, the mean number of compressed bits per count.
+    /// For each input, the mean number of compressed bits per sample of one channel.
     bits: Vec<f64>,
 }
 
@@ -82,7 +82,8 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&machines, state_bytes, &inputs.skipped)
 }
 
-/// Returns the mean compressed bits per count of synthetic EEG, computed on this PC alone.
+/// Returns the mean number of compressed bits per sample of one channel of synthetic EEG, computed
+/// on this PC alone.
 ///
 /// # Errors
 /// An input cannot be made, or a block differs after decompression.

@@ -85,14 +85,14 @@ fn modes(montage: &MontageFile) -> Vec<Mode> {
     modes
 }
 
-/// Returns the number of numbers in a code: two for each electrode, rounded up to a multiple of 8.
-/// For 61 electrodes it is the paper's 128.
+/// Returns how many numbers a code has: two for each electrode, rounded up to a multiple of 8. For
+/// 61 electrodes this is the paper's 128.
 fn numbers(electrodes: usize) -> usize {
     (2 * electrodes).next_multiple_of(8)
 }
 
-/// Writes a model to a folder of its own and returns the folder. Files that hold this model already
-/// stay untouched, so that cargo does not build the model's images again.
+/// Writes a model to a folder of its own and returns the folder. Does not touch files that already
+/// hold this model, so that cargo does not build the model's images again.
 fn write(artifact: &Artifact, name: &str) -> anyhow::Result<PathBuf> {
     let folder = cost::builds()?.join("models").join(name.replace(", ", "-"));
     let is_written = Artifact::read(&folder).is_ok_and(|written| written.id == artifact.id);

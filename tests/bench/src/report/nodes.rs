@@ -29,13 +29,13 @@ use self::figures::{Figures, Times, Usage};
 use self::subscriber::Subscriber;
 use super::programs::Python;
 
-/// Environment variable that names the folder of our programs; by default it is this program's.
+/// Environment variable that names the folder of our programs; default: this program's folder.
 const FOLDER: &str = "CORTICODE_PROGRAMS";
 /// Address at which a server listens on any free port of this PC.
 const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);
 /// Longest permitted time until the first code has arrived at each subscriber, on a busy machine.
 const START: Duration = Duration::from_secs(30);
-/// Time before each measurement that is not measured, for connections and caches to settle.
+/// Warm-up before each measurement, in which connections and caches settle.
 const WARM_UP: Duration = Duration::from_secs(3);
 /// Longest time to wait after a measurement for its last codes to arrive, on a busy machine.
 const STRAGGLERS: Duration = Duration::from_secs(10);
@@ -215,7 +215,8 @@ impl Nodes {
         &self.codes[..=usize::from(self.rospy.is_some())]
     }
 
-    /// Measures both nodes for `seconds`. `sent` returns when each code was sent to each node.
+    /// Measures both nodes for `seconds`. `sent` returns, for each node, the times at which the
+    /// codes, or the frames that complete their windows, were sent to the node.
     ///
     /// # Errors
     /// A node has ended.

@@ -33,8 +33,8 @@ struct Answer {
     decode_s: f64,
 }
 
-/// Number of rounds, each of which times every contender once. A warm-up round at the start is not
-/// counted.
+/// Number of rounds, each of which times every contender (host-sim, Python) once. A warm-up round
+/// at the start is not counted.
 const ROUNDS: usize = 5;
 
 /// Times of both contenders, our programs and Python's, in one round, seconds.

@@ -28,7 +28,7 @@ struct Printed {
     inputs: Vec<Counted>,
 }
 
-/// Instruction counts of one input: a tally for each time step of a hop, and one for whole hops.
+/// Instruction counts of one input: a tally for each time step of a hop, and one over whole hops.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Counted {
@@ -60,7 +60,7 @@ struct Counts {
 /// Packed blocks that this PC computes from one input.
 #[derive(Debug, Default)]
 struct Coded {
-    /// Length in bytes (one byte) and bytes of each block, as the image writes them.
+    /// For each block, its length in bytes (one byte) and its bytes, as the image writes them.
     output: Vec<u8>,
     lengths: Vec<usize>,
     blank: usize,
@@ -213,8 +213,8 @@ const FOLDER: &str = "eegmmidb_S001";
 const RECORDINGS: [&str; 2] = ["S001R11.edf", "S001R12.edf"];
 const MAINS_HZ: u32 = 60;
 
-/// Returns bits and errors of the built-in packed model, at its own rate and at every rate, and of
-/// PCA's codes of windows, on recordings; null where `CORTICODE_DATA` is not set.
+/// Measures bits and errors on recordings: of the built-in packed model, at its own rate and at
+/// every rate, and of windows coded by PCA. Returns null if `CORTICODE_DATA` is not set.
 ///
 /// # Errors
 /// The recordings or the model cannot be used.

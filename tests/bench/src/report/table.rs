@@ -2,8 +2,8 @@
 
 use serde_json::Value as Json;
 
-/// Fields whose value names an element of an array; the first that an element has labels it in a
-/// table.
+/// Names of fields that can label an element of an array in a table; the first of them that the
+/// element has is its label.
 const LABELS: [&str; 3] = ["name", "machine", "part"];
 
 /// Returns rows of cells as text under a title, with the first column aligned left and all others
@@ -45,8 +45,8 @@ pub(crate) fn cell(value: &Json) -> String {
     }
 }
 
-/// Returns a nested JSON value as tables: one of the flat fields of all its elements, then one of
-/// each nested field. The elements of an array must have the same fields.
+/// Returns a nested JSON value as tables: first a table of its elements' flat fields, then tables
+/// of each nested field. The elements of an array must have the same fields.
 pub(crate) fn tables(title: &str, value: &Json) -> String {
     let elements: Vec<(String, &Json)> = match value {
         Json::Array(elements) if elements.iter().any(is_nested) => {

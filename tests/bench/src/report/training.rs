@@ -1,4 +1,5 @@
-//! The benchmark `training`: times updates of the autoencoder on one thread, and PyTorch's.
+//! The benchmark `training`: times the trainer's updates of the autoencoder on one thread, and
+//! PyTorch's.
 //!
 //! Both contenders start from the built-in model's weights and see the same batches. Equal losses
 //! after each update therefore show that they compute the same gradients and updates.
@@ -43,7 +44,7 @@ struct Round {
     version: Option<String>,
 }
 
-/// Number of rounds, each of which times every contender once.
+/// Number of rounds, each of which times every contender (the trainer, PyTorch) once.
 const ROUNDS: usize = 5;
 /// One round's results: of the trainer, and of PyTorch where it is installed.
 type Pair = (Round, Option<Round>);

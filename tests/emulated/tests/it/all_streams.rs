@@ -1,5 +1,6 @@
 //! Scenario with all streams of an encoder at once and a bouncing trigger input: the board sends
-//! what host-sim sends, and every event of the trigger.
+//! what host-sim sends, and every event of the trigger but those of a burst that overflow its
+//! queue.
 
 use emulated::board::boards;
 use emulated::compare::first_difference;
@@ -39,8 +40,8 @@ fn all_streams_of_the_packed_code_at_once_equal_host_sims() {
     );
 }
 
-/// Runs the boards with `argument`, with which the image starts the streams `streams`, and checks
-/// what they send. Records the figures as `name`.
+/// Runs the boards with the image's argument `argument`, which starts the streams `streams`, and
+/// checks what they send. Records the figures as `name`.
 fn stream(argument: &str, name: &str, streams: Streams) {
     let input = Input::from_environment();
     let skip = input.samples.len().saturating_sub(SAMPLES) / 2;
@@ -152,7 +153,7 @@ fn audits(sent: &[u8], codes: &[SentCode]) -> Vec<bool> {
     })
 }
 
-/// Returns the counts in all raw frames, one sample of all channels after the other.
+/// Returns the ADC counts in all raw frames, one sample of all channels after the other.
 fn raw_counts(sent: &[u8]) -> Vec<i32> {
     let frames = frames::filter_map(sent, |_, message| match message {
         ToHost::Raw(raw) => Some(raw.counts().collect::<Vec<_>>()),
@@ -204,9 +205,9 @@ const BURST_PERIOD: u64 = 40;
 /// (`firmware::deadlines::EVENTS_WAITING`).
 const BURST_EDGES: usize = 24;
 
-/// Smallest number of events that a board must send for a burst. Its queue holds 16 events, of
-/// which those of the three edges around the preceding DRDY may take three, because they wait while
-/// the encoder is busy.
+/// Smallest number of events that a board must send for a burst. Its queue holds 16 events, but up
+/// to three places can be taken by the three edges around the preceding DRDY, whose events wait
+/// while the encoder is busy.
 const BURST_KEPT: usize = 13;
 
 /// Time between two edges of a burst, microseconds. The whole burst is between two DRDYs.

@@ -16,8 +16,8 @@ use link::Streams;
 use rustix::pipe::fcntl_setpipe_size;
 use serde_json::json;
 
-/// Quotient of all samples and those during which the host reads nothing: the first third, at least
-/// 10 s. After 3 s, pipe and queue are full and the board must drop frames.
+/// The host reads nothing during the first of this many equal parts of the samples, at least 10 s.
+/// After 3 s, pipe and queue are full and the board must drop frames.
 const STALLED_PART: usize = 3;
 
 /// Interval at which the reader checks whether it may start to read from the pipe.

@@ -53,7 +53,7 @@ const DCKCFGR2: u64 = 0x4002_3894;
 /// Address at which the emulator serves accesses to DCKCFGR2; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
 
-/// An emulated STM32F446: the emulator's part, the model of EXTI and the model of the USB core.
+/// An emulated STM32F446: the emulator's model of the part, and added models of EXTI and USB.
 #[derive(Debug)]
 pub(crate) struct F446 {
     part: Stm32f427,
@@ -160,7 +160,7 @@ impl Chip for F446 {
         vec![spare, self.otg.redirect()]
     }
 
-    /// Divides PCLK1 by 2^(BR + 1), where BR is a field of the register SPI_CR1 (RM0390).
+    /// Returns the frequency of SCLK: PCLK1 divided by 2^(BR + 1) (RM0390, register SPI_CR1).
     fn sclk_hz(&self) -> u32 {
         let spi = self.bus().registers("SPI2").expect("the part has SPI2");
         let rcc = self.bus().registers("RCC").expect("the part has an RCC");

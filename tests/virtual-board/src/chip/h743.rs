@@ -50,7 +50,7 @@ const REMOVED_MODELS: &str = "SPI2 SPI3 SPI4 SPI5 SPI6 I2C1 I2C2 I2C3 I2C4 ADC1 
     USART1 USART2 USART6 UART4 UART5 UART7 UART8 DMA2 DMAMUX2 BDMA OTG1_HS_GLOBAL GPIOC \
     GPIOF GPIOG GPIOI GPIOJ GPIOK GPIOH LPUART1";
 
-/// An emulated STM32H743: the emulator's part, the model of the watchdog and that of the USB core.
+/// An emulated STM32H743: the emulator's model of the part, and added models of watchdog and USB.
 #[derive(Debug)]
 pub(crate) struct H743 {
     part: Stm32h743,
@@ -167,7 +167,7 @@ impl Chip for H743 {
         vec![self.otg.redirect()]
     }
 
-    /// Divides the SPI's kernel clock by 2^(MBR + 1); MBR is a field of SPI_CFG1 (RM0433).
+    /// Returns the frequency of SCLK: the SPI's kernel clock over 2^(MBR + 1) (RM0433, SPI_CFG1).
     fn sclk_hz(&self) -> u32 {
         let registers = self.bus().registers("SPI1").expect("the part has SPI1");
         let divider = spi1::cfg1::MBR.get(registers.get(spi1::Register::Cfg1)) + 1;

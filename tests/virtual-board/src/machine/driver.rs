@@ -56,7 +56,7 @@ pub(super) struct BoardDriver {
     injection: Option<(u64, Change)>,
     requests: Receiver<Request>,
     reached: Sender<Progress>,
-    /// Virtual time in ns at which the owner has requested a stop; 0 before the first request.
+    /// Virtual time in ns of the last requested stop; 0 before the first request.
     until_ns: u64,
     /// Edges of the trigger input still to come: time in ns, and level after the edge.
     trigger: VecDeque<(u64, bool)>,

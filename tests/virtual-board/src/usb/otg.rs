@@ -19,7 +19,7 @@ use super::host::UsbHost;
 use super::instance::{Instance, Slots};
 use crate::core_bus::Redirect;
 
-/// Index of the core's global interrupt among the interrupts of the window.
+/// Index of the core's global interrupt among those of its address window in the emulator.
 const GLOBAL: usize = 0;
 
 /// The core and its host, and what they last passed to the emulator.
@@ -65,7 +65,7 @@ fn lock(link: &Shared) -> MutexGuard<'_, CoreAndHost> {
     link.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The emulator's device for the window, by which the processor accesses registers and FIFOs.
+/// The emulator's device for the address window of the core's registers and FIFOs.
 #[derive(Debug)]
 struct Registers {
     link: Shared,
@@ -213,7 +213,7 @@ impl Otg {
         })
     }
 
-    /// Returns the redirection from the core's addresses to the window.
+    /// Returns the redirection from the core's addresses to its address window in the emulator.
     pub(crate) fn redirect(&self) -> Redirect {
         Redirect {
             from: self.instance.base..self.instance.base + self.instance.size,

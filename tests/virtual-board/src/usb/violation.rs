@@ -8,7 +8,7 @@ use std::fmt;
 pub struct Violation {
     /// Virtual time at which the violation first occurred, in ns.
     pub at_ns: u64,
-    /// Register or request, what has happened, and the section that forbids it.
+    /// Text that names the register or request, what has happened, and the section that forbids it.
     pub text: String,
     /// Number of violations with this text, at least 1.
     pub count: u64,
@@ -41,7 +41,7 @@ impl Violations {
         }
     }
 
-    /// Records a violation of each of the `rules` that is false; `section` states the rules.
+    /// Records a violation for each of the `rules` that is false; they are stated in `section`.
     pub(super) fn expect<const N: usize>(
         &mut self,
         at_ns: u64,

@@ -8,14 +8,14 @@ use virtual_board::{BoardError, Cable, Kind, VirtualBoard};
 use crate::images::Subject;
 use crate::session::{acks, assert_sound, converters, pick, run_codes, running, stats, streaming};
 
-/// Number of codes in which the device reports its counts at least once; it does so each second.
+/// Number of codes in which the device sends its counters at least once; it does so each second.
 const A_REPORT: usize = 20;
 
 /// Number of commands that a scenario sends without pause; over the UART they take about 50 ms.
 const COMMANDS: u32 = 300;
 
-/// Scenario: while codes stream, the device receives every command once, and sends its
-/// acknowledgement or counts it as dropped.
+/// Scenario: while codes stream, the device receives every command once, and either acknowledges it
+/// or counts the acknowledgement as dropped.
 pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, A_REPORT)?;

@@ -159,7 +159,7 @@ pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
     pick(frames, hello).collect()
 }
 
-/// Asserts that every received frame could be decoded, and the same as [`assert_no_findings`].
+/// Asserts that every received frame could be decoded, and what [`assert_no_findings`] asserts.
 pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     assert_eq!(

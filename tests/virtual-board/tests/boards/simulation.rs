@@ -68,8 +68,8 @@ impl Repeatable {
     }
 }
 
-/// Returns the frames that host-sim sends after `command` and a `Start` of `streams`, for the
-/// number `samples` of samples that starts with sample `first`.
+/// Returns the frames that host-sim sends after `command` and a `Start` of `streams`, for `samples`
+/// samples, the first of which has the number `first`.
 fn simulated(streams: Streams, command: Option<ToDevice>, first: u64, samples: u64) -> Inbox {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = Simulator::new(Identity::default(), Mains::default(), outbox.clone());

@@ -55,8 +55,8 @@ pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Resu
         assert_eq!(cause, ResetCause::Watchdog);
         let resets = board.findings()?.resets;
         let reset_us = resets.last().expect("a reset").0;
-        // The last reload comes at most one check interval before or after the hang; the range
-        // allows two.
+        // The firmware reloads the watchdog for the last time at most one check interval before or
+        // after the hang; the range allows two.
         let range_us = watchdog_us(hz).saturating_sub(2 * FED_US)..watchdog_us(hz) + 2 * FED_US;
         let took_us = reset_us - at_us;
         assert!(

@@ -1,5 +1,5 @@
-//! A model that has only the packed code builds and streams the blocks of the batch reference, and
-//! host-sim encodes and decodes recordings with it.
+//! A model that has only the packed code builds, its pipeline streams the same blocks as the batch
+//! reference, and host-sim encodes and decodes recordings with it.
 
 use acceptance::files::{Table, noise, write_gdf};
 use acceptance::other_model::{OtherModel, fail, succeed};

@@ -1,4 +1,4 @@
-//! With other models than the built-in one, the pipeline also streams the codes and packed blocks
+//! With models other than the checked-in one, too, the pipeline streams the codes and packed blocks
 //! of the batch references. Each model is built from an artifact, as a user builds it.
 //!
 //! `encoder_numpy.rs` compares the reference itself with numpy for networks of every mode, padding
@@ -15,7 +15,7 @@ use artifact::{
 };
 
 /// Models to build (mode, padding, pool, size). Together they use every kernel, both ends of a
-/// padded window, an encoder without each of its optional parts, every overlap of windows, and the
+/// padded window, for each optional part an encoder without it, every overlap of windows, and the
 /// ends of every parameter's range.
 const VARIANTS: [(Mode, Padding, [usize; 3], Size); 10] = [
     (Paper, Padding::None, [2, 2, 2], Size::paper(16)),
@@ -30,7 +30,7 @@ const VARIANTS: [(Mode, Padding, [usize; 3], Size); 10] = [
     (Shortcut, Padding::All, [2, 1, 1], ROW),
 ];
 
-/// Size of the smallest model. A convolution cannot read its grid of four electrodes.
+/// Size of the smallest model. Its grid of four electrodes is too small for a convolution.
 const SMALLEST: Size = Size {
     grid: [2, 2],
     electrodes: 4,
@@ -57,7 +57,7 @@ const ROW: Size = Size {
     numbers: 32,
 };
 
-/// Formats of codes, of which the variants use one after the other in turn.
+/// Formats of the codes; successive variants use them in turn.
 const FORMATS: [CodeFormat; 3] = [
     CodeFormat::Int8Exponent,
     CodeFormat::Int16,

@@ -13,7 +13,7 @@ use serde_json::{Map, Value as Json};
 /// Boards whose images are built: name of the image file, and package.
 const BOARDS: [(&str, &str); 2] = [("f446", "board-f446"), ("h743", "board-h743")];
 
-/// The fields that are used here of the JSON object that the program `budget` prints.
+/// Those fields of the JSON object printed by the program `budget` that the report uses.
 #[derive(Debug, Deserialize)]
 struct Budget {
     boards: Vec<Board>,
@@ -74,7 +74,7 @@ fn budget(folder: &Path) -> anyhow::Result<Budget> {
     })
 }
 
-/// Returns the figures of flash and RAM; their names contain those of the boards.
+/// Returns the figures of flash and RAM; the name of each contains that of its board.
 fn figures(budget: &Budget) -> anyhow::Result<Map<String, Json>> {
     let mut figures = Map::new();
     for (name, _) in BOARDS {

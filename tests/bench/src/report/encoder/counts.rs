@@ -20,7 +20,7 @@ pub(crate) struct Printed {
     /// Number of instructions of the acquisition for the time steps of one hop.
     pub(crate) acquisition_per_code: u32,
     kernels: Vec<KernelCount>,
-    /// For each input, the instruction tallies of a hop's time steps, in order.
+    /// For each input, the tallies (fewest, most, total) of a hop's time steps, in order.
     pub(crate) inputs: Vec<Vec<Tally>>,
 }
 
@@ -63,19 +63,20 @@ struct KernelCount {
 /// counted alone and divided evenly among the time steps of a hop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Figures {
-    /// Sum of the largest counts of all time steps of a hop.
+    /// Sum, over the time steps of a hop, of each step's largest instruction count.
     insn_per_code: u32,
     pub(crate) insn_per_code_shortcut: u32,
     insn_after_last_sample: u32,
     insn_after_last_sample_shortcut: u32,
-    /// Largest count of any time step, divided by the mean of the time steps' smallest counts.
+    /// Largest instruction count of any time step, divided by the mean of the time steps' smallest
+    /// instruction counts.
     worst_over_mean: f64,
     worst_over_mean_shortcut: f64,
 }
 
 impl Counts {
-    /// Computes the counts from what the image printed. The caller sets the numbers of different
-    /// codes and networks, and the loops.
+    /// Computes the counts from what the image printed. The caller fills in `different_codes`,
+    /// `different_networks` and `loops`.
     ///
     /// # Errors
     /// The image has counted other time steps than those of a hop, or no shortcut.
@@ -111,8 +112,8 @@ impl Counts {
 }
 
 impl Figures {
-    /// Computes the figures from the counts of a hop's time steps. `shortcut` is the number of
-    /// instructions that the shortcut's matrix products take per code.
+    /// Computes the figures from the instruction counts of a hop's time steps. `shortcut` is the
+    /// number of instructions that the shortcut's matrix products take per code.
     fn new(steps: &[Range], shortcut: u32) -> Self {
         let hop = u32::try_from(HOP).unwrap_or(u32::MAX);
         let in_step = shortcut / hop;

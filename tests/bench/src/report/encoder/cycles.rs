@@ -126,8 +126,8 @@ pub(crate) fn load_percent(cycles_per_code: f64, mhz: f64) -> f64 {
 }
 
 /// Returns the cycles of instructions on a Cortex-M4 by ARM's table (ARM 100166, section 3.3.1). A
-/// load or store of several words takes one cycle more than it has words; of one word it takes 2
-/// cycles, or 1 directly after another of one word. Every other instruction here takes 1.
+/// load or store of n words takes n + 1 cycles, but 1 if it and the instruction before it are both
+/// of a single word. Every other instruction here takes 1.
 fn arm_table(instructions: &[String]) -> u32 {
     let mut cycles = 0;
     let mut was_single = false;

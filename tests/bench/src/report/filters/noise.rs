@@ -19,8 +19,8 @@ use serde::Serialize;
 use crate::idsp_cascade::{IdspCascade, Section29};
 use demo::response::{BAND_HZ, MAINS_HZ, Twin};
 
-/// Time that the filters get to settle before the measurement, s. The slowest poles decay at 0.97 /
-/// s: by e^-31 in this time.
+/// Length of time before the measurement in which the filters settle, s. The slowest poles decay at
+/// 0.97 / s: by e^-31 in this time.
 const SETTLING_S: usize = 32;
 /// Duration of the measured part of each signal, s.
 const MEASURED_S: usize = 64;

@@ -59,7 +59,7 @@ impl Amplifier {
         }
     }
 
-    /// Returns, for both topics, the times at which the frames were sent that complete each window.
+    /// Returns, for both topics, when the frame that completes each window was sent.
     pub(super) fn times(&self) -> [Times; 2] {
         self.sent.each_ref().map(SharedTimes::so_far)
     }

@@ -22,7 +22,7 @@ pub(super) type Times = BTreeMap<u64, Instant>;
 pub(super) struct SharedTimes(Arc<Mutex<Times>>);
 
 impl SharedTimes {
-    /// Notes the time of a window's code, unless it has one already.
+    /// Notes the time of a window's code, unless one has been noted already.
     pub(super) fn note(&self, window: u64, at: Instant) {
         self.locked().entry(window).or_insert(at);
     }

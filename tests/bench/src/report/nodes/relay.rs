@@ -1,6 +1,6 @@
 //! Forwards the bytes of host-sim to the bridge, and the codes among them to the node in rospy, and
-//! notes the times. Codes leave exactly one hop apart, within some microseconds, so that the jitter
-//! at a subscriber is that of the node.
+//! notes when each code is sent. Codes leave exactly one hop apart, within some microseconds, so
+//! that the jitter at a subscriber is that of the node.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -26,7 +26,7 @@ const START: Duration = Duration::from_secs(20);
 /// Time between two attempts to connect or to accept.
 const RETRY: Duration = Duration::from_millis(20);
 
-/// Levels of a code's values, and the index of its window.
+/// A code's values as levels (integers), and the index of its window.
 struct Levels {
     window: u32,
     values: Vec<i32>,

@@ -37,7 +37,7 @@ pub(super) struct Watchdog {
     crossing: Option<EventId>,
     /// Event at which the counter reaches 0 and the watchdog resets the chip.
     expiry: Option<EventId>,
-    /// Time at which the counter was last loaded, and the number of ticks until it reaches 0.
+    /// Time at which the counter was last loaded, and number of ticks from then until it reaches 0.
     loaded: Option<(VirtualNanos, u64)>,
 }
 

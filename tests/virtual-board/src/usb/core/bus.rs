@@ -136,8 +136,8 @@ impl Core {
         self.rx.len() + words <= self.registers.rx_depth as usize
     }
 
-    /// Puts the end of the setup stage into the receive FIFO, once the first token after the SETUP
-    /// packet has come.
+    /// Appends the status word for the end of the setup stage to the receive FIFO, once the first
+    /// token after the SETUP packet has come.
     fn end_setup_stage(&mut self, endpoint: usize) {
         if endpoint == 0 && self.bus.in_setup_stage {
             self.bus.in_setup_stage = false;

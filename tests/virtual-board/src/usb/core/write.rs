@@ -308,7 +308,7 @@ impl Core {
         }
     }
 
-    /// Checks that software does not set bits together that exclude each other.
+    /// Checks that software does not set mutually exclusive bits in one write.
     fn check_pairs(&mut self, register: Register, value: u32) {
         for (pair, what) in [
             (epctl::CNAK | epctl::SNAK, "CNAK and SNAK at once"),

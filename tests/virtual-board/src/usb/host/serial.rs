@@ -93,8 +93,8 @@ impl Serial {
         self.ports.is_some()
     }
 
-    /// Returns the request that the host must make now, also if it is in progress, until
-    /// [`Serial::complete_request`] is called.
+    /// Returns the request that the host must make now; the same one until
+    /// [`Serial::complete_request`] ends it.
     pub(super) fn next_request(&mut self) -> Option<Request> {
         self.ports?;
         if self.requests.is_empty() && self.wanted != self.is_open {
