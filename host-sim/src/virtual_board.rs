@@ -22,7 +22,7 @@ pub struct Identity {
     pub session_id: u32,
     /// Unique id of 96 bits, in place of a microcontroller's.
     pub chip_uid: [u8; 12],
-    /// Electrodes that the source of the samples lacks.
+    /// Electrodes that the source of the samples lacks, and whether they are interpolated or zero.
     pub substitutes: Substitutes,
 }
 

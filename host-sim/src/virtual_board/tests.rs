@@ -130,7 +130,7 @@ fn every_second_of_a_stream_the_quality_of_each_electrode_is_sent() {
     let mut host = Encoder::default();
     for command in [START, ToDevice::Stop, START] {
         send(&mut board, &mut host, command);
-        // Process 1.5 s of samples. Only the complete second has a report.
+        // Process 1.5 s of samples. Only the complete second has a quality report.
         for index in 0..3 * model::ADC_RATE_HZ / 2 {
             let mut sample = Sample::default();
             sample.counts[3] = if index < 100 { Sample::MAX } else { 0 };

@@ -225,7 +225,8 @@ impl<E: Encoders> Producer<E> {
         self.run.streams.contains(stream)
     }
 
-    /// Not inlined, because two places call it, and an image should contain the encoders only once.
+    /// Encodes a step and emits the results that are due. Not inlined, because two places call it,
+    /// and an image should contain the encoders only once.
     #[inline(never)]
     fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) {
         if self.wants(Streams::PACKED) {

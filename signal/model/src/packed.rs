@@ -30,8 +30,8 @@ pub struct Packed<'w> {
     pub input_multiplier: i32,
     /// Largest magnitude of an input value; larger ones are clipped.
     pub input_limit: i32,
-    /// Energy that a block's coefficients may lack, rounding errors apart, before the block counts
-    /// as a misfit; in squares of input values.
+    /// Energy of the inputs that a block's coefficients may lack before the block counts as a
+    /// misfit, in squares of input values; the encoder adds an allowance for rounding errors.
     pub misfit_energy: i64,
     /// Quantiser rate until the host sets another, 0..=15.
     pub rate: u8,

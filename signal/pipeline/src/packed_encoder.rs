@@ -118,10 +118,11 @@ impl PackedCode {
 /// missing predictions cost 0.5 % of the bits.
 const RESET_BLOCKS: u8 = 64;
 
-/// A block that is n bytes too long is quantised again `1 + n / BYTES_PER_RATE` rates coarser,
-/// rounded up. Of 28,693 too long blocks of the default model, from EEG, EEG up to ten times as
-/// large, noise and impulses, none was still too long then, and the rate was 1.4 coarser than
-/// necessary on average. With 26 in place of 22, four were too long.
+/// Number of excess bytes for each further rate: a block that is n bytes too long is quantised
+/// again `1 + n / BYTES_PER_RATE` rates coarser, rounded up. Of 28,693 too long blocks of the
+/// default model, from EEG, EEG up to ten times as large, noise and impulses, none was still too
+/// long then, and the rate was 1.4 coarser than necessary on average. With 26 in place of 22, four
+/// were too long.
 const BYTES_PER_RATE: usize = 22;
 
 /// Part of a block's energy that the coefficients may lack before the block counts as a misfit, as

@@ -55,7 +55,8 @@ impl Convolutions {
     }
 
     /// Processes the input plane of step `index`. If the step completes a pooled plane, adds that
-    /// plane to the oldest window that contains it; the other windows get it in the next step.
+    /// plane's product to the accumulators of the oldest window that contains the plane; the next
+    /// step adds it to the other windows.
     #[inline]
     pub(super) fn add_plane(
         &mut self,
@@ -112,8 +113,8 @@ impl Convolutions {
     }
 
     /// Computes plane `plane` of the second convolution, where plane 0 is that of steps 0 to 4. The
-    /// last plane of a pool completes a pooled plane, which is added to the windows that contain
-    /// it.
+    /// last plane of a pool completes a pooled plane, whose products are then added to the windows
+    /// that contain it.
     #[inline]
     fn convolve(
         &mut self,
@@ -148,8 +149,8 @@ impl Convolutions {
         }
     }
 
-    /// Adds the pooled plane to a window. Slot and offset are always in range; `get` avoids panic
-    /// paths.
+    /// Adds the pooled plane's product to the accumulators of the window at a place. Slot and
+    /// offset are always in range; `get` avoids panic paths.
     #[inline]
     fn add_pooled(
         &self,

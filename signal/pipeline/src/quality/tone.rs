@@ -139,7 +139,7 @@ mod tests {
 
     use super::*;
 
-    /// ADC rates at which the filters are tested, Hz.
+    /// ADC rates at which the DFT bins are tested, Hz.
     const RATES: [u16; 6] = [250, 256, 500, 512, 1000, 1024];
 
     fn rms_of(hz: u8, rate_hz: u16, x: impl Fn(f64) -> f64) -> f64 {
