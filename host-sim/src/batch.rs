@@ -138,8 +138,9 @@ pub(crate) fn jobs(
     Ok(jobs)
 }
 
-/// Adds the files of a folder and its subfolders that have one of the extensions. `visited` has the
-/// folders that were read already, so that links in a circle cause no endless loop.
+/// Appends to `files` those files of a folder and its subfolders that have one of the extensions.
+/// `visited` has the folders that were read already, so that links in a circle cause no endless
+/// loop.
 fn collect(
     folder: &Path,
     extensions: &[&str],

@@ -15,7 +15,7 @@ use crate::fault::Faults;
 use crate::outbox::Outbox;
 use crate::trigger::Trigger;
 
-/// Those facts that the virtual board reports about itself and that its user can choose.
+/// Facts that the virtual board reports about itself and that its user can choose.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Identity {
     /// Session id, which should be different at each start of the board. A `Reset` increments it.

@@ -47,9 +47,8 @@ impl PackedEncoder {
         self.rate = rate;
     }
 
-    /// Returns the state after the newest block; a decoder that has read all blocks has the same
-    /// state. Call it before the next block's first step, which replaces the state by its
-    /// prediction.
+    /// Returns the coefficients that a decoder has after it has read all blocks. Call it before the
+    /// next block's first step, which replaces them by their prediction.
     pub fn state(&self) -> &[i16] {
         &self.memory.state
     }

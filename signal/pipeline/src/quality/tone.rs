@@ -5,7 +5,8 @@ use core::f64::consts::TAU;
 use micromath::F32Ext;
 
 /// Generates the weights of one DFT bin, sample by sample, for all channels. At k Hz, sample n of
-/// the N samples in a second has the weights `(1 - cos(2 pi n / N)) (cos, sin)(2 pi k n / N)`.
+/// the N samples in a second has the weights `1 - cos(2 pi n / N)` times the cosine and the sine of
+/// `2 pi k n / N`.
 ///
 /// A second contains a whole number of periods, so the bin rejects an electrode's offset: 20 mV
 /// read as 1 nV, the rounding error of f32. The Hann window rejects drift: at 50 Hz, a ramp of 1
