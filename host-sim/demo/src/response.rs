@@ -32,7 +32,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// Passes an impulse through the filters and through `twin`.
+    /// Measures the responses of the filters and of `twin` to an impulse.
     pub fn measure(twin: &Twin) -> Self {
         Self {
             filters: ImpulseResponse::from_filters(),

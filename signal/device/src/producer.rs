@@ -154,7 +154,7 @@ impl<E: Encoders> Producer<E> {
     }
 
     /// Encodes the newest step again for each step that is missing before the step of `acquired`.
-    /// The faults of the lost samples can belong to any missing step.
+    /// Marks all of them with the faults of the lost samples, which can belong to any of them.
     fn repeat_missing_steps(
         &mut self,
         acquired: &AcquiredSample,

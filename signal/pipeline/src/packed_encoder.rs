@@ -235,7 +235,8 @@ impl PackedMemory {
         self.since_reset == 0
     }
 
-    /// Converts a step's electrodes to input values `first..first + ELECTRODES`.
+    /// Stores a step's electrodes as the input values `first..first + ELECTRODES` of the block, and
+    /// adds up their energy and the number of clipped values.
     #[inline(never)]
     fn add_inputs(&mut self, first: usize, step: &Step, packed: &Packed<'_>) {
         let mut clipped = 0;
@@ -302,8 +303,8 @@ impl PackedMemory {
         }
     }
 
-    /// Computes coefficients minus prediction, and returns the part of the inputs' energy that the
-    /// coefficients do not represent.
+    /// Stores coefficients minus prediction as the residual, and returns the part of the inputs'
+    /// energy that the coefficients do not represent.
     #[inline(never)]
     fn take_residual(&mut self, packed: &Packed<'_>) -> i64 {
         let mut energy = self.energy;

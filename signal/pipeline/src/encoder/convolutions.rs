@@ -30,7 +30,7 @@ pub(super) struct Convolutions {
     /// addition is deferred.
     newest: Option<Place>,
     /// Places in the windows between the newest and the oldest at which the next step adds the
-    /// plane.
+    /// pooled plane.
     between: [Option<Place>; BETWEEN],
     /// State for the planes at the ends of windows, if the network pads steps.
     edges: [Edges; PADS_TIME as usize],
@@ -149,8 +149,8 @@ impl Convolutions {
         }
     }
 
-    /// Adds the pooled plane's product to the accumulators of the window at a place. Slot and
-    /// offset are always in range; `get` avoids panic paths.
+    /// Adds the pooled plane's product to the accumulators of the window that the place names. Slot
+    /// and offset are always in range; `get` avoids panic paths.
     #[inline]
     fn add_pooled(
         &self,
@@ -221,8 +221,8 @@ impl HiddenPlane {
         network.conv2().transform(&self.framed, transformed);
     }
 
-    /// Copies the interior into the plane with its margin, adds the offset of each channel to the
-    /// interior, and fills the margin with padding.
+    /// Copies the hidden plane into a plane with a margin, adds the offset of each channel to the
+    /// copy, and fills the margin with padding.
     fn frame(&mut self, network: &Network<'_>) {
         let channels = network.hidden_padding.iter().zip(&network.hidden_offset);
         let planes = self.framed.chunks_exact_mut(HIDDEN.rows * HIDDEN.columns);
