@@ -156,7 +156,8 @@ fn every_second_of_a_stream_the_quality_of_each_electrode_is_sent() {
 
 const START_PACKED: ToDevice = start(Streams::PACKED);
 
-/// Processes one second of samples, and returns the rates of the packed blocks made from them.
+/// Processes one second of samples, and returns the quantiser rates of the packed blocks made from
+/// them.
 fn rates(board: &mut VirtualBoard, outbox: &Outbox) -> Vec<u8> {
     for _ in 0..model::ADC_RATE_HZ {
         board.process_sample(&Sample::default(), 0);

@@ -84,8 +84,8 @@ pub enum Payload<'p> {
     CompressedRaw(&'p CompressedChunk),
     /// Filtered steps. [`Output::at_us`] is the time of the last step.
     Filtered(&'p FilteredChunk),
-    /// The planes of a window, with its code if the device has the network. [`Output::at_us`] is
-    /// the time of the window's last step.
+    /// The planes of a window, one for each step, with its code if the device has the network.
+    /// [`Output::at_us`] is the time of the window's last step.
     Audit(&'p AuditedWindow),
 }
 

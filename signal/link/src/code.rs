@@ -224,7 +224,8 @@ pub struct Audit<'a> {
     pub model_id: [u8; 8],
     /// Index of the window since `Start`, as in its [`Code`].
     pub window: u32,
-    /// Planes of the window, oldest first; every plane is row-major, one int8 byte per cell.
+    /// Planes of the window, one for each step, oldest first; every plane is the scalp grid,
+    /// row-major, one int8 byte per cell.
     #[serde(borrow, serialize_with = "serialize_bytes")]
     pub planes: &'a [u8],
     /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces;
@@ -245,8 +246,8 @@ pub struct PackedCode<'a> {
     /// Index of the block since `Start`, wraps at 2^32. Increases by one with every block made,
     /// dropped ones included.
     pub block: u32,
-    /// Quantiser rate of the stream, 0 to [`MAX_RATE`], which a decoder needs to read the bytes. A
-    /// block can be coarser than the stream; its bytes then state its own rate.
+    /// Quantiser rate of the stream, 0 (finest) to [`MAX_RATE`], which a decoder needs to read the
+    /// bytes. A block can be coarser than the stream; its bytes then state its own rate.
     pub rate: u8,
     /// Faults and conditions of the block.
     pub flags: Flags,

@@ -89,8 +89,8 @@ pub struct PackedCode {
     pub saturated: u64,
     /// True if the filters had not settled at the block's first step.
     pub settling: bool,
-    /// Quantiser rate of the stream. A block that was too long has a coarser rate, which its bytes
-    /// state.
+    /// Quantiser rate of the stream, 0 (finest) to 15. A block that was too long has a coarser
+    /// rate, which its bytes state.
     pub rate: u8,
     /// True if the block has no prediction, so that a decoder can start with it.
     pub is_reset: bool,

@@ -10,7 +10,7 @@ use super::edges::{Edges, INPUT, RecentPlanes, TRANSFORMED};
 use super::window::{OpenWindow, containing_windows};
 use crate::sample::Plane;
 
-/// A window's slot, and the index of a pooled plane in the window.
+/// Slot of a window among the open windows, and index of a pooled plane in the window.
 type Place = (usize, usize);
 
 /// Largest number of windows that contain the same pooled plane, not counting the newest and the
