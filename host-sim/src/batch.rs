@@ -83,9 +83,9 @@ pub(crate) struct Job {
     pub(crate) name: PathBuf,
 }
 
-/// Returns the jobs for `input`. A file is one job, which writes `output`. A folder has a job for
-/// each file with one of the extensions in it and its subfolders; the jobs write files at the same
-/// places below the folder `output`, with names from `rename`.
+/// Returns the jobs for `input`. A file is one job, which writes `output`. A folder has one job for
+/// each file, in it or its subfolders, that has one of the `extensions`; the jobs write files at
+/// the same places below the folder `output`, with names from `rename`.
 ///
 /// # Errors
 /// [`BatchError`] if there is nothing to do, or a folder cannot be read or created.
@@ -138,8 +138,9 @@ pub(crate) fn jobs(
     Ok(jobs)
 }
 
-/// Adds the files of a folder and its subfolders that have one of the extensions. `visited` has the
-/// folders that were read already, so that links in a circle cause no endless loop.
+/// Appends to `files` those files of a folder and its subfolders that have one of the extensions.
+/// `visited` has the folders that were read already, so that links in a circle cause no endless
+/// loop.
 fn collect(
     folder: &Path,
     extensions: &[&str],

@@ -65,8 +65,8 @@ pub(crate) struct RunOptions {
     /// lines of JSON. The path - is standard output.
     #[arg(long, value_name = "OUTPUT")]
     pub(crate) output: Output,
-    /// Streams that file: and ndjson: get; by default codes, or packed blocks if the model has no
-    /// network.
+    /// Streams to write to a file: or ndjson: output; by default codes, or packed blocks if the
+    /// model has no network.
     #[arg(long, value_parser = stream(), value_delimiter = ',')]
     pub(crate) streams: Vec<Streams>,
     /// Replace the file of --output if it exists; the file of --input is never replaced.
@@ -81,7 +81,7 @@ pub(crate) struct RunOptions {
     /// Mains frequency of the notch until a host selects another one, Hz.
     #[arg(long, value_parser = mains(), default_value = "50")]
     pub(crate) mains: Mains,
-    /// Stop after this many seconds of signal, or if no host connects for the rest of this time.
+    /// Stop after this many seconds of signal; while no host receives it, real time counts instead.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) duration: Option<f64>,
     /// Treatment of montage electrodes that the recording lacks.
@@ -125,7 +125,8 @@ pub(crate) struct EncodeOptions {
     /// What to write: codes of the network, or packed blocks, which take a fifth of the bits.
     #[arg(long, value_parser = kind(), default_value = DEFAULT_KIND)]
     pub(crate) stream: CodeKind,
-    /// Rate of the packed blocks, 0 to 15: one more is 3 dB coarser; the model's by default.
+    /// Rate of the packed blocks, 0 (finest) to 15; each step is 3 dB coarser; by default the
+    /// model's.
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
     pub(crate) packed_rate: Option<u8>,
     #[command(flatten)]
@@ -149,7 +150,8 @@ pub(crate) struct DecodeOptions {
     /// Format of the decoded signal.
     #[arg(long, value_parser = format())]
     pub(crate) to: SignalFormat,
-    /// What to decode of a file that holds codes and packed blocks; by default what comes first.
+    /// What to decode of a file that holds codes and packed blocks; by default the kind that comes
+    /// first.
     #[arg(long, value_parser = kind())]
     pub(crate) stream: Option<CodeKind>,
     /// Folder of the model that decodes; by default the model with which this program was built.

@@ -38,8 +38,8 @@ pub struct Converters {
     faults: Faults,
     /// Number of sample periods started, which determines the faults that are due.
     periods: u64,
-    /// When the first DRDY edge after start-up or the last self-test is due, ns of the chain's
-    /// time, and the number of its sample period; `None` before that period.
+    /// Time at which the first DRDY edge after start-up or after the last self-test is due, ns of
+    /// the chain's time, and the number of its sample period; `None` before that period.
     first_edge: Option<(u64, u64)>,
     /// True if all samples of the current period have been read.
     is_done: bool,

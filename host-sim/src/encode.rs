@@ -9,9 +9,9 @@ use recordings::Recording;
 use crate::batch::{self, Job};
 use crate::command_line::EncodeOptions;
 
-/// Extensions of the files in a folder that are encoded.
+/// Extensions of the files that are encoded if the input is a folder.
 pub(crate) const RECORDINGS: [&str; 3] = ["edf", "bdf", "gdf"];
-/// Extension of the files in a folder that are decoded.
+/// Extension of the files that are decoded if the input is a folder.
 pub(crate) const CODES: &str = "codes";
 
 pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {

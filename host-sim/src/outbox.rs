@@ -162,7 +162,7 @@ impl Outbox {
         self.lock().dropped
     }
 
-    /// Counts a frame that was numbered but never queued.
+    /// Counts as dropped a frame that was numbered but never queued.
     pub fn count_dropped(&self) {
         self.lock().drop_frames(1);
     }

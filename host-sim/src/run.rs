@@ -195,7 +195,7 @@ fn summary(report: &Report, source: &Source) -> String {
 /// Signal to play, and what was found in its recording.
 struct OpenedInput {
     source: Source,
-    /// Electrodes that the recording lacks.
+    /// Electrodes that the recording lacks, and whether they are interpolated or zero.
     substitutes: Substitutes,
     /// Trigger edges at the events of the recording.
     recorded_edges: RecordedEdges,

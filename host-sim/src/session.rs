@@ -30,7 +30,7 @@ pub use device_clock::{DeviceClock, Pace};
 pub use port::{FileRules, Output, Port, PortError};
 pub use recorded_edges::RecordedEdges;
 
-/// At the end of a run, time limit for writing the queued frames, and separately for the host to
+/// Time limit at the end of a run: once for writing the queued frames, then again for the host to
 /// read them.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
 
@@ -282,8 +282,8 @@ impl Session {
         }
     }
 
-    /// Returns whether the time that the samples left up to the limit would take has passed since
-    /// the last sample. If no host streams, the run then ends.
+    /// Returns whether the samples left up to the limit would have been processed by now, had the
+    /// run continued after the last sample. A run without a streaming host then ends.
     fn is_over(&self, samples: u64, last_sample: Instant) -> bool {
         self.limit.is_some_and(|limit| {
             let left = limit.saturating_sub(samples);

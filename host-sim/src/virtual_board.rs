@@ -15,14 +15,14 @@ use crate::fault::Faults;
 use crate::outbox::Outbox;
 use crate::trigger::Trigger;
 
-/// Those facts that the virtual board reports about itself and that its user can choose.
+/// Facts that the virtual board reports about itself and that its user can choose.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Identity {
     /// Session id, which should be different at each start of the board. A `Reset` increments it.
     pub session_id: u32,
     /// Unique id of 96 bits, in place of a microcontroller's.
     pub chip_uid: [u8; 12],
-    /// Electrodes that the source of the samples lacks.
+    /// Electrodes that the source of the samples lacks, and whether they are interpolated or zero.
     pub substitutes: Substitutes,
 }
 

@@ -6,7 +6,8 @@ use std::{
     process::ExitCode,
 };
 
-/// Environment variable that holds the absolute path of an artifact to use instead of `artifact/`.
+/// Environment variable that holds the absolute path of the folder of a trained model to use
+/// instead of `artifact/`.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 fn main() -> ExitCode {
@@ -44,8 +45,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Sets a compile-time variable for each file that an artifact can lack: the path of the file, or
-/// of an empty file in place of a missing one.
+/// Sets a compile-time variable for each file that the folder of a trained model can lack: the path
+/// of the file, or of an empty file in place of a missing one.
 fn name_optional_files(artifact: &Path, out: &Path) -> std::io::Result<()> {
     let empty = out.join("empty");
     std::fs::write(&empty, [])?;

@@ -26,7 +26,7 @@ const SILENCE: Duration = Duration::from_secs(5);
 /// Longest permitted time, on a busy machine, for the bridge to announce its topics and for the
 /// first code to arrive.
 const START: Duration = Duration::from_secs(20);
-/// Once the board has ended, the run ends after this time without a further code.
+/// Time without a further code after which the run ends, once the board has ended.
 const STRAGGLERS: Duration = Duration::from_millis(700);
 /// Number of messages that each subscription can queue while the progress bar is drawn.
 const QUEUE: usize = 64;

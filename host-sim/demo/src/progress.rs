@@ -7,7 +7,8 @@ use crate::run::Run;
 /// Number of components of a code that the bar shows, so that a line of 80 characters holds them
 /// and the counts.
 const SHOWN: usize = 24;
-/// If no terminal can show a bar, a line is printed after this many codes: one line every 5 s.
+/// Number of codes from one printed line to the next, if no terminal can show a bar: one line every
+/// 5 s.
 const LINE_EVERY: usize = 80;
 
 /// Returns a progress bar that is full after `codes` codes. Dropping the bar clears it from the

@@ -32,7 +32,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// Passes an impulse through the filters and through `twin`.
+    /// Measures the responses of the filters and of `twin` to an impulse.
     pub fn measure(twin: &Twin) -> Self {
         Self {
             filters: ImpulseResponse::from_filters(),
@@ -40,7 +40,7 @@ impl Response {
         }
     }
 
-    /// Returns the chart of the magnitude in dB over the frequency in Hz.
+    /// Returns the chart of the magnitude of filters and twin in dB over the frequency in Hz.
     pub fn magnitude(&self) -> Curves {
         let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
         let compared = self.compare(ImpulseResponse::magnitude_db, [0.1, 0.999 * nyquist_hz]);
@@ -62,7 +62,7 @@ impl Response {
         }
     }
 
-    /// Returns the chart of the group delay in ms over the frequency in Hz.
+    /// Returns the chart of the group delay of filters and twin in ms over the frequency in Hz.
     pub fn group_delay(&self) -> Curves {
         let mut compared = self.compare(ImpulseResponse::group_delay_ms, [1.0, 100.0]);
         let difference = self.largest_difference(&compared, COMPARED_DB / 2.0);
@@ -171,13 +171,14 @@ impl ImpulseResponse {
     }
 
     /// Returns the group delay at a frequency, ms: the real part of `sum n h[n] z^n / sum h[n]
-    /// z^n`.
+    /// z^n`, with the impulse response h and `z = e^(-i w)`, where w is the angle per sample.
     fn group_delay_ms(&self, hz: f64) -> f64 {
         let [sum, moment] = self.sums(hz);
         (moment / sum).re / f64::from(model::ADC_RATE_HZ) * 1000.0
     }
 
-    /// Returns `sum h[n] z^n` and `sum n h[n] z^n` at the frequency `hz`, by Horner's rule.
+    /// Returns `sum h[n] z^n` and `sum n h[n] z^n` at the frequency `hz`, by Horner's rule; h and z
+    /// as in [`Self::group_delay_ms`].
     fn sums(&self, hz: f64) -> [Complex64; 2] {
         let z = Complex64::from_polar(1.0, -2.0 * PI * hz / f64::from(model::ADC_RATE_HZ));
         let [mut sum, mut moment] = [Complex64::ZERO; 2];

@@ -134,7 +134,8 @@ impl PortError {
 pub struct Port {
     commands: mpsc::Receiver<Vec<u8>>,
     pty: Option<Pty>,
-    /// The host of a TCP port in virtual time, which waits for it; `None` for any other output.
+    /// Host of a TCP port in virtual time, where the board waits for its host; `None` for any other
+    /// output.
     waiting_host: Option<CurrentHost>,
     /// The file that is written; `None` if there is none or it is standard output.
     file: Option<NewFile>,

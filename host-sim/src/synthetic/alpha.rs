@@ -19,8 +19,8 @@ const DIPOLES: [([f64; 3], [f64; 3]); 3] = [
     ([0.2, -0.6, 0.15], [0.2, -1.0, 0.3]),
     ([0.0, -0.55, 0.35], [0.0, -1.0, 0.6]),
 ];
-/// Electrodes over the back of the head; the amplitude in the spec is that of the rhythm at
-/// whichever of them it is largest.
+/// Electrodes over the back of the head. The amplitude in the spec is the largest of the rhythm's
+/// amplitudes at these electrodes.
 const SITES: &str = "Pz PO3 POz PO4 O1 Oz O2";
 /// Amplitude between bursts, relative to the amplitude in a burst.
 const REST: f64 = 0.15;

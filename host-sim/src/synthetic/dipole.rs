@@ -19,7 +19,8 @@ pub(super) struct Dipole {
     pub(super) eccentricity: f64,
     /// Direction of the dipole from the centre of the head, of length 1.
     pub(super) direction: Position,
-    /// Dipole moment. Only its ratios matter: `Scalp` scales the potentials.
+    /// Dipole moment, without a unit: `Scalp` scales the potentials, so only ratios of moments
+    /// matter.
     pub(super) moment: Position,
 }
 

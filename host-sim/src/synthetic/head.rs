@@ -60,8 +60,8 @@ impl Head {
                 rising = ((n + 1.0) * potential + current) / (2.0 * n + 1.0);
                 falling = power * (n * potential - current) / (2.0 * n + 1.0);
             }
-            // In the brain, the falling part is the dipole's own potential; relate the result to
-            // it.
+            // In the brain, the falling part is the dipole's own potential. `g_n` is the scalp's
+            // potential divided by it.
             (2.0 * n + 1.0) / falling
         });
         Self { transfer }

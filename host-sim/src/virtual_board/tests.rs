@@ -130,7 +130,7 @@ fn every_second_of_a_stream_the_quality_of_each_electrode_is_sent() {
     let mut host = Encoder::default();
     for command in [START, ToDevice::Stop, START] {
         send(&mut board, &mut host, command);
-        // Process 1.5 s of samples. Only the complete second has a report.
+        // Process 1.5 s of samples. Only the complete second has a quality report.
         for index in 0..3 * model::ADC_RATE_HZ / 2 {
             let mut sample = Sample::default();
             sample.counts[3] = if index < 100 { Sample::MAX } else { 0 };
@@ -156,7 +156,8 @@ fn every_second_of_a_stream_the_quality_of_each_electrode_is_sent() {
 
 const START_PACKED: ToDevice = start(Streams::PACKED);
 
-/// Returns the rates of the packed blocks of one second.
+/// Processes one second of samples, and returns the quantiser rates of the packed blocks made from
+/// them.
 fn rates(board: &mut VirtualBoard, outbox: &Outbox) -> Vec<u8> {
     for _ in 0..model::ADC_RATE_HZ {
         board.process_sample(&Sample::default(), 0);

@@ -60,7 +60,7 @@ fn run_observed(
 /// A run in a separate thread. Dropping the value stops the run.
 struct Running {
     stop: Arc<AtomicBool>,
-    /// Number of codes that were complete at the last full second of signal.
+    /// Number of codes that the board had made at the last full second of signal.
     codes: Arc<AtomicU32>,
     thread: Option<JoinHandle<Result<Report, SessionError>>>,
 }

@@ -17,7 +17,7 @@ pub struct SquareWaveTest {
     recent: [i32; GUARD],
     /// Number of valid samples in `recent`.
     held: usize,
-    /// Number of the next samples to ignore, because they may be part of a transition.
+    /// Number of samples still to be ignored, because they may be part of a transition.
     skip: usize,
     low: Statistics,
     high: Statistics,
@@ -174,8 +174,8 @@ impl ShortedResult {
     }
 }
 
-/// Running sums for mean and variance. Each count is clipped to within 2^23 of the reference, so
-/// the sums over 2^16 counts are exact in 64 bits.
+/// Running sums for mean and variance of samples, in counts. Each sample is clipped to within 2^23
+/// of the reference, so the sums over 2^16 samples are exact in 64 bits.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Statistics {
     reference: i32,
@@ -185,7 +185,7 @@ pub(crate) struct Statistics {
 }
 
 impl Statistics {
-    /// Largest number of counts in the sums; further counts are ignored.
+    /// Largest number of samples that the sums take; further samples are ignored.
     const MOST: u32 = 1 << 16;
 
     /// Creates empty sums; `reference` should be near the mean.
@@ -198,7 +198,7 @@ impl Statistics {
         }
     }
 
-    /// Adds a count, |count| <= 2^23.
+    /// Adds a sample, in counts, |count| <= 2^23.
     pub(crate) fn add(&mut self, count: i32) {
         if self.number == Self::MOST {
             return;
@@ -210,12 +210,12 @@ impl Statistics {
         self.squares += distance.unsigned_abs().pow(2);
     }
 
-    /// Returns how many counts have been added.
+    /// Returns the number of samples in the sums.
     pub(crate) const fn number(&self) -> u32 {
         self.number
     }
 
-    /// Returns the mean in counts; the reference if no count has been added.
+    /// Returns the mean in counts; the reference if no sample has been added.
     #[expect(clippy::cast_precision_loss, reason = "|sum| <= 2^39 is exact")]
     pub(crate) fn mean(&self) -> f64 {
         f64::from(self.reference) + self.sum as f64 / f64::from(self.number.max(1))

@@ -263,8 +263,8 @@ pub enum Alignment {
 }
 
 impl Alignment {
-    /// Returns how many bits after byte `27 * chip` of the frame the part of chip `chip` starts: 0
-    /// to 7 for `chip` < 8.
+    /// Returns the number of bits from byte `27 * chip` of the frame to the start of the part of
+    /// chip `chip`: 0 to 7 for `chip` < 8.
     #[inline]
     pub(crate) const fn shift(self, chip: u32) -> u32 {
         // A product is used instead of a branch; the mask shows the compiler that the result is at

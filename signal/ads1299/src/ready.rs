@@ -136,9 +136,9 @@ impl ReadyMeter {
         u32::try_from(rate).ok()
     }
 
-    /// Checks that no edge was early or missing, and that the rate is the configured one. It may
-    /// deviate by the clock's tolerance and by the resolution of two 1 us stamps, which is 16 ppm
-    /// over 64 periods at 512 Hz. Returns the rate in millihertz.
+    /// Checks that no edge was early or missing, and that the rate is the configured one. The
+    /// measured rate may deviate from it by the clock's tolerance and by the resolution of two 1 us
+    /// stamps, which is 16 ppm over 64 periods at 512 Hz. Returns the rate in millihertz.
     ///
     /// # Errors
     /// [`RateError`]: too few edges, a wrong rate, or early or missing edges.

@@ -28,7 +28,8 @@ pub struct SelfTestReport<const CHIPS: usize> {
 pub struct ChipReport {
     /// ID that the chip returned; the right one is [`ID`](crate::register::ID).
     pub id: u8,
-    /// Number of registers that differ from the values written, 0 to 24: the largest of all stages.
+    /// Number of registers that differ from the values written, 0 to 24, in the stage with the
+    /// most.
     pub differing: u8,
     /// Error of a wrong ID, or of the first register that differs.
     pub fault: Option<Error>,

@@ -6,9 +6,9 @@
 //! sample overwrites even while it is read. `analogue.rs` models electrodes, gains, test signal,
 //! lead-off and noise.
 //!
-//! Not modelled are commands and settings that the driver never sends, such as a lead-off current
-//! at the negative inputs, SRB1, the bias amplifier, the sinc filter on other signals than the test
-//! signal, and the circuits of a board.
+//! Not modelled are SRB1, the bias amplifier, the sinc filter on other signals than the test
+//! signal, the circuits of a board, and commands and settings that the driver never sends, such as
+//! a lead-off current at the negative inputs.
 
 mod analogue;
 mod board;

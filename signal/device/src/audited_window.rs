@@ -14,8 +14,8 @@ const PERIOD_S: u32 = 10;
 #[expect(clippy::cast_possible_truncation, reason = "a hop is below 256")]
 const PERIOD_WINDOWS: u32 = PERIOD_S * STEP_RATE_HZ as u32 / HOP as u32;
 
-/// Planes of the newest window; once the window is complete, also its index and, on a device with
-/// the network, its code.
+/// Planes (steps on the scalp grid) of the newest window; once the window is complete, also its
+/// index and, on a device with the network, its code.
 #[derive(Clone, Copy, Debug)]
 pub struct AuditedWindow {
     window: u32,
@@ -33,7 +33,7 @@ impl AuditedWindow {
         planes: [0; STEPS * CELLS],
     };
 
-    /// Appends a plane and discards the oldest one.
+    /// Appends the plane of a step and discards the oldest plane.
     pub(crate) fn push_plane(&mut self, plane: &Plane) {
         self.planes.copy_within(CELLS.., 0);
         let newest = &mut self.planes[(STEPS - 1) * CELLS..];

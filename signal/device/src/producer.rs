@@ -84,8 +84,8 @@ pub enum Payload<'p> {
     CompressedRaw(&'p CompressedChunk),
     /// Filtered steps. [`Output::at_us`] is the time of the last step.
     Filtered(&'p FilteredChunk),
-    /// The planes of a window, with its code if the device has the network. [`Output::at_us`] is
-    /// the time of the window's last step.
+    /// The planes of a window, one for each step, with its code if the device has the network.
+    /// [`Output::at_us`] is the time of the window's last step.
     Audit(&'p AuditedWindow),
 }
 
@@ -154,7 +154,7 @@ impl<E: Encoders> Producer<E> {
     }
 
     /// Encodes the newest step again for each step that is missing before the step of `acquired`.
-    /// The faults of the lost samples can belong to any missing step.
+    /// Marks all of them with the faults of the lost samples, which can belong to any of them.
     fn repeat_missing_steps(
         &mut self,
         acquired: &AcquiredSample,
@@ -225,7 +225,8 @@ impl<E: Encoders> Producer<E> {
         self.run.streams.contains(stream)
     }
 
-    /// Not inlined, because two places call it, and an image should contain the encoders only once.
+    /// Encodes a step and emits the results that are due. Not inlined, because two places call it,
+    /// and an image should contain the encoders only once.
     #[inline(never)]
     fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) {
         if self.wants(Streams::PACKED) {

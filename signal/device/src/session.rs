@@ -23,7 +23,8 @@ pub struct Session<'i> {
     run: Run,
     /// False if the model is damaged, so that every `Start` is refused.
     can_stream: bool,
-    /// Electrodes that are missing in the recording that the device plays; none if it measures.
+    /// Electrodes that the recording lacks, and whether they are interpolated or zero; none if the
+    /// device measures.
     substitutes: Substitutes,
     /// Newest status of the converters; `None` before the first status.
     converters: Option<Converters>,
@@ -51,7 +52,7 @@ impl<'i> Session<'i> {
         }
     }
 
-    /// Sets which electrodes the recording lacks, for a device that plays a recording.
+    /// Sets the electrodes that have substitute samples, for a device that plays a recording.
     #[must_use]
     pub fn with_substitutes(mut self, substitutes: Substitutes) -> Self {
         self.substitutes = substitutes;

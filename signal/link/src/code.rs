@@ -224,7 +224,8 @@ pub struct Audit<'a> {
     pub model_id: [u8; 8],
     /// Index of the window since `Start`, as in its [`Code`].
     pub window: u32,
-    /// Planes of the window, oldest first; every plane is row-major, one int8 byte per cell.
+    /// Planes of the window, one for each step, oldest first; every plane is the scalp grid,
+    /// row-major, one int8 byte per cell.
     #[serde(borrow, serialize_with = "serialize_bytes")]
     pub planes: &'a [u8],
     /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces;
@@ -245,8 +246,8 @@ pub struct PackedCode<'a> {
     /// Index of the block since `Start`, wraps at 2^32. Increases by one with every block made,
     /// dropped ones included.
     pub block: u32,
-    /// Quantiser rate of the stream, 0 to [`MAX_RATE`]; a decoder needs it to read the bytes, which
-    /// state the rate of a block that is coarser than the stream.
+    /// Quantiser rate of the stream, 0 (finest) to [`MAX_RATE`], which a decoder needs to read the
+    /// bytes. A block can be coarser than the stream; its bytes then state its own rate.
     pub rate: u8,
     /// Faults and conditions of the block.
     pub flags: Flags,
@@ -255,8 +256,8 @@ pub struct PackedCode<'a> {
     pub clipped: u16,
     /// ADC channels that reached the converter's rail inside the block; bit n is channel n.
     pub saturated: u64,
-    /// Bytes of the block; none if all its coefficients are 0 and were expected to be. Serde skips
-    /// them, because the frame carries them after the message's fields.
+    /// Bytes of the block; none if all its coefficients are 0 and the range coder takes zeros as
+    /// likely. Serde skips them, because the frame carries them after the message's fields.
     #[serde(skip)]
     pub bytes: &'a [u8],
 }

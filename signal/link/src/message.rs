@@ -73,7 +73,8 @@ pub enum ToHost<'a> {
     SelfTest(SelfTest),
     /// 13: the device's clock; the answer to `SyncTime`.
     ClockReading(ClockReading),
-    /// 14: electrodes that are missing in the recording that the device plays.
+    /// 14: electrodes with substitute samples, because the recording that the device plays lacks
+    /// them.
     Substitutes(Substitutes),
     /// 15: unfiltered ADC samples, compressed without loss.
     #[serde(borrow)]

@@ -18,11 +18,11 @@ pub struct Packed<'w> {
     pub prediction: Linear<'w>,
     /// Factor that turns the sum of each prediction into the predicted coefficient, Q0.32.
     pub prediction_factors: &'w [i32; PACKED_COEFFICIENTS],
-    /// Level (index in `tables`) of each coefficient's mean magnitude at rate 4, in a predicted
-    /// block.
+    /// Level (index in `tables`) of each coefficient's mean magnitude at quantiser rate 4, in a
+    /// predicted block.
     pub predicted_levels: &'w [u8; PACKED_COEFFICIENTS],
-    /// Level (index in `tables`) of each coefficient's mean magnitude at rate 4, in a block without
-    /// prediction.
+    /// Level (index in `tables`) of each coefficient's mean magnitude at quantiser rate 4, in a
+    /// block without prediction.
     pub reset_levels: &'w [u8; PACKED_COEFFICIENTS],
     /// Frequencies of the magnitudes for the range coder, and costs for the quantiser's trellis.
     pub tables: Tables<'w>,
@@ -30,10 +30,10 @@ pub struct Packed<'w> {
     pub input_multiplier: i32,
     /// Largest magnitude of an input value; larger ones are clipped.
     pub input_limit: i32,
-    /// Energy that a block's coefficients may lack, rounding errors apart, before the block counts
-    /// as a misfit; in squares of input values.
+    /// Energy of the inputs that a block's coefficients may lack before the block counts as a
+    /// misfit, in squares of input values; the encoder adds an allowance for rounding errors.
     pub misfit_energy: i64,
-    /// Quantiser rate until the host sets another, 0..=15.
+    /// Quantiser rate until the host sets another, 0 (finest) to 15.
     pub rate: u8,
 }
 

@@ -71,7 +71,7 @@ pub const POOLED_STEPS: usize = if HAS_CONVOLUTIONS {
 /// Largest number of windows that contain the same time step.
 pub const OPEN_WINDOWS: usize = STEPS / HOP;
 /// Whether the model has a network. Without one, it has the packed code alone, and its codes have
-/// no numbers.
+/// no values.
 pub const HAS_NETWORK: bool = HAS_CONVOLUTIONS || HAS_SHORTCUT;
 /// Number of matrices of the linear shortcut: one for each time step of a window, or 0 without a
 /// shortcut.

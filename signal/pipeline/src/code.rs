@@ -54,7 +54,8 @@ impl CodeValues {
     pub const MAX_BYTES: usize = if CODE > 0 {
         CodeFormat::Int16.bytes()
     } else {
-        // Without a network, a code has no numbers; an exponent still has a byte.
+        // Without a network a code has no values, but in this format it still has the exponent's
+        // byte.
         CodeFormat::Int8Exponent.bytes()
     };
 

@@ -44,7 +44,8 @@ impl Default for Encoder<'static> {
 }
 
 impl<'w> Encoder<'w> {
-    /// Creates an encoder with another network of the same shape; see [`Network::is_consistent`].
+    /// Creates an encoder with `network` instead of the built-in one, whose shape it must have; see
+    /// [`Network::is_consistent`].
     pub const fn with_network(network: &'w Network<'w>) -> Self {
         Self {
             network,

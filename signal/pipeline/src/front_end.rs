@@ -49,8 +49,8 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
     }
 
     /// Filters one sample. If an output of the resampler is due with this sample, returns the
-    /// electrodes and the output's phase: the time from the sample to the output, in 1 / `PHASES`
-    /// of the time between two samples.
+    /// electrodes and the output's phase: the time from the sample to the output, in units of 1 /
+    /// `PHASES` of the time between two samples.
     #[inline]
     pub fn filter_sample(&mut self, sample: &Sample) -> Option<(Electrodes, usize)> {
         debug_assert!(

@@ -47,9 +47,8 @@ impl PackedEncoder {
         self.rate = rate;
     }
 
-    /// Returns the state after the newest block; a decoder that has read all blocks has the same
-    /// state. Call it before the next block's first step, which replaces the state by its
-    /// prediction.
+    /// Returns the coefficients that a decoder has after it has read all blocks. Call it before the
+    /// next block's first step, which replaces them by their prediction.
     pub fn state(&self) -> &[i16] {
         &self.memory.state
     }
@@ -90,8 +89,8 @@ pub struct PackedCode {
     pub saturated: u64,
     /// True if the filters had not settled at the block's first step.
     pub settling: bool,
-    /// Quantiser rate of the stream. A block that was too long has a coarser rate, which its bytes
-    /// state.
+    /// Quantiser rate of the stream, 0 (finest) to 15. A block that was too long has a coarser
+    /// rate, which its bytes state.
     pub rate: u8,
     /// True if the block has no prediction, so that a decoder can start with it.
     pub is_reset: bool,
@@ -118,10 +117,11 @@ impl PackedCode {
 /// missing predictions cost 0.5 % of the bits.
 const RESET_BLOCKS: u8 = 64;
 
-/// A block that is n bytes too long is quantised again `1 + n / BYTES_PER_RATE` rates coarser,
-/// rounded up. Of 28,693 too long blocks of the default model, from EEG, EEG up to ten times as
-/// large, noise and impulses, none was still too long then, and the rate was 1.4 coarser than
-/// necessary on average. With 26 in place of 22, four were too long.
+/// Number of excess bytes for each further rate: a block that is n bytes too long is quantised
+/// again `1 + n / BYTES_PER_RATE` rates coarser, rounded up. Of 28,693 too long blocks of the
+/// default model, from EEG, EEG up to ten times as large, noise and impulses, none was still too
+/// long then, and the rate was 1.4 coarser than necessary on average. With 26 in place of 22, four
+/// were too long.
 const BYTES_PER_RATE: usize = 22;
 
 /// Part of a block's energy that the coefficients may lack before the block counts as a misfit, as
@@ -235,7 +235,8 @@ impl PackedMemory {
         self.since_reset == 0
     }
 
-    /// Converts a step's electrodes to input values `first..first + ELECTRODES`.
+    /// Stores a step's electrodes as the input values `first..first + ELECTRODES` of the block, and
+    /// adds up their energy and the number of clipped values.
     #[inline(never)]
     fn add_inputs(&mut self, first: usize, step: &Step, packed: &Packed<'_>) {
         let mut clipped = 0;
@@ -302,8 +303,8 @@ impl PackedMemory {
         }
     }
 
-    /// Computes coefficients minus prediction, and returns the part of the inputs' energy that the
-    /// coefficients do not represent.
+    /// Stores coefficients minus prediction as the residual, and returns the part of the inputs'
+    /// energy that the coefficients do not represent.
     #[inline(never)]
     fn take_residual(&mut self, packed: &Packed<'_>) -> i64 {
         let mut energy = self.energy;

@@ -159,7 +159,7 @@ impl Reference {
     }
 }
 
-/// Numbers of a stream's blocks that are blank, misfits, or coarser than the announced rate.
+/// Numbers of a stream's blocks that are blank, misfits, or coarser than the stream's rate.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     blank: usize,

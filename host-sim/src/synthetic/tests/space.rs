@@ -46,8 +46,8 @@ fn shares(traces: &[Vec<f64>]) -> [f64; 3] {
     [10, 20, 30].map(|count| variances[..count].iter().sum::<f64>() / total)
 }
 
-/// Returns the mean correlation of the pairs of electrodes whose distance is within 0.1 of each of
-/// `distances`, in radii of the head.
+/// Returns a mean correlation for each of `distances`, in radii of the head: that of the pairs of
+/// electrodes whose distance differs from it by less than 0.1.
 fn correlations<const N: usize>(
     labels: &[&str],
     traces: &[Vec<f64>],

@@ -7,7 +7,7 @@ use pipeline::CHANNELS;
 use super::*;
 use crate::synthetic::{Generator, SyntheticSpec};
 
-/// Decodes a message as a host does.
+/// Decodes a message of compressed samples to counts, as a host does.
 fn decode(decoder: &mut lossless::Decoder<CHANNELS>, raw: &CompressedRaw) -> Vec<Count> {
     let kind = match raw.form {
         BlockForm::Verbatim => Kind::Verbatim,

@@ -58,7 +58,7 @@ pub(super) fn convert(
         let mut volts = if input == Input::TestSignal as u8 {
             test_signal(chip, conversion) * VREF * reference
         } else if input != Input::Electrodes as u8 {
-            // The inputs that the model lacks are treated as shorted.
+            // Inputs that the simulation lacks are treated as shorted.
             0.0
         } else if off >> channel & 1 != 0 {
             // The lead-off current drives an open input to the rail.

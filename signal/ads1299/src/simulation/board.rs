@@ -330,7 +330,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// Returns the sample rate in chip 0's CONFIG1, which the model uses for all chips.
+    /// Returns the sample rate in chip 0's CONFIG1, which the simulation uses for all chips.
     fn rate(&self) -> Rate {
         analogue::rate(self.chips[0].register(Register::CONFIG1))
     }

@@ -133,8 +133,8 @@ impl Chip {
         self.registers[Register::LOFF_STATP.index()] = if has_comparators { status } else { 0 };
     }
 
-    /// Returns the reference voltage as a fraction of 4.5 V. The model is a ramp of 150 ms, because
-    /// the data sheet states only that settling time.
+    /// Returns the reference voltage as a fraction of 4.5 V. The simulated voltage rises as a ramp
+    /// of 150 ms, because the data sheet states only that settling time.
     #[expect(clippy::cast_precision_loss, reason = "hours in ns are exact")]
     pub(super) fn reference(&self, now_ns: u64) -> f64 {
         let since = self.reference_ns.map_or(0, |on| now_ns.saturating_sub(on));

@@ -31,8 +31,8 @@ impl Noise {
 
 #[test]
 fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
-    // Bit error rates, each with a number of frames. About 260 losses are expected at 1e-6, and
-    // more at each higher rate.
+    // Pairs of a bit error rate and the number of frames sent at it. About 260 losses are expected
+    // at 1e-6, and more at each higher rate.
     for (ber, count) in [
         (1e-6, 200_000),
         (1e-5, 60_000),

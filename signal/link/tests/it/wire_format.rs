@@ -159,7 +159,8 @@ fn the_document_states_the_size_of_a_packed_code_frame() {
     let ToHost::PackedCode(code) = packed_code() else {
         panic!()
     };
-    // As long as the mean block at rate 4, which has 195 bits (docs/packed.md).
+    // The block is as long as the mean block at quantiser rate 4, which has 195 bits
+    // (docs/packed.md).
     let block = [1; 24];
     let day = ToHost::PackedCode(PackedCode {
         block: 16 * 86_400,

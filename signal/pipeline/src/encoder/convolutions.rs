@@ -10,7 +10,7 @@ use super::edges::{Edges, INPUT, RecentPlanes, TRANSFORMED};
 use super::window::{OpenWindow, containing_windows};
 use crate::sample::Plane;
 
-/// A window's slot, and the index of a pooled plane in the window.
+/// Slot of a window among the open windows, and index of a pooled plane in the window.
 type Place = (usize, usize);
 
 /// Largest number of windows that contain the same pooled plane, not counting the newest and the
@@ -30,7 +30,7 @@ pub(super) struct Convolutions {
     /// addition is deferred.
     newest: Option<Place>,
     /// Places in the windows between the newest and the oldest at which the next step adds the
-    /// plane.
+    /// pooled plane.
     between: [Option<Place>; BETWEEN],
     /// State for the planes at the ends of windows, if the network pads steps.
     edges: [Edges; PADS_TIME as usize],
@@ -55,7 +55,8 @@ impl Convolutions {
     }
 
     /// Processes the input plane of step `index`. If the step completes a pooled plane, adds that
-    /// plane to the oldest window that contains it; the other windows get it in the next step.
+    /// plane's product to the accumulators of the oldest window that contains the plane; the next
+    /// step adds it to the other windows.
     #[inline]
     pub(super) fn add_plane(
         &mut self,
@@ -112,8 +113,8 @@ impl Convolutions {
     }
 
     /// Computes plane `plane` of the second convolution, where plane 0 is that of steps 0 to 4. The
-    /// last plane of a pool completes a pooled plane, which is added to the windows that contain
-    /// it.
+    /// last plane of a pool completes a pooled plane, whose products are then added to the windows
+    /// that contain it.
     #[inline]
     fn convolve(
         &mut self,
@@ -148,8 +149,8 @@ impl Convolutions {
         }
     }
 
-    /// Adds the pooled plane to a window. Slot and offset are always in range; `get` avoids panic
-    /// paths.
+    /// Adds the pooled plane's product to the accumulators of the window that the place names. Slot
+    /// and offset are always in range; `get` avoids panic paths.
     #[inline]
     fn add_pooled(
         &self,
@@ -220,8 +221,8 @@ impl HiddenPlane {
         network.conv2().transform(&self.framed, transformed);
     }
 
-    /// Copies the interior into the plane with its margin, adds the offset of each channel to the
-    /// interior, and fills the margin with padding.
+    /// Copies the hidden plane into a plane with a margin, adds the offset of each channel to the
+    /// copy, and fills the margin with padding.
     fn frame(&mut self, network: &Network<'_>) {
         let channels = network.hidden_padding.iter().zip(&network.hidden_offset);
         let planes = self.framed.chunks_exact_mut(HIDDEN.rows * HIDDEN.columns);

@@ -97,7 +97,8 @@ impl Edges {
         }
     }
 
-    /// Requantises the pool's sums and adds the result to the window as its pooled plane `index`.
+    /// Requantises the pool's sums to pooled plane `index` of the window, and adds the plane's
+    /// product to the window's accumulators.
     fn add(&mut self, network: &Network<'_>, window: &mut OpenWindow, index: usize) {
         self.pool.requantise(network);
         if let Some(&fc) = network.fc.get(index) {

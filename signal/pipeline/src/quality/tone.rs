@@ -5,7 +5,8 @@ use core::f64::consts::TAU;
 use micromath::F32Ext;
 
 /// Generates the weights of one DFT bin, sample by sample, for all channels. At k Hz, sample n of
-/// the N samples in a second has the weights `(1 - cos(2 pi n / N)) (cos, sin)(2 pi k n / N)`.
+/// the N samples in a second has the weights `1 - cos(2 pi n / N)` times the cosine and the sine of
+/// `2 pi k n / N`.
 ///
 /// A second contains a whole number of periods, so the bin rejects an electrode's offset: 20 mV
 /// read as 1 nV, the rounding error of f32. The Hann window rejects drift: at 50 Hz, a ramp of 1
@@ -139,7 +140,7 @@ mod tests {
 
     use super::*;
 
-    /// ADC rates at which the filters are tested, Hz.
+    /// ADC rates at which the DFT bins are tested, Hz.
     const RATES: [u16; 6] = [250, 256, 500, 512, 1000, 1024];
 
     fn rms_of(hz: u8, rate_hz: u16, x: impl Fn(f64) -> f64) -> f64 {

@@ -87,7 +87,7 @@ impl AtRate {
     }
 }
 
-/// Outputs of scipy, which `scipy_rates.py` in the folder of the file has printed.
+/// Outputs of scipy's filters, printed by `scipy_rates.py` next to the CSV file.
 const GOLDEN: &str = include_str!("front_end/scipy_rates.csv");
 
 /// Indices of the outputs that a line of the golden file covers.
