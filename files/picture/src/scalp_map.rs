@@ -190,7 +190,8 @@ fn pixel(centre: (i32, i32), [x, y]: [f64; 2]) -> (i32, i32) {
     (centre.0.saturating_add(x), centre.1.saturating_sub(y))
 }
 
-/// Formats a value with as many decimal places as show three digits of `largest`, at most 6.
+/// Formats a value with the number of decimal places that shows three digits of `largest`, at most
+/// 6.
 fn with_digits(value: f64, largest: f64) -> String {
     let places = (0..6).find(|places| largest * 10_f64.powi(*places) >= 99.95);
     let places = usize::try_from(places.unwrap_or(6)).unwrap_or(0);

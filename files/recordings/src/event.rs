@@ -6,8 +6,8 @@ use std::fmt;
 /// What an event means, in the form in which the file's format states it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
-    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. With bit 15 set, the type
-    /// means the end of the event that it means without.
+    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. A type with bit 15 set
+    /// marks the end of the event that the same type without this bit starts.
     Type(u16),
     /// A sample of a sparsely sampled signal: GDF type 0x7fff in an event table of mode 3. Holds
     /// the digital value as 32 raw bits; the [`crate::SampleType`] of [`Event::signal`] decodes it.

@@ -84,7 +84,8 @@ impl Past {
 }
 
 /// How often differences are taken before a count is coded: 0 codes the count itself, 1 its
-/// difference from the previous count, 2 the difference of two such differences, 3 once more.
+/// difference from the previous count, 2 the difference of two such differences, and 3 the
+/// difference of two of those.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Order {
     Zero,

@@ -132,7 +132,8 @@ pub struct Symbol {
     pub magnitude: Magnitude,
 }
 
-/// Returns a block's magnitudes and the table that codes each; the tables are trained with them.
+/// Returns each magnitude of a block with the quantiser and level whose table codes it. Training
+/// counts these symbols to compute the tables.
 pub fn symbols<'b>(
     magnitudes: &'b [Magnitude],
     contexts: &'b [Context],
