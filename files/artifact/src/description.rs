@@ -31,7 +31,7 @@ pub struct Description {
     pub adc: Adc,
     /// Filters between the ADC and the network.
     pub filters: Filters,
-    /// Scale of the values that the network gets.
+    /// Scale of the network's input values.
     pub input: Input,
     /// Training data, training settings and test errors.
     pub training: TrainingCard,
@@ -283,7 +283,7 @@ pub enum Decimation {
     Fir,
 }
 
-/// Scale of the values that the network gets.
+/// Scale of the network's input values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {

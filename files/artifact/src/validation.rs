@@ -47,7 +47,8 @@ pub const LARGEST_CHAIN: usize = 8;
 struct Field<'d>(&'static str, &'d dyn Display);
 
 impl Field<'_> {
-    /// Returns an error with the field, its value and the `expected` values if `holds` is false.
+    /// If `holds` is false, returns an error that states the field, its value and the `expected`
+    /// values.
     fn must(self, holds: bool, expected: impl Into<String>) -> Result<(), ArtifactError> {
         if holds {
             return Ok(());

@@ -37,9 +37,9 @@ pub struct ScalpMap {
 const SIZE: (u32, u32) = (900, 860);
 /// Radius of the head's circle, pixels.
 const RADIUS: i32 = 330;
-/// Side of the squares that make up the map, pixels.
+/// Side length of the squares that make up the map, pixels.
 const SQUARE: i32 = 6;
-/// [`SQUARE`] in the type that ranges need.
+/// [`SQUARE`] as `usize`, the type that `step_by` needs.
 const STEP: usize = SQUARE.unsigned_abs() as usize;
 /// Distance from the nearest electrode up to which the map is coloured, in head radii.
 const REACH: f64 = 0.26;

@@ -45,7 +45,7 @@ pub struct Event {
 const NO_EVENT: u16 = 0;
 /// GDF type of a sample of a sparsely sampled signal, whose value is in the row's duration column.
 pub(crate) const SPARSE_SAMPLE: u16 = 0x7fff;
-/// Bit of a GDF type that means the end of the event.
+/// Bit of a GDF type that marks the end of an event.
 const END_OF_EVENT: u16 = 0x8000;
 
 /// Times at which the events of a recording start when it is played.

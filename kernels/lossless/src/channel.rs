@@ -48,8 +48,8 @@ impl Channel {
     /// most 8 codes and a sum of at most 2^30.
     #[inline]
     pub(crate) fn observe(&mut self, sum: u32, codes: u32) {
-        // The mean stays below 2^32: 8 codes raise it to at most 2 * 2^30, and it never reaches
-        // 16 * 2^27.
+        // The mean stays below 2^32: blocks of c codes, with sums of at most c * 2^27, let it
+        // approach at most 16 * 2^27.
         self.mean = self.mean.wrapping_sub((self.mean >> 4).wrapping_mul(codes));
         self.mean = self.mean.saturating_add(sum);
     }

@@ -149,9 +149,9 @@ pub struct IntegerMatrix {
 
 impl IntegerMatrix {
     /// Quantises `matrix * gain`; `matrix` is `[output][input]`. The weights of each output are
-    /// scaled to 8 bits, but by no more than `largest_scale` returns for them, and its factor
-    /// undoes the scale. A factor of 1/2 or more saturates, and an artifact with such a factor is
-    /// refused.
+    /// multiplied by a scale, so that they use 8 bits, but by at most what `largest_scale` returns
+    /// for them; the output's factor undoes the scale. A factor of 1/2 or more saturates, and an
+    /// artifact with such a factor is refused.
     pub fn quantised(
         matrix: &[f64],
         inputs: usize,
@@ -216,8 +216,8 @@ fn requantised(sum: i32, factor: i32) -> i16 {
     saturated
 }
 
-/// For each rate, a linear map that estimates a block's coefficients minus its decoded state from
-/// the next block's dequantised residual.
+/// For each rate, a linear map from the dequantised residual of the next block to an estimate of
+/// the error of this block: its coefficients minus its decoded state.
 ///
 /// The residual of a block depends on the error of the state from which the block was predicted,
 /// that is, of the block before it. One block later, the decoder can therefore remove a part of
@@ -226,7 +226,7 @@ fn requantised(sum: i32, factor: i32) -> i16 {
 pub struct Smoother {
     /// Weights, -127..=127, `[rate][coefficient][residual of the next block]`.
     pub weights: Vec<i8>,
-    /// Factor that turns weights into numbers, `[rate][coefficient]`.
+    /// Factor that scales the integer weights of a row, `[rate][coefficient]`.
     pub scales: Vec<f32>,
 }
 

@@ -23,8 +23,8 @@ pub fn slice_ends(electrodes: usize, steps: usize) -> Vec<usize> {
     ends.chain([steps * electrodes]).collect()
 }
 
-/// Returns an error that names the first part of a packed model that does not fit the description,
-/// or whose sums could leave their range.
+/// Checks a packed model. The error names the first part that does not fit the description, or
+/// whose sums could leave their range.
 pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<(), ArtifactError> {
     let electrodes = description.montage.electrodes.len();
     let steps = description.window.hop;

@@ -23,8 +23,8 @@ pub struct PackedDecoder {
     /// Smoother matrix of each rate that has occurred, `[coefficient][residual of the next block]`.
     smoothers: Vec<Option<Vec<f32>>>,
     state: Vec<i16>,
-    /// Signals that every further lost block gets, microvolts; set once the prediction no longer
-    /// changes the state.
+    /// Signals of every further lost block, microvolts; `None` while the prediction still changes
+    /// the state.
     standing: Option<Vec<f32>>,
     health: Health,
 }

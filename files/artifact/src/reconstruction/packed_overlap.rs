@@ -34,12 +34,11 @@ pub struct PackedHop<T> {
 /// What the values of a hop were computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PackedSource {
-    /// The block of this hop.
+    /// Decoded from the block of this hop.
     Block,
-    /// The block of this hop, with a larger error because blocks before it were lost.
+    /// Decoded from the block of this hop, with a larger error because blocks before it were lost.
     Healing,
-    /// Earlier blocks only: the block of this hop is lost or malformed, and its values are the
-    /// prediction from the blocks before it.
+    /// Predicted from earlier blocks, because the block of this hop is lost or malformed.
     Prediction,
 }
 

@@ -57,8 +57,8 @@ impl TablePrefix {
         }
     }
 
-    /// Returns whether the table states a plausible rate: at least 1 mHz. Where the bytes are
-    /// really a small integer, the float is far below this limit.
+    /// Returns whether the table states a plausible rate: at least 1 mHz. If the bytes read as the
+    /// rate are in truth a small integer, the float is far below this limit.
     fn states_rate(&self) -> bool {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }

@@ -55,7 +55,7 @@ impl CountBlock {
         terms: impl Iterator<Item = (&'v [f64], f64)>,
         lsb_uv: f64,
     ) {
-        // Adding to -0.0 changes no value, not even -0.0; the standard library does the same.
+        // Sums start at -0.0, as in the standard library, because -0.0 + x is x even if x is -0.0.
         let mut sums = [-0.0; SAMPLES];
         for (values, weight) in terms {
             for (sum, value) in sums.iter_mut().zip(values) {
