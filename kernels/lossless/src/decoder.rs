@@ -210,8 +210,8 @@ impl<'b> BitReader<'b> {
         u32::try_from(bits).ok()
     }
 
-    /// Takes the zeros before the next one, and that one, and returns the number of zeros. If there
-    /// are `most` zeros or more, takes `most` zeros only. `None` if the bits end before that.
+    /// Takes the bits up to and including the next 1, and returns the number of zeros before it. If
+    /// there are `most` zeros or more, takes `most` zeros only. `None` if the bits end before that.
     fn take_zeros(&mut self, most: u32) -> Option<u32> {
         self.fill();
         let zeros = self.pending.leading_zeros();

@@ -16,8 +16,8 @@ pub const LARGEST_STATE: i16 = 4096;
 /// Number of inputs that the encoder's matrix kernel takes at a time.
 pub const INPUTS_PER_ROUND: usize = 16;
 
-/// Returns how many inputs of a block the encoder has multiplied after each step: all whole rounds
-/// of 16 that have arrived, and after the last step all inputs.
+/// Returns how many inputs of a block the encoder has multiplied in total after each step: all
+/// whole rounds of 16 that have arrived, and after the last step all inputs.
 pub fn slice_ends(electrodes: usize, steps: usize) -> Vec<usize> {
     let ends = (1..steps).map(|steps| steps * electrodes / INPUTS_PER_ROUND * INPUTS_PER_ROUND);
     ends.chain([steps * electrodes]).collect()

@@ -16,7 +16,8 @@ pub struct PackedOverlap<T> {
     full_scale_uv: f32,
     /// Hop of the newest block, not yet corrected by a later block.
     newest: Option<PackedHop<T>>,
-    /// Number of received blocks that could not be decoded: of malformed bytes or invalid rate.
+    /// Number of received blocks that could not be decoded, because of malformed bytes or an
+    /// invalid rate.
     malformed: u64,
 }
 

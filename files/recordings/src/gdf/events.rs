@@ -26,7 +26,8 @@ pub(crate) struct TablePrefix {
     mode: u8,
     /// Number of rows in the table.
     pub(crate) count: u32,
-    /// Rate of the samples that event positions number, Hz; <= 0 if the file does not state it.
+    /// Rate of the samples in which event positions are counted, Hz; <= 0 if the file does not
+    /// state it.
     rate_hz: f64,
 }
 
@@ -63,8 +64,8 @@ impl TablePrefix {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }
 
-    /// Returns the rate of the samples that event positions number, Hz; `fallback_hz` if the file
-    /// states none.
+    /// Returns the rate of the samples in which event positions are counted, Hz; `fallback_hz` if
+    /// the file states none.
     fn rate_or(&self, fallback_hz: f64) -> f64 {
         if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
             self.rate_hz
