@@ -104,8 +104,9 @@ impl Volume {
     }
 }
 
-/// A convolution with a 3x3x3 kernel, without padding. To pad it, apply [`Volume::padded`] to its
-/// input; to pad it when it is transposed, apply [`Volume::cropped`] to its output.
+/// A convolution with a 3x3x3 kernel, without padding. For a padded convolution, apply
+/// [`Volume::padded`] to the input; for a padded transposed convolution, apply [`Volume::cropped`]
+/// to the output.
 ///
 /// Weights are `[out][in][step][row][column]`; those of the decoder's transposed convolutions are
 /// `[in][out][step][row][column]`, as in PyTorch.
@@ -191,8 +192,8 @@ impl Convolution {
     }
 }
 
-/// Returns, for each of the kernel's nine rows, the offset in a channel of `volume` at which the
-/// input of this row starts.
+/// Returns, for each of the kernel's nine rows, at which offset in a channel of `volume` the inputs
+/// of the kernel row start.
 fn tap_rows(volume: &Volume) -> [usize; KERNEL * KERNEL] {
     std::array::from_fn(|index| volume.row_start(0, index / KERNEL, index % KERNEL))
 }

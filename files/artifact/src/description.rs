@@ -31,7 +31,7 @@ pub struct Description {
     pub adc: Adc,
     /// Filters between the ADC and the network.
     pub filters: Filters,
-    /// Scale of the values that the network gets.
+    /// Scale of the network's input values.
     pub input: Input,
     /// Training data, training settings and test errors.
     pub training: TrainingCard,
@@ -173,12 +173,14 @@ pub struct CodeQuantisation {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CodeFormat {
-    /// Numbers of 8 bits, each dimension with a separate scale and zero point. n bytes.
+    /// Numbers of 8 bits, each dimension with a separate scale and zero point. A code takes n
+    /// bytes.
     Int8,
     /// Numbers of 8 bits times a common power of two, chosen for each window, so that large signals
-    /// are not clipped and small ones have a finer resolution. 1 + n bytes.
+    /// are not clipped and small ones have a finer resolution. A code takes 1 + n bytes.
     Int8Exponent,
-    /// Numbers of 16 bits, each dimension with a separate scale; zero points are 0. 2n bytes.
+    /// Numbers of 16 bits, each dimension with a separate scale; zero points are 0. A code takes 2n
+    /// bytes.
     Int16,
 }
 
@@ -259,7 +261,8 @@ pub struct Filters {
     pub mains_hz: Vec<u32>,
     /// Quality factor of every notch: its centre frequency divided by its -3 dB width.
     pub notch_q: f64,
-    /// Number of notches at multiples of the mains frequency, from 2 times that frequency on.
+    /// Number of notches at harmonics of the mains frequency, besides the notch at that frequency
+    /// itself: 1 for 2 x, 2 for 2 x and 3 x, and so on.
     pub harmonics: u32,
     /// Lower and upper -3 dB edge of the Butterworth band-pass, Hz.
     pub band_hz: [f64; 2],
@@ -280,7 +283,7 @@ pub enum Decimation {
     Fir,
 }
 
-/// Scale of the values that the network gets.
+/// Scale of the network's input values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
@@ -303,13 +306,15 @@ pub struct TrainingCard {
     pub interpolated_electrodes: usize,
     /// Labels of the interpolated electrodes.
     pub interpolated: Vec<String>,
-    /// Caveats about the test errors, in words.
+    /// Caveats about the test errors, as text.
     pub note: String,
     /// Names, without folder, of the recordings on which the model was trained.
     pub train_files: Vec<String>,
-    /// Names of the recordings on which the model was tested, and not trained or validated.
+    /// Names of the recordings that were used for the test only, neither for training nor for
+    /// validation.
     pub test_files: Vec<String>,
-    /// Data by whose error the best epoch was chosen, in words.
+    /// Text that states on which parts of the recordings the model was not trained: those that
+    /// served to choose the best epoch, and the start of each file, where the filters settle.
     pub validation: String,
     /// Mains frequency of the recordings, Hz.
     pub mains_hz: u32,
@@ -317,11 +322,12 @@ pub struct TrainingCard {
     pub seed: u64,
     /// Number of epochs in the training run.
     pub epochs: u32,
-    /// Epoch whose weights were kept; 0 for the weights before training (PCA in mode `shortcut`).
+    /// Epoch after which the weights were kept; 0 if those before training were kept (in mode
+    /// `shortcut`, PCA).
     pub best_epoch: u32,
     /// Number of training windows in an epoch.
     pub windows: u64,
-    /// Optimiser, learning-rate schedule and batch size, in words.
+    /// Optimiser, learning-rate schedule and batch size, as text.
     pub optimiser: String,
     /// Mean squared error over all electrodes of the test files, in units of `input.sd_uv` squared;
     /// absent if not measured.

@@ -42,7 +42,7 @@ pub enum ArtifactError {
         file: &'static str,
         /// Name of the field, as `table.key`.
         field: &'static str,
-        /// Value of the field in the file.
+        /// Description of the values that the field may have.
         found: String,
         /// Values that the field may have, in words.
         expected: String,
@@ -66,7 +66,7 @@ pub enum ArtifactError {
     Label {
         /// Label of the electrode, as the file has it.
         label: String,
-        /// Problem in words; the message puts it after the label.
+        /// Description of the problem, which the message puts after the label.
         problem: &'static str,
     },
     /// A tensor is missing, unknown, or not as the model requires.

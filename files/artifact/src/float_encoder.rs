@@ -194,7 +194,8 @@ mod tests {
     fn pca_codes_are_inner_products_with_the_components() {
         let artifact = testing::pca();
         let encoder = FloatEncoder::new(&artifact).unwrap();
-        // Component k of the test model copies value k of the window, so the code is its first 128.
+        // Component k of the test model copies value k of the window, so the code is the window's
+        // first 128 values.
         let count = artifact.description.dimensions().window_electrodes();
         let electrodes: Vec<f32> = (0..count).map(|feature| feature as f32).collect();
         let code = encoder.encode(&ScalpGrid::new(&artifact.description).scatter(&electrodes));

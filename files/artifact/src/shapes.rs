@@ -12,8 +12,8 @@ pub(crate) const INPUT_RANGE: &str = "input.max_abs";
 /// Name and shape of a tensor; the dimensions are in PyTorch's order.
 pub type NamedShape = (&'static str, Vec<usize>);
 
-/// Returns names and shapes of the tensors of convolutions, norms and fully connected layers, for
-/// `flat` pooled values.
+/// Returns names and shapes of the tensors of convolutions, norms and fully connected layers, for a
+/// model whose max-pool yields `flat` values.
 fn convolution_shapes(flat: usize, numbers: usize) -> Vec<NamedShape> {
     let kernel = |first: usize, second: usize| vec![first, second, KERNEL, KERNEL, KERNEL];
     vec![

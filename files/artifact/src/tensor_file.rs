@@ -4,7 +4,7 @@ use crate::error::{ArtifactError, TensorProblem};
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 
-/// A safetensors file that is being read; its name is for errors.
+/// A safetensors file that is being read, with its name for error messages.
 pub(crate) struct TensorFile<'f> {
     name: &'static str,
     tensors: SafeTensors<'f>,
@@ -14,7 +14,7 @@ pub(crate) struct TensorFile<'f> {
 pub(crate) type NamedTensor<'n> = (&'n str, Dtype, Vec<usize>, Vec<u8>);
 
 impl<'f> TensorFile<'f> {
-    /// Parses the header of a file from its bytes; `name` is for errors.
+    /// Parses the header of a file from its bytes; `name` is for error messages.
     pub(crate) fn parse(name: &'static str, bytes: &'f [u8]) -> Result<Self, ArtifactError> {
         let tensors = SafeTensors::deserialize(bytes)
             .map_err(|source| ArtifactError::Safetensors { file: name, source })?;
@@ -60,7 +60,7 @@ impl<'f> TensorFile<'f> {
     }
 }
 
-/// Returns the bytes of a safetensors file with these tensors; `name` is for errors.
+/// Returns the bytes of a safetensors file with these tensors; `name` is for error messages.
 pub(crate) fn to_bytes(
     name: &'static str,
     tensors: &[NamedTensor<'_>],

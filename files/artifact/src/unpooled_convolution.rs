@@ -30,8 +30,8 @@ pub(crate) struct UnpooledConvolution {
     cells: usize,
     /// Numbers of steps, rows and columns of the output.
     size: [usize; 3],
-    /// For all output positions in turn (column fastest), the products that the position sums, in
-    /// the order of the sum, each as an index `tap * cells + cell`.
+    /// For each output position in turn (column fastest), its products in the order in which they
+    /// are added, each as an index `tap * cells + cell`.
     products: Vec<usize>,
     /// For each output position, the index in `products` at which its products end.
     ends: Vec<usize>,

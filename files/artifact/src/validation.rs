@@ -31,8 +31,8 @@ const NUMBERS_MULTIPLE: usize = 4;
 /// Smallest number of columns that the pools of a row may cover together, because the kernels of
 /// the convolutions compute three columns at a time.
 const COLUMNS_AT_A_TIME: usize = 3;
-/// Sampling rates of an ADS1299, Hz: its master clock of 2.048 MHz or 2.097152 MHz over powers of
-/// two (datasheet SBAS499, section 9.6.1.2).
+/// Sampling rates of an ADS1299, Hz: its master clock of 2.048 MHz or 2.097152 MHz divided by
+/// powers of two (datasheet SBAS499, section 9.6.1.2).
 pub const ADC_RATES_HZ: [u32; 6] = [250, 256, 500, 512, 1000, 1024];
 /// Gains of the ADS1299's input amplifier (datasheet section 9.6.1.6).
 pub const GAINS: [u32; 7] = [1, 2, 4, 6, 8, 12, 24];
@@ -47,7 +47,8 @@ pub const LARGEST_CHAIN: usize = 8;
 struct Field<'d>(&'static str, &'d dyn Display);
 
 impl Field<'_> {
-    /// Returns an error with the field, its value and the `expected` values if `holds` is false.
+    /// If `holds` is false, returns an error that states the field, its value and the `expected`
+    /// values.
     fn must(self, holds: bool, expected: impl Into<String>) -> Result<(), ArtifactError> {
         if holds {
             return Ok(());

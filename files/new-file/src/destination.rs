@@ -39,7 +39,7 @@ pub(crate) enum Destination {
 }
 
 impl Destination {
-    /// Returns what would be written under the name `path`. Refuses a folder, one of the `inputs`
+    /// Returns which kind of file the name `path` stands for. Refuses a folder, one of the `inputs`
     /// that the program reads, and, if `existing` says so, any existing file.
     pub(crate) fn check(
         path: &Path,

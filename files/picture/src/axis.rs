@@ -52,8 +52,8 @@ impl Axis {
         }
     }
 
-    /// Returns the first and the last coordinate of an axis that shows all of these values, with 4
-    /// % of room at both ends.
+    /// Returns the first and the last coordinate of an axis that shows all of these values, with a
+    /// margin of 4 % at both ends.
     pub(crate) fn coordinates(&self, values: impl Iterator<Item = f64>) -> [f64; 2] {
         let coordinates = values
             .filter(|value| self.has(*value))

@@ -17,8 +17,8 @@ pub struct Curves {
     pub subtitle: String,
     /// Lowest and highest frequency of the x axis, Hz.
     pub x_hz: [f64; 2],
-    /// Lowest and highest value on the y axis. Points outside are not drawn, but a line is drawn
-    /// down to the lower end where it leaves the range there.
+    /// Lowest and highest value on the y axis. Points outside are not drawn; a line that leaves the
+    /// range at its lower end is drawn down to that end.
     pub y: [f64; 2],
     /// Quantity and unit that label the y axis.
     pub y_label: &'static str,

@@ -101,8 +101,8 @@ impl Lines {
         let points = || self.series.iter().flat_map(Series::spread_points);
         let [left, right] = self.x.coordinates(points().map(|(x, _, _)| x));
         let ys = points().flat_map(|(_, y, sd)| {
-            // A bar down to 0 would have no end on a logarithmic axis, so the range includes its
-            // lower end only down to half of the value.
+            // A bar down to 0 would have no end on a logarithmic axis, so the range reaches down to
+            // a bar's lower end, but at most to half of the value.
             [y, y + sd, (y - sd).max(0.5 * y)]
         });
         let [low, high] = self.y.coordinates(ys);
@@ -140,7 +140,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Draws a series. `low` is the start of the y axis, where bars end that would go below it.
+    /// Draws a series. `low` is the start of the y axis, where bars that would go below it end.
     fn draw_series(&self, chart: &mut Chart, series: &Series, low: f64) -> Drawn {
         let at = |x: f64, y: f64| (self.x.coordinate(x), self.y.coordinate(y));
         let shown = series
@@ -255,7 +255,7 @@ mod tests {
             .filter(|element| element.contains("#2B6CB0"))
             .filter_map(|element| element.split("points=\"").nth(1)?.split('"').next())
             .map(|points| points.split_whitespace().count());
-        // The line has the three other points; its entry in the legend is a line of two points.
+        // The line has the three other points. Its entry in the legend is a line of two points.
         assert_eq!(drawn_points.collect::<Vec<_>>(), [3, 2]);
         assert!(line.contains("PCA") && line.contains("0.005"));
         let dots = drawn(vec![series("model", Mark::Dots, &points)]);

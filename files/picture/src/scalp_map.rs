@@ -37,9 +37,9 @@ pub struct ScalpMap {
 const SIZE: (u32, u32) = (900, 860);
 /// Radius of the head's circle, pixels.
 const RADIUS: i32 = 330;
-/// Side of the squares that make up the map, pixels.
+/// Side length of the squares that make up the map, pixels.
 const SQUARE: i32 = 6;
-/// [`SQUARE`] in the type that ranges need.
+/// [`SQUARE`] as `usize`, the type that `step_by` needs.
 const STEP: usize = SQUARE.unsigned_abs() as usize;
 /// Distance from the nearest electrode up to which the map is coloured, in head radii.
 const REACH: f64 = 0.26;
@@ -190,7 +190,8 @@ fn pixel(centre: (i32, i32), [x, y]: [f64; 2]) -> (i32, i32) {
     (centre.0.saturating_add(x), centre.1.saturating_sub(y))
 }
 
-/// Formats a value with as many decimal places as show three digits of `largest`, at most 6.
+/// Formats a value with the number of decimal places that shows three digits of `largest`, at most
+/// 6.
 fn with_digits(value: f64, largest: f64) -> String {
     let places = (0..6).find(|places| largest * 10_f64.powi(*places) >= 99.95);
     let places = usize::try_from(places.unwrap_or(6)).unwrap_or(0);

@@ -6,8 +6,8 @@ use std::fmt;
 /// What an event means, in the form in which the file's format states it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
-    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. With bit 15 set, the type
-    /// means the end of the event that it means without.
+    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. A type with bit 15 set
+    /// marks the end of the event that the same type without this bit starts.
     Type(u16),
     /// A sample of a sparsely sampled signal: GDF type 0x7fff in an event table of mode 3. Holds
     /// the digital value as 32 raw bits; the [`crate::SampleType`] of [`Event::signal`] decodes it.
@@ -45,7 +45,7 @@ pub struct Event {
 const NO_EVENT: u16 = 0;
 /// GDF type of a sample of a sparsely sampled signal, whose value is in the row's duration column.
 pub(crate) const SPARSE_SAMPLE: u16 = 0x7fff;
-/// Bit of a GDF type that means the end of the event.
+/// Bit of a GDF type that marks the end of an event.
 const END_OF_EVENT: u16 = 0x8000;
 
 /// Times at which the events of a recording start when it is played.

@@ -58,7 +58,7 @@ pub enum MontageMapError {
     MissingElectrodes { labels: Vec<String> },
 }
 
-/// A defect of a recording with which it can still be played on the montage.
+/// A defect of a recording that does not prevent playing it on the montage.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[expect(missing_docs, reason = "the messages say what each field means")]
 pub enum MontageWarning {

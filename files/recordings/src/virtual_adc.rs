@@ -216,7 +216,7 @@ mod tests {
     fn a_rate_group_that_is_ahead_buffers_only_a_few_blocks() {
         // The file lasts 20 minutes. At most 32,768 (512 and 160 Hz) and 47,348 samples (160 and
         // 250 Hz) were measured in memory, so 65,536 is the limit. One block read from the file
-        // alone is 48 s (24,576 outputs) or 79 s (40,448 outputs).
+        // already takes 48 s (24,576 outputs) or 79 s (40,448 outputs).
         const SECONDS: u16 = 1200;
         for rates in [[512, 160], [160, 250]] {
             let file = Cursor::new(file(rates, SECONDS));

@@ -21,7 +21,8 @@ const MAX_OUTPUTS: usize = 65_536;
 /// transformed numbers do not fit 16 bits. With 16 input and 32 output channels it takes 9,870
 /// instructions per output position; Winograd takes 3,900 (simulated, Cortex-M4).
 ///
-/// Inputs have 16 bits, and every sum of 27 products per input channel must fit 32 bits.
+/// Inputs have 16 bits. Each output sums 27 products for each input channel; the sum must fit 32
+/// bits.
 ///
 /// `PAIRS` is the number of pairs of input channels, an even number; there is an assembler kernel
 /// for 8 pairs. `COLUMNS` is the number of columns of the input.

@@ -9,10 +9,10 @@ use crate::{
     pair::Pair,
 };
 
-/// Number of positions in a block, which are multiplied by [`OUTPUTS`] outputs together. A
-/// Cortex-M's 14 registers then hold six accumulators, four weights, two inputs and two pointers.
+/// Number of positions in a block, for which the sums of [`OUTPUTS`] outputs are computed together.
+/// A Cortex-M's 14 registers then hold six accumulators, four weights, two inputs and two pointers.
 pub(crate) const POSITIONS: usize = 3;
-/// Number of outputs in a block, which are computed together at [`POSITIONS`] positions.
+/// Number of outputs in a block, whose sums are computed together for [`POSITIONS`] positions.
 pub(crate) const OUTPUTS: usize = 2;
 /// Number of input pairs that one round of the unrolled loop multiplies.
 pub(crate) const ROUND: usize = 2;

@@ -123,10 +123,11 @@ mod tests {
     /// Results of one test step: sums of three positions, and sums with the weights' low bytes.
     type Sums = ([i32; POSITIONS * OUTPUTS], [i32; OUTPUTS]);
 
-    /// Number of steps of the test, each of which multiplies other numbers.
+    /// Number of steps of the test, each of which multiplies different numbers.
     const STEPS: usize = 1_000;
 
-    /// A computation that records its sums after each step; its numbers are at the ends of ranges.
+    /// A computation that records its sums after each step. Many of its numbers are the smallest or
+    /// largest that occur.
     struct Operations<'r>(&'r mut Vec<Sums>);
 
     impl Kernel for Operations<'_> {

@@ -9,11 +9,12 @@ pub type Count = [u8; 3];
 /// Form of a block's bytes, which determines what a decoder must know to decode it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
-    /// The counts themselves, sample by sample and channel by channel. Needs no past; the next
-    /// block needs none either.
+    /// The counts themselves, sample by sample and channel by channel. Decoding needs no earlier
+    /// block, and the next block does not continue from this one.
     #[default]
     Verbatim,
-    /// Compressed, but needs no earlier block: the first count of each channel is contained.
+    /// Compressed, but decoding needs no earlier block: the block contains the first count of each
+    /// channel.
     Key,
     /// Compressed; continues from the last sample of the previous block.
     Continuing,

@@ -48,8 +48,8 @@ impl Channel {
     /// most 8 codes and a sum of at most 2^30.
     #[inline]
     pub(crate) fn observe(&mut self, sum: u32, codes: u32) {
-        // The mean stays below 2^32: 8 codes raise it to at most 2 * 2^30, and it never reaches
-        // 16 * 2^27.
+        // The mean stays below 2^32: blocks of c codes, with sums of at most c * 2^27, let it
+        // approach at most 16 * 2^27.
         self.mean = self.mean.wrapping_sub((self.mean >> 4).wrapping_mul(codes));
         self.mean = self.mean.saturating_add(sum);
     }
@@ -84,7 +84,8 @@ impl Past {
 }
 
 /// How often differences are taken before a count is coded: 0 codes the count itself, 1 its
-/// difference from the previous count, 2 the difference of two such differences, 3 once more.
+/// difference from the previous count, 2 the difference of two such differences, and 3 the
+/// difference of two of those.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Order {
     Zero,

@@ -156,7 +156,7 @@ fn decode_channel<'c>(
     Ok(())
 }
 
-/// Reason why a block was refused. After any error, the decoder needs a block without a past.
+/// Reason why a block was refused. After any error, the decoder needs a block that needs no past.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
     /// The block continues from blocks that were not decoded or had another number of channels.
@@ -213,8 +213,8 @@ impl<'b> BitReader<'b> {
         u32::try_from(bits).ok()
     }
 
-    /// Takes zeros up to and including the next one, and returns their number. If there are `most`
-    /// zeros, takes only them. `None` if the bits end before that.
+    /// Takes the bits up to and including the next 1, and returns the number of zeros before it. If
+    /// there are `most` zeros or more, takes `most` zeros only. `None` if the bits end before that.
     fn take_zeros(&mut self, most: u32) -> Option<u32> {
         self.fill();
         let zeros = self.pending.leading_zeros();

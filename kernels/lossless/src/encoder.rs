@@ -19,7 +19,8 @@ pub struct Encoder {
 #[derive(Clone, Debug)]
 pub struct EncoderState<const CHANNELS: usize> {
     channels: [Channel; CHANNELS],
-    /// For each channel and order, the sum of absolute differences in key blocks; old ones fade.
+    /// For each channel and order, the sum of absolute differences in key blocks, in which older
+    /// blocks count less.
     sizes: [[u32; 4]; CHANNELS],
     /// Number of blocks before the next key block; 0 if the next block is one.
     until_key: u16,
@@ -142,9 +143,9 @@ fn put_codes<const ORDER: usize>(
     sum
 }
 
-/// Chooses the order of differences and the Rice parameter k for a channel of a key block, from the
-/// block and from `sizes`, the sums of absolute differences of earlier key blocks, which it
-/// updates.
+/// Chooses the order of differences and the Rice parameter k for a channel of a key block. Adds the
+/// block's absolute differences to `sizes`, the fading sums of earlier key blocks, and takes the
+/// order with the smallest sum. k follows from the block alone.
 fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) -> (Order, u32) {
     let mut past = Past::after(first);
     let mut block = [0_u32; 4];

@@ -1,9 +1,9 @@
 //! Rice codes whose length is bounded.
 //!
 //! A difference is folded to a natural number. The bits above its lowest k bits are written in
-//! unary: as many zeros as their value, then a one. The lowest k bits follow. If that value is
-//! [`ESCAPE`] or more, `ESCAPE` zeros and the count itself are written instead, so that no code is
-//! longer than 32 bits.
+//! unary: as many zeros as their value, then a one. The lowest k bits follow. If the number of
+//! zeros would be [`ESCAPE`] or more, `ESCAPE` zeros and the count itself are written instead, so
+//! that no code is longer than 32 bits.
 
 /// Number of zeros which say that a count follows instead of a difference.
 pub(crate) const ESCAPE: u32 = 8;
@@ -26,7 +26,7 @@ pub(crate) const fn unfold(folded: u32) -> i32 {
 }
 
 /// Returns the code of a folded difference: its bits and their number, 1 to 32. If the code would
-/// be too long, the bits hold `count` instead.
+/// start with [`ESCAPE`] zeros or more, it holds `count` instead.
 #[inline]
 pub(crate) const fn code(folded: u32, k: u32, count: i32) -> (u32, u32) {
     let zeros = folded >> k;

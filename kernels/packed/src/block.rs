@@ -9,9 +9,9 @@ use crate::tables::{ESCAPE, FREQUENCY_BITS, Frequencies, MAGNITUDES, Tables};
 /// Largest number of ones at the start of an Elias gamma code, because magnitudes are below 2^16.
 const MAX_GAMMA_BITS: u32 = 15;
 
-/// First frequencies of the symbols that can start a block: announced rate, predicted; announced
-/// rate, reset; another rate, after which four bits with the rate and one bit for a reset follow.
-/// The fourth number is where the frequencies end.
+/// First frequencies of the three symbols that can start a block, and the end of the last one's.
+/// The symbols mean: announced rate, predicted; announced rate, reset; another rate, after which
+/// four bits with the rate and one bit for a reset follow.
 const START_SYMBOLS: [u16; 4] = [0, 30_720, 32_256, 32_768];
 
 /// Rate and kind of a block, which its first bits state.

@@ -5,13 +5,13 @@ use crate::quantiser::{Magnitude, State};
 use crate::rate::Rate;
 use crate::tables::{ESCAPE, LEVELS};
 
-/// Largest level of an expected magnitude, a logarithmic scale.
+/// Largest level on the logarithmic scale of expected magnitudes.
 const LAST_LEVEL: i32 = 63;
 
-/// Amount that a magnitude of 1 adds to the activity.
+/// Amount that a magnitude of 1 adds to the [`Activity`].
 const ONE: u32 = 1024;
 
-/// With each coefficient, the activity loses 1 / 2^5 of itself.
+/// With each coefficient, the [`Activity`] loses 1 / 2^5 of itself.
 const DECAY_BITS: u32 = 5;
 
 /// Sum of the magnitudes of a block's earlier coefficients, in which older ones count less; below
@@ -21,7 +21,8 @@ const DECAY_BITS: u32 = 5;
 pub(crate) struct Activity(u32);
 
 impl Activity {
-    /// The activity before the first coefficient of a block: that of many magnitudes of 1/4.
+    /// The activity before the first coefficient of a block: the value that it approaches if all
+    /// magnitudes are 1/4.
     pub(crate) const START: Self = Self(8 * ONE);
 
     /// Returns the activity after a coefficient with this magnitude.
@@ -132,7 +133,8 @@ pub struct Symbol {
     pub magnitude: Magnitude,
 }
 
-/// Returns a block's magnitudes and the table that codes each; the tables are trained with them.
+/// Returns each magnitude of a block with the quantiser and level whose table codes it. Training
+/// counts these symbols to compute the tables.
 pub fn symbols<'b>(
     magnitudes: &'b [Magnitude],
     contexts: &'b [Context],

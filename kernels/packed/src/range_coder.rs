@@ -69,7 +69,8 @@ impl<'b> RangeEncoder<'b> {
             u64::from(self.low) + u64::from(self.range),
         );
         let rounded_up = |zeros: u32| (low + (1 << zeros) - 1) >> zeros << zeros;
-        // Four zero bytes fit one block in five; three always fit, as the range is at least 2^24.
+        // In one block of five, the range contains a number that ends in four zero bytes. In every
+        // block it contains one that ends in three, as the range is at least 2^24.
         let number = if rounded_up(32) < end {
             rounded_up(32)
         } else {

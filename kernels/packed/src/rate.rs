@@ -59,7 +59,7 @@ impl Rate {
         self.0
     }
 
-    /// Returns the rate `coarser` times 3 dB coarser, at most [`Self::COARSEST`].
+    /// Returns the rate that is `coarser` steps of 3 dB coarser, at most [`Self::COARSEST`].
     #[must_use]
     pub fn coarser(self, coarser: u8) -> Self {
         Self(self.0.saturating_add(coarser)).min(Self::COARSEST)
@@ -70,7 +70,8 @@ impl Rate {
         Self::STEPS[usize::from(self.0) % RATES].into()
     }
 
-    /// Returns `magnitude`, which must be below 2^17, in 1/256 of a step, rounded down; below 2^22.
+    /// Converts `magnitude`, below 2^17, from units of a coefficient to 1/256 of a step, rounded
+    /// down; the result is below 2^22.
     pub(crate) fn in_steps(self, magnitude: u32) -> i32 {
         let reciprocal = Self::RECIPROCALS[usize::from(self.0) % RATES];
         #[expect(clippy::cast_possible_truncation, reason = "below 2^17 * 2^31 / 2^26")]

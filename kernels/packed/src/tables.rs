@@ -16,7 +16,7 @@ pub const FREQUENCY_BITS: u32 = 15;
 /// bit costs as much as an error of 0.3 squared steps.
 pub(crate) const BIT_COST: i32 = 1229;
 
-/// First frequency of each magnitude: `[quantiser][level][magnitude]`.
+/// First frequency of each magnitude in the range coder: `[quantiser][level][magnitude]`.
 pub type Starts = [[[u16; MAGNITUDES]; LEVELS]; 2];
 
 /// Length of each magnitude's code in 1/16 bit: `[quantiser][level][magnitude]`.
@@ -56,7 +56,7 @@ impl Tables<'_> {
     }
 }
 
-/// The frequencies of one symbol, which are consecutive numbers.
+/// The frequencies of one symbol in the range coder, which are consecutive numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Frequencies {
     /// First of the frequencies.

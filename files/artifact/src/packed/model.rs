@@ -15,14 +15,14 @@ pub struct PackedDescription {
     /// Number of coefficients of a block: a multiple of 16, at most 256 and at most the block's
     /// values.
     pub coefficients: usize,
-    /// Rate of the packed code with which a device starts, 0..=15.
+    /// Rate of the packed code with which a device starts, 0 (finest) to 15 (coarsest).
     pub rate: u8,
-    /// Microvolts that 1 stands for in an input value or a coefficient.
+    /// Microvolts per unit of an input value or a coefficient.
     pub unit_uv: f64,
     /// Largest magnitude of an input value; larger ones are clipped to it.
     pub input_limit: i16,
-    /// Limit for the mean square of what a block's coefficients do not represent, microvolts
-    /// squared; a block above it is flagged as a misfit.
+    /// Limit for the mean square of the part of a block that its coefficients do not represent,
+    /// microvolts squared; a block above the limit is flagged as a misfit.
     pub misfit_uv2: f64,
     /// Training recordings, test recordings and test results.
     pub training: PackedTraining,
@@ -38,9 +38,9 @@ pub struct PackedTraining {
     pub test_files: Vec<String>,
     /// Figures (length and error) on the test recordings, one entry for each measured rate.
     pub figures: Vec<PackedFigures>,
-    /// Figures of a Karhunen-Loeve transform of each block, for comparison: it has as many
-    /// coefficients, is trained and coded alike, but predicts nothing. Its `mse_smoothed` equals
-    /// `mse`. Empty without test recordings.
+    /// Figures of a Karhunen-Loeve transform of each block, for comparison. It has as many
+    /// coefficients and is trained and coded in the same way, but does not predict a block from the
+    /// previous one. Its `mse_smoothed` equals `mse`. Empty without test recordings.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub without_prediction: Vec<PackedFigures>,
 }
@@ -49,15 +49,15 @@ pub struct PackedTraining {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackedFigures {
-    /// Rate at which length and error were measured, 0..=15.
+    /// Rate at which length and error were measured, 0 (finest) to 15 (coarsest).
     pub rate: u8,
     /// Mean length of a block in bits.
     pub bits: f64,
-    /// Mean squared error of blocks as decoded without the next block, in units of the network's
-    /// input squared.
+    /// Mean squared error of blocks decoded without the next block, in units of `input.sd_uv`
+    /// squared.
     pub mse: f64,
     /// Mean squared error after the smoother has corrected each block by the next one, in units of
-    /// the network's input squared.
+    /// `input.sd_uv` squared.
     pub mse_smoothed: f64,
 }
 
@@ -71,13 +71,13 @@ pub struct PackedModel {
     pub analysis: IntegerMatrix,
     /// Matrix that maps the state after a block to the prediction of the next block's coefficients.
     pub prediction: IntegerMatrix,
-    /// Logarithmic level, 0..64, of each coefficient's mean magnitude at rate 4 in a predicted
-    /// block.
+    /// Mean magnitude of each coefficient at rate 4 in a predicted block, as a logarithmic level,
+    /// 0..64.
     pub predicted_levels: Vec<u8>,
-    /// Logarithmic level, 0..64, of each coefficient's mean magnitude at rate 4 in a block without
-    /// prediction.
+    /// Mean magnitude of each coefficient at rate 4 in a block without prediction, as a logarithmic
+    /// level, 0..64.
     pub reset_levels: Vec<u8>,
-    /// First frequency of each magnitude in the range coder's tables.
+    /// First frequency of each magnitude in the range coder's tables of cumulative frequencies.
     pub starts: Box<Starts>,
     /// Correction that the decoder adds to a block once the next block has arrived.
     pub smoother: Smoother,
@@ -106,7 +106,7 @@ impl PackedModel {
         self.prediction.multiply(&rounded)
     }
 
-    /// Returns the length of the code of each magnitude with its sign, in 1/16 bit.
+    /// Returns how much space each magnitude with its sign takes in a coded block, in 1/16 bit.
     pub fn costs(&self) -> Box<Costs> {
         let mut costs = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
         let rows = self.starts.iter().flatten();
@@ -149,9 +149,9 @@ pub struct IntegerMatrix {
 
 impl IntegerMatrix {
     /// Quantises `matrix * gain`; `matrix` is `[output][input]`. The weights of each output are
-    /// scaled to 8 bits, but by no more than `largest_scale` returns for them, and its factor
-    /// undoes the scale. A factor of 1/2 or more saturates, and an artifact with such a factor is
-    /// refused.
+    /// multiplied by a scale, so that they use 8 bits, but by at most what `largest_scale` returns
+    /// for them; the output's factor undoes the scale. A factor of 1/2 or more saturates, and an
+    /// artifact with such a factor is refused.
     pub fn quantised(
         matrix: &[f64],
         inputs: usize,
@@ -216,8 +216,8 @@ fn requantised(sum: i32, factor: i32) -> i16 {
     saturated
 }
 
-/// For each rate, a linear map that estimates a block's coefficients minus its decoded state from
-/// the next block's dequantised residual.
+/// For each rate, a linear map from the dequantised residual of the next block to an estimate of
+/// the error of this block: its coefficients minus its decoded state.
 ///
 /// The residual of a block depends on the error of the state from which the block was predicted,
 /// that is, of the block before it. One block later, the decoder can therefore remove a part of
@@ -226,7 +226,7 @@ fn requantised(sum: i32, factor: i32) -> i16 {
 pub struct Smoother {
     /// Weights, -127..=127, `[rate][coefficient][residual of the next block]`.
     pub weights: Vec<i8>,
-    /// Factor that turns weights into numbers, `[rate][coefficient]`.
+    /// Factor that scales the integer weights of a row, `[rate][coefficient]`.
     pub scales: Vec<f32>,
 }
 

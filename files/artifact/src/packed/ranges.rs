@@ -6,7 +6,8 @@ use crate::description::Description;
 use crate::error::{ArtifactError, TensorProblem};
 use packed::{LEVELS, MAX_COEFFICIENTS, Tables};
 
-/// Largest magnitude of a sum of products: kernels compute two such sums in one register.
+/// Largest magnitude of a sum of products, because the kernels compute two such sums in one
+/// register.
 pub const SUM_LIMIT: i64 = (1 << 23) - 1;
 
 /// Largest magnitude that [`rounded_state`](super::rounded_state) returns.
@@ -15,15 +16,15 @@ pub const LARGEST_STATE: i16 = 4096;
 /// Number of inputs that the encoder's matrix kernel takes at a time.
 pub const INPUTS_PER_ROUND: usize = 16;
 
-/// Returns, for each step of a block, how many inputs the encoder has added to its sums after it:
-/// all whole rounds of 16 that have arrived; after the last step, all inputs.
+/// Returns how many inputs of a block the encoder has multiplied in total after each step: all
+/// whole rounds of 16 that have arrived, and after the last step all inputs.
 pub fn slice_ends(electrodes: usize, steps: usize) -> Vec<usize> {
     let ends = (1..steps).map(|steps| steps * electrodes / INPUTS_PER_ROUND * INPUTS_PER_ROUND);
     ends.chain([steps * electrodes]).collect()
 }
 
-/// Returns an error that names the first part of a packed model that does not fit the description,
-/// or whose sums could leave their range.
+/// Checks a packed model. The error names the first part that does not fit the description, or
+/// whose sums could leave their range.
 pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<(), ArtifactError> {
     let electrodes = description.montage.electrodes.len();
     let steps = description.window.hop;
@@ -140,8 +141,8 @@ fn check_shapes(model: &PackedModel, values: usize) -> Result<(), ArtifactError>
     Ok(())
 }
 
-/// Checks that in each slice of inputs, products with inputs of magnitude `limit` sum to at most
-/// [`SUM_LIMIT`].
+/// Checks that the products of each slice of inputs sum to at most [`SUM_LIMIT`], even if every
+/// input has the magnitude `limit`.
 fn check_matrix(
     name: &'static str,
     weights: &[i8],

@@ -9,11 +9,11 @@ pub struct HopLayout {
     pub steps: usize,
     /// Number of electrodes in each step.
     pub electrodes: usize,
-    /// True if a hop is the newest steps of its window; false if it is older steps, averaged over
-    /// all windows that contain them.
+    /// True if a hop consists of the newest steps of its window; false if it consists of older
+    /// steps, averaged over all windows that contain them.
     pub low_latency: bool,
-    /// Largest magnitude of a value, microvolts; larger values are limited to it. (A recorder
-    /// stores values outside the range it was told as infinite.)
+    /// Largest magnitude of a value, microvolts; larger values are limited to it, because a
+    /// recorder that was told this range would store them as infinite.
     pub full_scale_uv: f32,
 }
 

@@ -23,8 +23,8 @@ pub struct PackedDecoder {
     /// Smoother matrix of each rate that has occurred, `[coefficient][residual of the next block]`.
     smoothers: Vec<Option<Vec<f32>>>,
     state: Vec<i16>,
-    /// Signals that every further lost block gets, microvolts; set once the prediction no longer
-    /// changes the state.
+    /// Signals of every further lost block, microvolts; `None` while the prediction still changes
+    /// the state.
     standing: Option<Vec<f32>>,
     health: Health,
 }
@@ -50,7 +50,8 @@ pub struct PackedBlock {
     /// Improved signals of the previous block, computed with this block; `None` if this block has
     /// no prediction or is the first that was decoded.
     pub smoothed: Option<Vec<f32>>,
-    /// True if the decoder's state equals the encoder's or enough blocks followed the last loss.
+    /// True if the decoder's state equals the encoder's, or if more than [`HEALING_BLOCKS`]
+    /// predicted blocks have been decoded since the last loss.
     pub is_sound: bool,
 }
 
@@ -105,7 +106,8 @@ impl PackedDecoder {
         let smoothed = is_continuation.then(|| self.smoothed(&before, &prediction, header.rate));
         self.health = match self.health {
             _ if header.is_reset => Health::Equal,
-            // The first block is predicted, so blocks before it were missed.
+            // The first block that is decoded has a prediction, so the blocks before it were
+            // missed.
             Health::Unknown => Health::Healing { blocks: 1 },
             Health::Healing { blocks } => Health::Healing {
                 blocks: blocks.saturating_add(1),
@@ -119,12 +121,12 @@ impl PackedDecoder {
         })
     }
 
-    /// Skips a lost block: takes its prediction for it and returns the signals of the prediction,
-    /// microvolts.
+    /// Skips a lost block: takes the prediction of the block as its content, and returns its
+    /// signals, microvolts.
     ///
     /// # Timing
-    /// As long as decoding. After some lost blocks in a row, the prediction no longer changes the
-    /// state, and the call only copies the previous result.
+    /// Takes as long as decoding a block. After some lost blocks in a row, the prediction no longer
+    /// changes the state, and the call only copies the previous result.
     pub fn skip(&mut self) -> Vec<f32> {
         self.health = Health::Healing { blocks: 0 };
         if let Some(microvolts) = &self.standing {

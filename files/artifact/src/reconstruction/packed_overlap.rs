@@ -16,7 +16,8 @@ pub struct PackedOverlap<T> {
     full_scale_uv: f32,
     /// Hop of the newest block, not yet corrected by a later block.
     newest: Option<PackedHop<T>>,
-    /// Number of received blocks whose bytes could not be decoded.
+    /// Number of received blocks that could not be decoded, because of malformed bytes or an
+    /// invalid rate.
     malformed: u64,
 }
 
@@ -34,12 +35,11 @@ pub struct PackedHop<T> {
 /// What the values of a hop were computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PackedSource {
-    /// The block of this hop.
+    /// Decoded from the block of this hop.
     Block,
-    /// The block of this hop, with a larger error because blocks before it were lost.
+    /// Decoded from the block of this hop, with a larger error because blocks before it were lost.
     Healing,
-    /// Earlier blocks only: the block of this hop is lost or malformed, and its values are the
-    /// prediction from the blocks before it.
+    /// Predicted from earlier blocks, because the block of this hop is lost or malformed.
     Prediction,
 }
 
@@ -94,9 +94,9 @@ impl<T: Clone> PackedOverlap<T> {
         self.complete(newest, smoothed)
     }
 
-    /// Returns the hop that is now complete, if any, as [`Self::next_hop`] does, but takes `newest`
-    /// for the hop of the next block and decodes nothing. For callers that need no signals: hops
-    /// decoded afterwards are wrong.
+    /// Stores `newest` as the hop of the next block, without decoding the block, and returns the
+    /// hop that [`Self::next_hop`] would return, but without correction. For callers that need no
+    /// signals: blocks decoded afterwards yield wrong signals.
     pub fn pass(&mut self, newest: PackedHop<T>) -> Option<PackedHop<T>> {
         self.complete(newest, None)
     }

@@ -2,8 +2,7 @@
 
 use crate::PackedModel;
 
-/// The pseudoinverse of a packed model's matrix `analysis`, which leads from coefficients to
-/// signals.
+/// The pseudoinverse of a packed model's matrix `analysis`, which maps coefficients to signals.
 #[derive(Clone, Debug)]
 pub(crate) struct Synthesis {
     /// Microvolts that one unit of a coefficient adds to a value, `[coefficient][value]`.

@@ -16,7 +16,8 @@ impl WindowDecoder {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError`] if a tensor is missing, or if the decoder needs more input than the code.
+    /// [`ArtifactError`] if a tensor is missing, or if the mode is `paper`, whose decoder needs
+    /// pool indices in addition to the code.
     pub fn new(artifact: &Artifact) -> Result<WindowDecoder, ArtifactError> {
         #[expect(
             clippy::cast_possible_truncation,

@@ -126,8 +126,8 @@ fn lines_and_circles_are_drawn_within_the_axes() {
         "40 Hz",
         "50 Hz",
     ];
-    // 59 of the 60 circles of the curve, because one point is above the end of the y axis, 0.5,
-    // plus one circle in the legend.
+    // The curve has 59 circles, because one of its 60 points is above the end of the y axis, 0.5.
+    // The legend has one more.
     assert_drawn(|path| curves.draw(path), &words, "<circle", 60..=60);
 }
 
@@ -146,7 +146,7 @@ fn a_scalp_map_is_drawn() {
         unit: "%".to_owned(),
     };
     let words = ["E5", "5.00 %", "hollow"];
-    // Two circles for each of the six electrodes, and the head.
+    // Two circles for each of the six electrodes, and one for the head.
     assert_drawn(|path| map.draw(path), &words, "<circle", 13..=13);
     assert_drawn(|path| map.draw(path), &words, "<rect", 200..);
 }

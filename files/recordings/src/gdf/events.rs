@@ -26,7 +26,8 @@ pub(crate) struct TablePrefix {
     mode: u8,
     /// Number of rows in the table.
     pub(crate) count: u32,
-    /// Rate in which event positions count, Hz; <= 0 if the file does not state it.
+    /// Rate of the samples in which event positions are counted, Hz; <= 0 if the file does not
+    /// state it.
     rate_hz: f64,
 }
 
@@ -57,13 +58,14 @@ impl TablePrefix {
         }
     }
 
-    /// Returns whether the table states a plausible rate: at least 1 mHz. Where the bytes are
-    /// really a small integer, the float is far below this limit.
+    /// Returns whether the table states a plausible rate: at least 1 mHz. If the bytes read as the
+    /// rate are in truth a small integer, the float is far below this limit.
     fn states_rate(&self) -> bool {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }
 
-    /// Returns the rate in which event positions count, Hz; `fallback_hz` if the file states none.
+    /// Returns the rate of the samples in which event positions are counted, Hz; `fallback_hz` if
+    /// the file states none.
     fn rate_or(&self, fallback_hz: f64) -> f64 {
         if self.rate_hz.is_finite() && self.rate_hz > 0.0 {
             self.rate_hz

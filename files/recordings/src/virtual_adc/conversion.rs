@@ -11,7 +11,7 @@ use super::rate_converter::RateConverter;
 use super::{AdcCounters, AdcSpec, CHANNELS};
 
 /// Limit for the magnitude of values passed to the resampler, uV. It is far beyond the ADC's range,
-/// but no sum in a transform overflows, on which the resampler would panic.
+/// but so small that no sum in a transform overflows; otherwise the resampler would panic.
 const LARGEST_UV: f64 = 1e100;
 
 /// Label and sampling rate of a signal of the recording.
@@ -25,7 +25,7 @@ pub(super) struct SignalRate<'a> {
 pub(super) struct Conversion {
     pub(super) spec: AdcSpec,
     groups: Vec<RateGroup>,
-    /// Signals and weights whose sum is the value of an electrode, for each electrode.
+    /// For each electrode, the signals and weights whose weighted sum is its value.
     mixes: Vec<Vec<MixTerm>>,
     /// Samples converted to counts but not delivered yet; boxed, because the block is large.
     converted: Box<CountBlock>,

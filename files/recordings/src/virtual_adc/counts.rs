@@ -46,15 +46,16 @@ impl CountBlock {
         self.length
     }
 
-    /// Converts one channel of all samples of the block. Its value is the sum of `terms`, added in
-    /// their order; each term is a signal's values in uV, one for each sample, and a weight.
+    /// Converts one channel, for all samples of the block. The channel's value is the sum of
+    /// `terms`, added in their order; each term is a signal's values in uV, one for each sample,
+    /// and a weight.
     pub(super) fn convert<'v>(
         &mut self,
         channel: usize,
         terms: impl Iterator<Item = (&'v [f64], f64)>,
         lsb_uv: f64,
     ) {
-        // Adding to -0.0 changes no value, not even -0.0; the standard library does the same.
+        // Sums start at -0.0, as in the standard library, because -0.0 + x is x even if x is -0.0.
         let mut sums = [-0.0; SAMPLES];
         for (values, weight) in terms {
             for (sum, value) in sums.iter_mut().zip(values) {
@@ -102,8 +103,8 @@ const CONVERTER_CHANNELS: usize = 8;
 ///
 /// A real chip has noise, so its driver reports eight repeated counts as a frozen chip. A recording
 /// has no such noise: where it is flat or of low resolution, samples repeat exactly. There, every
-/// second sample gets one count (22.35 nV, a ninth of the chip's rms noise at 512 Hz) on each
-/// channel that is neither 0 nor at a rail. All other samples stay as they are.
+/// second sample is raised by one count (22.35 nV, a ninth of the chip's rms noise at 512 Hz) on
+/// each channel that is neither 0 nor at a rail. All other samples stay as they are.
 #[derive(Debug)]
 pub(super) struct Dither {
     /// Previous sample as delivered. It starts as `i32::MIN`, which is outside the range of 24
@@ -119,7 +120,7 @@ impl Dither {
         }
     }
 
-    /// Changes the next sample so that no chip repeats its previous counts.
+    /// Adds one count to the channels of every chip that would repeat its previous counts.
     pub(super) fn apply(&mut self, counts: &mut [i32; CHANNELS]) {
         let new = counts.chunks_exact_mut(CONVERTER_CHANNELS);
         for (new, last) in new.zip(self.last.chunks_exact(CONVERTER_CHANNELS)) {

@@ -1,6 +1,6 @@
 //! Builds small EDF, EDF+, BDF and GDF files for the tests.
 
-/// Appends all records. A signal is given as its length in a record, bytes, and its data for all
+/// Appends all records. A signal is given as its number of bytes in a record and its data for all
 /// records.
 fn append_records(out: &mut Vec<u8>, signals: &[(usize, &[u8])]) {
     let records = signals.iter().map(|(size, data)| data.len() / size.max(&1));

@@ -20,7 +20,7 @@ use crate::{
 
 cpufeatures::new!(detected, "avx2");
 
-/// Runs the kernel and returns `None` if the processor has AVX2; otherwise returns the kernel.
+/// If the processor has AVX2, runs the kernel and returns `None`; otherwise returns the kernel.
 #[inline(always)]
 pub(super) fn run_if_available<K: Kernel>(kernel: K) -> Option<K> {
     if detected::get() {

@@ -1,4 +1,4 @@
-//! Measures how many bits a count of real recordings takes.
+//! Measures the mean number of bits to which each count of real recordings is compressed.
 
 use std::fs;
 use std::io::{Write as _, stderr};

@@ -1,12 +1,12 @@
-//! The schedule for a Cortex-M7, which issues an LDR and an SMLAD in the same cycle: loads between
-//! the products.
+//! The schedule for a Cortex-M7, which issues an LDR and an SMLAD in the same cycle: loads and
+//! products alternate.
 //!
 //! Within a segment, each register is reloaded right after its last use, and at least two other
 //! products come before its next use.
 
 schedule! {
     [
-        // Load the weights of the first round; those of a later round are loaded in the one before.
+        // Load the weights of the first round. Each round loads the weights of the next one.
         ".if {shared} || (block == 0)",
         "ldm lr, {{r6-r9}}",
         ".endif",

@@ -11,7 +11,7 @@ pub(super) type Row = [i32; CHANNELS];
 /// Largest count that 24 bits can hold.
 const MAX: i32 = (1 << 23) - 1;
 
-/// Shape of a test signal; the numbers are bits of noise.
+/// Shape of a test signal; the number in a variant is the width of its noise in bits.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
     /// Uniform noise with this number of bits, different in each sample.
