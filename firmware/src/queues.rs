@@ -52,15 +52,15 @@ enum Content {
 /// Slot of the bulk queue: the content of a large output.
 #[derive(Clone, Debug)]
 pub enum BulkSlot {
-    /// Unfiltered samples, of [`Payload::Raw`].
+    /// Unfiltered samples, the content of [`Payload::Raw`].
     Raw(RawChunk),
-    /// Unfiltered samples, compressed, of [`Payload::CompressedRaw`].
+    /// Unfiltered samples, compressed, the content of [`Payload::CompressedRaw`].
     CompressedRaw(CompressedChunk),
-    /// Filtered steps, of [`Payload::Filtered`].
+    /// Filtered steps, the content of [`Payload::Filtered`].
     Filtered(FilteredChunk),
-    /// The planes of a window and its code, of [`Payload::Audit`].
+    /// The planes of a window and its code, the content of [`Payload::Audit`].
     Audit(AuditedWindow),
-    /// Signal quality of each electrode, of [`Payload::Quality`].
+    /// Signal quality of each electrode, the content of [`Payload::Quality`].
     Quality(Quality),
 }
 

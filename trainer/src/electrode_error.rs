@@ -60,8 +60,8 @@ impl ElectrodeSums {
         }
     }
 
-    /// Returns the errors of the electrodes of a description; `is_recorded` tells for an electrode
-    /// whether every recording has it.
+    /// Returns the mean errors of each electrode of the montage in `description`. `is_recorded`
+    /// returns whether every recording has an electrode.
     pub(crate) fn errors(
         &self,
         description: &Description,
@@ -97,8 +97,8 @@ mod tests {
         let dimensions = description.dimensions();
         let window = vec![0.0; dimensions.window_electrodes()];
         let (mut float, mut integer) = (window.clone(), window.clone());
-        // Set errors with float codes at electrode 3 at two time steps, and with integer codes at
-        // electrode 5 at one time step.
+        // The window decoded from float codes is wrong at electrode 3 in two time steps, the one
+        // decoded from integer codes at electrode 5 in one.
         float[3] = 2.0;
         float[7 * electrodes + 3] = -1.0;
         integer[4 * electrodes + 5] = 3.0;

@@ -94,7 +94,7 @@ impl Fold {
         }
     }
 
-    /// Returns as text on what the model is tested: names of runs, each with the number of its
+    /// Returns a text that names what the model is tested on: runs, each with the number of its
     /// block (from 1) if runs are divided into blocks.
     pub(crate) fn tested_on(&self) -> String {
         let mut text = String::new();

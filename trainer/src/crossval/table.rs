@@ -186,7 +186,8 @@ impl fmt::Display for Table {
     }
 }
 
-/// Returns whether two outcomes have the same settings. The number of blocks in a run may differ.
+/// Returns whether two outcomes have the same settings. For two subjects, the text about folds and
+/// blocks may differ.
 fn is_same_kind(a: &Outcome, b: &Outcome) -> bool {
     if a.subject == b.subject {
         return a.settings == b.settings;

@@ -23,8 +23,8 @@ pub(super) struct Coded {
     pub(super) histogram: Box<Histogram>,
 }
 
-/// Codes sequences of coefficients `[sequence][block][coefficient]` at a rate. Without prediction
-/// it codes the first block of each sequence and every `reset`-th block after it.
+/// Codes sequences of coefficients `[sequence][block][coefficient]` at a rate. The first block of
+/// each sequence and every `reset`-th block after it are coded without prediction.
 pub(super) fn code(
     model: &PackedModel,
     coefficients: &[Vec<i16>],

@@ -20,7 +20,7 @@ const SMALLEST_SUM: f64 = 1e-12;
 const STATE_UNIT: f64 = 8.0;
 
 /// Returns the analysis of blocks in integers. `slices` holds the ends of the slices of a block's
-/// inputs, of which the device adds one at each step.
+/// inputs; the device processes one slice at each step.
 pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix {
     let directions = &transform.directions;
     IntegerMatrix::quantised(directions.as_slice(), directions.nrows(), 1.0, |weights| {
@@ -49,8 +49,8 @@ pub(super) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
     })
 }
 
-/// Returns the largest scale with which the sum of rounded weights times inputs, each at most
-/// `limit`, does not exceed [`SUM_LIMIT`].
+/// Returns the largest scale with which the sum of scaled and rounded weights times inputs does not
+/// exceed [`SUM_LIMIT`], for inputs of magnitude up to `limit`.
 fn scale_for(weights: &[f64], limit: i16) -> f64 {
     let (most, rounding) = (
         (SUM_LIMIT / i64::from(limit)) as f64,

@@ -26,8 +26,8 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Cuts tracks into blocks of `hop` steps, once from each of the first steps in `offsets`, so
-    /// that the statistics do not depend on where the first block begins.
+    /// Cuts tracks into blocks of `hop` steps, once for each offset. An offset is the step at which
+    /// the first block begins; with several, the statistics do not depend on this step.
     pub(super) fn cut(tracks: &[Track], hop: usize, sd_uv: f64, offsets: &[usize]) -> Self {
         let sequences = offsets.iter().flat_map(|&offset| {
             tracks.iter().map(move |track| {

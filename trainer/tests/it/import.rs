@@ -1,5 +1,5 @@
-//! Tests with files that can be imported, also with those of the program in docs/importing.md where
-//! PyTorch is installed.
+//! Tests with files that can be imported. Where PyTorch is installed, one test imports the files
+//! that the program in docs/importing.md writes.
 
 use super::export::{self, SPEC, WINDOWS, export, insert_all, write};
 use super::{Folder, assert_has, skip};

@@ -41,7 +41,7 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let origins: Vec<&str> = electrodes.column("origin");
     assert_eq!(origins[..6], ["measured"; 6]);
     assert_eq!(origins[6..], ["interpolated"; 2]);
-    // One circle is the head. Each electrode has two, of which the inner one is hollow if
+    // One circle is the head. Each electrode has two; the inner one is hollow if the electrode is
     // interpolated.
     let map = elements(&folder.path("report/electrodes.svg"), "circle");
     assert_eq!(map.len(), 1 + 2 * LABELS.len());
@@ -57,7 +57,7 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
         ("mse_int8", "mse_pca_int8", "mse_int8"),
     ] {
         let errors = rate.numbers(column);
-        // Both figures are sums of f32 in different order.
+        // The error in the file and that in the JSON add up f32 values in different orders.
         assert_near(errors[numbers - 1], figure(pca), 1e-4);
         assert_near(errors[numbers], figure(model), 1e-12);
         assert!(errors[0] > errors[numbers - 1], "{errors:?}");
