@@ -59,8 +59,8 @@ pub struct DeviceModel {
     pub description: Description,
     /// Filters for each frequency of [`MAINS_HZ`], in the same order.
     pub filters: Vec<MainsFilter>,
-    /// Resampler from the ADC's rate to the step rate; it follows the filters and is the same for
-    /// every mains frequency.
+    /// Resampler from the ADC's rate to the step rate; it follows the filters for either mains
+    /// frequency.
     pub resampler: ResamplerTable,
     /// Factor that turns a filtered sample (counts, Q27.5) into a level of the int8 input, Q0.32.
     pub input_multiplier: i32,

@@ -12,8 +12,8 @@ use crate::{
 /// Reason why a filter cascade or a resampler cannot be realised.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FilterError {
-    /// A frequency is not positive, or not below half of the sampling rate. The fields are the
-    /// frequency's name and its value, Hz.
+    /// A frequency is not positive, or not below half of the sampling rate. The fields are its
+    /// name, its value in Hz, and the specification.
     #[error(
         "the {0} of {1} Hz cannot exist: it must be between 0 and {limit} Hz, half of \
          the sampling rate; change it in [filters] of model.toml, or raise [adc] rate_hz",
@@ -66,8 +66,7 @@ pub enum FilterError {
     )]
     Unstable(usize),
     /// A pole is so close to the unit circle that the response decays too slowly. The fields are
-    /// the pole's distance from the origin, and the number of samples until the response has
-    /// decayed.
+    /// the pole's radius, and the number of samples until the response has decayed.
     #[error(
         "the response of the filters decays over {1:.0} samples (pole radius {0}), more than \
          {MAX_SAMPLES:.0}: \
@@ -129,7 +128,7 @@ pub enum FilterError {
     )]
     ResamplerAccumulator(u32, u64),
     /// A node of the cascade could overflow 32 bits. The fields are the node with its gain, and the
-    /// gain's limit.
+    /// limit.
     #[error(
         "{} can reach {:.2} times the input: full-scale ADC counts allow less \
          than {:.2}; lower [filters] order or raise the lower band edge in model.toml",

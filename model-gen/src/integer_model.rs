@@ -209,8 +209,7 @@ impl Volume {
 
 /// Returns the sums of a 3x3x3 convolution of `input`, which must already be padded.
 fn convolve(conv: &IntegerLayer, input: &Volume) -> Volume {
-    /// Number of steps, rows or columns by which the output of the convolution is smaller than its
-    /// input.
+    /// Number of steps, rows or columns that the convolution's output has less than its input.
     const SHRINK: usize = KERNEL - 1;
     let outputs = conv.bias.len();
     let [inputs, times, rows, columns] = input.shape;

@@ -31,8 +31,7 @@ pub(crate) fn write(path: &Path, training: &Training, data: &str) -> Result<(), 
 }
 
 /// Reads a training run that [`write()`] has written with the same settings and data. If the run is
-/// finished and `settings` has more epochs, the additional epochs form another cycle of the
-/// learning rate.
+/// finished and `settings` has more epochs, the extra ones form another cycle of the learning rate.
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or belongs to another training run.

@@ -231,8 +231,8 @@ pub enum TrainerError {
 }
 
 impl TrainerError {
-    /// Returns whether the user can correct the command line: settings that no model can have,
-    /// names that select nothing, files that would be replaced.
+    /// Returns whether the mistake is in the command line, where the user can correct it: settings
+    /// that no model can have, names that select nothing, files that would be replaced.
     pub fn is_usage(&self) -> bool {
         matches!(
             self,
@@ -261,14 +261,13 @@ impl TrainerError {
         )
     }
 
-    /// Returns a function that turns an error of the operating system into one that names the file
+    /// Returns a function that turns an operating system's error into one that names the file
     /// `path`.
     pub(crate) fn file(path: &Path) -> impl Fn(io::Error) -> Self + Copy + '_ {
         |source| Self::File(path.to_owned(), source)
     }
 
-    /// Returns a function that turns an error of reading a model into one that names the folder
-    /// `folder`.
+    /// Returns a function that turns an error of reading a model into one that names its folder.
     pub(crate) fn no_model(folder: &Path) -> impl Fn(artifact::ArtifactError) -> Self + Copy + '_ {
         |source| Self::NoModel(folder.to_owned(), Box::new(source))
     }

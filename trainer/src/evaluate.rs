@@ -192,7 +192,7 @@ impl Codec {
     }
 }
 
-/// Returns the squared error of decoded windows, which are concatenated in `decoded`.
+/// Returns the sum of the squared errors of decoded windows, which are concatenated in `decoded`.
 fn error(windows: &[&Window], decoded: &[f32]) -> f64 {
     let length = windows.first().map_or(1, |window| window.len());
     let pairs = windows.iter().zip(decoded.chunks_exact(length));
@@ -281,8 +281,7 @@ mod tests {
     #[test]
     fn the_error_is_that_outside_the_directions_and_slightly_larger_in_int8() {
         let mut dataset = testing::dataset(9, 256);
-        // Scale the data so that the code fills the smallest range that calibration gives its
-        // dimensions.
+        // Scale the data so that the code fills the smallest range that calibration allows.
         dataset.scale(5.0);
         let parameters = testing::pca();
         let model = testing::model(&parameters, &dataset);

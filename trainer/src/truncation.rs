@@ -18,8 +18,8 @@ pub(crate) struct TruncationError {
 /// Sums of squared errors of codes decoded from the first number only, the first two, up to all.
 #[derive(Clone, Debug)]
 pub(crate) struct TruncationSums {
-    /// Columns of the decoder's matrix, one for each number of a code: the window to which a code
-    /// decodes in which this number is 1 and all others are 0.
+    /// Columns of the decoder's matrix, one for each number of a code: the window that is decoded
+    /// from a code whose number at this index is 1 and whose other numbers are 0.
     components: Vec<Vec<f32>>,
     /// Sums of squared errors with float and with integer codes: for the first number only, the
     /// first two, up to all.

@@ -37,8 +37,7 @@ impl Arguments {
     }
 }
 
-/// File on the PC, open for reading. The field is the handle that the emulator assigned to the
-/// file.
+/// File on the PC, open for reading; the field is the handle that the emulator gave it.
 #[derive(Debug)]
 pub(crate) struct HostFile(usize);
 

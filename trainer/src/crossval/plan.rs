@@ -54,7 +54,8 @@ fn subject_of(recording: &Path) -> String {
     }
 }
 
-/// Blocks on which a model is tested that was trained on all other blocks of the subject.
+/// Blocks of a subject on which a model is tested. It was trained on all other blocks of the
+/// subject.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Fold {
     pub(crate) subject: String,

@@ -186,8 +186,7 @@ impl fmt::Display for Table {
     }
 }
 
-/// Returns whether two outcomes have the same settings. For two subjects, the text about folds and
-/// blocks may differ.
+/// Returns whether two outcomes have the same settings; two subjects may differ in those of folds.
 fn is_same_kind(a: &Outcome, b: &Outcome) -> bool {
     if a.subject == b.subject {
         return a.settings == b.settings;

@@ -133,7 +133,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Records a mistake for each entry of `[names]` that names neither a tensor nor a layer.
+    /// Records a mistake for each entry of `[names]` that names neither tensor nor layer.
     fn check_names<'n>(&mut self, spec: &Spec, names: impl Iterator<Item = &'n str>) {
         let names: Vec<&str> = names.collect();
         for entry in spec.names.keys() {
@@ -267,7 +267,7 @@ impl Search<'_> {
         })
     }
 
-    /// Records a mistake for each tensor of windows that is not 0 in all cells without an
+    /// Records a mistake for each windows tensor with values other than 0 in cells without
     /// electrode.
     fn check_empty_cells(&mut self, description: &Description) {
         let dimensions = description.dimensions();

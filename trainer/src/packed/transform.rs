@@ -142,7 +142,7 @@ impl Transform {
     }
 }
 
-/// Returns the mean of the outer products of all columns with themselves.
+/// Returns the mean, over all columns, of the outer product of a column with itself.
 fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
     let rows = sequences.first().map_or(0, DMatrix::nrows);
     let mut moment = DMatrix::zeros(rows, rows);

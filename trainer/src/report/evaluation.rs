@@ -247,8 +247,8 @@ pub(super) fn bits(codes: &CodeComparison, numbers: usize) -> f64 {
     f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX))
 }
 
-/// Returns the values of the rate picture as CSV: a line for each length of a PCA code, and one for
-/// the model.
+/// Returns the rate picture's values as CSV: a line for each length of a PCA code, one for the
+/// model.
 fn rate_csv(codes: &CodeComparison) -> String {
     let mut text = "model,numbers,bits_per_window,mse_float,mse_int8\n".to_owned();
     for error in &codes.pca_by_numbers {

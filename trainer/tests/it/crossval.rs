@@ -105,8 +105,8 @@ fn pictures_have_every_fold_its_mean_and_its_epochs() {
     for (mse, pca) in errors.step_by(2) {
         assert_near(mse, pca, 1e-5);
     }
-    // The lines of the four folds have a point for each of two epochs, and so has the legend's
-    // line.
+    // Four lines, one for each fold, have a point for each of two epochs; the fifth is the
+    // legend's.
     assert_eq!(
         points(&folder.path("report/learning.svg"), "#2B6CB0"),
         [2; 5]
