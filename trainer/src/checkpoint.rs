@@ -120,7 +120,7 @@ const STATE: &str = "state";
 struct State {
     /// Settings and data of the checkpoint, in the text that [`training_identity`] returns.
     training: String,
-    /// Number of epochs of the training run.
+    /// Number of epochs after which the training run is finished.
     epochs: u32,
     cycle_start: u32,
     /// Number of finished epochs.

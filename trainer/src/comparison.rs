@@ -35,7 +35,7 @@ pub struct Comparison {
     /// Bits and error of the packed model at each rate, finest first; empty if the artifact has
     /// none.
     pub packed: Vec<RateFigures>,
-    /// Rate with which a device starts; `None` without a packed model.
+    /// Rate of the packed code with which a device starts; `None` without a packed model.
     pub packed_rate: Option<u8>,
     /// Figures of a code that transforms each block by the Karhunen-Loeve transform and differs
     /// from the packed code only in that it does not predict. They are read from the packed model's

@@ -22,7 +22,7 @@ pub(crate) struct ElectrodeError {
 /// Sums of squared errors of each electrode.
 #[derive(Clone, Debug)]
 pub(crate) struct ElectrodeSums {
-    /// Sums with float codes and with integer codes, for each electrode.
+    /// Sums of squared errors with float codes and with integer codes, for each electrode.
     squares: Vec<[f64; 2]>,
     /// Number of time steps over which the errors are summed.
     steps: usize,
@@ -36,7 +36,7 @@ impl ElectrodeSums {
         }
     }
 
-    /// Adds the errors of a block of windows.
+    /// Adds the errors of a block of windows to the sums.
     pub(crate) fn add(&mut self, block: &CodedBlock) {
         let window = block.windows.first().map_or(1, |window| window.len());
         let float = block.decoded.chunks_exact(window);

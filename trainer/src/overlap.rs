@@ -47,7 +47,7 @@ impl<'d> OverlapMean<'d> {
         }
     }
 
-    /// Returns the mean of the windows at each step, for each segment.
+    /// Returns the mean of the windows that cover each step, for each segment.
     pub(crate) fn mean(&self) -> Vec<Vec<f32>> {
         let dimensions = self.dataset.dimensions();
         let per_hop = self.hop * dimensions.electrodes;

@@ -47,7 +47,7 @@ impl TruncationSums {
         })
     }
 
-    /// Adds the errors of a block of windows.
+    /// Adds the errors of a block of windows to the sums.
     pub(crate) fn add(&mut self, block: &CodedBlock) {
         let numbers = self.components.len();
         let codes = block.codes.chunks_exact(numbers);

@@ -7,7 +7,7 @@ use cortex_m_semihosting::{nr, syscall, syscall1};
 const GET_CMDLINE: usize = 0x15;
 
 /// Size of the buffer for the command line, bytes. If the command line is longer, QEMU leaves the
-/// buffer empty, and the image runs as without arguments.
+/// buffer empty, and the image runs as if it had no arguments.
 const MAX_LINE: usize = 128;
 
 /// Arguments that QEMU was started with, as `-semihosting-config arg=`.

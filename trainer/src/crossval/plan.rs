@@ -54,8 +54,7 @@ fn subject_of(recording: &Path) -> String {
     }
 }
 
-/// Blocks of a subject on which a model is tested. It was trained on all other blocks of the
-/// subject.
+/// Blocks of a subject on which a model is tested after training on the subject's other blocks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Fold {
     pub(crate) subject: String,

@@ -267,8 +267,8 @@ impl Search<'_> {
         })
     }
 
-    /// Records a mistake for each windows tensor with values other than 0 in cells without
-    /// electrode.
+    /// Records a mistake for each tensor of windows that has values other than 0 in cells without
+    /// an electrode.
     fn check_empty_cells(&mut self, description: &Description) {
         let dimensions = description.dimensions();
         let (cells, columns) = (dimensions.cells(), dimensions.columns);

@@ -1,7 +1,7 @@
 //! Convolution and transposed convolution with 3 x 3 x 3 kernels, forward and backward.
 //!
-//! Forward and gradient at the input are correlations of a volume with kernels ([`correlate`]); the
-//! gradient of the kernels is [`weight_gradient`].
+//! The forward pass and the gradient at the input are correlations of a volume with kernels
+//! ([`correlate`]); the gradient of the kernels is [`weight_gradient`].
 
 use super::{LANES, Lanes, Volume, add_scaled, product, total};
 use crate::parameters;
@@ -369,7 +369,8 @@ struct Vectors<'a, V> {
 }
 
 impl<V: Copy> Vectors<'_, V> {
-    /// Returns the sums over all places, for each channel of a tile and each column of the kernel.
+    /// Returns the sums of the products of both volumes over all places, for each channel of a tile
+    /// and each column of the kernel.
     #[inline(always)]
     fn sums<S: Simd<f32s = V>>(&self, simd: S) -> [[V; KERNEL]; TILE] {
         let [steps, rows, columns] = self.small_size;

@@ -1,4 +1,4 @@
-//! Codes blocks with the device's quantiser and range coder.
+//! Encodes blocks with the device's quantiser and range coder.
 
 use crate::in_parallel;
 use artifact::PackedModel;
@@ -23,7 +23,7 @@ pub(super) struct Coded {
     pub(super) histogram: Box<Histogram>,
 }
 
-/// Codes sequences of coefficients `[sequence][block][coefficient]` at a rate. The first block of
+/// Encodes sequences of coefficients `[sequence][block][coefficient]` at a rate. The first block of
 /// each sequence and every `reset`-th block after it are coded without prediction.
 pub(super) fn code(
     model: &PackedModel,

@@ -198,7 +198,7 @@ fn fit_probabilities(
 }
 
 /// Returns estimates of each coefficient's mean magnitude: first in predicted blocks, then in
-/// blocks without prediction. A magnitude of 1 is `two_steps`.
+/// blocks without prediction. A coefficient of `two_steps` has magnitude 1.
 fn first_guess(
     model: &PackedModel,
     coefficients: &[Vec<i16>],

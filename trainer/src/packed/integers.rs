@@ -34,9 +34,9 @@ pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix
     })
 }
 
-/// Returns the largest sum of magnitudes that the `count` weights of a coefficient's prediction may
-/// have. With a larger sum, the weights would need a factor of 1/2 or more so that no integer sum
-/// leaves its range.
+/// Returns the limit of the sum of the magnitudes of the `count` weights that predict a
+/// coefficient. Above it, the factor that undoes the scale of the integer weights would be 1/2 or
+/// more, which an [`IntegerMatrix`] cannot hold.
 pub(super) fn largest_prediction(count: usize) -> f64 {
     scale_for(&vec![0.0; count], LARGEST_STATE) * SMALLEST_SUM / (2.0 * STATE_UNIT)
 }

@@ -115,7 +115,7 @@ impl Transform {
         Ok(())
     }
 
-    /// Codes a sequence with a dead-zone quantiser, predicting each block from the decoded state
+    /// Encodes a sequence with a dead-zone quantiser, predicting each block from the decoded state
     /// before it, and returns the decoded states.
     fn decoded(&self, coefficients: &DMatrix<f32>) -> DMatrix<f32> {
         let prediction = to_f32(&self.prediction);

@@ -13,7 +13,7 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     // Without `--test`, the training card's test recordings are used, which give the same figures.
     let again = folder.succeed("evaluate --artifact=model --data=.");
     assert_eq!(again, trained);
-    // A recording that lacks the last two electrodes, named by its path.
+    // Evaluate on a recording that lacks the last two electrodes and is named by its path.
     folder.write_recording("other.gdf", &LABELS[..6], 30, 9);
     let evaluate = "evaluate --artifact=model --test=other.gdf --json --report=report";
     let json = folder.json(evaluate);
