@@ -19,7 +19,7 @@ pub(super) struct Coded {
     pub(super) magnitudes: Vec<i32>,
     /// Length of each block in bytes.
     pub(super) bytes: Vec<usize>,
-    /// Number of times that each magnitude was coded with each table.
+    /// Number of times that each magnitude was coded with each table of frequencies.
     pub(super) histogram: Box<Histogram>,
 }
 
