@@ -91,7 +91,7 @@ fn publish_self_test_result(converter: &impl Converter, shared: &Shared) {
     shared.self_test_result.signal(result);
 }
 
-/// What the acquisition keeps of the active run.
+/// State of the active run in the acquisition task.
 struct Running {
     /// Settings of the run, until its first queued sample has passed them to the encoder; then
     /// `None`.

@@ -52,15 +52,15 @@ enum Content {
 /// Slot of the bulk queue: the content of a large output.
 #[derive(Clone, Debug)]
 pub enum BulkSlot {
-    /// Unfiltered samples, of [`Payload::Raw`].
+    /// Unfiltered samples, the content of [`Payload::Raw`].
     Raw(RawChunk),
-    /// Unfiltered samples, compressed, of [`Payload::CompressedRaw`].
+    /// Unfiltered samples, compressed, the content of [`Payload::CompressedRaw`].
     CompressedRaw(CompressedChunk),
-    /// Filtered steps, of [`Payload::Filtered`].
+    /// Filtered steps, the content of [`Payload::Filtered`].
     Filtered(FilteredChunk),
-    /// The planes of a window and its code, of [`Payload::Audit`].
+    /// The planes of a window and its code, the content of [`Payload::Audit`].
     Audit(AuditedWindow),
-    /// Signal quality of each electrode, of [`Payload::Quality`].
+    /// Signal quality of each electrode, the content of [`Payload::Quality`].
     Quality(Quality),
 }
 
@@ -106,7 +106,7 @@ pub struct OutputReceiver {
     is_bulk: bool,
 }
 
-/// Makes the two ends of the output queue from its two channels: slots, and bulk.
+/// Makes the two ends of the output queue from the channels of its slots and of its bulk slots.
 pub fn output_queue(
     slots: &'static mut Channel<'static, RawMutex, OutputSlot>,
     bulk: &'static mut Channel<'static, RawMutex, BulkSlot>,
@@ -126,7 +126,8 @@ pub fn output_queue(
 }
 
 impl OutputSender {
-    /// Copies an output into its slots. Returns false if a queue is full.
+    /// Queues a copy of an output; a large one takes a slot in both queues. Returns false if a
+    /// queue is full.
     pub(crate) fn try_send(&mut self, output: &Output<'_>, queued_ticks: u32) -> bool {
         let Some(slot) = self.slots.try_send() else {
             return false;

@@ -29,7 +29,7 @@ pub struct Shared {
     /// Number of outputs for which the queue to the conversation had no room. The encoder counts
     /// them; the conversation reads this number and resets it to 0.
     pub(crate) outputs_lost: AtomicU32,
-    /// Rate of the packed code that the host has set, as its index.
+    /// Index of the packed code's rate: the default rate, or the one that the host has set.
     rate: AtomicU8,
     /// Captured events at the board's inputs, for the encoder.
     pub inputs: Inputs,

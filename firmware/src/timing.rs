@@ -65,7 +65,7 @@ impl Timing {
         }
     }
 
-    /// Returns the `Timing` message; without `stack`, its stack sizes are 0.
+    /// Returns the `Timing` message. If `stack` is `None`, the stack sizes in the message are 0.
     pub(crate) fn report(&self, stack: Option<Stack>) -> link::Timing {
         let bytes = |bytes: usize| u32::try_from(bytes).unwrap_or(u32::MAX);
         let stages = STAGES.iter().zip(&self.stages);

@@ -264,7 +264,7 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
 /// Returns the poles in conjugate pairs, sorted by frequency. A wide band has two real poles; they
 /// form the pair in the middle, which becomes the band-pass section.
 fn pole_pairs(poles: &[Complex64]) -> Vec<[Complex64; 2]> {
-    /// Largest imaginary part with which a pole counts as real: rounding leaves small ones.
+    /// Largest imaginary part of a pole that counts as real; rounding leaves such small parts.
     const REAL_POLE: f64 = 1e-9;
     let mut upper: Vec<Complex64> = poles.iter().copied().filter(|p| p.im > REAL_POLE).collect();
     upper.sort_by(|a, b| a.arg().total_cmp(&b.arg()));

@@ -31,7 +31,7 @@ impl Chain<'_> {
     }
 
     /// Returns the largest output for inputs of magnitude 1: the L1 norm of the impulse response
-    /// from the ADC's samples to the outputs, of the resampler's phase for which it is largest.
+    /// from the ADC's samples to the outputs, for the phase of the resampler with the largest norm.
     ///
     /// # Errors
     /// If the cascade's response decays too slowly ([`response::decay_samples`]).
@@ -71,8 +71,8 @@ impl Chain<'_> {
         Ok((0..=quiet).rfind(unsettled).map_or(0, |last| last + 1))
     }
 
-    /// Returns the output of the cascade for the start of `input`, as long as the cascade's impulse
-    /// response takes to decay.
+    /// Returns the output of the cascade for the first samples of `input`, as many as the cascade's
+    /// impulse response takes to decay.
     fn cascade_response(&self, input: impl Iterator<Item = f64>) -> Result<Vec<f64>, FilterError> {
         let samples = response::decay_samples(self.sections)?;
         Ok(response::filter(self.sections, input.take(samples)).collect())

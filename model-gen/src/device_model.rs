@@ -26,7 +26,7 @@ const DELAY_AT_HZ: f64 = 10.0;
 const SETTLED: f64 = 1e-4;
 
 /// Smallest permitted factor from filtered samples to input levels, Q0.32. Rounding changes a
-/// factor by at most 0.5 units, which is then at most 2^-9 of it.
+/// factor by at most 0.5 units, which is at most 2^-9 of a permitted factor.
 const MIN_INPUT_MULTIPLIER: i32 = 256;
 
 /// The filters for one mains frequency, and their delays.
@@ -59,7 +59,8 @@ pub struct DeviceModel {
     pub description: Description,
     /// Filters for each frequency of [`MAINS_HZ`], in the same order.
     pub filters: Vec<MainsFilter>,
-    /// Resampler from the ADC's rate to the step rate; it follows the filters, whatever the mains.
+    /// Resampler from the ADC's rate to the step rate; it follows the filters for either mains
+    /// frequency.
     pub resampler: ResamplerTable,
     /// Factor that turns a filtered sample (counts, Q27.5) into a level of the int8 input, Q0.32.
     pub input_multiplier: i32,

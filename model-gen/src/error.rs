@@ -12,7 +12,8 @@ use crate::{
 /// Reason why a filter cascade or a resampler cannot be realised.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FilterError {
-    /// A frequency is not positive, or not below half of the sampling rate: its name and value, Hz.
+    /// A frequency is not positive, or not below half of the sampling rate. The fields are its
+    /// name, its value in Hz, and the specification.
     #[error(
         "the {0} of {1} Hz cannot exist: it must be between 0 and {limit} Hz, half of \
          the sampling rate; change it in [filters] of model.toml, or raise [adc] rate_hz",
@@ -57,15 +58,15 @@ pub enum FilterError {
         .0.notch_q
     )]
     NotchQuality(FilterSpec),
-    /// Rounding the coefficients of a section moved a pole out of the unit circle: index of the
-    /// section, from 0.
+    /// Rounding the coefficients of a section moved a pole out of the unit circle. The field is the
+    /// index of the section, from 0.
     #[error(
         "section {0} is unstable after quantisation: its pole is closer to \
          the unit circle than 2^-33; raise the lower band edge or lower notch_q in model.toml"
     )]
     Unstable(usize),
-    /// A pole is so close to the unit circle that the response decays too slowly: its distance from
-    /// the origin, and the number of samples until the response has decayed.
+    /// A pole is so close to the unit circle that the response decays too slowly. The fields are
+    /// the pole's radius, and the number of samples until the response has decayed.
     #[error(
         "the response of the filters decays over {1:.0} samples (pole radius {0}), more than \
          {MAX_SAMPLES:.0}: \
@@ -79,14 +80,14 @@ pub enum FilterError {
         .0.band_hz[0], .0.band_hz[1]
     )]
     Poles(FilterSpec),
-    /// The step rate exceeds the sampling rate: sampling rate, then step rate, both in Hz.
+    /// The step rate exceeds the sampling rate. The fields are sampling rate and step rate, Hz.
     #[error(
         "{0} samples a second cannot be resampled to {1} steps a second: [adc] rate_hz of \
          model.toml must be at least {1}"
     )]
     BelowStepRate(u32, u32),
-    /// Literal decimation was requested at a sampling rate that is no multiple of the step rate:
-    /// sampling rate, then step rate, both in Hz.
+    /// Literal decimation was requested at a sampling rate that is no multiple of the step rate.
+    /// The fields are sampling rate and step rate, Hz.
     #[error(
         "literal decimation keeps every n-th sample, but {} Hz is not a multiple of \
          {} Hz: write [filters] decimation = \"fir\" in model.toml, which takes any \
@@ -94,7 +95,8 @@ pub enum FilterError {
         .0, .1, (.0 + .1 / 2) / .1 * .1
     )]
     LiteralRate(u32, u32),
-    /// Sampling rate / step rate (both in Hz) has a numerator beyond 16 bits when in lowest terms.
+    /// The ratio of sampling rate to step rate, in lowest terms, has a numerator beyond 16 bits.
+    /// The fields are sampling rate and step rate, Hz.
     #[error(
         "the ratio of {0} Hz to {1} Hz in lowest terms is not below 65536: lower [adc] rate_hz \
          in model.toml"
@@ -118,14 +120,15 @@ pub enum FilterError {
         /// Size of the part named in `what`, bytes.
         bytes: usize,
     },
-    /// The taps of the resampler could overflow its accumulator: sampling rate in Hz, and the
-    /// largest sum of a phase's tap magnitudes, Q2.30.
+    /// The taps of the resampler could overflow its accumulator. The fields are the sampling rate
+    /// in Hz, and the largest sum of a phase's tap magnitudes, Q2.30.
     #[error(
         "the magnitudes of the taps of the resampler from {0} Hz add up to {1} / 2^30, which \
          can overflow its 64-bit accumulator: raise [adc] rate_hz in model.toml"
     )]
     ResamplerAccumulator(u32, u64),
-    /// A node of the cascade could overflow 32 bits: the node with its gain, and the gain's limit.
+    /// A node of the cascade could overflow 32 bits. The fields are the node with its gain, and the
+    /// limit.
     #[error(
         "{} can reach {:.2} times the input: full-scale ADC counts allow less \
          than {:.2}; lower [filters] order or raise the lower band edge in model.toml",
@@ -140,29 +143,31 @@ pub enum ModelGenError {
     /// The artifact is unreadable or invalid.
     #[error(transparent)]
     Artifact(#[from] artifact::ArtifactError),
-    /// The filters for one mains frequency cannot be realised: the frequency in Hz, and the reason.
+    /// The filters for one mains frequency cannot be realised. The fields are the frequency in Hz,
+    /// and the reason.
     #[error("the filters for {0} Hz mains cannot be realised")]
     Filter(u32, #[source] FilterError),
     /// The resampler from the ADC's rate to the step rate cannot be realised.
     #[error("the decimation cannot be realised")]
     Resampler(#[source] FilterError),
-    /// A layer's requantisation factor for one of its outputs does not fit Q0.32: name of the
-    /// layer, index of the output, factor.
+    /// A layer's requantisation factor for one of its outputs does not fit Q0.32. The fields are
+    /// the name of the layer, the index of the output, and the factor.
     #[error(
         "output {1} of {0} needs a factor of {2}, outside of [-0.5, 0.5): the \
          calibrated range is far smaller than the weights can produce; calibrate again on data \
          like the training set"
     )]
     Multiplier(&'static str, usize, f64),
-    /// The factor from filtered samples to levels of the int8 input does not fit Q0.32: the factor.
+    /// The factor from filtered samples to levels of the int8 input does not fit Q0.32. The field
+    /// is the factor.
     #[error(
         "one unit of a filtered sample is {0:e} levels of the int8 input: the ADC's scale \
          ([adc] vref_v and gain of model.toml) and the calibrated input range do not belong \
          together"
     )]
     InputScale(f64),
-    /// A layer's accumulator for one of its outputs could overflow 32 bits: name of the layer,
-    /// index of the output, largest possible magnitude.
+    /// A layer's accumulator for one of its outputs could overflow 32 bits. The fields are the name
+    /// of the layer, the index of the output, and the largest possible magnitude.
     #[error(
         "an accumulator of {0} (output {1}) can reach {2}, beyond 2^31: the bias is \
          far larger than the weights; train with weight decay or drop the dead channel"
@@ -180,11 +185,12 @@ pub enum ModelGenError {
         /// Value of the padding, in levels of the first convolution's quantised output.
         value: f64,
     },
-    /// A range from calibration is not a positive, finite number: name of its tensor, and its
-    /// value.
+    /// A range from calibration is not a positive, finite number. The fields are the name of the
+    /// range's tensor, and the range.
     #[error("the calibrated range of {0} is {1}: run the calibration again")]
     Calibration(&'static str, f64),
-    /// The description states other mains frequencies than this version supports: the stated list.
+    /// The description states other mains frequencies than this version supports. The field is the
+    /// list that it states.
     #[error("[filters] mains_hz is {0}, but this version supports only [50, 60]")]
     MainsFrequencies(String),
     /// A generated file could not be written.

@@ -73,8 +73,8 @@ fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     }
 }
 
-/// Returns name and samples of each signal in a section that must fit 32 bits, given the section's
-/// input and output.
+/// Returns name and samples of each signal that must fit 32 bits in a section with this input and
+/// this output.
 fn nodes(section: &Section, input: &[f64], output: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
     let before = |signal: &[f64], index: usize, age: usize| {
         index

@@ -16,8 +16,8 @@ pub struct IntegerLayer {
 }
 
 impl IntegerLayer {
-    /// Returns what this layer adds to a number of the code, Q32, for these features (its inputs);
-    /// 0 if the layer is empty.
+    /// Returns the layer's contribution to number `output` of the code, Q32, if the layer's inputs
+    /// are `features`; 0 if the layer is empty.
     fn contribution(&self, output: usize, features: &[i64]) -> i64 {
         let Some(&multiplier) = self.multipliers.get(output) else {
             return 0;
@@ -209,7 +209,7 @@ impl Volume {
 
 /// Returns the sums of a 3x3x3 convolution of `input`, which must already be padded.
 fn convolve(conv: &IntegerLayer, input: &Volume) -> Volume {
-    /// Number by which the convolution reduces the steps, rows and columns of its input.
+    /// Number of steps, rows or columns that the convolution's output has less than its input.
     const SHRINK: usize = KERNEL - 1;
     let outputs = conv.bias.len();
     let [inputs, times, rows, columns] = input.shape;

@@ -114,9 +114,9 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
         .collect()
 }
 
-/// Returns into how many equal matrices, called pieces, the weights of the fully connected layer
-/// for one pooled plane are split. It is the smallest number with which [`Linear`] supports each
-/// piece and each piece has a multiple of eight pairs of inputs.
+/// Returns the number of equal matrices, called pieces, into which the weights of the fully
+/// connected layer for one pooled plane are split. It is the smallest number with which [`Linear`]
+/// supports each piece and each piece has a multiple of eight pairs of inputs.
 ///
 /// Returns 1 for a model without convolutions.
 pub fn fc_pieces(model: &IntegerModel) -> usize {

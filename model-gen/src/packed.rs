@@ -17,7 +17,7 @@ pub struct PackedIntegers {
     /// Limit of a block's misfit energy, in squares of an input value: the sum of squares of the
     /// part of the block that the model does not represent. A block above it is a misfit.
     pub misfit_energy: i64,
-    /// For each step of a hop, the end of the range of inputs that the analysis processes then.
+    /// For each step of a hop, the end of the range of inputs that the analysis processes in it.
     slices: Vec<usize>,
 }
 

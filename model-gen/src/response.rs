@@ -50,9 +50,9 @@ pub fn filter(sections: &[Section], input: impl Iterator<Item = f64>) -> impl It
 /// Longest impulse response that is computed, samples: 32 MiB as f64, or 68 minutes at 1024 Hz.
 pub(crate) const MAX_SAMPLES: f64 = 4_194_304.0;
 
-/// Returns the number of samples after which the impulse response has decayed: the n for which
-/// `r^n` is 1e-15, where r is the largest distance of a pole from the origin, plus a third, because
-/// several poles together decay more slowly than one.
+/// Returns the number of samples after which the impulse response has decayed: 4/3 of the n for
+/// which `r^n` is 1e-15, where r is the largest distance of a pole from the origin. The factor 4/3
+/// is there because several poles together decay more slowly than one.
 ///
 /// # Errors
 /// If the number is above 2^22.

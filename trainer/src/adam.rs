@@ -24,7 +24,8 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// Creates an optimiser for all trained tensors of `parameters`: not the running statistics.
+    /// Creates an optimiser for all trained tensors of `parameters`, that is, all but the running
+    /// statistics of batch norms.
     pub fn new(parameters: &Parameters) -> Self {
         let mut rest = Weights::default();
         for tensor in TENSORS.iter().filter(|tensor| tensor.is_trained()) {

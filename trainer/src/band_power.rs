@@ -16,7 +16,7 @@ pub(crate) struct BandPower {
     /// Number of steps in a second.
     second: usize,
     /// For each frequency bin of 1 Hz that is part of a band: the index of the band, and for each
-    /// step cosine and sine of the bin's frequency times a Hann window.
+    /// step cosine and sine at the bin's frequency, times a Hann window.
     bins: Vec<(usize, Vec<[f64; 2]>)>,
 }
 

@@ -31,7 +31,7 @@ pub(crate) fn write(path: &Path, training: &Training, data: &str) -> Result<(), 
 }
 
 /// Reads a training run that [`write()`] has written with the same settings and data. If the run is
-/// finished and `settings` has more epochs, these are added as another cycle of the learning rate.
+/// finished and `settings` has more epochs, the extra ones form another cycle of the learning rate.
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or belongs to another training run.
@@ -120,7 +120,7 @@ const STATE: &str = "state";
 struct State {
     /// Settings and data of the checkpoint, in the text that [`training_identity`] returns.
     training: String,
-    /// Number of epochs of the training run.
+    /// Number of epochs after which the training run is finished.
     epochs: u32,
     cycle_start: u32,
     /// Number of finished epochs.

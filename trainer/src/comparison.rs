@@ -35,11 +35,11 @@ pub struct Comparison {
     /// Bits and error of the packed model at each rate, finest first; empty if the artifact has
     /// none.
     pub packed: Vec<RateFigures>,
-    /// Rate with which a device starts; `None` without a packed model.
+    /// Rate of the packed code with which a device starts; `None` without a packed model.
     pub packed_rate: Option<u8>,
     /// Figures of a code that transforms each block by the Karhunen-Loeve transform and differs
-    /// from the packed code only in that it does not predict. From the packed model's card; empty
-    /// if the card has other test recordings.
+    /// from the packed code only in that it does not predict. They are read from the packed model's
+    /// card; empty if the card has other test recordings.
     pub without_prediction: Vec<PackedFigures>,
     /// Number of time steps from one code to the next, and from one packed block to the next.
     pub hop: usize,
@@ -350,7 +350,7 @@ impl CodeComparison {
     }
 }
 
-/// Measures a model on a dataset, the correlation of its band powers included, and passes each
+/// Measures the errors of a model on a dataset, and the correlation of its band powers. Passes each
 /// block of windows to `observe`.
 fn evaluate_with_bands(
     model: &Artifact,

@@ -61,7 +61,7 @@ pub(crate) struct CrossvalOptions {
     /// Number of repetitions, each with another split into folds.
     #[arg(long, default_value_t = 3)]
     repetitions: usize,
-    /// Contiguous blocks of each recording, which are dealt to the folds; 1 deals whole runs
+    /// Number of contiguous blocks of each recording to deal to the folds; 1 deals whole runs
     /// [default: 1 where a subject has a run for each fold, otherwise enough for two blocks in each
     /// fold].
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=100))]

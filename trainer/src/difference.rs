@@ -27,7 +27,7 @@ pub(crate) struct Difference {
 /// A field of `model.toml` that differs between two models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct FieldDifference {
-    /// Name of the field after those of its tables, separated by dots.
+    /// Names of the field's tables and of the field, separated by dots.
     pub(crate) field: String,
     /// Value in each model; `None` where it is missing.
     pub(crate) values: [Option<String>; 2],
@@ -36,7 +36,7 @@ pub(crate) struct FieldDifference {
 /// A tensor that differs between two models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct TensorDifference {
-    /// Name of the tensor, after that of its file.
+    /// Name of the tensor's file, a colon, and name of the tensor.
     pub(crate) tensor: String,
     #[serde(flatten)]
     pub(crate) kind: Kind,
@@ -129,7 +129,8 @@ fn read_golden(folder: &Path) -> Result<Option<Golden>, TrainerError> {
     }
 }
 
-/// Returns the fields of a model's description as text, by their names with those of their tables.
+/// Returns the fields of a model's description as text. The key of a field consists of the names of
+/// its tables and its own name.
 fn fields(artifact: &Artifact) -> BTreeMap<String, String> {
     let mut fields = BTreeMap::new();
     // Conversion to JSON cannot fail: the keys of a description are texts and its numbers finite.

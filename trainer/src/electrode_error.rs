@@ -22,7 +22,7 @@ pub(crate) struct ElectrodeError {
 /// Sums of squared errors of each electrode.
 #[derive(Clone, Debug)]
 pub(crate) struct ElectrodeSums {
-    /// Sums with float codes and with integer codes, for each electrode.
+    /// Sums of squared errors with float codes and with integer codes, for each electrode.
     squares: Vec<[f64; 2]>,
     /// Number of time steps over which the errors are summed.
     steps: usize,
@@ -36,7 +36,7 @@ impl ElectrodeSums {
         }
     }
 
-    /// Adds the errors of a block of windows.
+    /// Adds the errors of a block of windows to the sums.
     pub(crate) fn add(&mut self, block: &CodedBlock) {
         let window = block.windows.first().map_or(1, |window| window.len());
         let float = block.decoded.chunks_exact(window);
@@ -60,8 +60,8 @@ impl ElectrodeSums {
         }
     }
 
-    /// Returns the errors of the electrodes of a description; `is_recorded` tells for an electrode
-    /// whether every recording has it.
+    /// Returns the mean errors of each electrode of the montage in `description`. `is_recorded`
+    /// returns whether every recording has an electrode.
     pub(crate) fn errors(
         &self,
         description: &Description,
@@ -97,8 +97,8 @@ mod tests {
         let dimensions = description.dimensions();
         let window = vec![0.0; dimensions.window_electrodes()];
         let (mut float, mut integer) = (window.clone(), window.clone());
-        // Set errors with float codes at electrode 3 at two time steps, and with integer codes at
-        // electrode 5 at one time step.
+        // The window decoded from float codes is wrong at electrode 3 in two time steps, the one
+        // decoded from integer codes at electrode 5 in one.
         float[3] = 2.0;
         float[7 * electrodes + 3] = -1.0;
         integer[4 * electrodes + 5] = 3.0;

@@ -75,16 +75,16 @@ pub enum TrainerError {
          paper-code-only or shortcut"
     )]
     PaperMode,
-    /// A checkpoint was written with other settings or data. Holds the text found and the expected
-    /// one.
+    /// A checkpoint was written with other settings or data. The texts describe those of the
+    /// checkpoint and the expected ones.
     #[error(
         "{} belongs to a training with {}, this one has {}; use the same settings, or train without \
          --resume",
         .0.display(), .1, .2
     )]
     OtherTraining(PathBuf, String, String),
-    /// A checkpoint's training run has another number of epochs than requested, and it is not
-    /// finished, or has more epochs.
+    /// A checkpoint cannot be resumed with the requested number of epochs: it is smaller than the
+    /// checkpoint's, or it is larger and the checkpoint's training run is not finished.
     #[error(
         "{} has finished {finished} of {stored} epochs; resume it with --epochs {stored}, then \
          more epochs can be added ({requested} were asked for)",
@@ -106,8 +106,8 @@ pub enum TrainerError {
         blocks: usize,
         folds: usize,
     },
-    /// A folder has an outcome of another cross-validation. Holds the settings found and those
-    /// expected.
+    /// A folder has an outcome of another cross-validation. The texts are the settings of this
+    /// outcome and the expected ones.
     #[error(
         "{} belongs to another cross-validation; choose another folder for --out\n  \
          it has:   {}\n  expected: {}",
@@ -231,8 +231,8 @@ pub enum TrainerError {
 }
 
 impl TrainerError {
-    /// Returns whether the user can correct the command line: settings that no model can have,
-    /// names that select nothing, files that would be replaced.
+    /// Returns whether the mistake is in the command line, where the user can correct it: settings
+    /// that no model can have, names that select nothing, files that would be replaced.
     pub fn is_usage(&self) -> bool {
         matches!(
             self,
@@ -261,12 +261,13 @@ impl TrainerError {
         )
     }
 
-    /// Returns a function that makes an error of the operating system one of the file at `path`.
+    /// Returns a function that turns an operating system's error into one that names the file
+    /// `path`.
     pub(crate) fn file(path: &Path) -> impl Fn(io::Error) -> Self + Copy + '_ {
         |source| Self::File(path.to_owned(), source)
     }
 
-    /// Returns a function that makes an error of reading a model one of the model in `folder`.
+    /// Returns a function that turns an error of reading a model into one that names its folder.
     pub(crate) fn no_model(folder: &Path) -> impl Fn(artifact::ArtifactError) -> Self + Copy + '_ {
         |source| Self::NoModel(folder.to_owned(), Box::new(source))
     }

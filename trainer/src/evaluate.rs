@@ -67,8 +67,8 @@ struct Codec {
     sd_uv: f64,
 }
 
-/// A block of windows, with their codes and reconstructions; each slice holds those of one window
-/// after the other.
+/// A block of windows, with their codes and reconstructions. Each slice has one element for each
+/// window, or holds the values of one window after the other.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CodedBlock<'a> {
     /// Windows, in units of `input.sd_uv`.
@@ -95,7 +95,7 @@ pub(crate) fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation
     evaluate_blocks(model, dataset, |_| {})
 }
 
-/// Measures a model like [`evaluate`], and passes each block of windows to `observe`.
+/// Measures a model like [`evaluate`], and calls `observe` with each block of windows.
 ///
 /// # Errors
 /// If the model has no decoder or cannot be turned into integers.
@@ -140,8 +140,8 @@ pub(crate) fn evaluate_blocks(
 }
 
 impl Codec {
-    /// Encodes and decodes a block of windows, adds its errors to `total`, and passes it to
-    /// `observe`.
+    /// Encodes and decodes a block of windows, adds the errors of the block to `total`, and passes
+    /// the block to `observe`.
     fn measure(
         &self,
         windows: &[&Window],
@@ -192,7 +192,7 @@ impl Codec {
     }
 }
 
-/// Returns the squared error of decoded windows, which are concatenated in `decoded`.
+/// Returns the sum of the squared errors of decoded windows, which are concatenated in `decoded`.
 fn error(windows: &[&Window], decoded: &[f32]) -> f64 {
     let length = windows.first().map_or(1, |window| window.len());
     let pairs = windows.iter().zip(decoded.chunks_exact(length));
@@ -281,7 +281,7 @@ mod tests {
     #[test]
     fn the_error_is_that_outside_the_directions_and_slightly_larger_in_int8() {
         let mut dataset = testing::dataset(9, 256);
-        // Scale the data so that they fill the smallest range that the calibration gives a code.
+        // Scale the data so that the code fills the smallest range that calibration allows.
         dataset.scale(5.0);
         let parameters = testing::pca();
         let model = testing::model(&parameters, &dataset);
@@ -302,8 +302,8 @@ mod tests {
         let expected = 100.0 * (lost / signal).sqrt();
         assert!((evaluation.float.prd_percent - expected).abs() < 1e-3);
         assert!(evaluation.integer.mse > evaluation.float.mse);
-        // Quantisation at the input and at the output, each to about 1/200 of a value's range,
-        // limits the ratio; measured: 38 dB.
+        // Input and code are each quantised to about 1/200 of their range, which limits the ratio
+        // of signal to quantisation noise. 38 dB was measured.
         assert!(evaluation.code_sqnr_db > 35.0, "{evaluation:?}");
         assert_eq!(evaluation.input_clipped, 0);
         let ratio = evaluation.float.mse_uv2 / evaluation.float.mse;

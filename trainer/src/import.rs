@@ -198,7 +198,8 @@ fn check_reference(model: &Artifact, reference: &Reference) -> Result<Agreement,
     })
 }
 
-/// Returns the largest difference of a value, relative to the RMS of all expected values.
+/// Returns the largest difference between a found and an expected value, relative to the RMS of all
+/// expected values.
 fn largest_difference(
     what: &'static str,
     found: &[Vec<f32>],

@@ -47,7 +47,7 @@ impl<'d> OverlapMean<'d> {
         }
     }
 
-    /// Returns the mean of the windows at each step, for each segment.
+    /// Returns the mean of the windows that cover each step, for each segment.
     pub(crate) fn mean(&self) -> Vec<Vec<f32>> {
         let dimensions = self.dataset.dimensions();
         let per_hop = self.hop * dimensions.electrodes;
@@ -78,7 +78,7 @@ impl<'d> OverlapMean<'d> {
     }
 }
 
-/// Returns the number of windows of a segment at every `hop`.
+/// Returns the number of windows that start at every `hop`-th time step of a segment.
 fn windows(segment: &[f32], dataset: &Dataset, hop: usize) -> usize {
     let dimensions = dataset.dimensions();
     (segment.len() / dimensions.electrodes - dimensions.steps) / hop + 1

@@ -1,4 +1,4 @@
-//! The parameters of the network, with a field for each tensor that has the tensor's name in the
+//! The parameters of the network: a field for each tensor, with the name that the tensor has in the
 //! artifact.
 
 use artifact::{ArtifactError, Geometry, Mode, NORM_EPSILON, Tensors, weight_shapes};
@@ -286,8 +286,8 @@ impl Parameters {
         self.mode
     }
 
-    /// Holds each channel whose input to a batch norm does not vary at the norm's bias, by a weight
-    /// of 0. Returns the number of these channels.
+    /// Finds the channels whose input to a batch norm does not vary, and sets the norm's weight for
+    /// them to 0, which holds its output at its bias. Returns the number of these channels.
     ///
     /// ReLU can silence a channel for good. Its variance then decays towards 0, and the norm would
     /// amplify the first window that excites the channel several hundred times, beyond the range of

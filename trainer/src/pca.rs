@@ -7,9 +7,9 @@ use nalgebra::{DMatrix, SymmetricEigen};
 /// Number of windows that are multiplied as one matrix.
 const BLOCK: usize = 512;
 
-/// Returns the second-moment matrix of the dataset's windows, one every half a window. It replaces
-/// the covariance: the band-pass removes the mean anyway, and because no mean is subtracted, the
-/// code of a zero window is 0.
+/// Returns the second-moment matrix of the dataset's windows that start half a window apart. It
+/// replaces the covariance: the band-pass removes the mean anyway, and because no mean is
+/// subtracted, the code of a zero window is 0.
 pub(crate) fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     let windows = dataset.aligned(dataset.dimensions().steps / 2);
     let features = dataset.dimensions().window_electrodes();

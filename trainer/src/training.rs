@@ -16,8 +16,8 @@ use std::path::PathBuf;
 /// Settings that determine the result of a training run on given data.
 #[derive(clap::Args, Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Settings {
-    /// Number of epochs. With `train --resume`, more than the checkpoint's: another cycle of the
-    /// learning rate begins.
+    /// Number of epochs. If `train --resume` states more than the checkpoint has, another cycle of
+    /// the learning rate begins.
     #[arg(long, default_value_t = 12)]
     pub(crate) epochs: u32,
     /// Number of windows in a batch; each batch is one update of the parameters.

@@ -5,7 +5,7 @@ use crate::evaluate::CodedBlock;
 use crate::in_parallel;
 use artifact::{Artifact, ArtifactError};
 
-/// Error over all windows of PCA codes of which only the first `numbers` numbers are decoded.
+/// Error of PCA codes from which only the first `numbers` numbers are decoded, over all windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TruncationError {
     pub(crate) numbers: usize,
@@ -18,10 +18,11 @@ pub(crate) struct TruncationError {
 /// Sums of squared errors of codes decoded from the first number only, the first two, up to all.
 #[derive(Clone, Debug)]
 pub(crate) struct TruncationSums {
-    /// Columns of the decoder's matrix, one for each number of a code: the window to which a code
-    /// decodes in which this number is 1 and all others are 0.
+    /// Columns of the decoder's matrix, one for each number of a code: the window that is decoded
+    /// from a code whose number at this index is 1 and whose other numbers are 0.
     components: Vec<Vec<f32>>,
-    /// Sums with float and integer codes, for the first number only, the first two, up to all.
+    /// Sums of squared errors with float and with integer codes: for the first number only, the
+    /// first two, up to all.
     squares: Vec<[f64; 2]>,
     /// Number of values in all windows added so far.
     values: usize,
@@ -46,7 +47,7 @@ impl TruncationSums {
         })
     }
 
-    /// Adds the errors of a block of windows.
+    /// Adds the errors of a block of windows to the sums.
     pub(crate) fn add(&mut self, block: &CodedBlock) {
         let numbers = self.components.len();
         let codes = block.codes.chunks_exact(numbers);

@@ -17,8 +17,8 @@ pub(crate) struct DmaMemory {
     pub(crate) port: PortMemory,
 }
 
-/// Placed in SRAM1 (domain D2), because DMA1 cannot access the DTCM, which holds all other
-/// variables.
+/// Memory for the DMA's buffers, in SRAM1 (domain D2). All other variables are in the DTCM, which
+/// DMA1 cannot access.
 #[unsafe(link_section = ".dma")]
 static DMA_MEMORY: GroundedCell<DmaMemory> = GroundedCell::uninit();
 

@@ -6,8 +6,8 @@ use cortex_m_semihosting::{nr, syscall, syscall1};
 /// Number of the semihosting call SYS_GET_CMDLINE (ARM semihosting, section 7.7).
 const GET_CMDLINE: usize = 0x15;
 
-/// Size of the buffer for the command line, bytes. QEMU does not fill it with a longer line; the
-/// image then runs as without arguments.
+/// Size of the buffer for the command line, bytes. If the command line is longer, QEMU leaves the
+/// buffer empty, and the image runs as if it had no arguments.
 const MAX_LINE: usize = 128;
 
 /// Arguments that QEMU was started with, as `-semihosting-config arg=`.
@@ -37,7 +37,7 @@ impl Arguments {
     }
 }
 
-/// File on the PC, open for reading, by the handle that the PC has given it.
+/// File on the PC, open for reading; the field is the handle that the emulator gave it.
 #[derive(Debug)]
 pub(crate) struct HostFile(usize);
 

@@ -20,7 +20,7 @@ pub(crate) fn start() {
     UART0.write(uart::CONTROL, 0b1111);
 }
 
-/// Reads the received bytes; called by the receive interrupt.
+/// Moves the received bytes to [`RECEIVED`]; called by the receive interrupt.
 pub(crate) fn on_receive() {
     UART0.write(uart::INTERRUPT, 0b10);
     while UART0.read(uart::STATE) & uart::RECEIVE_FULL != 0 {

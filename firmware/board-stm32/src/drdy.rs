@@ -80,8 +80,8 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     .await
 }
 
-/// DRDY input that gives the device time of its edges. Before every wait it calls the function in
-/// it.
+/// DRDY input that gives the device time of its edges. Before every wait for an edge, it calls the
+/// function that it holds.
 pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
 impl<F: Fn()> Drdy for DrdyEdges<F> {

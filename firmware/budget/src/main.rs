@@ -156,7 +156,7 @@ fn measure(limits: &Limits, segments: &[Segment], regions: &[Region]) -> (Vec<Ro
 }
 
 /// Returns the number of bytes from a region's start to the end of the last segment in the region.
-/// A segment counts both where it is flashed and where the program runs it.
+/// A segment counts at both of its addresses: in flash, and while the program runs.
 fn used(region: &Region, segments: &[Segment]) -> u64 {
     let flashed = segments.iter().map(|one| (one.load_address, one.file_size));
     let running = segments.iter().map(|one| (one.address, one.memory_size));

@@ -42,7 +42,7 @@ pub use stress::Stress;
 
 /// Folder of the built-in model; the random models start from its description.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact");
-/// Folder of the checked-in montage files, which say what channel carries what electrode.
+/// Folder of the checked-in montage files, which say which channel carries which electrode.
 pub const MONTAGES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../files/montages");
 
 /// A window on the scalp grid, indexed by step, row and column, in units of the input's standard
@@ -72,8 +72,8 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
             [2, 1, 1],
             [2, 2, 1],
         ] {
-            // With padding in time, a model may not have pools of four steps: windows would share
-            // too few.
+            // With padding in time, a model may not have pools of four steps: overlapping windows
+            // would share too few pools.
             if !(padding.pads_time() && pool[0] == 4) {
                 variants.push((Mode::PaperCodeOnly, padding, pool));
                 variants.push((Mode::Shortcut, padding, pool));
@@ -218,7 +218,8 @@ pub fn any_artifact_for(
     })
 }
 
-/// Returns a model for a montage that makes only the packed code, as from [`any_packed`].
+/// Returns a model that makes only the packed code, for the electrodes of a montage. The packed
+/// model is a random one, as from [`any_packed`].
 ///
 /// # Errors
 /// When the built-in model cannot be read, or no model has this montage.

@@ -8,7 +8,7 @@ use artifact::{
 
 use crate::Noise;
 
-/// Limit of the magnitude of a quantised input value of a packed block, levels.
+/// Largest magnitude of a quantised input value of a packed block, levels.
 const INPUT_LIMIT: i16 = 4095;
 
 /// Returns a packed model with dense random matrices and frequencies, and with as many coefficients
@@ -61,8 +61,8 @@ pub fn any_packed(seed: u32, description: &Description) -> PackedModel {
     }
 }
 
-/// Returns the largest scale of a row of weights with which the sum of rounded weights times inputs
-/// up to `limit` stays within `SUM_LIMIT`.
+/// Returns the largest scale of a row of weights with which the sum of scaled and rounded weights
+/// times inputs stays within `SUM_LIMIT`, for inputs of magnitude up to `limit`.
 fn scale(weights: &[f64], limit: i16) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "below 2^24")]
     let most = (SUM_LIMIT / i64::from(limit)) as f64 - 0.5 * weights.len() as f64;

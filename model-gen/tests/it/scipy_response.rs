@@ -144,8 +144,8 @@ fn a_band_that_could_overflow_or_settles_too_slowly_is_refused() {
             .expect_err("no room")
             .to_string()
     };
-    // The worst-case gain of the pair of section 4 is 8.45, above the limit of 8. Only the whole
-    // response shows this: the L1 norm of its first 40,000 samples is 7.75.
+    // The worst-case gain of the node `pair of section 4` is 8.45, above the limit of 8. Only the
+    // whole response shows this: the L1 norm of its first 40,000 samples is 7.75.
     assert!(refused(0.01, 5).contains("pair of section 4"));
     assert!(refused(0.5, 8).contains("times the input"));
     assert!(refused(5e-4, 1).contains("decays over"));

@@ -103,7 +103,7 @@ pub(super) fn read(
     Ok(Some(outcome))
 }
 
-/// Reads all outcomes of several folders. The same outcome may be in more than one.
+/// Reads all outcomes of several folders. The same outcome may be in more than one folder.
 pub(super) fn read_all(folders: &[PathBuf]) -> Result<Vec<Outcome>, TrainerError> {
     let mut outcomes: BTreeMap<(String, usize, usize), Outcome> = BTreeMap::new();
     for folder in folders {

@@ -54,7 +54,7 @@ fn subject_of(recording: &Path) -> String {
     }
 }
 
-/// Blocks on which a model is tested that was trained on all other blocks of the subject.
+/// Blocks of a subject on which a model is tested after training on the subject's other blocks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Fold {
     pub(crate) subject: String,
@@ -94,7 +94,7 @@ impl Fold {
         }
     }
 
-    /// Returns as text on what the model is tested: names of runs, each with the number of its
+    /// Returns a text that names what the model is tested on: runs, each with the number of its
     /// block (from 1) if runs are divided into blocks.
     pub(crate) fn tested_on(&self) -> String {
         let mut text = String::new();

@@ -33,7 +33,7 @@ pub(crate) struct Row {
     pub(crate) mse: Spread,
     /// Mean squared error, uV^2.
     pub(crate) mse_uv2: Spread,
-    /// Root of the squared error over root of the squared signal, percent.
+    /// Root of the sum of squared errors over root of the sum of squared values, percent.
     pub(crate) prd_percent: Spread,
 }
 
@@ -186,7 +186,8 @@ impl fmt::Display for Table {
     }
 }
 
-/// Returns whether two outcomes have the same settings. The number of blocks in a run may differ.
+/// Returns whether two outcomes have the same settings. Outcomes of two subjects may differ in the
+/// settings of the folds.
 fn is_same_kind(a: &Outcome, b: &Outcome) -> bool {
     if a.subject == b.subject {
         return a.settings == b.settings;

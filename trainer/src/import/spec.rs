@@ -15,7 +15,7 @@ pub(super) struct Spec {
     montage: String,
     /// Layers of the network.
     mode: Mode,
-    /// Standard deviation of the training data, uV, in units of which the network gets its input.
+    /// Standard deviation of the training data, uV; it is the unit of the network's input.
     sd_uv: f64,
     /// Length of a code; 128, as in the paper, if not stated.
     numbers: Option<usize>,
@@ -40,8 +40,8 @@ pub(super) struct Spec {
     /// Labels of electrodes that were interpolated in training.
     #[serde(default)]
     interpolated: Vec<String>,
-    /// Maps names of this project, of a tensor or of a layer with all its tensors, to the names in
-    /// the file.
+    /// Maps the name of a tensor in this project, or of a layer with all its tensors, to the name
+    /// in the file.
     #[serde(default)]
     pub(super) names: BTreeMap<String, String>,
 }

@@ -133,7 +133,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Notes each entry of `[names]` that names neither a tensor nor a layer.
+    /// Records a mistake for each entry of `[names]` that names neither tensor nor layer.
     fn check_names<'n>(&mut self, spec: &Spec, names: impl Iterator<Item = &'n str>) {
         let names: Vec<&str> = names.collect();
         for entry in spec.names.keys() {
@@ -149,8 +149,8 @@ impl Search<'_> {
         }
     }
 
-    /// Returns the elements of a required tensor, or notes what is wrong with it. A length of 0 in
-    /// `shape` stands for any length of at least 1.
+    /// Returns the elements of a required tensor, or records what is wrong with it as a mistake. A
+    /// length of 0 in `shape` stands for any length of at least 1.
     fn tensor(&mut self, name: &str, shape: &[usize]) -> Option<Vec<f32>> {
         self.used.insert(name.to_owned());
         let expected = in_words(shape);
@@ -182,7 +182,7 @@ impl Search<'_> {
         fits.then(|| values.clone())
     }
 
-    /// Returns the rows of a required tensor, which are of shape `row` each.
+    /// Returns the rows of a required tensor; each row has the shape `row`.
     fn rows(&mut self, name: &str, row: &[usize]) -> Option<Vec<Vec<f32>>> {
         let values = self.tensor(name, &[&[0], row].concat())?;
         let length = row.iter().product();
@@ -267,7 +267,8 @@ impl Search<'_> {
         })
     }
 
-    /// Notes each windows tensor with values other than 0 in cells without an electrode.
+    /// Records a mistake for each tensor of windows that has values other than 0 in cells without
+    /// an electrode.
     fn check_empty_cells(&mut self, description: &Description) {
         let dimensions = description.dimensions();
         let (cells, columns) = (dimensions.cells(), dimensions.columns);
@@ -292,8 +293,8 @@ impl Search<'_> {
         }
     }
 
-    /// Notes tensors that are not part of the model, and proposes each in place of a missing tensor
-    /// of the same shape.
+    /// Records a mistake for each tensor that is not part of the model, and proposes it in place of
+    /// a missing tensor of the same shape.
     fn check_unused(&mut self) {
         let unused = self.file.0.iter();
         let unused: Vec<_> = unused

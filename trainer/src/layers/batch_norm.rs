@@ -124,8 +124,8 @@ impl<'a> BatchNorm<'a> {
         largest.fold(0.0, f32::max)
     }
 
-    /// Returns the gradients of gain and offset from input and gradient at the output. A window
-    /// whose gradient is 0 contributes nothing.
+    /// Returns the gradients of gain and offset from `x`, the layer's input, and `gradient`, the
+    /// gradient at its output. A window whose gradient is 0 contributes nothing.
     pub(crate) fn parameter_gradient(&self, x: &Volume, gradient: &Volume) -> NormGradient {
         let pairs = x.by_channel().zip(gradient.by_channel()).enumerate();
         let (gain, offset) = pairs

@@ -1,7 +1,7 @@
 //! Convolution and transposed convolution with 3 x 3 x 3 kernels, forward and backward.
 //!
-//! Forward and gradient at the input are correlations of a volume with kernels ([`correlate`]); the
-//! gradient of the kernels is [`weight_gradient`].
+//! The forward pass and the gradient at the input are correlations of a volume with kernels
+//! ([`correlate`]); the gradient of the kernels is [`weight_gradient`].
 
 use super::{LANES, Lanes, Volume, add_scaled, product, total};
 use crate::parameters;
@@ -21,8 +21,8 @@ pub(crate) struct Layer<'a> {
     pub(crate) weight: &'a [f32],
     /// Bias of each output channel.
     pub(crate) bias: &'a [f32],
-    /// Number of zeros at both ends of each axis, 0 or 1. A transposed convolution leaves out as
-    /// many places of its output instead.
+    /// Number of zeros that pad each axis at both ends, 0 or 1. A transposed convolution instead
+    /// leaves out as many places of its output.
     pub(crate) pads: [usize; 3],
 }
 
@@ -79,16 +79,16 @@ impl Layer<'_> {
         }
     }
 
-    /// Returns the kernels, \[first, second, tap\], as maps from channels of the second index to
-    /// channels of the first.
+    /// Returns the kernels for [`correlate`]; the first index of `weight` is the output channel,
+    /// the second the input channel.
     fn kernels(&self, first: usize, second: usize) -> Kernels {
         Kernels::new(first, second, |output, input, tap| {
             self.weight[(output * second + input) * TAPS + tap]
         })
     }
 
-    /// Returns the kernels with reversed taps, as maps from channels of the first index to channels
-    /// of the second.
+    /// Returns the kernels for [`correlate`] with reversed taps; the first index of `weight` is the
+    /// input channel, the second the output channel.
     fn turned_kernels(&self, second: usize, first: usize) -> Kernels {
         Kernels::new(second, first, |output, input, tap| {
             self.weight[(input * second + output) * TAPS + TAPS - 1 - tap]
@@ -357,19 +357,20 @@ impl WithSimd for WeightGradient<'_> {
     }
 }
 
-/// Both volumes as vectors of the processor, for some windows of a group. `large` starts at the
-/// place where one step and row of the kernel lies for the first place of `small`.
+/// Some channels of both volumes as vectors of the processor, each vector for some windows of a
+/// group. `large` is shifted by one step and one row of the kernel.
 struct Vectors<'a, V> {
     small: &'a [V],
     small_size: [usize; 3],
     large: &'a [V],
     large_size: [usize; 3],
-    /// Number of vectors in a group of windows.
+    /// Number of vectors that one value of all windows in a group takes.
     parts: usize,
 }
 
 impl<V: Copy> Vectors<'_, V> {
-    /// Returns the sums over all places, for each channel of a tile and each column of the kernel.
+    /// Returns the sums of the products of both volumes over all places, for each channel of a tile
+    /// and each column of the kernel.
     #[inline(always)]
     fn sums<S: Simd<f32s = V>>(&self, simd: S) -> [[V; KERNEL]; TILE] {
         let [steps, rows, columns] = self.small_size;

@@ -36,8 +36,8 @@ impl<'a> Matrix<'a> {
         });
     }
 
-    /// Adds the product of the transposed matrix and `gradient`, the gradient at the layer's
-    /// output, to `sums`. This is the gradient at the layer's input.
+    /// Adds the gradient at the layer's input to `sums`. It is the product of the transposed matrix
+    /// and `gradient`, the gradient at the layer's output.
     pub(crate) fn multiply_transposed(&self, gradient: &[Lanes], sums: &mut [Lanes]) {
         pulp::Arch::new().dispatch(Product {
             values: self.values,
@@ -69,12 +69,13 @@ pub(crate) fn matrix_gradient(x: &[Lanes], gradient: &[Lanes]) -> Vec<f32> {
     sums
 }
 
-/// Arguments of the product of a matrix, as it is or transposed, with one vector for each window.
+/// Arguments of the product of a matrix or its transpose with one vector for each window.
 struct Product<'a> {
     values: &'a [f32],
     /// Number of elements of the result.
     sums: usize,
-    /// Distance between the values of two elements of the result, and of two elements of `x`.
+    /// Distance in `values` between the factors of neighbouring elements of the result, and between
+    /// those of neighbouring elements of `x`.
     strides: [usize; 2],
     x: &'a [Lanes],
     y: &'a mut [Lanes],

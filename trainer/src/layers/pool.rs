@@ -136,7 +136,7 @@ fn places([steps, rows, columns]: [usize; 3]) -> impl Iterator<Item = [usize; 3]
     })
 }
 
-/// Returns an index into a channel of a feature map, which has at most 32 x 12 x 12 values.
+/// Converts an index into a channel of a feature map, which is below 32 x 12 x 12, to 16 bits.
 #[expect(clippy::cast_possible_truncation, reason = "below 2^13")]
 fn place(index: usize) -> u16 {
     index as u16

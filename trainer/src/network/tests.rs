@@ -37,9 +37,9 @@ fn changed(mut parameters: Parameters) -> Parameters {
     parameters
 }
 
-/// Returns the largest difference between the codes and windows of the network and of the
-/// artifact's float encoder and decoder, relative to the largest value of the code and window (at
-/// least 1).
+/// Encodes and decodes windows with the network, and with the artifact's float encoder and decoder.
+/// Returns the largest difference between their codes and windows, relative to the largest value of
+/// code and window (at least 1).
 fn worst_difference(
     network: &Network,
     parameters: &Parameters,
@@ -101,8 +101,8 @@ fn network_and_trace_equal_the_artifacts_float_encoder_and_decoder() {
     }
 }
 
-/// Compares gradients with finite differences of the loss, each at an index of a tensor in
-/// `places`.
+/// Compares gradients with finite differences of the loss. Each of `places` is the name of a tensor
+/// and the index of one of its elements.
 fn compare_gradients(network: &Network, parameters: &Parameters, places: &[(&str, usize)]) {
     let dataset = testing::dataset(6, 64);
     let windows = dataset.aligned(16);
@@ -173,7 +173,8 @@ fn running_statistics_move_a_tenth_towards_the_batch() {
     network().gradients(&mut parameters, &windows);
     let second = mean(&parameters);
     for ((before, first), second) in before.iter().zip(first).zip(second) {
-        // The second batch equals the first, and each update removes a tenth of what is left.
+        // Both batches are equal. Each update removes a tenth of the difference between the running
+        // mean and the batch's.
         assert!(((second - first) - 0.9 * (first - before)).abs() < 1e-5);
     }
 }

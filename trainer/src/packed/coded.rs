@@ -1,4 +1,4 @@
-//! Codes blocks with the device's quantiser and range coder.
+//! Encodes blocks with the device's quantiser and range coder.
 
 use crate::in_parallel;
 use artifact::PackedModel;
@@ -19,12 +19,12 @@ pub(super) struct Coded {
     pub(super) magnitudes: Vec<i32>,
     /// Length of each block in bytes.
     pub(super) bytes: Vec<usize>,
-    /// Number of times that each magnitude was coded with each table.
+    /// Number of times that each magnitude was coded with each table of frequencies.
     pub(super) histogram: Box<Histogram>,
 }
 
-/// Codes sequences of coefficients `[sequence][block][coefficient]` at a rate. Without prediction
-/// it codes the first block of each sequence and every `reset`-th block after it.
+/// Encodes sequences of coefficients `[sequence][block][coefficient]` at a rate. The first block of
+/// each sequence and every `reset`-th block after it are coded without prediction.
 pub(super) fn code(
     model: &PackedModel,
     coefficients: &[Vec<i16>],

@@ -23,14 +23,16 @@ const BASE_RATE: Rate = Rate::MIDDLE;
 /// square is 0.002 on average.
 const MISFIT: f64 = 0.01;
 
-/// Number of coefficients that represents EEG of 61 electrodes within 0.3 % of its variance.
+/// Default number of coefficients of a block. It suffices to represent EEG of 61 electrodes within
+/// 0.3 % of its variance.
 const COEFFICIENTS: usize = 176;
 
 /// Number of rounds of training the probabilities, each of which codes the training blocks and
 /// counts the magnitudes.
 const ROUNDS: usize = 4;
 
-/// Figures of a trained packed model on the test recordings; without any, on those of the training.
+/// Figures of a trained packed model on the test recordings, or on the training recordings if there
+/// are none to test with.
 #[derive(Clone, Debug)]
 pub(crate) struct PackedTrained {
     /// Figures of the model at each rate, finest first.
@@ -196,7 +198,7 @@ fn fit_probabilities(
 }
 
 /// Returns estimates of each coefficient's mean magnitude: first in predicted blocks, then in
-/// blocks without prediction. A magnitude of 1 is `two_steps`.
+/// blocks without prediction. A coefficient of `two_steps` has magnitude 1.
 fn first_guess(
     model: &PackedModel,
     coefficients: &[Vec<i16>],
@@ -240,10 +242,10 @@ fn refitted_prediction(
     Ok(integers::prediction(&prediction))
 }
 
-/// Fits the Karhunen-Loeve transform of a block to `tracks`, with the number of coefficients of
-/// `model`, and with the quantiser, contexts and range coder of the packed code, but every block
-/// without prediction. Returns its figures on `tested` at every rate, finest first. The packed
-/// model's figures are better by what prediction gains.
+/// Fits the Karhunen-Loeve transform of a block to `tracks`, with as many coefficients as `model`
+/// has. Every block is coded without prediction, but with the quantiser, contexts and range coder
+/// of the packed code. Returns the figures of this code on `tested` at every rate, finest first.
+/// Those of the packed model are better by what prediction gains.
 ///
 /// # Errors
 /// If the recordings are silent.

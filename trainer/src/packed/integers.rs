@@ -20,7 +20,7 @@ const SMALLEST_SUM: f64 = 1e-12;
 const STATE_UNIT: f64 = 8.0;
 
 /// Returns the analysis of blocks in integers. `slices` holds the ends of the slices of a block's
-/// inputs, of which the device adds one at each step.
+/// inputs; the device processes one slice at each step.
 pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix {
     let directions = &transform.directions;
     IntegerMatrix::quantised(directions.as_slice(), directions.nrows(), 1.0, |weights| {
@@ -34,9 +34,9 @@ pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix
     })
 }
 
-/// Returns the largest sum of magnitudes that the `count` weights of a coefficient's prediction may
-/// have. With a larger sum, the weights would need a factor of 1/2 or more so that no integer sum
-/// leaves its range.
+/// Returns the limit of the sum of the magnitudes of the `count` weights that predict a
+/// coefficient. Above it, the factor that undoes the scale of the integer weights would be 1/2 or
+/// more, which an [`IntegerMatrix`] cannot hold.
 pub(super) fn largest_prediction(count: usize) -> f64 {
     scale_for(&vec![0.0; count], LARGEST_STATE) * SMALLEST_SUM / (2.0 * STATE_UNIT)
 }
@@ -49,8 +49,8 @@ pub(super) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
     })
 }
 
-/// Returns the largest scale with which the sum of rounded weights times inputs, each at most
-/// `limit`, does not exceed [`SUM_LIMIT`].
+/// Returns the largest scale with which the sum of scaled and rounded weights times inputs does not
+/// exceed [`SUM_LIMIT`], for inputs of magnitude up to `limit`.
 fn scale_for(weights: &[f64], limit: i16) -> f64 {
     let (most, rounding) = (
         (SUM_LIMIT / i64::from(limit)) as f64,

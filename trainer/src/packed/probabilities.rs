@@ -9,7 +9,8 @@ const LEAST_MEAN: f64 = 0.0015;
 /// Highest level.
 const LAST_LEVEL: f64 = 63.0;
 
-/// Weight, in blocks, of the distribution that is assumed for a level beside the counted one.
+/// Weight, in coded magnitudes, of the distribution that is assumed for a level. It is added to the
+/// counts of the magnitudes that were coded at the level.
 const ASSUMED: f64 = 20.0;
 
 /// Returns the natural logarithm of the ratio of the mean magnitudes of two neighbouring levels.
@@ -58,9 +59,9 @@ pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
     })
 }
 
-/// Estimates the mean magnitude of each coefficient without prediction, over all blocks but the
-/// first of each sequence. The estimate is the mean size in units of `two_steps`, each a magnitude
-/// of 1, less the part that the quantiser's dead zone removes.
+/// Estimates the mean magnitude of each coefficient in blocks without prediction, over all blocks
+/// but the first of each sequence. A coefficient of size `two_steps` has magnitude 1, less the part
+/// that the quantiser's dead zone removes.
 pub(super) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64) -> Vec<f64> {
     let coefficients = coefficients.iter().map(Vec::as_slice);
     let size = |coefficient: &i16| (f64::from(*coefficient).abs() / two_steps - 0.2).max(0.0);
@@ -69,7 +70,7 @@ pub(super) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64
 }
 
 /// Returns the initial frequencies of the magnitudes: the counted ones, plus an assumed geometric
-/// distribution that has the level's mean and the weight of [`ASSUMED`] blocks.
+/// distribution that has the level's mean and the weight of [`ASSUMED`] magnitudes.
 pub(super) fn starts(histogram: &Histogram) -> Box<Starts> {
     let mut table = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     for (rows, counts) in table.iter_mut().zip(histogram) {

@@ -7,7 +7,7 @@ use crate::error::TrainerError;
 use artifact::PackedModel;
 use nalgebra::{DMatrix, DMatrixView};
 
-/// Penalty of the ridge regressions for each sequence of training blocks.
+/// Penalty of the ridge regressions, for each sequence of training blocks that enters them.
 const PENALTY: f64 = 12.5;
 
 /// Returns the penalty of a ridge regression over `sequences` sequences of blocks.

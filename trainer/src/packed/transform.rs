@@ -26,8 +26,8 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Cuts tracks into blocks of `hop` steps, once from each of the first steps in `offsets`, so
-    /// that the statistics do not depend on where the first block begins.
+    /// Cuts tracks into blocks of `hop` steps, once for each offset. An offset is the step at which
+    /// the first block begins; with several, the statistics do not depend on this step.
     pub(super) fn cut(tracks: &[Track], hop: usize, sd_uv: f64, offsets: &[usize]) -> Self {
         let sequences = offsets.iter().flat_map(|&offset| {
             tracks.iter().map(move |track| {
@@ -115,7 +115,7 @@ impl Transform {
         Ok(())
     }
 
-    /// Codes a sequence with a dead-zone quantiser, predicting each block from the decoded state
+    /// Encodes a sequence with a dead-zone quantiser, predicting each block from the decoded state
     /// before it, and returns the decoded states.
     fn decoded(&self, coefficients: &DMatrix<f32>) -> DMatrix<f32> {
         let prediction = to_f32(&self.prediction);
@@ -142,7 +142,7 @@ impl Transform {
     }
 }
 
-/// Returns the mean of the outer products of all columns with themselves.
+/// Returns the mean, over all columns, of the outer product of a column with itself.
 fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
     let rows = sequences.first().map_or(0, DMatrix::nrows);
     let mut moment = DMatrix::zeros(rows, rows);

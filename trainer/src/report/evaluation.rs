@@ -219,8 +219,8 @@ fn rate(comparison: &Comparison, codes: &CodeComparison) -> Lines {
     }
 }
 
-/// Returns curves of the error of PCA over the bits of a code, with the first number only, the
-/// first two, up to all; no curves without PCA.
+/// Returns curves of the error of PCA over the bits of a code. Their points are for the first
+/// number alone, the first two, up to all. Without PCA there are no curves.
 pub(super) fn pca_curves(codes: &CodeComparison) -> Vec<Series> {
     if codes.pca_by_numbers.is_empty() {
         return Vec::new();
@@ -247,8 +247,8 @@ pub(super) fn bits(codes: &CodeComparison, numbers: usize) -> f64 {
     f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX))
 }
 
-/// Returns the values of the rate picture as CSV: a line for PCA with each number of numbers, and
-/// one for the model.
+/// Returns the rate picture's values as CSV: a line for each length of a PCA code, one for the
+/// model.
 fn rate_csv(codes: &CodeComparison) -> String {
     let mut text = "model,numbers,bits_per_window,mse_float,mse_int8\n".to_owned();
     for error in &codes.pca_by_numbers {

@@ -91,8 +91,8 @@ fn lines(comparison: &Comparison) -> Lines {
 }
 
 /// Returns the values of the packed picture as CSV: a line for each rate, for each rate without
-/// prediction (KLT), for PCA with each number of numbers, and for the network. Only the packed code
-/// has an error a block later, and PCA has band powers only with all numbers.
+/// prediction (KLT), for each length of a PCA code, and for the network. Only the packed code has
+/// an error a block later, and PCA has band powers only with all numbers.
 fn csv(comparison: &Comparison) -> String {
     let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later,\
                     band_correlation_8_13,band_correlation_13_30\n"

@@ -5,8 +5,8 @@ use super::export::{Exported, File, SPEC, export, write};
 use super::import::{IMPORT, network};
 use safetensors::Dtype;
 
-/// Imports a network's file, changed by `edit` and its bytes by `damage`, with a specification;
-/// returns the message with which this must fail.
+/// Exports a network, changes its tensors by `edit` and the bytes of the file by `damage`, and
+/// imports the file with the specification `spec`. The import must fail; returns its message.
 fn refusal(spec: &str, edit: impl FnOnce(&mut File), damage: impl FnOnce(&mut Vec<u8>)) -> String {
     let folder = Folder::new();
     let mut file = export(&network());

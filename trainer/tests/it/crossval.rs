@@ -99,13 +99,14 @@ fn pictures_have_every_fold_its_mean_and_its_epochs() {
 
     let learning = Values::read(&folder.path("report/learning.csv"));
     assert_eq!(learning.column("epoch"), ["0", "1"].repeat(4));
-    // At epoch 0, every second line, the shortcut equals PCA.
+    // At epoch 0, to which every second line belongs, the shortcut equals PCA.
     let pca = learning.numbers("validation_mse_pca");
     let errors = learning.numbers("validation_mse").into_iter().zip(pca);
     for (mse, pca) in errors.step_by(2) {
         assert_near(mse, pca, 1e-5);
     }
-    // Two epochs of each of four folds, and the two points of the legend's line.
+    // Four lines, one for each fold, have a point for each of two epochs; the fifth is the
+    // legend's.
     assert_eq!(
         points(&folder.path("report/learning.svg"), "#2B6CB0"),
         [2; 5]

@@ -40,7 +40,7 @@ pub(crate) fn points(path: &Path, color: &str) -> Vec<usize> {
         .collect()
 }
 
-/// A CSV file: names of its columns, and its other lines as texts by column.
+/// A CSV file: the names of its columns, and the values in its other lines as texts.
 pub(crate) struct Values {
     head: Vec<String>,
     pub(crate) rows: Vec<Vec<String>>,

@@ -1,5 +1,5 @@
-//! Tests with files that can be imported, also with those of the program in docs/importing.md where
-//! PyTorch is installed.
+//! Tests with files that can be imported. Where PyTorch is installed, one test imports the files
+//! that the program in docs/importing.md writes.
 
 use super::export::{self, SPEC, WINDOWS, export, insert_all, write};
 use super::{Folder, assert_has, skip};
@@ -17,7 +17,8 @@ pub(crate) fn network() -> Artifact {
 pub(crate) const IMPORT: &str =
     "import --safetensors=network.safetensors --spec=network.toml --out=model";
 
-/// Imports a network's file after a change. Returns the imported artifact and the program's output.
+/// Exports a network, changes the file by `edit`, and imports it. Returns the imported artifact and
+/// the program's output.
 fn import(
     folder: &Folder,
     network: &Artifact,
@@ -189,7 +190,7 @@ const PAGE: &str = include_str!("../../../docs/importing.md");
 /// Python interpreters, of which the first one with PyTorch is used.
 const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
 
-/// Returns the code block of the page whose first line is `first_line`.
+/// Returns the code block of [`PAGE`] that begins with the line `first_line`.
 fn block(first_line: &str) -> &'static str {
     let (_, rest) = PAGE
         .split_once(&format!("{first_line}\n"))

@@ -108,7 +108,7 @@ impl Folder {
         ))
     }
 
-    /// Writes a GDF file of electrodes `labels` at 250 Hz: three low-pass-filtered sources, noise.
+    /// Writes a GDF file of `labels` at 250 Hz: three low-pass-filtered sources, mixed, and noise.
     fn write_recording(&self, name: &str, labels: &[&str], seconds: u32, seed: u64) {
         let mix = |at: usize, sources: [f32; 3]| sources[at % 3] + 0.5 * sources[(at + 1) % 3];
         write_gdf(&self.path(name), labels, (250, seconds), (seed, 5.0), mix);

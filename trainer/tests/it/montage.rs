@@ -171,7 +171,7 @@ fn fit(name: &str) {
     let device = model_gen::DeviceModel::new(&model).expect("integers");
     assert_eq!(device.integers.code_scale.len(), 48);
     // Three sources in 16 steps span at most 48 dimensions, which 48 numbers hold. What remains is
-    // the noise of each electrode, 0.3 uV; measured: at most 0.7 %, and with int8 codes 3.0 %.
+    // the noise of each electrode, 0.3 uV. Measured PRD: at most 0.7 %, and 3.0 % with int8 codes.
     let prd = model.description.training.prd_percent;
     let prd = prd.expect("figures of the test recording");
     assert!(prd.pca_float < 1.0, "{prd:?}");

@@ -13,7 +13,7 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     // Without `--test`, the training card's test recordings are used, which give the same figures.
     let again = folder.succeed("evaluate --artifact=model --data=.");
     assert_eq!(again, trained);
-    // A recording that lacks the last two electrodes, named by its path.
+    // Evaluate on a recording that lacks the last two electrodes and is named by its path.
     folder.write_recording("other.gdf", &LABELS[..6], 30, 9);
     let evaluate = "evaluate --artifact=model --test=other.gdf --json --report=report";
     let json = folder.json(evaluate);
@@ -41,7 +41,7 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let origins: Vec<&str> = electrodes.column("origin");
     assert_eq!(origins[..6], ["measured"; 6]);
     assert_eq!(origins[6..], ["interpolated"; 2]);
-    // One circle is the head. Each electrode has two, of which the inner one is hollow if
+    // One circle is the head. Each electrode has two; the inner one is hollow if the electrode is
     // interpolated.
     let map = elements(&folder.path("report/electrodes.svg"), "circle");
     assert_eq!(map.len(), 1 + 2 * LABELS.len());
@@ -57,7 +57,7 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
         ("mse_int8", "mse_pca_int8", "mse_int8"),
     ] {
         let errors = rate.numbers(column);
-        // Both figures are sums of f32 in different order.
+        // The error in the file and that in the JSON add up f32 values in different orders.
         assert_near(errors[numbers - 1], figure(pca), 1e-4);
         assert_near(errors[numbers], figure(model), 1e-12);
         assert!(errors[0] > errors[numbers - 1], "{errors:?}");

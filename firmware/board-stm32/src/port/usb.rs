@@ -121,7 +121,7 @@ impl PacketSender for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
         self.wait_connection().await;
     }
 
-    /// Dropping this future while it waits sends nothing: no byte has reached the peripheral yet.
+    /// If this future is dropped while it waits, nothing is sent: no byte is in the peripheral yet.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
         self.write_packet(packet).await.map_err(|_| Closed)
     }

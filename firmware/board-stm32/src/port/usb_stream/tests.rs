@@ -49,7 +49,8 @@ impl Host {
         act.expect("an action for every tick")(self);
     }
 
-    /// Returns the seq of each whole frame, and how often the decoder skipped bytes of no frame.
+    /// Returns the seq of each whole frame, and how often the decoder skipped bytes outside of
+    /// frames.
     fn decode(&self) -> (Vec<u32>, u32) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut seqs = Vec::new();
