@@ -324,7 +324,9 @@ impl<'a> Document<'a> {
             }
         };
         let value = match tag.as_str() {
-            "int" | "i4" => self.scalar("a 32-bit integer", |text| text.parse().ok().map(Value::Int))?,
+            "int" | "i4" => {
+                self.scalar("a 32-bit integer", |text| text.parse().ok().map(Value::Int))?
+            }
             "boolean" => self.scalar("0 or 1", |text| match text {
                 "0" => Some(Value::Bool(false)),
                 "1" => Some(Value::Bool(true)),

@@ -388,7 +388,9 @@ fn noise_and_echoes_are_counted_and_timing_is_sent_unchanged() {
         stack_size: 4_096,
         ..Timing::default()
     };
-    device.session.send_timing(timing.clone(), 5, &mut device.sender);
+    device
+        .session
+        .send_timing(timing.clone(), 5, &mut device.sender);
     let sent = device.sent(|header, message| match message {
         ToHost::Timing(timing) => Some((header.device_time_us, timing.clone())),
         _ => None,
