@@ -142,12 +142,12 @@ impl Display for Padding {
 }
 
 impl Padding {
-    /// Returns whether rows and columns are padded.
+    /// Returns whether a convolution adds zeros around the rows and columns of its input.
     pub const fn pads_space(self) -> bool {
         matches!(self, Self::Space | Self::All)
     }
 
-    /// Returns whether steps are padded.
+    /// Returns whether a convolution adds zeros before the first and after the last step, too.
     pub const fn pads_time(self) -> bool {
         matches!(self, Self::All)
     }

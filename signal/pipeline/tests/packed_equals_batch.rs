@@ -1,5 +1,5 @@
-//! The streaming packed encoder writes the blocks of a reference that multiplies whole blocks in
-//! plain loops, with the built-in model and with the one that `CORTICODE_ARTIFACT` names.
+//! The streaming packed encoder writes the same blocks as a reference that computes each block at
+//! once, in plain loops. The model is the built-in one, or the one that `CORTICODE_ARTIFACT` names.
 //!
 //! Quantiser and range coder are those of the crate `packed`, which
 //! `tests/acceptance/tests/it/packed_python.rs` compares with Python.

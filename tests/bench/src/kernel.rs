@@ -11,9 +11,10 @@ use model::{
 
 /// Number of consecutive planes that a convolution reads for each plane of its output.
 const PLANES: usize = 3;
-/// Number of channel pairs in an output plane of the first convolution, without the zero margin.
+/// Number of [`Pair`]s of channels in the output of the first convolution for one step, without the
+/// zero margin.
 const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
-/// Number of channel pairs in an output plane of the first convolution, with the zero margin.
+/// The same number with the zero margin, which the second convolution reads.
 const FRAMED: usize = HIDDEN.len() / 2;
 /// Number of pairs in a plane after the transform, the first part of the second convolution.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();

@@ -72,8 +72,8 @@ impl Bus<'_> {
 }
 
 impl CoreBus for Bus<'_> {
-    /// Refuses accesses below [`MEMORY_END`], where the emulator's own bus would return 0. The core
-    /// accesses memory that exists without this method.
+    /// Refuses accesses below [`MEMORY_END`], where the emulator's own bus would return 0. Only
+    /// addresses without memory come here: the core accesses existing memory directly.
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
         let reads = access.kind == AccessKind::Read;
         // Pass reads that the core makes on its own, such as vector fetches, on to the emulator.

@@ -217,7 +217,8 @@ fn requantised(sum: i32, factor: i32) -> i16 {
 }
 
 /// For each rate, a linear map from the dequantised residual of the next block to an estimate of
-/// the error of this block: its coefficients minus its decoded state.
+/// this block's error. The error is the block's true coefficients minus its decoded ones, the
+/// state.
 ///
 /// The residual of a block depends on the error of the state from which the block was predicted,
 /// that is, of the block before it. One block later, the decoder can therefore remove a part of
