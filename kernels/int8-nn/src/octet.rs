@@ -10,7 +10,7 @@ use crate::{
 
 /// Number of input pairs in two rounds.
 pub(crate) const INPUTS: usize = 2 * ROUND;
-/// Number of weight pairs of two outputs in two rounds.
+/// Number of weight pairs in two rounds: one for each pair of inputs and each of the two outputs.
 pub(crate) const WEIGHTS: usize = INPUTS * OUTPUTS;
 
 /// Eight words: two rounds of inputs or weights, or sums of their products. Four of the words

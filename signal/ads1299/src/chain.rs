@@ -154,7 +154,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.read_registers(chip, first, &mut image.0[part]).await
     }
 
-    /// Starts conversion: drives START high, sends RDATAC and sets SCLK for bursts.
+    /// Starts conversion: drives START high, sends RDATAC and sets SCLK to the frequency for
+    /// reading samples.
     pub(crate) async fn run(&mut self) -> Result<(), Error> {
         self.set_start(true)?;
         self.command_all(opcode::RDATAC).await?;

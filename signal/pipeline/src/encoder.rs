@@ -65,7 +65,7 @@ impl<'w> Encoder<'w> {
 }
 
 /// State and scratch memory of an [`Encoder`], about 16 KB: place it in a static, not on a stack.
-/// All of it is initially zero, so that it takes no flash. On its own it encodes with the built-in
+/// All of it is initially zero, so that it takes no flash. Its own `encode_step` uses the built-in
 /// network.
 #[derive(Clone, Debug)]
 pub struct EncoderMemory {

@@ -59,7 +59,7 @@ impl Pooled {
         x
     }
 
-    /// Returns the values at the places of the maxima, which is the gradient of [`Self::scatter`].
+    /// Returns the values at the places of the maxima, the backward pass of [`Self::scatter`].
     pub(crate) fn gather(&self, x: &Volume) -> Vec<Lanes> {
         let per_channel = self.places.len() / x.channels;
         let places = self.places.chunks_exact(per_channel);

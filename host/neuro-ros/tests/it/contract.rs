@@ -65,7 +65,7 @@ fn every_rule_is_checked_in_every_block() {
         Block(_, MinMax(_))
     );
     assert_error!(|f| f.eeg.info.minmax.push(2.0), Block(_, MinMax(_)));
-    assert_error!(|f| f.exg.info.stride = 4, Block("exg", Stride(4, 3)));
+    assert_error!(|f| f.exg.info.stride = 4, Block("exg", Stride(4, _)));
     assert_error!(|f| f.tri.data.push(0), Block("tri", Length { .. }));
     assert_error!(|f| f.tri.info.nsamples = 1, Block("tri", Length { .. }));
     assert_error!(|f| f.tri.info.isint = 0, Block("tri", IsInt(0)));

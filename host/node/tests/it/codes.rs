@@ -110,8 +110,8 @@ fn labels_can_have_any_order_and_spelling_and_missing_electrodes_are_announced()
         1 => format!("{}.", label.to_lowercase()),
         _ => format!("{label}h"),
     });
-    // Some labels with an h at the end name another electrode of the 10-5 system; take only the
-    // spellings that name the same electrode.
+    // An appended h can make the label of another electrode of the 10-5 system: CP1h is not CP1.
+    // Such a label is left as it was.
     let spelled: Vec<String> = spelled
         .zip(&acquisition.labels)
         .map(|(spelled, label)| {

@@ -1,12 +1,12 @@
-//! The longest messages fit the buffers, even with their largest content; `random_message.rs` tests
-//! the shorter messages.
+//! Every message fits the buffers, even with its largest content.
 
 use link::{
-    Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest, ChipTest, CodeFormat,
-    CodeValues, CompressedRaw, Converters, Decoder, Encoder, FILTERED_STEPS, Filtered, Flags,
-    Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES, MAX_NUMBERS,
-    MAX_TEXT_BYTES, Message, RAW_SAMPLES, Raw, ResetCause, SelfTest, Start, Streams, ToDevice,
-    ToHost, VALUE_BYTES,
+    Ack, AckResult, Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,
+    ChipTest, Code, CodeFormat, CodeValues, CompressedRaw, Converters, Decoder, ElectrodeQuality,
+    Encoder, FILTERED_STEPS, Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES,
+    MAX_FRAME, MAX_LABELS_BYTES, MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message, PackedCode,
+    Quality, RAW_SAMPLES, Raw, ResetCause, SelfTest, Stage, StageTiming, Start, Stats, Streams,
+    Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
 /// Returns the length in bytes of the message's body, with the largest header.

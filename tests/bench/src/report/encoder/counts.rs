@@ -164,6 +164,7 @@ mod tests {
                 MACHINES[0],
                 toml::from_str(&printed).expect("the lines of an image"),
             )
+            .expect("tallies of all steps and of the shortcut")
         }
     }
 

@@ -14,10 +14,10 @@ use serde::Serialize;
 #[expect(clippy::cast_precision_loss, reason = "some steps")]
 const HOP_MS: f64 = 1_000.0 * model::HOP as f64 / model::STEP_RATE_HZ as f64;
 
-/// Times of codes, by the indices of their windows.
+/// Time at which each code was sent or received, by the index of its window.
 pub(super) type Times = BTreeMap<u64, Instant>;
 
-/// Times of codes that one thread notes while others read them.
+/// [`Times`] that one thread notes while others read them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SharedTimes(Arc<Mutex<Times>>);
 
