@@ -4,11 +4,11 @@ use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::machine_load::exclusive;
 use crate::workspace;
 
 /// Crates that contain the model or depend on it; a build with another model compiles them again.
@@ -23,6 +23,14 @@ const DEPENDENTS: [&str; 9] = [
     "bridge",
     "node",
 ];
+
+static BUILDS: Mutex<()> = Mutex::new(());
+
+/// Waits until no other test of this executable builds with another model, and returns a guard that
+/// keeps the others waiting. The next build would replace the programs of the present one.
+pub fn lock_builds() -> MutexGuard<'static, ()> {
+    BUILDS.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Programs and tests that cargo has built with a model other than the one in the repository.
 #[derive(Debug)]
@@ -40,7 +48,7 @@ impl OtherModel {
     /// When cargo fails or reports a warning.
     pub fn build(artifact: &Path, commands: &[&str]) -> Self {
         // Hold the lock until the executables are copied: the next build replaces them.
-        let _builds = exclusive();
+        let _builds = lock_builds();
         let folder = tempfile::tempdir().expect("a folder");
         let mut tests = Vec::new();
         for words in commands {

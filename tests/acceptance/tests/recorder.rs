@@ -3,8 +3,9 @@
 //! bridge or an unplugged cable, and while frames are lost. `CORTICODE_RECORDER_SECONDS` sets the
 //! duration of each run, 12 s by default.
 //!
-//! These tests are an executable of their own, because they judge times by the wall clock and no
-//! other test may run at the same time.
+//! These tests are an executable of their own, because they judge times by the wall clock, and no
+//! test that loads the machine may run at the same time. They run beside one another, because each
+//! mostly waits.
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_possible_truncation,
@@ -18,7 +19,6 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use acceptance::lossy_cable::LossyCable;
-use acceptance::machine_load::exclusive;
 use acceptance::port::free_port;
 use acceptance::process::Process;
 use acceptance::programs::programs;
@@ -267,7 +267,6 @@ fn events_are_at_their_samples_after_a_restart_of_the_board() {
     if !available() {
         return;
     }
-    let _alone = exclusive();
     let folder = tempfile::tempdir().expect("a folder");
     let mut session = Session::start(folder.path());
     sleep(half());
@@ -291,7 +290,6 @@ fn events_are_at_their_samples_after_the_bridge_stood_still() {
     if !available() {
         return;
     }
-    let _alone = exclusive();
     let folder = tempfile::tempdir().expect("a folder");
     let session = Session::start(folder.path());
     sleep(half());
@@ -355,7 +353,6 @@ fn with_cable(
     if !available() {
         return None;
     }
-    let _alone = exclusive();
     let folder = tempfile::tempdir().expect("a folder");
     let port = free_port().expect("a free port");
     let board = board(folder.path(), &format!("tcp:127.0.0.1:{port}"), 0);

@@ -7,7 +7,6 @@ use std::path::Path;
 use std::process::Command;
 
 use acceptance::files::{Table, noise, write_gdf};
-use acceptance::machine_load::exclusive;
 use acceptance::port::free_port;
 use acceptance::programs::{programs, trainer};
 use acceptance::{other_model, workspace};
@@ -77,7 +76,7 @@ fn the_commands_of_the_page_decode_the_codes_of_a_cap_with_eight_electrodes() {
     let script = script.replace(PORT, &free);
     println!("{script}");
     // Keep other tests from building, because that would replace the host-sim used here.
-    let _builds = exclusive();
+    let _builds = other_model::lock_builds();
     let output = Command::new("sh")
         .args(["-c", &script])
         .current_dir(folder)
