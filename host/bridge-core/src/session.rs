@@ -41,8 +41,8 @@ const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
 pub(crate) struct Session {
     settings: Settings,
     model: Option<Arc<Model>>,
-    /// Rate of the packed code that the model states, 0 (finest) to 15; `None` without a packed code.
-    /// The device is set to it unless the user chose another rate.
+    /// Rate of the packed code that the model states, 0 (finest) to 15; `None` without a packed
+    /// code. The device is set to it unless the user chose another rate.
     model_rate: Option<u8>,
     encoder: Encoder,
     pub(crate) commands: Commands,

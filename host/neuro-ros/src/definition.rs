@@ -1,6 +1,6 @@
 //! Names, MD5 sums and full definitions of the message types. The MD5 sums are those that
-//! `rosmsg md5` prints for the original packages. Recorders store the definitions, so that recordings
-//! can be read without the packages of this project.
+//! `rosmsg md5` prints for the original packages. Recorders store the definitions, so that
+//! recordings can be read without the packages of this project.
 
 use ros1::MessageType;
 

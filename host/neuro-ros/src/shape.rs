@@ -149,8 +149,8 @@ impl Shape {
     }
 }
 
-/// Checks a block of `length` values in a frame of `nsamples` samples. `isint` is 1 if its values are
-/// integers.
+/// Checks a block of `length` values in a frame of `nsamples` samples. `isint` is 1 if its values
+/// are integers.
 fn check_block(
     info: &NeuroDataInfo,
     length: usize,

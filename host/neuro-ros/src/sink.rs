@@ -1,5 +1,5 @@
-//! The interface through which messages are delivered to any destination, and its implementation for
-//! ROS 1 topics.
+//! The interface through which messages are delivered to any destination, and its implementation
+//! for ROS 1 topics.
 
 #[cfg(feature = "ros1")]
 use ros1::{Node, NodeError, Publisher, PublisherOptions};

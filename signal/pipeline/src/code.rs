@@ -108,8 +108,8 @@ impl CodeValues {
         }
     }
 
-    /// Returns the stored integers, widened to 16 bits. Those of the format `Int8Exponent` are still
-    /// to be multiplied by 2^[`exponent`](Self::exponent).
+    /// Returns the stored integers, widened to 16 bits. Those of the format `Int8Exponent` are
+    /// still to be multiplied by 2^[`exponent`](Self::exponent).
     pub fn integers(&self) -> [i16; CODE] {
         match self {
             Self::Int8(values) | Self::Int8Exponent { values, .. } => values.map(i16::from),

@@ -46,8 +46,8 @@ impl Api {
         }
     }
 
-    /// Answers one XML-RPC call with the array (code, message, value), or with a fault if the master
-    /// has no such method.
+    /// Answers one XML-RPC call with the array (code, message, value), or with a fault if the
+    /// master has no such method.
     pub(super) fn answer(&self, method: &str, arguments: &[Value]) -> Result<Value, Fault> {
         let Some(signature) = signature(method) else {
             let message = format!("<class 'Exception'>:method \"{method}\" is not supported");
