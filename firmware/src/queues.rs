@@ -42,7 +42,7 @@ pub struct OutputSlot {
 
 #[derive(Clone, Debug)]
 enum Content {
-    /// The content is large, and lies in the oldest slot of the bulk queue.
+    /// The content is large: it is in the oldest slot of the bulk queue.
     Bulk,
     Code(Code, Marks),
     PackedCode(PackedCode, Marks),

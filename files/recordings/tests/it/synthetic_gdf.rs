@@ -227,7 +227,7 @@ fn unstated(per_record: u32, samples: &[f32], events: Vec<u8>) -> GdfFile {
 
 #[test]
 fn an_event_table_is_not_read_as_samples() {
-    // The 80,000 samples of 4 bytes are so many that the search reads several blocks. The tables
+    // The 80,000 samples of 4 bytes make the search read several blocks. The tables
     // have 20, 32, 20, 8, 26 and 20 bytes; the first four are a whole number of records of 4 bytes,
     // so that records and table cannot be told apart by length.
     let samples: Vec<f32> = (0_u16..40_000).map(f32::from).collect();

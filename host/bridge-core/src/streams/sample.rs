@@ -367,7 +367,7 @@ struct Batch<'a> {
     publish: &'a mut dyn FnMut(&NeuroFrame),
 }
 
-/// Largest number of channels that a message can state; the decoder has room for so many.
+/// Largest number of channels that a message can state, and that the decoder has room for.
 const CHANNELS: usize = u8::MAX as usize;
 
 /// Decodes a message of compressed samples to a [`Raw`] message.

@@ -14,7 +14,7 @@ const PING_AFTER_US: i64 = 2_000_000;
 const STARVED_AFTER_US: i64 = 2_000_000;
 /// Time between two calls of `next_command`, microseconds, above which the host must have been
 /// suspended or this program stopped. What the device sent in this time is still unread, so the
-/// time without frames counts anew.
+/// time without frames is counted from 0 again.
 const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
 
 /// Decides which command is due: first `Identify`, then `Stop` if a stream runs that this bridge

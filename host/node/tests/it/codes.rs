@@ -111,7 +111,7 @@ fn labels_can_have_any_order_and_spelling_and_missing_electrodes_are_announced()
         _ => format!("{label}h"),
     });
     // An appended h can make the label of another electrode of the 10-5 system: CP1h is not CP1.
-    // Such a label is left as it was.
+    // Such a label keeps its old spelling.
     let spelled: Vec<String> = spelled
         .zip(&acquisition.labels)
         .map(|(spelled, label)| {
