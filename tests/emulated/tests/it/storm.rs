@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 /// Duration of the scenario in seconds of input; a shorter input is used as a whole.
-const SECONDS: usize = 60;
+const SECONDS: usize = 20;
 
 /// Longest permitted time from the arrival of a command until the board reads it, microseconds. It
 /// is not 0, because acquiring samples has priority over reading commands.
