@@ -72,15 +72,6 @@ proptest! {
             prop_assert!(truncated);
         }
     }
-
-    #[test]
-    fn any_bytes_are_decoded_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
-        let _ = NeuroFrame::from_bytes(&bytes);
-        let _ = DiagnosticArray::from_bytes(&bytes);
-        if let Ok(event) = NeuroEvent::from_bytes(&bytes) {
-            prop_assert_eq!(event.to_bytes().len(), bytes.len());
-        }
-    }
 }
 
 #[test]

@@ -67,26 +67,10 @@ proptest! {
     }
 
     #[test]
-    fn any_bytes_are_decoded_or_refused(bytes in vec(any::<u8>(), 0..400)) {
-        let _ = (decode_call(&bytes), decode_response(&bytes), Header::decode(&bytes));
-    }
-
-    #[test]
     fn xmlrpc_fragments_in_any_order_are_decoded_or_refused(xml in fragments()) {
         let _ = (decode_call(xml.as_bytes()), decode_response(xml.as_bytes()));
         let inside = format!("<methodCall><methodName>m</methodName><params><param>{xml}");
         prop_assert!(decode_call(inside.as_bytes()).is_err() || inside.contains("</methodCall>"));
-    }
-
-    #[test]
-    fn a_call_with_one_byte_changed_is_decoded_or_refused(
-        arguments in vec(value(), 0..3), at: prop::sample::Index, byte: u8
-    ) {
-        let mut xml = encode_call("method", &arguments).into_bytes();
-        let at = at.index(xml.len());
-        xml[at] = byte;
-        let _ = decode_call(&xml);
-        let _ = decode_call(&xml[..at]);
     }
 
     #[test]

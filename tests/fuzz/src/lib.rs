@@ -1,0 +1,141 @@
+//! Fuzz targets: each passes bytes of strangers to one reader, and panics if the reader breaks a
+//! promise.
+//!
+//! `cargo fuzz` searches for inputs that do; the tests of this crate run a bounded, repeatable
+//! search, see [`search`].
+
+mod corpus;
+mod files;
+mod model;
+mod mutation;
+#[path = "../../../files/recordings/tests/it/files.rs"]
+#[expect(dead_code, reason = "the tests of `recordings` use more of it")]
+mod recording_files;
+mod ros;
+mod wire;
+
+pub use corpus::read as corpus;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+/// A reader of bytes, with valid inputs to start from.
+#[derive(Clone, Copy, Debug)]
+pub struct Target {
+    /// Name of the target, as in `cargo fuzz run NAME`.
+    pub name: &'static str,
+    /// Returns valid inputs.
+    seeds: fn() -> Vec<Vec<u8>>,
+    /// Reads one input.
+    ///
+    /// # Panics
+    /// When the reader breaks a promise.
+    read: fn(&[u8]) -> Outcome,
+    /// Number of inputs that the tests search.
+    pub inputs: u32,
+}
+
+/// What a reader did with an input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// The reader took the input, or a part of it, as valid.
+    Accepted,
+    /// The reader took nothing of the input as valid.
+    Refused,
+}
+
+impl Outcome {
+    fn accepted_if(accepted: bool) -> Self {
+        if accepted {
+            Self::Accepted
+        } else {
+            Self::Refused
+        }
+    }
+}
+
+/// All targets, in alphabetical order. The tests search each for some seconds.
+#[rustfmt::skip]
+pub const TARGETS: [Target; 10] = [
+    Target { name: "artifact", seeds: model::seeds, read: model::artifact, inputs: 5_000 },
+    Target { name: "bdf", seeds: files::bdf_seeds, read: files::recording, inputs: 1_500 },
+    Target { name: "code_file", seeds: files::code_file_seeds, read: files::code_file, inputs: 300 },
+    Target { name: "commands", seeds: wire::command_seeds, read: wire::commands, inputs: 500 },
+    Target { name: "edf", seeds: files::edf_seeds, read: files::recording, inputs: 1_500 },
+    Target { name: "frames", seeds: wire::frame_seeds, read: wire::frames, inputs: 400 },
+    Target { name: "gdf", seeds: files::gdf_seeds, read: files::recording, inputs: 1_500 },
+    Target { name: "tcpros", seeds: ros::tcpros_seeds, read: ros::tcpros, inputs: 50_000 },
+    Target { name: "wire_recording", seeds: files::wire_recording_seeds, read: files::wire_recording, inputs: 10_000 },
+    Target { name: "xmlrpc", seeds: ros::xmlrpc_seeds, read: ros::xmlrpc, inputs: 50_000 },
+];
+
+/// Returns the target called `name`.
+///
+/// # Panics
+/// When no target has this name.
+pub fn target(name: &str) -> Target {
+    let found = TARGETS.iter().find(|target| target.name == name);
+    *found.unwrap_or_else(|| panic!("no fuzz target is called {name:?}"))
+}
+
+impl Target {
+    /// Reads one input.
+    ///
+    /// # Panics
+    /// When the reader breaks a promise.
+    pub fn read(&self, bytes: &[u8]) -> Outcome {
+        (self.read)(bytes)
+    }
+
+    /// Returns valid inputs to start from.
+    pub fn seeds(&self) -> Vec<Vec<u8>> {
+        (self.seeds)()
+    }
+}
+
+/// Reads one input with the target called `name`, for `cargo fuzz`.
+///
+/// # Panics
+/// When the reader breaks a promise, or no target has this name.
+pub fn run(name: &str, bytes: &[u8]) {
+    target(name).read(bytes);
+}
+
+/// Number of inputs that a [`search`] read, by outcome.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Searched {
+    /// Number of accepted inputs.
+    pub accepted: u32,
+    /// Number of refused inputs.
+    pub refused: u32,
+}
+
+/// Reads [`Target::inputs`] mutations of the seeds and of the [`corpus`]; every search reads the
+/// same inputs.
+///
+/// # Panics
+/// When the reader breaks a promise. Prints the input first.
+pub fn search(target: &Target) -> Searched {
+    let seeds = [target.seeds(), corpus(target.name)].concat();
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let mut searched = Searched::default();
+    for _ in 0..target.inputs {
+        let input = mutation::mutate(&seeds, &mut random);
+        let shown = Shown(&input);
+        match target.read(&input) {
+            Outcome::Accepted => searched.accepted += 1,
+            Outcome::Refused => searched.refused += 1,
+        }
+        std::mem::forget(shown);
+    }
+    searched
+}
+
+/// Prints an input when it is dropped, which only happens while a panic unwinds.
+struct Shown<'i>(&'i [u8]);
+
+impl Drop for Shown<'_> {
+    fn drop(&mut self) {
+        eprintln!("the input is \"{}\"", self.0.escape_ascii());
+    }
+}
