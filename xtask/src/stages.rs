@@ -23,20 +23,19 @@ const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8
 const F446_WITH_BOTH_ENCODERS: &str =
     "--package=board-f446 --no-default-features --features=uart,network,packed";
 
-/// Parts of the names of tests that `--fast` leaves out, because they start programs or ROS, or
-/// build models of other shapes.
-const SLOW_TESTS: [&str; 11] = [
-    "program::",
-    "_chain::",
-    "other_models::",
-    "catkin::",
-    "debian_package::",
-    "decoding_page::",
-    "offline_files::",
-    "own_master::",
-    "packed_loss::",
-    "raw_forms::",
-    "events_are_at_their_samples",
+/// Parts of the names of tests that `--fast` leaves out.
+#[rustfmt::skip]
+const SLOW_TESTS: &[&str] = &[
+    // They start programs or ROS, or build models of other shapes.
+    "program::", "_chain::", "other_models::", "catkin::", "debian_package::", "decoding_page::",
+    "offline_files::", "own_master::", "packed_loss::", "raw_forms::", "events_are_at_their_samples",
+    "rosmaster_parity::", "real_ros::",
+    // They compare whole recordings with a reference, or train models.
+    "streaming_equals_batch_on", "_numpy::", "packed_python::", "quantise::integer_codes",
+    "synthetic_eeg::", "crossval::", "report::", "check_measures_the_error",
+    // They wait for a time limit to pass.
+    "trouble::", "machine::", "misbehaving_peers::", "duration::", "backlog::",
+    "invalid_xml_slow_requests", "a_silent_client_is_closed",
 ];
 
 /// Smallest number of tests to run in parallel, even on fewer cores: a test of the whole chain
@@ -102,8 +101,8 @@ fn table(times: &[(&str, Duration)]) -> String {
 fn print_skipped(fast: bool) {
     if fast {
         eprintln!(
-            "SKIPPED: the emulators, the benchmarks, models of other shapes, and tests that start \
-             programs or ROS: leave --fast out"
+            "SKIPPED: the emulators, the benchmarks, models of other shapes, whole recordings, and \
+             tests that start programs or ROS, or wait: leave --fast out"
         );
     }
     if std::env::var_os("CORTICODE_DATA").is_none() {
@@ -155,8 +154,12 @@ fn lints_for_microcontrollers() -> Result<(), Failure> {
 /// Tests the default members of the workspace, except for [`SLOW_TESTS`] and examples in the
 /// documentation.
 fn fast_tests() -> Result<(), Failure> {
-    let skipped = SLOW_TESTS.map(|part| format!("--skip={part}")).join(" ");
-    tests("", &mut cargo(&format!("test --tests -- {skipped}")))
+    let skipped = SLOW_TESTS.iter().map(|part| format!("--skip={part}"));
+    let skipped: Vec<String> = skipped.collect();
+    tests(
+        "",
+        &mut cargo(&format!("test --tests -- {}", skipped.join(" "))),
+    )
 }
 
 /// Tests all members of the workspace, and prints the figures of the emulated microcontrollers.
