@@ -183,25 +183,59 @@ fn events_after_an_outage_longer_than_the_bridge_fills_stand_at_their_samples() 
 
 #[test]
 fn all_formats_hold_the_rows_and_events_of_csv() {
-    let folder = tempfile::tempdir().unwrap();
     let mut rig = Rig::new(5);
     rig.run(60, 7);
     rig.restart(1_700_000);
     rig.run(60, 7);
+    all_formats_hold_the_same(rig, &["raw", "filtered", "codes", "reconstructed"]);
+}
+
+#[test]
+fn rows_of_a_device_that_is_faster_than_the_host_are_whole_and_counted() {
+    let mut rig = Rig::with(Streams::CODES | Streams::EVENTS, 100, 2);
+    // 150 s of signal in 1.5 s. Of each code, lost or not, the files have a row and 8 steps.
+    rig.run(2_400, 70);
+    let lost = rig.lost;
+    let log = all_formats_hold_the_same(rig, &["codes", "reconstructed"]);
+    assert_has(
+        &log,
+        [
+            "session.codes.npz: 2400 rows",
+            "reconstructed.npz: 19200 rows",
+        ],
+    );
+    assert_has(&log, [&format!("lost {lost} "), "s of the host's time: "]);
+    assert!(
+        lost > 20 && !log.contains("rows are not filled"),
+        "{lost} {log}"
+    );
+}
+
+/// Converts a recording to all formats, and compares the files of each stream with the CSV file.
+/// Returns the log of the last conversion.
+fn all_formats_hold_the_same(rig: Rig, streams: &[&str]) -> String {
+    let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), rig.finish());
+    let mut last = String::new();
     for to in ["csv", "gdf", "bdf", "npz"] {
         let (status, log) = convert(&path, to);
         assert_eq!(status, Some(0), "{log}");
+        last = log;
     }
-    for stream in ["raw", "filtered", "codes", "reconstructed"] {
+    for stream in streams {
         let file = |to| folder.path().join(format!("session.{stream}.{to}"));
         let table = Table::read(&file("csv"));
+        assert!(
+            last.contains(&format!("{stream}.npz: {} rows", table.rows.len())),
+            "{last}"
+        );
         // The last argument is the tolerance in microvolts: none for GDF, because CSV holds enough
         // digits for a float32; for BDF the rounding to 24 bits of +-187,500 uV.
         compare(&table, Recording::open(file("gdf")).unwrap(), 0, 0.0);
         compare(&table, Recording::open(file("bdf")).unwrap(), 1, 0.012);
         compare_arrays(&table, &file("npz"));
     }
+    last
 }
 
 /// Compares the first and the last channel, two status words and the events of a file with a table.

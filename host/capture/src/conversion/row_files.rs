@@ -45,6 +45,8 @@ pub(crate) trait RowWriter {
 #[derive(Default)]
 pub(crate) struct Rows {
     pub(crate) writers: [Option<Box<dyn RowWriter>>; 4],
+    /// Number of rows that each stream had so far.
+    pub(crate) rows: [u64; 4],
     /// Index of the first writer that failed, and its error.
     pub(crate) failed: Option<(usize, io::Error)>,
 }
@@ -54,6 +56,7 @@ impl Listener for Rows {
 
     fn block(&mut self, block: Block) {
         let stream = block.stream as usize;
+        self.rows[stream] += block.rows() as u64;
         if let Some(writer) = &mut self.writers[stream]
             && let Err(error) = writer.write(&block)
         {
