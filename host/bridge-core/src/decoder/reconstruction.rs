@@ -119,6 +119,9 @@ impl Reconstruction {
             data,
         );
         words.flags = hop.flags;
+        if hop.source != Source::Missing && !hop.is_whole {
+            words.flags |= Flags::HEALING.bits();
+        }
         if hop.source == Source::Missing {
             words.flags |= Flags::FILLER.bits();
             match self.filler {
