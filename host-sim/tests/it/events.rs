@@ -109,7 +109,7 @@ fn events_of_gdf_are_pulses_except_ends_and_sparse_samples() {
             .collect(),
         rate_hz: 100,
         rows_per_record: 100,
-        start_ns: 0,
+        start_ns: None,
         description: String::new(),
     };
     let mut bytes = Vec::new();

@@ -71,6 +71,14 @@ pub enum ConvertError {
         /// Number of rows in the second pass.
         written: u64,
     },
+    /// A file in the chosen format cannot hold the stream, or cannot state its start.
+    #[error("{path} cannot be written in this format; choose another one with --to")]
+    Format {
+        /// Path of the file.
+        path: PathBuf,
+        /// Why it cannot be written, and what helps.
+        source: std::io::Error,
+    },
     /// A file cannot be created or written.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
@@ -226,7 +234,7 @@ pub fn convert<R: Read>(
     core.decoder.malformed = played.collector.malformed();
     for stream in Stream::ALL {
         let announced = survey.streams[stream as usize].rows;
-        let written = played.collector.listener.rows[stream as usize];
+        let written = played.collector.listener.counts[stream as usize];
         if announced != written {
             return Err(ConvertError::Changed {
                 path: options.file.clone(),
@@ -259,7 +267,10 @@ pub fn convert<R: Read>(
 /// Returns the error for a failure to write the file at `path`.
 fn failed(path: &Path, source: std::io::Error) -> ConvertError {
     let path = path.to_owned();
-    NewFileError::Write { path, source }.into()
+    match source.kind() {
+        std::io::ErrorKind::InvalidInput => ConvertError::Format { path, source },
+        _ => NewFileError::Write { path, source }.into(),
+    }
 }
 
 impl Conversion {
