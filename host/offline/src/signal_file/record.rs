@@ -65,7 +65,8 @@ pub(super) struct GdfFile {
 impl GdfFile {
     pub(super) fn new(file: File, signal: &Signal) -> io::Result<Self> {
         let to_write = file_to_write(signal, signal.range_uv());
-        let events = signal.events.iter().map(|event| (event.row, event.kind));
+        let events = signal.events.iter();
+        let events = events.filter_map(|event| Some((event.row, event.kind?)));
         Ok(Self {
             writer: GdfWriter::new(BufWriter::new(file), &to_write)?,
             events: events.collect(),
