@@ -231,7 +231,7 @@ pub(crate) fn run<'j, R: Send>(
                         && !interrupted
                         && jobs.len() > 1
                     {
-                        bar.suspend(|| eprintln!("host-sim: {}", crate::chain(error)));
+                        bar.suspend(|| new_file::message!("host-sim: {}", crate::chain(error)));
                     }
                     let mut results = results.lock().unwrap_or_else(PoisonError::into_inner);
                     results.push((index, result));
@@ -264,7 +264,7 @@ pub(crate) fn run<'j, R: Send>(
             Ok(result) => finished.push((&jobs[index], result)),
             Err(error) if jobs.len() == 1 => return Err(error.into()),
             Err(error @ OfflineError::Interrupted) => {
-                eprintln!("{} of {} files are complete", finished.len(), jobs.len());
+                new_file::message!("{} of {} files are complete", finished.len(), jobs.len());
                 return Err(error.into());
             }
             Err(error) => {

@@ -6,7 +6,7 @@ use std::{
 };
 
 use new_file::Existing;
-use offline::{Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report, settling_s};
+use offline::{Decoded, Decoding, Model, OfflineError, Progress, report, settling_s};
 
 use crate::batch::{self, Job};
 use crate::command_line::DecodeOptions;
@@ -49,19 +49,19 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
     let finished = batch::run(&jobs, &options.batch, None, |job, progress, bar| {
         let (decoded, warnings) = decode_one(&decoding, original, job, progress)?;
         for warning in warnings {
-            bar.suspend(|| eprintln!("warning: {}: {warning}", job.input.display()));
+            bar.suspend(|| new_file::message!("warning: {}: {warning}", job.input.display()));
         }
         Ok(decoded)
     })?;
     if !options.batch.quiet {
         for (job, decoded) in &finished.results {
-            eprintln!("{}", summary(job, decoded));
+            new_file::message!("{}", summary(job, decoded));
         }
         let seconds = finished
             .results
             .iter()
             .map(|(_, decoded)| decoded.signal_s());
-        eprintln!("{}", finished.speed(seconds.sum()));
+        new_file::message!("{}", finished.speed(seconds.sum()));
     }
     if let Some(folder) = options
         .report
@@ -78,7 +78,7 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
         let entries: Vec<_> = entries.collect();
         report::write(folder, &model.description, &entries)?;
         if !options.batch.quiet {
-            eprintln!("report: {}", folder.join("index.html").display());
+            new_file::message!("report: {}", folder.join("index.html").display());
         }
     }
     finished
@@ -128,7 +128,7 @@ fn decode_one(
             settling_s()
         ));
     }
-    if decoding.format == SignalFormat::Gdf && !decoded.event_types.is_empty() {
+    if !decoded.event_types.is_empty() {
         let types = decoded.event_types.iter();
         let types: Vec<String> = types.map(|(text, kind)| format!("{kind} {text}")).collect();
         warnings.push(format!(

@@ -39,7 +39,7 @@ pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
             let encoded = encoding.encode(&job.input, &job.output, progress)?;
             let file = job.input.display();
             for warning in &encoded.warnings {
-                bar.suspend(|| eprintln!("warning: {file}: {warning}"));
+                bar.suspend(|| new_file::message!("warning: {file}: {warning}"));
             }
             Ok(encoded)
         },
@@ -47,15 +47,15 @@ pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
     if !options.batch.quiet {
         for (job, encoded) in &finished.results {
             if is_single {
-                eprintln!("{}", encoded.montage);
+                new_file::message!("{}", encoded.montage);
             }
-            eprintln!("{}", summary(job, encoded));
+            new_file::message!("{}", summary(job, encoded));
         }
         let seconds = finished
             .results
             .iter()
             .map(|(_, encoded)| encoded.signal_s());
-        eprintln!("{}", finished.speed(seconds.sum()));
+        new_file::message!("{}", finished.speed(seconds.sum()));
     }
     finished
         .failure
@@ -89,29 +89,19 @@ fn summary(job: &Job, encoded: &Encoded) -> String {
             stats.clipped_values
         ),
     };
-    let mut text = format!(
+    format!(
         "{}: {:.1} s, {} bytes, {items}",
         job.output.display(),
         encoded.signal_s(),
         encoded.bytes
-    );
-    for (count, what) in [
-        (encoded.adc.saturated, "counts at the rail"),
-        (encoded.adc.not_finite, "samples that are no number"),
-    ] {
-        if count > 0 {
-            text = format!("{text}; virtual ADC: {count} {what}");
-        }
-    }
-    text
+    )
 }
 
 fn packed_blocks(counts: &PackedCounts) -> String {
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 bits")]
     let bits = counts.bits as f64 / counts.blocks.max(1) as f64;
     format!(
-        "{} packed blocks of {bits:.1} bits; clipped: {} input values; blocks outside the model: {}, without \
-         content: {}",
-        counts.blocks, counts.clipped, counts.misfits, counts.blanks
+        "{} packed blocks of {bits:.1} bits; clipped: {} input values; blocks outside the model: {}",
+        counts.blocks, counts.clipped, counts.misfits
     )
 }

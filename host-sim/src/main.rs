@@ -1,5 +1,6 @@
 //! Command line of the virtual board.
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod batch;
 mod command_line;
@@ -12,6 +13,7 @@ use std::{error::Error, process::ExitCode};
 
 use clap::Parser as _;
 use host_sim::SessionError;
+use new_file::NewFileError;
 use offline::OfflineError;
 
 use batch::BatchError;
@@ -30,11 +32,13 @@ fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("host-sim: {}", chain(&*error));
+            new_file::message!("host-sim: {}", chain(&*error));
             let statuses = [
                 error.downcast_ref().map(SessionError::exit_status),
                 error.downcast_ref().map(OfflineError::exit_status),
                 error.downcast_ref().map(BatchError::exit_status),
+                // Standard output cannot be written any further.
+                error.downcast_ref().map(|_: &NewFileError| 1),
             ];
             let status = statuses.into_iter().flatten().next();
             ExitCode::from(status.unwrap_or(UNUSABLE))

@@ -15,7 +15,6 @@ use link::{Streams, Substitutes};
 use new_file::Existing;
 use offline::Played;
 use pipeline::Mains;
-use recordings::Onsets;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::batch::progress_bar;
@@ -50,7 +49,7 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     };
     if !options.quiet {
         let model = u64::from_be_bytes(model::MODEL_ID);
-        eprintln!(
+        new_file::message!(
             "virtual board with model {model:016x} on {}",
             session.output
         );
@@ -63,8 +62,11 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
         progress.set_message(format!("{hops}, {} frames dropped", stats.frames_dropped));
     })?;
     progress.finish_and_clear();
+    for warning in warnings(&report, &source) {
+        new_file::message!("warning: {warning}");
+    }
     if !options.quiet {
-        eprintln!("{}", summary(&report, &source));
+        new_file::message!("{}", summary(&report));
     }
     Ok(())
 }
@@ -150,12 +152,12 @@ fn streams(selected: &[Streams]) -> Streams {
         .fold(Streams::empty(), |all, stream| all | *stream)
 }
 
-fn summary(report: &Report, source: &Source) -> String {
+fn summary(report: &Report) -> String {
     let stats = &report.stats;
     if stats.samples == 0 {
         return "no host started the stream".to_owned();
     }
-    let mut text = format!(
+    format!(
         "{:.1} s of signal in {:.2} s ({:.1} times real time): {}, {} frames dropped, \
          {} values clipped, {} in codes ({})",
         report.signal_s(),
@@ -166,30 +168,36 @@ fn summary(report: &Report, source: &Source) -> String {
         stats.clipped,
         stats.clipped_values,
         device::CODE_FORMAT
+    )
+}
+
+/// Returns a sentence for each way in which data of the run was lost or is wrong.
+fn warnings(report: &Report, source: &Source) -> Vec<String> {
+    let (stats, converters) = (&report.stats, &report.converters);
+    let mut warnings = match source {
+        Source::Recording(adc) => adc.counters().warnings(),
+        Source::Synthetic(_) => Vec::new(),
+    };
+    warnings.extend(
+        report
+            .failure
+            .map(|failure| format!("at power-on: {failure}")),
     );
-    if report.unread_bytes > 0 {
-        text = format!("{text}; {} bytes were never read", report.unread_bytes);
-    }
-    let converters = &report.converters;
     for (chip, errors) in converters.errors.iter().enumerate() {
-        if *errors > 0 {
-            text = format!("{text}; converter {chip} bad in {errors} samples");
-        }
+        warnings
+            .extend((*errors > 0).then(|| format!("converter {chip} is bad in {errors} samples")));
     }
-    if converters.missed > 0 {
-        text = format!("{text}; {} samples missed", converters.missed);
-    }
-    if let Some(failure) = &report.failure {
-        text = format!("{text}\nat power-on: {failure}");
-    }
-    if let Source::Recording(adc) = source {
-        let counters = adc.counters();
-        text = format!(
-            "{text}; virtual ADC: {} counts at the rail, {} numbers missing",
-            counters.saturated, counters.not_finite
-        );
-    }
-    text
+    let losses: [(u64, _); 3] = [
+        (converters.missed.into(), "samples were missed"),
+        (
+            stats.frames_dropped.into(),
+            "frames were dropped: the host read too slowly",
+        ),
+        (report.unread_bytes, "bytes were never read by the host"),
+    ];
+    let losses = losses.into_iter().filter(|(count, _)| *count > 0);
+    warnings.extend(losses.map(|(count, what)| format!("{count} {what}")));
+    warnings
 }
 
 /// Signal to play, and what was found in its recording.
@@ -227,15 +235,15 @@ impl OpenedInput {
     fn recording(path: &Path, options: &RunOptions) -> Result<Self, Box<dyn Error>> {
         let played = Played::open(path, options.missing)?;
         if !options.quiet {
-            eprintln!("{}", played.montage);
+            new_file::message!("{}", played.montage);
         }
         let recorded_edges = if options.trigger_every.is_none() {
-            edges(&played.onsets, options.quiet)
+            edges(&played, options.quiet)
         } else {
             RecordedEdges::default()
         };
         for warning in &played.warnings {
-            eprintln!("warning: {warning}");
+            new_file::message!("warning: {warning}");
         }
         Ok(Self {
             source: Source::Recording(Box::new(played.adc)),
@@ -245,17 +253,25 @@ impl OpenedInput {
     }
 }
 
-/// Returns trigger edges that mark the events of a recording. Warns of events outside the signal.
-fn edges(onsets: &Onsets, quiet: bool) -> RecordedEdges {
-    let edges = RecordedEdges::new(onsets);
+/// Returns trigger edges that mark the events of a recording. Warns of events outside the signal,
+/// and of those that share a pulse.
+fn edges(played: &Played, quiet: bool) -> RecordedEdges {
+    let onsets = &played.onsets;
+    let edges = RecordedEdges::new(onsets, played.adc.samples());
+    let shared = onsets.seconds.len() - edges.pulses();
+    if shared > 0 {
+        new_file::message!(
+            "warning: {shared} events are less than 2 ms after another one and share its pulse"
+        );
+    }
     if onsets.outside > 0 {
-        eprintln!(
+        new_file::message!(
             "warning: {} events are outside the signal and are not played",
             onsets.outside
         );
     }
     if !quiet && edges.pulses() > 0 {
-        eprintln!(
+        new_file::message!(
             "events: {} trigger pulses for {} events; host-sim inspect lists them",
             edges.pulses(),
             onsets.seconds.len()

@@ -175,7 +175,7 @@ pub fn run() -> ExitCode {
 /// Trains a model, and prints its figures on the test recordings.
 fn train(options: &TrainOptions) -> Result<ExitCode, TrainerError> {
     if let Some(comparison) = session::train(options, &mut Terminal::with_interrupt()?)? {
-        print!("{comparison}");
+        new_file::print(comparison)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -192,7 +192,7 @@ fn evaluate(args: &EvaluateArgs) -> Result<ExitCode, TrainerError> {
         report::write(folder, "Error of a model", None, Some(&comparison))?;
         terminal.message(&report::message(folder));
     }
-    print(&comparison, args.json.then(|| comparison.to_json()));
+    print(&comparison, args.json.then(|| comparison.to_json()))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -224,12 +224,12 @@ fn merge(args: &MergeArgs) -> Result<ExitCode, TrainerError> {
 }
 
 fn print_table(table: &Table, folder: &Path, report: &ReportArgs) -> Result<(), TrainerError> {
-    print!("{table}");
+    new_file::print(table)?;
     let folder = folder.display();
-    eprintln!("table.md, table.csv and table.json written to {folder}");
+    new_file::message!("table.md, table.csv and table.json written to {folder}");
     if let Some(folder) = &report.report {
         report::write_crossval(folder, table)?;
-        eprintln!("{}", report::message(folder));
+        new_file::message!("{}", report::message(folder));
     }
     Ok(())
 }
@@ -255,37 +255,38 @@ fn peak_memory_mb() -> Option<u64> {
 /// the same transform code without prediction.
 fn train_packed(options: &PackedOptions) -> Result<ExitCode, TrainerError> {
     let trained = packed::train(options, &mut Terminal::new())?;
-    println!("packed code");
-    print!("{}", RateTable(&trained.figures));
-    println!("\nKLT of a block, coded alike, without prediction");
-    print!("{}", RateTable(&trained.without_prediction));
+    new_file::print(format_args!(
+        "packed code\n{}\nKLT of a block, coded alike, without prediction\n{}",
+        RateTable(&trained.figures),
+        RateTable(&trained.without_prediction)
+    ))?;
     Ok(ExitCode::SUCCESS)
 }
 
 fn run_import(import: &Import) -> Result<ExitCode, TrainerError> {
     let imported = import.run()?;
-    print!("{imported}");
-    println!("model {} written to {}", imported.id, import.out.display());
+    let (id, folder) = (&imported.id, import.out.display());
+    new_file::print(format_args!("{imported}model {id} written to {folder}\n"))?;
     Ok(ExitCode::SUCCESS)
 }
 
 fn show(args: &ShowArgs) -> Result<ExitCode, TrainerError> {
     let shown = Shown::read(&args.folder)?;
-    print(&shown, args.json.then(|| shown.to_json()));
+    print(&shown, args.json.then(|| shown.to_json()))?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// Prints the differences between two models. Returns exit status 1 if there are any.
 fn diff(args: &DiffArgs) -> Result<ExitCode, TrainerError> {
     let difference = Difference::read([&args.one, &args.other])?;
-    print(&difference, args.json.then(|| difference.to_json()));
+    print(&difference, args.json.then(|| difference.to_json()))?;
     Ok(ExitCode::from(u8::from(!difference.is_empty())))
 }
 
 /// Checks a model and prints the result. Returns exit status 1 unless the golden codes are right.
 fn check_model(options: &CheckOptions) -> Result<ExitCode, TrainerError> {
     let checked = check(options, &mut Terminal::new())?;
-    print(&checked, options.json.then(|| checked.to_json()));
+    print(&checked, options.json.then(|| checked.to_json()))?;
     Ok(ExitCode::from(u8::from(!checked.is_good())))
 }
 
@@ -294,30 +295,31 @@ fn check_model(options: &CheckOptions) -> Result<ExitCode, TrainerError> {
 fn check_montage(file: &Path, recording: Option<&Path>) -> Result<ExitCode, TrainerError> {
     let montage = MontageFile::read(file)?;
     let check = MontageCheck::new(&montage);
-    print!("{check}");
+    new_file::print(&check)?;
     if !check.mistakes.is_empty() {
         return Ok(ExitCode::from(USAGE));
     }
     if let Some(recording) = recording {
-        print!("{}", RecordingCheck::read(recording, &montage)?);
+        new_file::print(RecordingCheck::read(recording, &montage)?)?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// Prints `json` if it is given, otherwise `object` as text.
-fn print(object: &impl fmt::Display, json: Option<Json>) {
-    match json {
-        Some(json) => println!("{json:#}"),
-        None => print!("{object}"),
-    }
+fn print(object: &impl fmt::Display, json: Option<Json>) -> Result<(), TrainerError> {
+    let printed = match json {
+        Some(json) => new_file::print(format_args!("{json:#}\n")),
+        None => new_file::print(object),
+    };
+    Ok(printed?)
 }
 
 /// Prints an error with its causes to standard error.
 fn print_error(error: &dyn Error) {
-    eprintln!("trainer: {error}");
+    new_file::message!("trainer: {error}");
     let mut cause = error.source();
     while let Some(error) = cause {
-        eprintln!("  because {error}");
+        new_file::message!("  because {error}");
         cause = error.source();
     }
 }

@@ -27,6 +27,7 @@
 //! start. These first parameters are a candidate for the best ones, so on the validation windows
 //! the float codes are never worse than PCA's.
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 #![expect(
     clippy::cast_precision_loss,
     reason = "counts of values are far below 2^53, those that become f32 below 2^24"

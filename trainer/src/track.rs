@@ -115,12 +115,13 @@ impl Track {
             signals: signals.len(),
         };
         observer.message(&format!(
-            "{name}: {} time steps, {} electrodes interpolated, {} counts at the rail",
+            "{name}: {} time steps, {} electrodes interpolated",
             track.steps(),
-            track.interpolated.len(),
-            virtual_adc.counters().saturated
+            track.interpolated.len()
         ));
-        for warning in virtual_adc.recording().warnings() {
+        let of_file = virtual_adc.recording().warnings().iter();
+        let of_file = of_file.map(ToString::to_string);
+        for warning in of_file.chain(virtual_adc.counters().warnings()) {
             observer.message(&format!("{name}: warning: {warning}"));
         }
         Ok(track)

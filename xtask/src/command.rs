@@ -2,6 +2,7 @@
 
 use std::env;
 use std::fmt::Display;
+use std::io::{self, ErrorKind, Write};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -44,6 +45,17 @@ pub(crate) trait OrFail<T> {
 impl<T, E: Display> OrFail<T> for Result<T, E> {
     fn or_fail(self, what: impl Display, next: &str) -> Result<T, Failure> {
         self.map_err(|error| Failure::check(what, error, next))
+    }
+}
+
+/// Prints a text to standard output. Does nothing if its reader has gone, such as `head`.
+///
+/// # Errors
+/// The output cannot be written for another reason.
+pub(crate) fn print(text: impl Display) -> Result<(), Failure> {
+    match write!(io::stdout(), "{text}") {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        printed => printed.or_fail("printing", "make room on the disk and repeat the command"),
     }
 }
 

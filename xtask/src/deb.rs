@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::command::{
-    AFTER_A_BUILD, AFTER_A_TEST, Failure, OrFail, cargo, root, run, target_folder, typed,
+    AFTER_A_BUILD, AFTER_A_TEST, Failure, OrFail, cargo, print, root, run, target_folder, typed,
 };
 
 /// Programs that the package installs.
@@ -51,8 +51,7 @@ pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> 
         let mut test = cargo("test --package acceptance debian_package:: -- --nocapture");
         run(test.env("CORTICODE_DEB", &package), AFTER_A_TEST)?;
     }
-    println!("{}", package.display());
-    Ok(())
+    print(format_args!("{}\n", package.display()))
 }
 
 /// Returns an error if a program of the package is not in the folder of the bridge `program`.

@@ -9,7 +9,7 @@ use std::process::Command;
 
 use serde_json::{Map, Value};
 
-use crate::command::{Failure, OrFail, target_folder};
+use crate::command::{Failure, OrFail, print, target_folder};
 use crate::docs;
 
 /// Figures of one machine, of one board or of a whole run: name and value.
@@ -71,34 +71,35 @@ pub(crate) fn publish(
     let list = format!("{subject}s");
     if !json {
         for row in &rows {
-            print_table(row[subject].as_str().unwrap_or_default(), row);
+            print(table(row[subject].as_str().unwrap_or_default(), row))?;
         }
-        print_table(&format!("all {list}"), &whole);
+        print(table(&format!("all {list}"), &whole))?;
     }
     whole.insert(list, rows.into());
     let object = Value::Object(whole);
     if json {
-        println!("{object}");
+        print(format_args!("{object}\n"))?;
     }
     docs::save(verb, &object)
 }
 
-/// Prints one figure per line, including the figures inside objects and lists.
-fn print_table(title: &str, row: &Row) {
-    println!("\n{title}");
-    row.iter().for_each(|(key, value)| print_value(key, value));
+/// Returns one figure per line, including the figures inside objects and lists.
+fn table(title: &str, row: &Row) -> String {
+    let lines = row.iter().map(|(key, value)| lines(key, value));
+    format!("\n{title}\n{}", lines.collect::<String>())
 }
 
-fn print_value(key: &str, value: &Value) {
+fn lines(key: &str, value: &Value) -> String {
     match value {
         Value::Object(members) => members
             .iter()
-            .for_each(|(name, value)| print_value(&format!("{key}.{name}"), value)),
-        Value::Array(items) if items.iter().any(Value::is_object) => items
-            .iter()
-            .enumerate()
-            .for_each(|(place, item)| print_value(&format!("{key}.{place}"), item)),
-        value => println!("  {key:<48} {value}"),
+            .map(|(name, value)| lines(&format!("{key}.{name}"), value))
+            .collect(),
+        Value::Array(items) if items.iter().any(Value::is_object) => (0..)
+            .zip(items)
+            .map(|(place, item)| lines(&format!("{key}.{place}"), item))
+            .collect(),
+        value => format!("  {key:<48} {value}\n"),
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::command::{Failure, cargo, run};
+use crate::command::{Failure, cargo, print, run};
 use crate::figures::{self, Row};
 use crate::install;
 
@@ -28,7 +28,7 @@ pub(crate) fn qemu(codes: u32, json: bool) -> Result<(), Failure> {
 /// A line of the file is not a JSON object.
 pub(crate) fn report(file: &Path, failure: Option<&Failure>, json: bool) -> Result<(), Failure> {
     if !json {
-        println!("The application on emulated microcontrollers, in virtual time (simulated)");
+        print("The application on emulated microcontrollers, in virtual time (simulated)\n")?;
     }
     let mut figures = figures::read(file, "machine")?;
     let mut whole = figures.remove("").unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Files that a user names as output.
+//! Files that a user names as output, and standard output.
 //!
 //! A [`GrowingFile`] has its name from its first byte. A [`NewFile`] appears under its name when it
 //! is complete. Until then its bytes are in a temporary file in the same folder, so a killed
@@ -31,8 +31,10 @@ mod destination;
 mod error;
 mod file;
 mod growing;
+mod standard;
 
 pub use destination::Existing;
 pub use error::NewFileError;
 pub use file::NewFile;
 pub use growing::GrowingFile;
+pub use standard::{print, print_message};

@@ -117,7 +117,7 @@ impl Timeline {
 
     /// Converts a time in the file to a time in the signal, s; `None` if it is outside the signal.
     /// A time within a gap becomes the end of the record before the gap.
-    fn place(&self, file_s: f64) -> Option<f64> {
+    pub(crate) fn place(&self, file_s: f64) -> Option<f64> {
         let after = self.records.partition_point(|(start, _)| *start <= file_s);
         let place = match after.checked_sub(1) {
             Some(record) => {

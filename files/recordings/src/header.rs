@@ -285,8 +285,9 @@ pub struct FileToWrite {
     pub rate_hz: u32,
     /// Number of rows in a record.
     pub rows_per_record: u32,
-    /// Wall clock time of the first row, nanoseconds since 1970 UTC.
-    pub start_ns: i64,
+    /// Wall clock time of the first row, nanoseconds since 1970 UTC; `None` if it is not known. An
+    /// EDF or BDF file states it in the time zone of this machine, as EDF+ requires.
+    pub start_ns: Option<i64>,
     /// Text that identifies the recording, such as the device's name.
     pub description: String,
 }

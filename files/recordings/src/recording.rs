@@ -256,12 +256,31 @@ impl Recording {
         }
     }
 
+    /// Returns all events in file order, each with its time since the first sample, in the signal
+    /// that a [`crate::VirtualAdc`] plays, s; `None` for an event outside the signal.
+    ///
+    /// # Errors
+    /// [`RecordingError::Read`] if reading fails.
+    pub fn placed_events(&mut self) -> Result<Vec<(Event, Option<f64>)>, RecordingError> {
+        let timeline = self.timeline()?;
+        let placed = self.events()?.into_iter().map(|event| {
+            let place_s = timeline.place(event.onset_s);
+            (event, place_s)
+        });
+        Ok(placed.collect())
+    }
+
     /// Returns the events' starts as times in the signal that a [`crate::VirtualAdc`] plays, in
     /// which gaps between records are closed.
     ///
     /// # Errors
     /// [`RecordingError::Read`] if reading fails.
     pub fn onsets(&mut self) -> Result<Onsets, RecordingError> {
+        let timeline = self.timeline()?;
+        Ok(Onsets::new(&self.events()?, &timeline))
+    }
+
+    fn timeline(&mut self) -> Result<Timeline, RecordingError> {
         let record_s = self.record_duration().map_or(0.0, Ratio::value);
         let mut timeline = Timeline {
             records: Vec::new(),
@@ -272,7 +291,7 @@ impl Recording {
             let start_s = annotations.record_start_s;
             timeline.add_record(record, start_s);
         })?;
-        Ok(Onsets::new(&self.events()?, &timeline))
+        Ok(timeline)
     }
 
     fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {

@@ -46,6 +46,27 @@ pub struct AdcCounters {
     pub not_finite: u64,
 }
 
+impl AdcCounters {
+    /// Returns a sentence for the user about each count that is not 0.
+    pub fn warnings(self) -> Vec<String> {
+        let Self {
+            saturated,
+            not_finite,
+        } = self;
+        let rail = format!(
+            "{saturated} counts are at the rail of the ADC, whose range the signals exceed: check \
+             their units and the amplifier"
+        );
+        let hole = format!(
+            "{not_finite} samples are no number (NaN or infinite); each repeats the last number of \
+             its signal, or is 0"
+        );
+        let counted = [(saturated, rail), (not_finite, hole)];
+        let counted = counted.into_iter().filter(|(count, _)| *count > 0);
+        counted.map(|(_, warning)| warning).collect()
+    }
+}
+
 /// Plays a recording as an iterator over the samples of a virtual ADC. Each sample has [`CHANNELS`]
 /// counts, i24 in i32; sample k is the recording at the time k / `rate_hz`.
 ///
@@ -195,7 +216,7 @@ mod tests {
             signals: ["C3", "C4"].map(signal).into(),
             rate_hz: 1,
             rows_per_record: 1,
-            start_ns: 0,
+            start_ns: None,
             description: String::new(),
         };
         let writer = GdfWriter::new(Cursor::new(Vec::new()), &file).expect("a header");

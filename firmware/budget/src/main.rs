@@ -6,6 +6,7 @@
 //! *.x ── memory_map ──┴─ measure, limits (the first image) ─────────┘
 //! ```
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod image;
 mod layout;
@@ -51,7 +52,7 @@ fn main() -> ExitCode {
     };
     let (json, default_images) = (option("--json"), option("--default-images"));
     let [folder] = &words[..] else {
-        eprintln!(
+        new_file::message!(
             "usage: budget FOLDER_OF_IMAGES [--json] [--default-images]; `cargo xtask budget` builds the images, \
              `--default-images` leaves out all others than those that boards have by default"
         );
@@ -66,7 +67,7 @@ fn main() -> ExitCode {
         ),
         Err(error) => error,
     };
-    eprintln!("\nerror: {error}");
+    new_file::message!("\nerror: {error}");
     ExitCode::FAILURE
 }
 
@@ -107,10 +108,11 @@ fn budget(folder: &Path, json: bool, default_images: bool) -> Result<Vec<String>
         written.map_err(|error| format!("writing {} failed: {error}", file.display()))?;
     }
     if json {
-        println!("{object}");
+        new_file::print(format_args!("{object}\n"))
     } else {
-        print_table(&boards);
+        new_file::print(table(&boards))
     }
+    .map_err(|error| error.to_string())?;
     Ok(faults)
 }
 
@@ -166,20 +168,20 @@ fn used(region: &Region, segments: &[Segment]) -> u64 {
     ends.max().unwrap_or(0)
 }
 
-fn print_table(boards: &[Board]) {
-    let print = |[board, region, used, left, length, limit]: [&str; 6]| {
-        println!("{board:<26} {region:<6} {used:>9} {left:>9} {length:>9} {limit:>9}");
+fn table(boards: &[Board]) -> String {
+    let line = |[board, region, used, left, length, limit]: [&str; 6]| {
+        format!("{board:<26} {region:<6} {used:>9} {left:>9} {length:>9} {limit:>9}\n")
     };
-    print(["board", "region", "used", "left", "of", "limit"]);
+    let mut table = line(["board", "region", "used", "left", "of", "limit"]);
     for Board { board, regions } in boards {
         for row in regions {
             let bytes = [row.used, row.left, Some(row.length), row.limit];
             let bytes = bytes.map(|bytes| bytes.map_or("-".to_owned(), |bytes| bytes.to_string()));
             let [used, left, length, limit] = &bytes;
-            print([board, &row.region, used, left, length, limit]);
+            table += &line([board, &row.region, used, left, length, limit]);
         }
     }
-    println!("bytes");
+    table + "bytes\n"
 }
 
 #[cfg(test)]

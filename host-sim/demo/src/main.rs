@@ -6,6 +6,7 @@
 //! Reference (the same EEG through the filters alone) ────────── Comparison ───────┴─ pictures
 //! ```
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod chain;
 mod comparison;
@@ -29,13 +30,15 @@ fn main() -> ExitCode {
         _ => None,
     };
     let Some((seconds, seed)) = numbers else {
-        eprintln!("usage: demo SECONDS SEED; `cargo demo` builds all programs and starts this one");
+        new_file::message!(
+            "usage: demo SECONDS SEED; `cargo demo` builds all programs and starts this one"
+        );
         return ExitCode::from(2);
     };
     match demo(seconds, seed) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("\nerror: {}", failure.message);
+            new_file::message!("\nerror: {}", failure.message);
             failure.status.into()
         }
     }
@@ -66,12 +69,15 @@ fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     let arrival = Spread::from_values(&run.arrival_intervals_ms());
     let device = Spread::from_values(&run.device_intervals_ms());
     let [made, received, lost] = [run.made, run.received(), run.lost()];
-    println!("pictures: {}", pictures.display());
-    println!(
-        "codes made {made}, received {received}, lost {lost}; interval {arrival} ms at the \
+    let printed = new_file::print(format_args!(
+        "pictures: {}\n\
+         codes made {made}, received {received}, lost {lost}; interval {arrival} ms at the \
          subscriber, {device} ms by the device's stamps\n\
-         decoded synthetic EEG against the filtered: {comparison}"
-    );
+         decoded synthetic EEG against the filtered: {comparison}\n",
+        pictures.display()
+    ));
+    let next = "make room on the disk and run it again";
+    printed.map_err(|error| Failure::check("printing", error, next))?;
     if lost == 0 && received > 0 {
         return Ok(());
     }

@@ -30,7 +30,7 @@ pub(crate) fn show(bar: &ProgressBar, run: &Run) {
     bar.inc(1);
     bar.set_message(format!("{counts}  {code}"));
     if bar.is_hidden() && run.codes.len().is_multiple_of(LINE_EVERY) {
-        eprintln!("{counts}");
+        new_file::message!("{counts}");
     }
 }
 

@@ -288,7 +288,9 @@ mod tests {
     #[test]
     fn the_twin_is_scipys() {
         if model::ADC_RATE_HZ != 512 {
-            eprintln!("SKIPPED: the twin against scipy: the built-in model has another rate");
+            new_file::message!(
+                "SKIPPED: the twin against scipy: the built-in model has another rate"
+            );
             return;
         }
         let scipy = [

@@ -30,16 +30,20 @@ pub(crate) struct DueEdge {
 }
 
 impl RecordedEdges {
-    /// Creates a pulse of two edges at the start of each event.
+    /// Creates a pulse of two edges at the start of each event of a recording with `samples`
+    /// samples of the ADC. An edge after the last sample, which no sample could carry, is moved to
+    /// it.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "not negative; beyond 2^64 us it saturates"
     )]
-    pub fn new(onsets: &Onsets) -> Self {
+    pub fn new(onsets: &Onsets, samples: u64) -> Self {
+        let last = samples.saturating_sub(1);
+        let last_us = last * 1_000_000 / u64::from(model::ADC_RATE_HZ);
         let mut rises: Vec<u64> = Vec::new();
         for onset in &onsets.seconds {
-            let rise = (onset * 1e6).round() as u64;
+            let rise = ((onset * 1e6).round() as u64).min(last_us);
             if rises
                 .last()
                 .is_none_or(|last| rise - last >= SHORTEST_PERIOD_US)
@@ -52,7 +56,8 @@ impl RecordedEdges {
             let next = rises.get(number + 1);
             let pulse = next.map_or(LONGEST_PULSE_US, |next| (next - rise) / 2);
             edges.push_back((rise, EventKind::TriggerRise));
-            edges.push_back((rise + pulse.min(LONGEST_PULSE_US), EventKind::TriggerFall));
+            let fall = rise + pulse.min(LONGEST_PULSE_US);
+            edges.push_back((fall.min(last_us), EventKind::TriggerFall));
         }
         Self { edges }
     }
@@ -63,12 +68,15 @@ impl RecordedEdges {
     }
 
     /// Removes and returns the next edge if it is not after the sample at `signal_us`, microseconds
-    /// of the signal.
+    /// of the signal, rounded down. An edge at the sample itself can be a microsecond later,
+    /// because its time is rounded to the nearest microsecond.
     pub(crate) fn take_due(&mut self, signal_us: u64) -> Option<DueEdge> {
-        let (at_us, kind) = self.edges.pop_front_if(|(at_us, _)| *at_us <= signal_us)?;
+        let (at_us, kind) = self
+            .edges
+            .pop_front_if(|(at_us, _)| *at_us <= signal_us + 1)?;
         Some(DueEdge {
             kind,
-            early_us: signal_us - at_us,
+            early_us: signal_us.saturating_sub(at_us),
         })
     }
 }
@@ -84,13 +92,13 @@ mod tests {
             outside: 0,
             ..Onsets::default()
         };
-        let mut edges = RecordedEdges::new(&onsets);
+        let mut edges = RecordedEdges::new(&onsets, 1_000);
         assert_eq!(edges.pulses(), 3);
         assert_eq!(
             edges.take_due(0).map(|edge| edge.kind),
             Some(EventKind::TriggerRise)
         );
-        assert_eq!(edges.take_due(9_999), None);
+        assert_eq!(edges.take_due(9_998), None);
         let early = |edge: Option<DueEdge>| edge.map(|edge| (edge.kind, edge.early_us));
         assert_eq!(
             early(edges.take_due(11_000)),

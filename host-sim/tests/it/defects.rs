@@ -6,6 +6,7 @@ use std::{env, fs, io::Write as _, path::Path};
 use link::{Flags, ToHost};
 
 use crate::edf_file::{EdfFile, Signal};
+use crate::gdf_file::gdf_file;
 use crate::program::{Finished, frames, run};
 
 fn play(path: &Path) -> Finished {
@@ -139,7 +140,7 @@ fn codes_and_bad_ones(input: &Path) -> (usize, usize) {
     let output = format!("--output=file:{}", path.display());
     let finished = run(&["run", &input, &output]);
     assert_eq!(finished.status, Some(0), "{finished:?}");
-    assert!(!finished.log.contains("bad in"), "{finished:?}");
+    assert!(!finished.log.contains("is bad in"), "{finished:?}");
     let bytes = fs::read(path).expect("the codes");
     let codes = frames(&bytes, |frame| match frame.message {
         ToHost::Code(code) => Some(code.flags.contains(Flags::ADC_STATUS_BAD)),
@@ -172,4 +173,33 @@ fn a_real_recording_with_flat_stretches_shows_no_fault_of_a_converter() {
     let steps = 60 * usize::from(model::STEP_RATE_HZ);
     let codes = (steps - model::STEPS) / model::HOP + 1;
     assert_eq!(codes_and_bad_ones(&path), (codes, 0));
+}
+
+#[test]
+fn values_that_the_adc_cannot_represent_have_a_warning_also_without_a_summary() {
+    let rate = model::ADC_RATE_HZ;
+    let file = gdf_file(rate, 2 * rate, &[], |row| {
+        let mut values = vec![300_000.0; model::ELECTRODES];
+        values[0] = if row == 7 { f32::NAN } else { 1.0 };
+        values
+    });
+    let folder = tempfile::tempdir().expect("a folder");
+    let codes = folder.path().join("a.codes");
+    let [file, codes] = [file.path(), &codes].map(|path| path.to_str().expect("text"));
+    for arguments in [
+        ["run", "-q", "--output=file:/dev/null", "--input", file],
+        ["encode", "-q", "--jobs=1", file, codes],
+    ] {
+        let finished = run(&arguments);
+        assert_eq!(finished.status, Some(0), "{finished:?}");
+        for warning in [
+            format!(
+                " {} counts are at the rail",
+                (model::ELECTRODES - 1) * 2 * usize::from(rate)
+            ),
+            " 1 samples are no number".to_owned(),
+        ] {
+            assert!(finished.log.contains(&warning), "{warning}: {finished:?}");
+        }
+    }
 }

@@ -1,15 +1,11 @@
 //! Events of a recording are played as pulses of the trigger input, at their samples.
 
-use std::{
-    fs,
-    io::{Cursor, Read as _},
-    path::Path,
-};
+use std::{fs, io::Read as _, path::Path};
 
 use link::{Event, EventKind, Streams, ToHost};
-use recordings::{FileToWrite, GdfWriter, SignalToWrite};
 
 use crate::edf_file::EdfFile;
+use crate::gdf_file::gdf_file;
 use crate::program::{connect, frames, free_address, program, run, send, start, wait};
 
 /// Plays a recording to a host that wants events. Returns each event, with its time since the run's
@@ -90,39 +86,29 @@ fn annotations_of_edf_are_pulses_at_their_samples() {
     let input = format!("--input={}", path.display());
     let finished = run(&["run", "-q", &input, "--output=file:/dev/null"]);
     assert!(
-        finished.log.contains("1 events are outside the signal"),
+        finished.log.contains("1 events are outside the signal")
+            && finished
+                .log
+                .contains("1 events are less than 2 ms after another one"),
         "{finished:?}"
     );
 }
 
 #[test]
 fn events_of_gdf_are_pulses_except_ends_and_sparse_samples() {
-    let labels = model::LABELS.split(' ');
-    let file = FileToWrite {
-        signals: labels
-            .map(|label| SignalToWrite {
-                label: label.to_owned(),
-                is_microvolt: true,
-                is_integer: false,
-                range: [-1000.0, 1000.0],
-            })
-            .collect(),
-        rate_hz: 100,
-        rows_per_record: 100,
-        start_ns: 0,
-        description: String::new(),
-    };
-    let mut bytes = Vec::new();
-    let mut writer = GdfWriter::new(Cursor::new(&mut bytes), &file).expect("in memory");
-    for _ in 0..3 {
-        let rows = (0..100_u16).flat_map(|row| vec![f32::from(row); model::ELECTRODES]);
-        let rows: Vec<f32> = rows.collect();
-        writer.write_record(&rows).expect("in memory");
-    }
     let events = [(50, 0x0301), (150, 0x8301), (180, 0x7fff), (200, 0x0302)];
-    writer.finish(&events).expect("in memory");
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("events.gdf");
-    fs::write(&path, bytes).expect("writable");
-    assert_played(&played(&path, &[]), &pulses(&[500, 2000]));
+    let file = gdf_file(100, 300, &events, |row| vec![row.into(); model::ELECTRODES]);
+    assert_played(&played(file.path(), &[]), &pulses(&[500, 2000]));
+}
+
+#[test]
+fn each_event_at_a_sample_of_the_adc_is_sent_with_that_sample_up_to_the_last_one() {
+    let rate = model::ADC_RATE_HZ;
+    let rows = [1, 3, 7, 500, 511, 2 * rate - 1];
+    let events = rows.map(|row| (row.into(), 0x0301));
+    let file = gdf_file(rate, 2 * rate, &events, |_| vec![1.0; model::ELECTRODES]);
+    let events = played(file.path(), &[]).into_iter().map(|(event, _)| event);
+    let rises = events.filter(|event| event.kind == EventKind::TriggerRise);
+    let samples: Vec<u64> = rises.map(|event| event.sample).collect();
+    assert_eq!(samples, rows.map(u64::from));
 }

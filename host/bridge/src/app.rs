@@ -21,7 +21,6 @@ mod shutdown;
 mod whole_lines;
 
 use std::fmt;
-use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -71,10 +70,12 @@ pub fn run() -> ExitCode {
         Task::Master(options) => run_master(&options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Completions(options) => {
             let script = manual::script(&options, command());
-            print(script.as_bytes()).map(|()| ExitCode::SUCCESS)
+            Ok(new_file::print(script).map(|()| ExitCode::SUCCESS)?)
         }
         Task::Man(options) => {
-            print(&manual::pages(&options, command())?).map(|()| ExitCode::SUCCESS)
+            let pages = manual::pages(&options, command())?;
+            new_file::print(String::from_utf8_lossy(&pages))?;
+            Ok(ExitCode::SUCCESS)
         }
     });
     match done {
@@ -131,7 +132,7 @@ fn read_task(
     let task = task.unwrap_or_else(|error| error.exit());
     if let (Task::SelfTest(_) | Task::Reset(_), Some(path)) = (&task, &path) {
         // These two subcommands have no log in which the file could be named.
-        eprintln!("corticode-bridge: options from {}", path.display());
+        new_file::message!("corticode-bridge: options from {}", path.display());
     }
     Ok((task, path))
 }
@@ -151,7 +152,7 @@ fn stream(options: Options, ros: NodeOptions, config: Option<PathBuf>) -> Result
     // until that thread wakes up.
     let runtime = one_thread()?;
     let summary = runtime.block_on(bridge::stream(options, ros, lines))?;
-    eprintln!("corticode-bridge: {summary}");
+    new_file::message!("corticode-bridge: {summary}");
     Ok(())
 }
 
@@ -162,14 +163,14 @@ fn record(
 ) -> Result<(), BridgeError> {
     init_log(ros, config)?;
     let summary = Runtime::new()?.block_on(record::record(options))?;
-    eprintln!("corticode-bridge: {summary}");
+    new_file::message!("corticode-bridge: {summary}");
     Ok(())
 }
 
 fn replay(options: &ReplayOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
     init_log(ros, None)?;
     let summary = Runtime::new()?.block_on(replay::replay(options))?;
-    eprintln!("corticode-bridge: {summary}");
+    new_file::message!("corticode-bridge: {summary}");
     Ok(())
 }
 
@@ -180,7 +181,7 @@ fn convert(
 ) -> Result<(), BridgeError> {
     init_log(ros, config)?;
     let summary = convert::convert(options)?;
-    eprintln!("corticode-bridge: {summary}");
+    new_file::message!("corticode-bridge: {summary}");
     Ok(())
 }
 
@@ -203,13 +204,13 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
             device.board
         ),
     };
-    print(format!("{text}\n").as_bytes())?;
+    new_file::print(format_args!("{text}\n"))?;
     Ok(ExitCode::SUCCESS)
 }
 
 fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
     if options.udev_rule {
-        print(UDEV_RULE.as_bytes())?;
+        new_file::print(UDEV_RULE)?;
         return Ok(ExitCode::SUCCESS);
     }
     let ports = PortList::read(&SystemRoot::machine());
@@ -239,15 +240,7 @@ fn print_report(report: &(impl Serialize + fmt::Display), json: bool) -> Result<
     } else {
         report.to_string()
     };
-    print(format!("{text}\n").as_bytes())
-}
-
-/// Writes text to stdout. A reader that has closed the pipe, such as `head`, is not an error.
-fn print(text: &[u8]) -> Result<(), BridgeError> {
-    match std::io::stdout().write_all(text) {
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        written => Ok(written?),
-    }
+    Ok(new_file::print(format_args!("{text}\n"))?)
 }
 
 /// Starts the log, and notes in it which configuration file `config` was read, if any. Returns the

@@ -169,10 +169,10 @@ pub enum BridgeError {
 impl BridgeError {
     /// Prints the error and its causes to stderr, and returns the exit status of the program.
     pub fn report(&self, program: &str) -> ExitCode {
-        eprintln!("{program}: {self}");
+        new_file::message!("{program}: {self}");
         let mut source = self.source();
         while let Some(cause) = source {
-            eprintln!("  because {cause}");
+            new_file::message!("  because {cause}");
             source = cause.source();
         }
         ExitCode::from(self.exit_code())

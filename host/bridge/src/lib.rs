@@ -11,6 +11,7 @@
 //! [`Publication`] connects the core to ROS for a program that is a device itself and implements
 //! [`Feed`].
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod app;
 mod doctor;

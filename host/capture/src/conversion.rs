@@ -29,7 +29,7 @@ use crate::conversion::block::Stream;
 use crate::conversion::collector::Listener;
 use crate::conversion::playback::Playback;
 use crate::conversion::row_files::{CsvRows, NpzRows, RecordRows, RowWriter, Rows, StreamFile};
-use crate::conversion::survey::Survey;
+use crate::conversion::survey::{StreamSurvey, Survey};
 use crate::recording::reader::{LeftOut, RecordingReader};
 use crate::recording::{FileHeader, RecordingError};
 
@@ -55,6 +55,29 @@ pub enum ConvertError {
         path: PathBuf,
         /// What is wrong with the file.
         source: RecordingError,
+    },
+    /// The recording has other rows than when it was read for the first time.
+    #[error(
+        "{path} changed while it was converted: {announced} rows of {stream} became {written}; convert it \
+         again when no program writes to it"
+    )]
+    Changed {
+        /// Path of the recording.
+        path: PathBuf,
+        /// Stream whose number of rows differs.
+        stream: &'static str,
+        /// Number of rows in the first pass, which the headers of files state.
+        announced: u64,
+        /// Number of rows in the second pass.
+        written: u64,
+    },
+    /// A file in the chosen format cannot hold the stream, or cannot state its start.
+    #[error("{path} cannot be written in this format; choose another one with --to")]
+    Format {
+        /// Path of the file.
+        path: PathBuf,
+        /// Why it cannot be written, and what helps.
+        source: std::io::Error,
     },
     /// A file cannot be created or written.
     #[error(transparent)]
@@ -112,6 +135,9 @@ pub struct ConvertSummary {
     left_out: LeftOut,
     /// Number of missing rows without fillers, because their stream already had too many fillers.
     unfilled: u64,
+    /// Duration of the signal by its rows, and by the host's clock, seconds, of a stream in which
+    /// they differ.
+    differing_s: Option<(f64, f64)>,
     core: Summary,
 }
 
@@ -137,6 +163,14 @@ impl fmt::Display for ConvertSummary {
                 self.unfilled
             )?;
         }
+        if let Some((rows_s, host_s)) = self.differing_s {
+            write!(
+                formatter,
+                "\nwarning: {rows_s:.0} s of signal in {host_s:.0} s of the host's time: the device \
+                 was not in real time, or an outage is not filled. Times of the host (time_s, \
+                 time_ns) are not those of the rows; the rate and the device's time are right"
+            )?;
+        }
         if within > 0 {
             write!(
                 formatter,
@@ -160,6 +194,7 @@ pub fn convert<R: Read>(
 ) -> Result<ConvertSummary, ConvertError> {
     let input = Input {
         path: &options.file,
+        bytes: std::fs::metadata(&options.file).map_or(0, |file| file.len()),
         model,
         progress,
     };
@@ -173,6 +208,8 @@ pub fn convert<R: Read>(
     let unfilled = survey.collector.unfilled;
     let objection = survey.objection().map(str::to_owned);
     let survey = survey.collector.listener;
+    let mut durations = survey.streams.iter();
+    let differing_s = durations.find_map(StreamSurvey::differing_durations_s);
     let outputs = outputs(options, &survey, objection)?;
     let mut rows = Rows::default();
     let mut files = Vec::new();
@@ -195,6 +232,18 @@ pub fn convert<R: Read>(
         None => Ok(()),
     })?;
     core.decoder.malformed = played.collector.malformed();
+    for stream in Stream::ALL {
+        let announced = survey.streams[stream as usize].rows;
+        let written = played.collector.listener.counts[stream as usize];
+        if announced != written {
+            return Err(ConvertError::Changed {
+                path: options.file.clone(),
+                stream: stream.name(),
+                announced,
+                written,
+            });
+        }
+    }
     let writers = played.collector.listener.writers.into_iter().enumerate();
     for (number, writer) in writers {
         if let Some(writer) = writer {
@@ -210,6 +259,7 @@ pub fn convert<R: Read>(
         events: survey.events.len(),
         left_out,
         unfilled,
+        differing_s,
         core,
     })
 }
@@ -217,7 +267,10 @@ pub fn convert<R: Read>(
 /// Returns the error for a failure to write the file at `path`.
 fn failed(path: &Path, source: std::io::Error) -> ConvertError {
     let path = path.to_owned();
-    NewFileError::Write { path, source }.into()
+    match source.kind() {
+        std::io::ErrorKind::InvalidInput => ConvertError::Format { path, source },
+        _ => NewFileError::Write { path, source }.into(),
+    }
 }
 
 impl Conversion {
@@ -285,6 +338,9 @@ fn writer(
 /// The recording to read, the model to decode it with, and what shows the progress.
 struct Input<'a, P> {
     path: &'a Path,
+    /// Length of the recording when the conversion began. What a program appends to the file later
+    /// is not read, so that both passes read the same.
+    bytes: u64,
     model: Arc<Model>,
     progress: P,
 }
@@ -302,7 +358,8 @@ impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
             source,
         };
         let file = File::open(self.path).map_err(|error| unusable(error.into()))?;
-        let mut reader = RecordingReader::new((self.progress)(file, what)).map_err(unusable)?;
+        let source = (self.progress)(file, what).take(self.bytes);
+        let mut reader = RecordingReader::new(source).map_err(unusable)?;
         let settings = settings(reader.header());
         let mut playback = Playback::new(settings, Arc::clone(&self.model), listener);
         while let Some(record) = reader.next_record().map_err(unusable)? {

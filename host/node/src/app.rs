@@ -71,7 +71,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
     let summary = runtime.block_on(Box::pin(publication.publish(log, connect)))?;
     // Dropping the runtime would wait for an unfinished lookup of a host name.
     runtime.shutdown_background();
-    eprintln!("corticode-node: {summary}");
+    new_file::message!("corticode-node: {summary}");
     Ok(())
 }
 

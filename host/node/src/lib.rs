@@ -27,6 +27,7 @@
 //! # Ok::<(), node::Refusal>(())
 //! ```
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod app;
 mod command_line;

@@ -4,6 +4,7 @@ use std::fmt;
 
 use link::Flags;
 use pipeline::Mains;
+use recordings::virtual_adc::AdcCounters;
 
 use crate::error::OfflineError;
 use crate::hops::DecodedHop;
@@ -175,6 +176,11 @@ impl Comparing {
             }
         }
         Ok(())
+    }
+
+    /// Returns the counts of the original's values that the virtual ADC could not represent.
+    pub(crate) fn adc_counters(&self) -> AdcCounters {
+        self.original.played.adc.counters()
     }
 
     pub(crate) fn finish(self) -> Comparison {

@@ -60,7 +60,8 @@ pub struct Decoded {
     pub rate_hz: u32,
     /// Number of values that were limited to the range of the file's format.
     pub limited: u64,
-    /// Texts of the recording's events, each with the GDF type that stands for it in a GDF file.
+    /// Texts of the recording's events, each with the type that stands for it in a GDF file; empty
+    /// for other formats.
     pub event_types: Vec<(String, u16)>,
     /// Defects of the original recording, differences between it and the codes, and malformed
     /// blocks, one sentence each.
@@ -120,14 +121,22 @@ impl Decoding<'_> {
         let original = original.map(|path| self.open_original(path, input, &survey));
         let original = original.transpose()?;
         let played = original.as_ref().map(|original| &original.played);
-        let events = RowEvents::new(played.map(|played| &played.onsets), &survey, description);
+        let mut events = RowEvents::new(played.map(|played| &played.onsets), &survey, description);
+        if self.format == SignalFormat::Gdf {
+            events.assign_types();
+        }
         let mut warnings = played.map_or_else(Vec::new, |played| played.warnings.clone());
-        if events.left_out > 0 {
-            warnings.push(format!(
-                "{} events are left out: they are outside the decoded signal, or no event type is left for \
-                 their text",
-                events.left_out
-            ));
+        for (count, why) in [
+            (events.outside, "they are outside the decoded signal"),
+            (
+                events.untyped,
+                "a GDF file has no types for more than 254 different texts; --to edf, bdf, csv and npz \
+                 keep the texts",
+            ),
+        ] {
+            if count > 0 {
+                warnings.push(format!("{count} events are left out: {why}"));
+            }
         }
         warnings.extend(left_out_warning(&survey));
         warnings.extend(played.and_then(|played| length_warning(played, &survey, description)));
@@ -176,6 +185,9 @@ impl Decoding<'_> {
                  with the release that wrote it"
             ));
         }
+        let adc = comparing.as_ref().map(Comparing::adc_counters);
+        let of_original = adc.unwrap_or_default().warnings().into_iter();
+        warnings.extend(of_original.map(|warning| format!("original: {warning}")));
         let limited = writer.finish().map_err(&failed)?;
         file.finish()?;
         Ok(Decoded {

@@ -130,6 +130,14 @@ impl Encoding {
                 model::STEP_RATE_HZ
             ));
         }
+        let adc = played.adc.counters();
+        played.warnings.extend(adc.warnings());
+        let blanks = packed.map_or(0, |packed| packed.blanks);
+        if blanks > 0 {
+            played.warnings.push(format!(
+                "{blanks} packed blocks were too long and have no content; a larger --packed-rate has shorter ones"
+            ));
+        }
         write(device.take_frames())?;
         file.finish()?;
         Ok(Encoded {
@@ -137,7 +145,7 @@ impl Encoding {
             warnings: played.warnings,
             stats,
             packed,
-            adc: played.adc.counters(),
+            adc,
             bytes,
         })
     }

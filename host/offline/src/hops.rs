@@ -19,7 +19,8 @@ pub(crate) struct DecodedHop<'a> {
     /// on.
     pub(crate) uv: &'a [f32],
     /// Flags of all windows that contain the hop. The filler flag marks steps for which every code
-    /// is missing: their values repeat the last step.
+    /// is missing: their values repeat the last step. The flag `HEALING` marks steps for which some
+    /// codes are missing.
     pub(crate) flags: Flags,
 }
 
@@ -115,6 +116,9 @@ impl<'d> Hops<'d> {
         };
         let hop = self.overlap.next_hop(window, &mut self.uv);
         let mut flags = Flags::from_bits(hop.flags);
+        if hop.source != Source::Missing && !hop.is_whole {
+            flags |= Flags::HEALING;
+        }
         if hop.source == Source::Missing {
             flags |= Flags::FILLER;
             let last = self.uv.len() - self.electrodes;

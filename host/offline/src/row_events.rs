@@ -18,9 +18,10 @@ pub(crate) struct RowEvents {
     pub(crate) rows: Vec<RowEvent>,
     /// Texts of events, each with the GDF type assigned to it, numbered from 1.
     pub(crate) types: Vec<(String, u16)>,
-    /// Number of omitted events: they are outside the decoded signal, or no GDF type can state
-    /// them.
-    pub(crate) left_out: usize,
+    /// Number of omitted events, which are outside the decoded signal.
+    pub(crate) outside: usize,
+    /// Number of events for whose text no GDF type is left.
+    pub(crate) untyped: usize,
 }
 
 impl RowEvents {
@@ -29,11 +30,18 @@ impl RowEvents {
     pub(crate) fn new(onsets: Option<&Onsets>, survey: &Survey, description: &Description) -> Self {
         let mut events = Self::default();
         if let Some(onsets) = onsets {
-            events.left_out = onsets.outside;
+            events.outside = onsets.outside;
             for (onset_s, label) in onsets.seconds.iter().zip(&onsets.labels) {
-                let row = row_of(*onset_s, survey, description);
-                if row.and_then(|row| events.add(row, label)).is_none() {
-                    events.left_out += 1;
+                match row_of(*onset_s, survey, description) {
+                    Some(row) => events.rows.push(RowEvent {
+                        row,
+                        text: label.to_string(),
+                        kind: match label {
+                            EventLabel::Type(kind) => Some(*kind),
+                            EventLabel::Text(_) | EventLabel::SparseSample(_) => None,
+                        },
+                    }),
+                    None => events.outside += 1,
                 }
             }
         }
@@ -42,26 +50,22 @@ impl RowEvents {
         let gaps = survey.gaps.iter().map(|gap| RowEvent {
             row: u64::from(gap.first) * hop,
             text: format!("{items} missing: {}", gap.windows),
-            kind: MISSING_TYPE,
+            kind: Some(MISSING_TYPE),
         });
         events.rows.extend(gaps);
         events.rows.sort_by_key(|event| event.row);
         events
     }
 
-    /// Adds an event. Returns `None` if the event has no GDF type, or no type is left for its text.
-    fn add(&mut self, row: u64, label: &EventLabel) -> Option<()> {
-        let kind = match label {
-            EventLabel::Type(kind) => *kind,
-            EventLabel::SparseSample(_) => return None,
-            EventLabel::Text(text) => self.type_of(text)?,
-        };
-        self.rows.push(RowEvent {
-            row,
-            text: label.to_string(),
-            kind,
-        });
-        Some(())
+    /// Gives each text a GDF type, because a GDF file has no texts. Counts the events of those for
+    /// which no type is left.
+    pub(crate) fn assign_types(&mut self) {
+        let mut rows = std::mem::take(&mut self.rows);
+        for event in rows.iter_mut().filter(|event| event.kind.is_none()) {
+            event.kind = self.type_of(&event.text);
+            self.untyped += usize::from(event.kind.is_none());
+        }
+        self.rows = rows;
     }
 
     /// Returns the GDF type of a text. A new text gets the next free type; `None` if all are taken.

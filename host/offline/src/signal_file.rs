@@ -42,8 +42,8 @@ impl SignalFormat {
 pub(crate) struct RowEvent {
     pub(crate) row: u64,
     pub(crate) text: String,
-    /// Type of the event in a GDF file.
-    pub(crate) kind: u16,
+    /// Type of the event in a GDF file; `None` for a text that has no type.
+    pub(crate) kind: Option<u16>,
 }
 
 /// Description of a signal, which a file states before the first row.

@@ -29,8 +29,9 @@ bit_set! {
         const MISFIT = 7;
         /// Bit 8: the packed block was too long and has no content; the host predicts its signals.
         const BLANK = 8;
-        /// Bit 14: packed blocks were lost before this one, and the state of the bridge's decoder
-        /// still differs from the device's. Never set on the wire.
+        /// Bit 14: a loss nearby makes the error of decoded signals larger. Packed blocks were lost
+        /// before this one, and the state of the host's decoder still differs from the device's; or
+        /// steps were decoded from fewer codes than windows contain them. Never set on the wire.
         const HEALING = 14;
         /// Bit 15: the bridge inserted this code or packed block in place of a lost one. Never set
         /// on the wire.

@@ -29,7 +29,7 @@ pub fn write_gdf<L: AsRef<str>>(
         signals: labels.iter().map(signal).collect(),
         rate_hz,
         rows_per_record: rate_hz,
-        start_ns: 0,
+        start_ns: None,
         description: "test".to_owned(),
     };
     let writer = GdfWriter::new(File::create(path).expect("a new file"), &file);

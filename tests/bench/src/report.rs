@@ -163,9 +163,9 @@ fn run(options: &Options) -> anyhow::Result<()> {
         written.map_err(EmulatorError::file(file))?;
     }
     if options.json {
-        println!("{}", report.object);
+        new_file::print(format_args!("{}\n", report.object))?;
     } else {
-        print!("{report}");
+        new_file::print(&report)?;
     }
     report.outcome()
 }

@@ -57,7 +57,7 @@ impl Terminal {
 
 impl ProgressObserver for Terminal {
     fn message(&mut self, text: &str) {
-        self.bar.suspend(|| eprintln!("{text}"));
+        self.bar.suspend(|| new_file::message!("{text}"));
     }
 
     fn epoch_started(&mut self, epoch: u32, epochs: u32, batches: usize, windows: usize) {

@@ -134,7 +134,7 @@ fn write_gdf(
         signals: labels.iter().map(signal).collect(),
         rate_hz,
         rows_per_record: rate_hz,
-        start_ns: 0,
+        start_ns: None,
         description: "synthetic".to_owned(),
     };
     let file = File::create(path).expect("a new file");

@@ -63,6 +63,9 @@ pub struct Hop {
     /// Flags of the window that was passed to [`Overlap::next_hop`] and of all windows in the
     /// average.
     pub flags: u16,
+    /// Whether the values are those of all windows that contain the hop. Windows are missing where
+    /// codes are lost, and at both ends of a stream.
+    pub is_whole: bool,
 }
 
 /// Averages overlapping windows. For each window that it gets, it returns one hop of steps.
@@ -111,25 +114,25 @@ impl Overlap {
             .iter()
             .filter_map(|earlier| hop_at(earlier, index, length))
             .collect();
-        let source = match (&window.values, shared.is_empty()) {
+        let (source, is_whole) = match (&window.values, shared.is_empty()) {
             (Some(new), true) if self.layout.low_latency => {
                 hop.copy_from_slice(&new[new.len() - length..]);
-                Source::Window
+                (Source::Window, true)
             }
             (Some(new), true) => {
                 hop.copy_from_slice(&new[..length]);
-                Source::Window
+                (Source::Window, new.len() < 2 * length)
             }
             (Some(new), false) => {
                 shared.push(&new[..length]);
                 average(&shared, hop);
-                Source::Average
+                (Source::Average, shared.len() == new.len() / length)
             }
             (None, false) => {
                 average(&shared, hop);
-                Source::Earlier
+                (Source::Earlier, false)
             }
-            (None, true) => Source::Missing,
+            (None, true) => (Source::Missing, false),
         };
         let full_scale_uv = self.layout.full_scale_uv;
         for value in hop.iter_mut() {
@@ -142,7 +145,11 @@ impl Overlap {
         if window.values.is_some() {
             self.earlier.push_back(window);
         }
-        Hop { source, flags }
+        Hop {
+            source,
+            flags,
+            is_whole,
+        }
     }
 }
 
@@ -202,8 +209,30 @@ mod tests {
         windows.iter().map(&mut next).collect()
     }
 
+    /// Returns a hop from all windows that contain it only if it is an average.
     fn made(source: Source, flags: u16) -> Hop {
-        Hop { source, flags }
+        let is_whole = source == Source::Average;
+        Hop {
+            source,
+            flags,
+            is_whole,
+        }
+    }
+
+    /// Returns an average of fewer windows than contain the hop.
+    fn partial(flags: u16) -> Hop {
+        Hop {
+            is_whole: false,
+            ..made(Source::Average, flags)
+        }
+    }
+
+    /// Returns a hop that only one window contains.
+    fn alone(flags: u16) -> Hop {
+        Hop {
+            is_whole: true,
+            ..made(Source::Window, flags)
+        }
     }
 
     #[test]
@@ -236,24 +265,29 @@ mod tests {
         ];
         let expected = [
             ([0.0, 0.0], made(Source::Window, 0b1)),
-            ([11.0, 11.0], made(Source::Average, 0b11)),
+            ([11.0, 11.0], partial(0b11)),
             ([20.5, 20.5], made(Source::Earlier, 0b111)),
-            ([33.0, 41.0], made(Source::Average, 0b1011)),
+            ([33.0, 41.0], partial(0b1011)),
         ];
         assert_eq!(hops(LAYOUT, &windows), expected);
     }
 
     #[test]
     fn windows_that_do_not_overlap_or_do_not_follow_each_other_stand_alone() {
-        for windows in [
-            [(0, Some(&[1.0, 2.0][..])), (1, Some(&[5.0, 6.0]))],
-            [
-                (7, Some(&[1.0, 2.0, 3.0, 4.0])),
-                (1, Some(&[5.0, 6.0, 7.0, 8.0])),
-            ],
+        for (windows, hop) in [
+            (
+                [(0, Some(&[1.0, 2.0][..])), (1, Some(&[5.0, 6.0]))],
+                alone(0b10),
+            ),
+            (
+                [
+                    (7, Some(&[1.0, 2.0, 3.0, 4.0])),
+                    (1, Some(&[5.0, 6.0, 7.0, 8.0])),
+                ],
+                made(Source::Window, 0b10),
+            ),
         ] {
-            let expected = ([5.0, 6.0], made(Source::Window, 0b10));
-            assert_eq!(hops(LAYOUT, &windows)[1], expected);
+            assert_eq!(hops(LAYOUT, &windows)[1], ([5.0, 6.0], hop));
         }
     }
 
@@ -267,10 +301,7 @@ mod tests {
             (0, Some(&[1.0, 2.0, 3.0, 4000.0])),
             (1, Some(&[1.0, 2.0, 5.0, 6.0])),
         ];
-        let expected = [
-            ([3.0, 100.0], made(Source::Window, 0b1)),
-            ([5.0, 6.0], made(Source::Window, 0b10)),
-        ];
+        let expected = [([3.0, 100.0], alone(0b1)), ([5.0, 6.0], alone(0b10))];
         assert_eq!(hops(layout, &windows), expected);
         let lookback = |low_latency| HopLayout::lookback_steps(16, 8, low_latency);
         assert_eq!([lookback(false), lookback(true)], [15, 7]);

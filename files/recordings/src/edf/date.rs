@@ -1,78 +1,93 @@
-//! Dates and times as the header of an EDF file writes them.
+//! Dates and times as the header of an EDF file writes them: in local time.
 
-const MONTHS: [&str; 12] = [
-    "JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC",
-];
+use jiff::civil;
+use jiff::{Timestamp, tz::TimeZone};
 
-/// Date and time of day, UTC.
+/// Start of a file that does not state when it was recorded: the first day that EDF can state.
+const UNKNOWN: civil::DateTime = civil::DateTime::constant(1985, 1, 1, 0, 0, 0, 0);
+
+/// Start of a file by the clock of the place where it was recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct DateTime {
-    year: i64,
-    month: usize,
-    day: i64,
-    second_of_day: i64,
+pub(crate) struct LocalStart {
+    local: civil::DateTime,
+    is_known: bool,
 }
 
-impl DateTime {
-    /// Converts nanoseconds since 1970, UTC, rounding down to seconds. Source of the formula: H.
-    /// Hinnant, "chrono-Compatible Low-Level Date Algorithms", `civil_from_days`.
-    pub(crate) fn new(wall_ns: i64) -> DateTime {
-        let seconds = wall_ns.div_euclid(1_000_000_000);
-        // The formula counts days from 1 March of the year 0, in eras of 400 years.
-        let days = seconds.div_euclid(86_400) + 719_468;
-        let (era, day_of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
-        let leap_days = day_of_era / 1_460 - day_of_era / 36_524 + day_of_era / 146_096;
-        let year_of_era = (day_of_era - leap_days) / 365;
-        let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-        let month_from_march = (5 * day_of_year + 2) / 153;
-        let month = (month_from_march + 2) % 12;
-        DateTime {
-            year: era * 400 + year_of_era + i64::from(month < 2),
-            month: usize::try_from(month).unwrap_or(0),
-            day: day_of_year - (153 * month_from_march + 2) / 5 + 1,
-            second_of_day: seconds.rem_euclid(86_400),
+impl LocalStart {
+    /// Converts nanoseconds since 1970, UTC, to the time zone `zone`; `None` for an unknown start.
+    pub(crate) fn new(wall_ns: Option<i64>, zone: &TimeZone) -> LocalStart {
+        let timestamp = wall_ns.and_then(|ns| Timestamp::from_nanosecond(ns.into()).ok());
+        LocalStart {
+            local: timestamp.map_or(UNKNOWN, |timestamp| zone.to_datetime(timestamp)),
+            is_known: timestamp.is_some(),
         }
     }
 
     /// Returns the date in the form `02.08.51`.
     pub(crate) fn short_date(self) -> String {
-        let year = self.year.rem_euclid(100);
-        format!("{:02}.{:02}.{year:02}", self.day, self.month + 1)
+        self.local.strftime("%d.%m.%y").to_string()
     }
 
-    /// Returns the date in the form `02-AUG-1951`.
+    /// Returns the date in the form `02-AUG-1951`; `X` if it is unknown.
     pub(crate) fn long_date(self) -> String {
-        format!("{:02}-{}-{:04}", self.day, MONTHS[self.month], self.year)
+        if !self.is_known {
+            return "X".to_owned();
+        }
+        self.local.strftime("%d-%b-%Y").to_string().to_uppercase()
     }
 
-    /// Returns the time of day in the form `23.59.59`.
+    /// Returns the time of day in the form `23.59.59`, rounded down.
     pub(crate) fn time(self) -> String {
-        let second = self.second_of_day;
-        let (hour, minute) = (second / 3600, second / 60 % 60);
-        format!("{hour:02}.{minute:02}.{:02}", second % 60)
+        self.local.strftime("%H.%M.%S").to_string()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::DateTime;
+    use jiff::tz::TimeZone;
+
+    use super::LocalStart;
 
     #[test]
-    fn dates_of_leap_years_and_of_the_turn_of_the_year_are_right() {
-        for (seconds, long, time) in [
-            (0, "01-JAN-1970", "00.00.00"),
-            (951_782_399, "28-FEB-2000", "23.59.59"),
-            (951_782_400, "29-FEB-2000", "00.00.00"),
-            (1_700_000_000, "14-NOV-2023", "22.13.20"),
-            (1_735_689_599, "31-DEC-2024", "23.59.59"),
-            (1_735_689_600, "01-JAN-2025", "00.00.00"),
+    fn a_start_is_local_time_also_in_summer_and_at_the_turn_of_the_year() {
+        let new_york = TimeZone::posix("EST5EDT,M3.2.0,M11.1.0").unwrap();
+        for (seconds, zone, short, long, time) in [
+            (
+                Some(0),
+                &TimeZone::UTC,
+                "01.01.70",
+                "01-JAN-1970",
+                "00.00.00",
+            ),
+            (
+                Some(951_782_400),
+                &TimeZone::UTC,
+                "29.02.00",
+                "29-FEB-2000",
+                "00.00.00",
+            ),
+            (
+                Some(1_735_689_600),
+                &new_york,
+                "31.12.24",
+                "31-DEC-2024",
+                "19.00.00",
+            ),
+            (
+                Some(1_719_792_000),
+                &new_york,
+                "30.06.24",
+                "30-JUN-2024",
+                "20.00.00",
+            ),
+            (None, &new_york, "01.01.85", "X", "00.00.00"),
         ] {
-            let date = DateTime::new(seconds * 1_000_000_000);
-            assert_eq!((&*date.long_date(), &*date.time()), (long, time));
+            let start = LocalStart::new(seconds.map(|seconds: i64| seconds * 1_000_000_000), zone);
+            let written = (start.short_date(), start.long_date(), start.time());
+            assert_eq!(
+                written,
+                (short.to_owned(), long.to_owned(), time.to_owned())
+            );
         }
-        assert_eq!(
-            DateTime::new(1_700_000_000_000_000_000).short_date(),
-            "14.11.23"
-        );
     }
 }

@@ -2,9 +2,12 @@
 //!
 //! Sources: Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
 
+use std::env;
 use std::io::{self, Seek, SeekFrom, Write};
 
-use crate::edf::date::DateTime;
+use jiff::tz::TimeZone;
+
+use crate::edf::date::LocalStart;
 use crate::header::{FileToWrite, SignalToWrite, invalid};
 use crate::signal::Calibration;
 
@@ -237,6 +240,17 @@ fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
     format!("+{}\x14{text}\x14\0", onset(*row, rate_hz)).into_bytes()
 }
 
+/// Returns the time zone of this machine, that of `TZ` if it is set; UTC if the machine has none.
+fn zone() -> io::Result<TimeZone> {
+    match TimeZone::try_system() {
+        Err(_) if env::var_os("TZ").is_some_and(|zone| !zone.is_empty()) => Err(invalid(
+            "the time zone that the variable TZ names is not known; set TZ to UTC0 or to a zone of \
+             /usr/share/zoneinfo, or install tzdata",
+        )),
+        zone => Ok(zone.unwrap_or(TimeZone::UTC)),
+    }
+}
+
 fn header(
     variant: Variant,
     file: &FileToWrite,
@@ -252,7 +266,7 @@ fn header(
         ));
     }
     let signals = file.signals.len() + 1;
-    let date = DateTime::new(file.start_ns);
+    let date = LocalStart::new(file.start_ns, &zone()?);
     let mut bytes = variant.magic.to_vec();
     let mut field = |text: &str, length: usize| {
         let ascii = text.chars().filter(char::is_ascii).take(length);
@@ -311,7 +325,7 @@ mod tests {
             signals: vec![signal],
             rate_hz: 1,
             rows_per_record: 1,
-            start_ns: 0,
+            start_ns: None,
             description: String::new(),
         };
         let mut writer = EdfWriter::bdf(Cursor::new(Vec::new()), &file, 1, Vec::new()).unwrap();

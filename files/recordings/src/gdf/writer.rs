@@ -117,7 +117,7 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     bytes.extend(padded(&file.description, 64));
     // The zeros before the time leave the place of the recording unstated.
     bytes.resize(168, 0);
-    bytes.extend(gdf_time(file.start_ns).to_le_bytes());
+    bytes.extend(gdf_time(file.start_ns.unwrap_or(UNKNOWN_NS)).to_le_bytes());
     // The zeros leave the patient's birthday unstated.
     bytes.resize(184, 0);
     bytes.extend((count + 1).to_le_bytes());
@@ -156,6 +156,9 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Start of a file that does not state when it was recorded, nanoseconds since 1970: 1 January
+/// 1985, as in EDF.
+const UNKNOWN_NS: i64 = 473_385_600_000_000_000;
 /// Number of days from GDF's day 0 (1 January of the year 0) to 1 January 1970.
 const DAYS_TO_1970: i128 = 719_529;
 /// Nanoseconds in a day.

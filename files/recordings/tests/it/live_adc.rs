@@ -37,7 +37,7 @@ fn recorded(rate_hz: u32, samples: &[f32]) -> Vec<[i32; 64]> {
         signals: LABELS.map(signal).into(),
         rate_hz,
         rows_per_record: rate_hz,
-        start_ns: 0,
+        start_ns: None,
         description: String::new(),
     };
     let mut writer = GdfWriter::new(Cursor::new(Vec::new()), &file).expect("a header");

@@ -26,7 +26,7 @@ fn file(rate_hz: u32, rows_per_record: u32) -> FileToWrite {
         ],
         rate_hz,
         rows_per_record,
-        start_ns: 1_700_000_000_123_456_789,
+        start_ns: Some(1_700_000_000_123_456_789),
         description: "a device".to_owned(),
     }
 }
@@ -56,7 +56,10 @@ fn values_rates_and_annotations_are_read_back() {
         writer.write_record(&rows.collect::<Vec<f32>>()).unwrap();
     }
     let bytes = writer.finish().unwrap().into_inner();
-    assert_eq!(&bytes[168..184], b"14.11.2322.13.20");
+    let start = jiff::Timestamp::from_second(1_700_000_000).unwrap();
+    let start = jiff::tz::TimeZone::system().to_datetime(start);
+    let start = start.strftime("%d.%m.%y%H.%M.%S").to_string();
+    assert_eq!(&bytes[168..184], start.as_bytes());
     let mut recording = open(bytes).unwrap();
     assert_eq!(recording.format(), Format::BdfPlusContinuous);
     assert_eq!(recording.records(), 5);

@@ -29,6 +29,8 @@ pub struct Reconstruction {
     model: Arc<Model>,
     filler: FillerPolicy,
     electrodes: usize,
+    /// Number of values in a decoded window: steps times electrodes.
+    window_values: usize,
     overlap: Overlap,
     frame: NeuroFrame,
 }
@@ -44,6 +46,7 @@ impl Reconstruction {
             model,
             filler: settings.filler,
             electrodes,
+            window_values: usize::from(device.window_steps) * electrodes,
             overlap: Overlap::new(HopLayout {
                 steps: usize::from(device.hop_steps),
                 electrodes,
@@ -91,6 +94,19 @@ impl Reconstruction {
     /// `None` if no code with these steps was received and the user wants no fillers.
     pub fn next_frame(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
         let decoded = window.z.as_ref().map(|z| self.model.decode(z));
+        self.frame_of(window, decoded)
+    }
+
+    /// Returns the frame that [`Self::next_frame`] would return, but decodes nothing: its times and
+    /// flags are right, its values mean nothing. For a caller that needs no values.
+    pub fn next_times(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
+        let values = window.z.as_ref().map(|_| vec![0.0; self.window_values]);
+        self.frame_of(window, values)
+    }
+
+    /// Returns the frame that a window with the decoded values `decoded` completes; `None` if it is
+    /// missing and the user wants no fillers.
+    fn frame_of(&mut self, window: &TimedCode, decoded: Option<Vec<f32>>) -> Option<&NeuroFrame> {
         let data = &mut self.frame.eeg.data;
         let mut words = window.words;
         words.flags &= !Flags::FILLER.bits();
@@ -103,6 +119,9 @@ impl Reconstruction {
             data,
         );
         words.flags = hop.flags;
+        if hop.source != Source::Missing && !hop.is_whole {
+            words.flags |= Flags::HEALING.bits();
+        }
         if hop.source == Source::Missing {
             words.flags |= Flags::FILLER.bits();
             match self.filler {

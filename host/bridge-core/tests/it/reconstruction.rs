@@ -6,6 +6,7 @@ use std::sync::Arc;
 use artifact::Artifact;
 use artifact::reconstruction::{HopLayout, Overlap, Window, WindowDecoder};
 use bridge_core::{Device, FillerPolicy, Reconstruction, Settings, TimedCode, TriWords};
+use link::Flags;
 use neuro_ros::{Shape, Stamp};
 
 use crate::board::{Board, electrode, model};
@@ -165,21 +166,37 @@ fn windows_of_two_streams_are_not_averaged() {
 }
 
 #[test]
-fn a_frame_carries_the_flags_of_both_its_windows() {
-    let flagged = |index, flags| {
-        let mut window = window(index, Some(z(0)));
-        window.words.flags = flags;
-        window
-    };
-    let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
-    let mut flags = |window: &TimedCode| reconstruction.next_frame(window).unwrap().tri.data[0];
-    assert_eq!(flags(&flagged(0, 2)), 2);
-    assert_eq!(flags(&flagged(1, 4)), 6);
-    assert_eq!(flags(&flagged(2, 0)), 4);
-    assert_eq!(flags(&flagged(4, 1)), 1, "window 2 is not adjacent");
-    let mut lost = window(5, None);
-    lost.words.flags = 0x8000;
-    assert_eq!(flags(&lost), 1, "only window 4 contributes");
+fn a_frame_carries_the_flags_of_both_its_windows_and_that_of_a_missing_one() {
+    // A frame of one window alone has the flag of a larger error.
+    let alone = i32::from(Flags::HEALING.bits());
+    // Whether the code arrives, window, flags of the window, flags of the frame.
+    let cases = [
+        (true, 0, 2, 2 | alone),
+        (true, 1, 4, 6),
+        (true, 2, 0, 4),
+        (true, 4, 1, 1 | alone),       // Window 2 is not adjacent.
+        (false, 5, 0x8000, 1 | alone), // Only window 4 contributes.
+        (false, 6, 0x8000, 0x8000),
+        (true, 7, 0, alone),
+        (true, 8, 0, 0),
+    ];
+    for decodes in [true, false] {
+        let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
+        for (arrives, index, flags, expected) in cases {
+            let mut window = window(index, arrives.then(|| z(0)));
+            window.words.flags = flags;
+            let frame = if decodes {
+                reconstruction.next_frame(&window)
+            } else {
+                reconstruction.next_times(&window)
+            };
+            assert_eq!(
+                frame.unwrap().tri.data[0],
+                expected,
+                "window {index}, {decodes}"
+            );
+        }
+    }
 }
 
 #[test]

@@ -38,6 +38,8 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
     let (rosout, lines) = RosoutLayer::new();
     let written = tracing_subscriber::fmt::layer()
         .with_ansi(false)
+        // Without this, a closed stderr is reported with `eprintln!`, which panics.
+        .log_internal_errors(false)
         .with_writer(writer);
     tracing_subscriber::registry()
         .with(filter)

@@ -94,7 +94,7 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     };
     let written = recording.file.finish();
     if written.is_err() {
-        eprintln!("corticode-bridge: {summary}");
+        new_file::message!("corticode-bridge: {summary}");
     }
     written.and(ended).map(|()| summary)
 }

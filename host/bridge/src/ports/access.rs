@@ -47,8 +47,8 @@ impl PortAccess {
             PortAccess::Denied(Membership::RootOnly) => (
                 "only root may open the port".to_owned(),
                 format!(
-                    "sudo chgrp dialout {port} && sudo chmod 660 {port} (until the next restart; a \
-                     board on USB needs the udev rule instead: corticode-bridge ports --udev-rule)"
+                    "sudo chown $USER {port} (until it is plugged in again; a udev rule lasts, and \
+                     corticode-bridge ports --udev-rule prints that of a board on USB)"
                 ),
             ),
             PortAccess::Denied(Membership::Outsider { group }) => (
@@ -245,9 +245,9 @@ mod tests {
             (20, 0o20_660, Some("bob"), add),
             (20, 0o20_660, None, add),
             (20, 0o20_660, Some("ada"), "newgrp dialout"),
-            (20, 0o20_600, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
-            (0, 0o20_660, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
-            (77, 0o20_660, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
+            (20, 0o20_600, Some("bob"), "sudo chown $USER /dev/ttyACM0"),
+            (0, 0o20_660, Some("bob"), "sudo chown $USER /dev/ttyACM0"),
+            (77, 0o20_660, Some("bob"), "sudo chown $USER /dev/ttyACM0"),
         ] {
             let denied = PortAccess::Denied(membership(GROUPS, gid, mode, user));
             assert!(remedy(&denied).contains(expected), "{}", remedy(&denied));

@@ -15,6 +15,8 @@ use tokio::net::TcpStream;
 use tokio::net::unix::pipe::{Receiver, Sender};
 use tokio::time::timeout;
 
+use crate::ports::system_root::SystemRoot;
+
 /// Timeout for connecting to a TCP port, and for a port that accepts none of the outgoing bytes.
 pub(crate) const PORT_TIMEOUT: Duration = Duration::from_secs(3);
 
@@ -243,9 +245,16 @@ impl PortAddress {
             (io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused, _) => {
                 "plug the device in, or start host-sim".to_owned()
             }
+            (io::ErrorKind::PermissionDenied, PortAddress::Tty(path)) => {
+                let access = SystemRoot::machine().port_access(path);
+                let (what, remedy) = access.objection(path).unwrap_or_else(|| {
+                    let next = format!("corticode-bridge doctor --port {}", path.display());
+                    ("permission denied".to_owned(), next)
+                });
+                format!("{what}: {remedy}")
+            }
             (io::ErrorKind::PermissionDenied, _) => {
-                "permission denied: run sudo usermod -aG dialout $USER, then log in again"
-                    .to_owned()
+                "permission denied; corticode-bridge ports prints the command that helps".to_owned()
             }
             (io::ErrorKind::ResourceBusy, PortAddress::Tty(path)) => {
                 format!("another program uses it: fuser -v {}", path.display())

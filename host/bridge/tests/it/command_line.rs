@@ -103,6 +103,27 @@ fn help_names_every_option() {
     }
 }
 
+#[test]
+fn a_reader_that_has_gone_changes_no_status() {
+    for (arguments, status) in [
+        (&["ports", "--json"][..], 0),
+        (&["completions", "bash"], 0),
+        (&["convert", "/none", "--to", "csv"], 2),
+        (&["record", "/none/a.wire", "--port", "/none"], 2),
+    ] {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let other = writer.try_clone().unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_corticode-bridge"));
+        let ended = command
+            .args(arguments)
+            .stdout(writer)
+            .stderr(other)
+            .status();
+        assert_eq!(ended.unwrap().code(), Some(status), "{arguments:?}");
+    }
+}
+
 fn stdout(arguments: &[&str]) -> String {
     let mut bridge = Bridge::start(arguments);
     let text = std::io::read_to_string(bridge.stdout()).unwrap();

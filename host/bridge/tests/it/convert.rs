@@ -161,7 +161,7 @@ fn events_after_an_outage_longer_than_the_bridge_fills_stand_at_their_samples() 
     let events: Vec<usize> = events
         .map(|event| (event.onset_s * 512.0).round() as usize)
         .collect();
-    let flags = raw.labels().iter().position(|label| *label == "flags");
+    let flags = raw.labels().iter().position(|label| *label == "status");
     let (mut block, mut ticks) = (Block::default(), Vec::new());
     while raw.read_block(&mut block).unwrap() {
         let rows = block.samples[0].iter().zip(&block.samples[flags.unwrap()]);
@@ -183,29 +183,63 @@ fn events_after_an_outage_longer_than_the_bridge_fills_stand_at_their_samples() 
 
 #[test]
 fn all_formats_hold_the_rows_and_events_of_csv() {
-    let folder = tempfile::tempdir().unwrap();
     let mut rig = Rig::new(5);
     rig.run(60, 7);
     rig.restart(1_700_000);
     rig.run(60, 7);
+    all_formats_hold_the_same(rig, &["raw", "filtered", "codes", "reconstructed"]);
+}
+
+#[test]
+fn rows_of_a_device_that_is_faster_than_the_host_are_whole_and_counted() {
+    let mut rig = Rig::with(Streams::CODES | Streams::EVENTS, 100, 2);
+    // 150 s of signal in 1.5 s. Of each code, lost or not, the files have a row and 8 steps.
+    rig.run(2_400, 70);
+    let lost = rig.lost;
+    let log = all_formats_hold_the_same(rig, &["codes", "reconstructed"]);
+    assert_has(
+        &log,
+        [
+            "session.codes.npz: 2400 rows",
+            "reconstructed.npz: 19200 rows",
+        ],
+    );
+    assert_has(&log, [&format!("lost {lost} "), "s of the host's time: "]);
+    assert!(
+        lost > 20 && !log.contains("rows are not filled"),
+        "{lost} {log}"
+    );
+}
+
+/// Converts a recording to all formats, and compares the files of each stream with the CSV file.
+/// Returns the log of the last conversion.
+fn all_formats_hold_the_same(rig: Rig, streams: &[&str]) -> String {
+    let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), rig.finish());
+    let mut last = String::new();
     for to in ["csv", "gdf", "bdf", "npz"] {
         let (status, log) = convert(&path, to);
         assert_eq!(status, Some(0), "{log}");
+        last = log;
     }
-    for stream in ["raw", "filtered", "codes", "reconstructed"] {
+    for stream in streams {
         let file = |to| folder.path().join(format!("session.{stream}.{to}"));
         let table = Table::read(&file("csv"));
+        assert!(
+            last.contains(&format!("{stream}.npz: {} rows", table.rows.len())),
+            "{last}"
+        );
         // The last argument is the tolerance in microvolts: none for GDF, because CSV holds enough
         // digits for a float32; for BDF the rounding to 24 bits of +-187,500 uV.
         compare(&table, Recording::open(file("gdf")).unwrap(), 0, 0.0);
         compare(&table, Recording::open(file("bdf")).unwrap(), 1, 0.012);
         compare_arrays(&table, &file("npz"));
     }
+    last
 }
 
-/// Compares the first and the last channel, two status words and the events of a file with a table.
-/// The file has `more` signals after the status words.
+/// Compares the first and the last channel, both status words and the events of a file with a
+/// table. The file has `more` signals after the status words.
 fn compare(table: &Table, mut recording: Recording, more: usize, tolerance: f64) {
     let rate_hz = recording.signals()[0].rate.unwrap().value();
     let events = recording.events().unwrap().into_iter().map(|event| {
@@ -219,8 +253,12 @@ fn compare(table: &Table, mut recording: Recording, more: usize, tolerance: f64)
     let (mut block, mut row) = (Block::default(), 0);
     while recording.read_block(&mut block).unwrap() {
         let rows = block.samples[0].len();
-        for signal in [0, end - 9, end - 8, end - 1] {
-            let label = &labels[signal];
+        assert_eq!(labels[end - 2..end], ["trigger", "status"]);
+        for signal in [0, end - 3, end - 2, end - 1] {
+            let label = match &*labels[signal] {
+                "status" => "flags",
+                label => label,
+            };
             for (at, value) in (row..).zip(&block.samples[signal]) {
                 let written = table.number(at, label);
                 let limit = tolerance + 1e-6 * written.abs();
@@ -415,4 +453,28 @@ fn events_beside_a_restart_stand_at_their_rows() {
     let after = (0..19).map(|block| 224 + 8 * block + 9);
     let expected: Vec<usize> = std::iter::once(158).chain(after).collect();
     assert_eq!(table.events(), expected);
+}
+
+#[test]
+fn a_bdf_file_states_its_start_in_local_time() {
+    let folder = tempfile::tempdir().unwrap();
+    // The recordings of these tests start at 22:13:20 UTC on 14 November 2023.
+    for (zone, start) in [
+        ("UTC0", "14.11.2322.13.2"),
+        ("EST5", "14.11.2317.13.2"),
+        ("Nowhere/City", ""),
+    ] {
+        let mut rig = Rig::with(Streams::CODES, 1, 0);
+        rig.run(20, 10);
+        let path = write(folder.path(), rig.finish());
+        let arguments = ["convert", path.to_str().unwrap(), "--to", "bdf", "--force"];
+        let bridge = Bridge::start_with(&arguments, &[("TZ", zone)]);
+        if start.is_empty() {
+            assert_has(&bridge.failure(2), ["the variable TZ names is not known"]);
+            continue;
+        }
+        bridge.success();
+        let file = std::fs::read(path.with_extension("codes.bdf")).unwrap();
+        assert_eq!(&file[168..183], start.as_bytes(), "{zone}");
+    }
 }

@@ -40,9 +40,8 @@ pub(crate) struct Collector<L> {
     device: Option<Arc<Device>>,
     reconstruction: Option<Reconstruction>,
     packed: Option<PackedReconstruction>,
-    /// Run in which the device made the newest packed block. The block's frame is published when
-    /// the next block arrives, which may be after a restart.
-    block_run: u32,
+    /// The newest packed block. Its frame is published when the next block arrives.
+    newest_packed: PassedBlock,
     /// Number of restarts of the device so far.
     pub(crate) run: u32,
     /// Device time, microseconds, in the header of the frame that the bridge's core is handling.
@@ -53,10 +52,21 @@ pub(crate) struct Collector<L> {
     newest: [Option<Block>; 2],
     /// Time from the first record to the newest one, seconds.
     pub(crate) elapsed_s: u64,
+    /// Number of rows that each stream has so far and that are no fillers.
+    received: [u64; 4],
     /// Number of fillers, in rows, that each stream has so far.
     fillers: [u64; 4],
     /// Number of missing rows without fillers, because their stream already had too many fillers.
     pub(crate) unfilled: u64,
+}
+
+/// A packed block whose frame waits for the next block.
+#[derive(Clone, Copy, Debug, Default)]
+struct PassedBlock {
+    /// Number of restarts of the device before it made the block.
+    run: u32,
+    /// False if the block was lost.
+    is_received: bool,
 }
 
 impl<L: Listener> Collector<L> {
@@ -68,12 +78,13 @@ impl<L: Listener> Collector<L> {
             device: None,
             reconstruction: None,
             packed: None,
-            block_run: 0,
+            newest_packed: PassedBlock::default(),
             run: 0,
             frame_us: 0,
             commands: Vec::new(),
             newest: [None, None],
             elapsed_s: 0,
+            received: [0; 4],
             fillers: [0; 4],
             unfilled: 0,
         }
@@ -88,35 +99,52 @@ impl<L: Listener> Collector<L> {
     /// Passes a frame of the present run to the listener. The first row happened `delay_us` before
     /// the device time in the frame's status words.
     fn publish(&mut self, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
-        self.publish_of(self.run, stream, frame, delay_us);
+        let block = Self::block_of(self.run, stream, frame, delay_us);
+        let is_filler = block.is_filler();
+        self.pass_on(block, is_filler);
     }
 
-    /// Passes a frame to the listener as [`Self::publish`] does, but a frame of the run `run`.
-    fn publish_of(&mut self, run: u32, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
+    /// Passes the frame of a packed block to the listener. A malformed block has the flag of a
+    /// filler only in the pass that decodes it, so it counts as received in both.
+    fn publish_packed(&mut self, of: PassedBlock, frame: &NeuroFrame, delay_us: i64) {
+        let block = Self::block_of(of.run, Stream::Reconstructed, frame, delay_us);
+        self.pass_on(block, !of.is_received);
+    }
+
+    fn block_of(run: u32, stream: Stream, frame: &NeuroFrame, delay_us: i64) -> Block {
         let word = |index: usize| i64::from(frame.tri.data.get(index).copied().unwrap_or(0));
         let device_us = word(3) | word(4) << 16 | word(5) << 32;
         let number = (word(1) | word(2) << 16).unsigned_abs();
         let rows = u64::from(frame.eeg.info.nsamples);
         let has_index = matches!(stream, Stream::Raw | Stream::Filtered);
-        let block = Block {
+        Block {
             stream,
             frame: frame.clone(),
             run,
             first_us: device_us - delay_us,
             wall_ns: frame.header.stamp.nanoseconds(),
             index: has_index.then_some(number * rows),
-        };
-        self.fill_skipped(&block);
-        if !block.is_filler() || self.take_fillers(&block, 1) == 1 {
-            self.listener.block(block);
         }
+    }
+
+    fn pass_on(&mut self, block: Block, is_filler: bool) {
+        self.fill_skipped(&block);
+        if is_filler && self.take_fillers(&block, 1) == 0 {
+            return;
+        }
+        if !is_filler {
+            self.received[block.stream as usize] += block.rows() as u64;
+        }
+        self.listener.block(block);
     }
 
     /// Returns how many of `count` blocks of fillers the stream may still have, and counts them as
     /// used. The limit exists because a damaged recording can miss more data than a disk holds.
     fn take_fillers(&mut self, block: &Block, count: u64) -> u64 {
         let seconds = self.elapsed_s.saturating_add(SPARE_S).min(MAX_FILLERS_S);
-        let most = seconds * u64::from(block.frame.sr);
+        // A device whose time is not the host's, such as a simulated one, can send more signal than
+        // time passes; the rows that it has sent tell how much.
+        let most = seconds * u64::from(block.frame.sr) + self.received[block.stream as usize];
         let rows = (block.rows() as u64).max(1);
         let fillers = &mut self.fillers[block.stream as usize];
         let taken = count.min(most.saturating_sub(*fillers) / rows);
@@ -188,16 +216,17 @@ impl<L: Listener> Effects for Collector<L> {
         );
     }
 
-    fn decode(&mut self, mut window: TimedCode) {
+    fn decode(&mut self, window: TimedCode) {
         let delay_us = self.delay_us(|device| device.window_steps);
-        if !L::DECODES {
-            // Without its code the frame becomes a filler, which has the same time and length.
-            window.z = None;
-        }
         let Some(mut reconstruction) = self.reconstruction.take() else {
             return;
         };
-        if let Some(frame) = reconstruction.next_frame(&window) {
+        let frame = if L::DECODES {
+            reconstruction.next_frame(&window)
+        } else {
+            reconstruction.next_times(&window)
+        };
+        if let Some(frame) = frame {
             self.publish(Stream::Reconstructed, frame, delay_us);
         }
         self.reconstruction = Some(reconstruction);
@@ -209,14 +238,18 @@ impl<L: Listener> Effects for Collector<L> {
             return;
         };
         // The block completes the frame of the block before it, which may be of an earlier run.
-        let run = std::mem::replace(&mut self.block_run, self.run);
+        let newest = PassedBlock {
+            run: self.run,
+            is_received: block.block.is_some(),
+        };
+        let before = std::mem::replace(&mut self.newest_packed, newest);
         let frame = if L::DECODES {
             packed.next_frame(&block)
         } else {
             packed.next_times(&block)
         };
         if let Some(frame) = frame {
-            self.publish_of(run, Stream::Reconstructed, frame, delay_us);
+            self.publish_packed(before, frame, delay_us);
         }
         self.packed = Some(packed);
     }
@@ -227,7 +260,7 @@ impl<L: Listener> Effects for Collector<L> {
             return;
         };
         if let Some(frame) = packed.finish() {
-            self.publish_of(self.block_run, Stream::Reconstructed, frame, delay_us);
+            self.publish_packed(self.newest_packed, frame, delay_us);
         }
         self.packed = Some(packed);
     }

@@ -45,6 +45,8 @@ pub(crate) trait RowWriter {
 #[derive(Default)]
 pub(crate) struct Rows {
     pub(crate) writers: [Option<Box<dyn RowWriter>>; 4],
+    /// Number of rows that each stream had so far.
+    pub(crate) counts: [u64; 4],
     /// Index of the first writer that failed, and its error.
     pub(crate) failed: Option<(usize, io::Error)>,
 }
@@ -54,6 +56,7 @@ impl Listener for Rows {
 
     fn block(&mut self, block: Block) {
         let stream = block.stream as usize;
+        self.counts[stream] += block.rows() as u64;
         if let Some(writer) = &mut self.writers[stream]
             && let Err(error) = writer.write(&block)
         {
@@ -133,7 +136,12 @@ fn seconds(units: i64, digits: u32) -> String {
     )
 }
 
-/// Writes a GDF or BDF file, with one of the format's records for each block of rows. The status
+/// Status words that are signals of a GDF or BDF file: index in [`TRI_LABELS`], and label. Readers
+/// of these formats take every other signal for EEG, such as MNE, which knows these two labels as
+/// those of digital channels. The others follow from the number of a row, or are in CSV and NPZ.
+const WORD_SIGNALS: [(usize, &str); 2] = [(7, "trigger"), (0, "status")];
+
+/// Writes a GDF or BDF file, with one of the format's records for each block of rows. Two status
 /// words are signals of their own.
 pub(crate) struct RecordRows {
     file: RecordFile,
@@ -177,8 +185,9 @@ impl RowWriter for RecordRows {
         self.values.clear();
         for row in 0..block.rows() {
             self.values.extend(block.values(row));
-            let words = block.words(row).iter();
-            self.values.extend(words.map(|word| *word as f32));
+            let words = block.words(row);
+            let words = WORD_SIGNALS.map(|(index, _)| words[index] as f32);
+            self.values.extend(words);
         }
         match &mut self.file {
             RecordFile::Gdf(writer, _) => writer.write_record(&self.values),
@@ -194,15 +203,20 @@ impl RowWriter for RecordRows {
     }
 }
 
-/// Returns the description of a stream's file; its signals are channels, then status words.
+/// Returns the description of a stream's file; its signals are channels, then two status words.
 fn file_to_write(file: &StreamFile<'_>) -> FileToWrite {
     let frame = file.first;
-    let groups = [&frame.eeg.info, &frame.exg.info, &frame.tri.info];
+    let channels = [&frame.eeg.info, &frame.exg.info].into_iter();
+    let words = signals(&frame.tri.info).collect::<Vec<_>>();
+    let words = WORD_SIGNALS.map(|(index, label)| SignalToWrite {
+        label: label.to_owned(),
+        ..words[index].clone()
+    });
     FileToWrite {
-        signals: groups.into_iter().flat_map(signals).collect(),
+        signals: channels.flat_map(signals).chain(words).collect(),
         rate_hz: frame.sr.into(),
         rows_per_record: frame.eeg.info.nsamples.into(),
-        start_ns: file.start_ns,
+        start_ns: Some(file.start_ns),
         description: format!("Corticode, {}", frame.header.frame_id),
     }
 }

@@ -77,6 +77,17 @@ impl StreamSurvey {
         self.anchors.first().map_or(0, |anchor| anchor.wall_ns)
     }
 
+    /// Returns the duration of the signal by its rows, and by the host's clock, seconds, if they
+    /// differ by more than 1 s and 1 %, which no clock of a device does.
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 rows")]
+    pub(crate) fn differing_durations_s(&self) -> Option<(f64, f64)> {
+        let (first, last) = (self.anchors.first()?, self.anchors.last()?);
+        let rows_s = last.row as f64 / self.rate_hz() as f64;
+        let host_s = last.wall_ns.saturating_sub(first.wall_ns) as f64 / 1e9;
+        let differ = (rows_s - host_s).abs() > 1.0 + host_s.abs() / 100.0;
+        differ.then_some((rows_s, host_s))
+    }
+
     /// Returns the first row that happened at the same time as the event or later. For an event
     /// after the last row, returns the row that would have happened at its time.
     pub(crate) fn row_of(&self, event: &TimedEvent) -> u64 {

@@ -25,6 +25,9 @@ pub(crate) struct Rig {
     boot_us: i64,
     /// Host time of the first ADC sample since the board's start, microseconds.
     start_us: i64,
+    streams: Streams,
+    /// Device time that passes in a unit of host time: 1 for a board, more for a simulated one.
+    speed: i64,
     random: u64,
     loss_percent: u64,
     events: u32,
@@ -50,6 +53,12 @@ impl Effects for Port {
 impl Rig {
     pub(crate) fn new(loss_percent: u64) -> Rig {
         let streams = Streams::CODES | Streams::RAW | Streams::FILTERED | Streams::EVENTS;
+        Rig::with(streams, 1, loss_percent)
+    }
+
+    /// Starts to record a board that sends `streams` and whose time is `speed` times as fast as the
+    /// host's.
+    pub(crate) fn with(streams: Streams, speed: i64, loss_percent: u64) -> Rig {
         let settings = Settings {
             mains_hz: 50,
             filler: FillerPolicy::Off,
@@ -72,13 +81,15 @@ impl Rig {
             now_us: 1_000_000,
             boot_us: -3_000_000,
             start_us: 0,
+            streams,
+            speed,
             random: 88_172_645_463_325_252,
             loss_percent,
             events: 0,
             event_times_us: Vec::new(),
             lost: 0,
         };
-        let opened = at(rig.now_us);
+        let opened = rig.host_time(rig.now_us);
         rig.port.recorder.opened(opened);
         rig.core.connected(opened, &mut rig.port);
         rig.handshake();
@@ -97,9 +108,15 @@ impl Rig {
     }
 
     fn receive(&mut self, bytes: &[u8], read_us: i64) {
-        self.port.now = at(read_us);
-        self.port.recorder.received(bytes, at(read_us));
-        self.core.receive(bytes, at(read_us), &mut self.port);
+        let read = self.host_time(read_us);
+        self.port.now = read;
+        self.port.recorder.received(bytes, read);
+        self.core.receive(bytes, read, &mut self.port);
+    }
+
+    /// Returns the host's time after `us` microseconds of device time.
+    fn host_time(&self, us: i64) -> HostTime {
+        at(us / self.speed)
     }
 
     /// Restarts the board after `outage_us` microseconds; its clock and indices start again.
@@ -142,14 +159,16 @@ impl Rig {
     /// `event_every`-th hop, and its message arrives up to two hops later.
     pub(crate) fn run(&mut self, hops: u32, event_every: u32) {
         let mut late: Option<(i64, Event)> = None;
+        let streams = self.streams;
+        let parts = |count, of| if streams.contains(of) { count } else { 0 };
         for _ in 0..hops {
             let hop = self.board.next_window;
             // First sample of the window's second hop; a hop has 32 samples.
             let first = i64::from(hop) * 32 + 32;
-            for part in 0..4 {
+            for part in 0..parts(4, Streams::RAW) {
                 self.raw(first + part * 8);
             }
-            for part in 0..2 {
+            for part in 0..parts(2, Streams::FILTERED) {
                 self.filtered(first / 4 + part * 4);
             }
             self.code(hop);
@@ -240,7 +259,7 @@ impl Rig {
 
     /// Ends the recording and returns the file.
     pub(crate) fn finish(mut self) -> Vec<u8> {
-        self.port.now = at(self.now_us + 100_000);
+        self.port.now = self.host_time(self.now_us + 100_000);
         self.port.recorder.ending(self.port.now);
         self.core.set_streaming(false);
         self.core.tick(self.port.now, &mut self.port);

@@ -88,7 +88,7 @@ impl Acquisition {
             signals: self.labels.iter().map(signal).collect(),
             rate_hz: self.rate_hz.into(),
             rows_per_record: self.samples.into(),
-            start_ns: 0,
+            start_ns: None,
             description: String::new(),
         };
         let mut writer = GdfWriter::new(Cursor::new(Vec::new()), &file).unwrap();

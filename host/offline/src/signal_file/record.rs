@@ -12,9 +12,6 @@ use super::{Signal, SignalFile, SignalFormat};
 
 /// Range of an EDF file, uV: 16 bits of 0.1 uV.
 const EDF_RANGE_UV: [f64; 2] = [-3_276.8, 3_276.7];
-/// Start of the signal, nanoseconds since 1970: 1 January 1985, the first day that EDF can state. A
-/// file of codes does not state when it was recorded.
-const START_NS: i64 = 473_385_600_000_000_000;
 
 /// Writes one record for each hop to an EDF or BDF file.
 pub(super) struct EdfFile {
@@ -68,7 +65,8 @@ pub(super) struct GdfFile {
 impl GdfFile {
     pub(super) fn new(file: File, signal: &Signal) -> io::Result<Self> {
         let to_write = file_to_write(signal, signal.range_uv());
-        let events = signal.events.iter().map(|event| (event.row, event.kind));
+        let events = signal.events.iter();
+        let events = events.filter_map(|event| Some((event.row, event.kind?)));
         Ok(Self {
             writer: GdfWriter::new(BufWriter::new(file), &to_write)?,
             events: events.collect(),
@@ -99,7 +97,8 @@ fn file_to_write(signal: &Signal, range: [f64; 2]) -> FileToWrite {
         signals: signals.collect(),
         rate_hz: signal.rate_hz,
         rows_per_record: signal.rows_per_hop,
-        start_ns: START_NS,
+        // A file of codes does not state when it was recorded.
+        start_ns: None,
         description: signal.description.clone(),
     }
 }

@@ -3,11 +3,12 @@
 use std::fs;
 
 use artifact::reconstruction::{WindowDecoder, dequantise};
+use link::Flags;
 use offline::{Model, Progress, SignalFormat};
 use pipeline::{Mains, Pipeline};
-use recordings::{EventLabel, Recording};
+use recordings::{EdfWriter, EventLabel, Recording};
 
-use crate::recording::{ENCODING, EVENTS, Fixture, decoding, labels, values};
+use crate::recording::{ENCODING, EVENTS, Fixture, decoding, file_to_write, labels, values};
 
 /// Largest rounding error of a 16-bit file, of a 24-bit file and of float32, uV.
 const ROUNDING_UV: [(SignalFormat, f64); 3] = [
@@ -108,6 +109,58 @@ fn texts_of_events_get_types_in_a_gdf_file() {
 }
 
 #[test]
+fn every_text_is_kept_but_a_gdf_file_has_types_for_254_of_them() {
+    let fixture = Fixture::new();
+    fixture.encode();
+    let texts: Vec<_> = (0..300)
+        .map(|number| (500 + 8 * number, format!("trial {number}")))
+        .collect();
+    let original = fixture.path("texts.edf");
+    let file = fs::File::create(&original).expect("a file");
+    let description = file_to_write();
+    let rows = 7 * u64::from(description.rate_hz);
+    let mut writer = EdfWriter::edf(file, &description, rows, texts).expect("a header");
+    let record = vec![0.0; labels().len() * description.rows_per_record as usize];
+    for _ in 0..rows / u64::from(description.rows_per_record) {
+        writer.write_record(&record).expect("a record");
+    }
+    writer.finish().expect("a file");
+    let model = Model::embedded().expect("a model");
+    for (format, kept) in [
+        (SignalFormat::Edf, 300),
+        (SignalFormat::Bdf, 300),
+        (SignalFormat::Csv, 300),
+        (SignalFormat::Npz, 300),
+        (SignalFormat::Gdf, 254),
+    ] {
+        let output = fixture.path(&format!("events.{}", format.extension()));
+        let decoding = decoding(&model, format);
+        let codes = fixture.codes();
+        let decoded = decoding.decode(&codes, &output, Some(&original), &Progress::default());
+        let warnings = decoded.expect("decoded").warnings.join("\n");
+        let bytes = fs::read(&output).expect("a file");
+        let held = match format {
+            SignalFormat::Csv => String::from_utf8_lossy(&bytes).matches("trial ").count(),
+            // numpy's texts are UTF-32.
+            SignalFormat::Npz => bytes
+                .windows(8)
+                .filter(|text| *text == b"t\0\0\0r\0\0\0")
+                .count(),
+            _ => Recording::open(output)
+                .expect("a file")
+                .events()
+                .expect("events")
+                .len(),
+        };
+        assert_eq!(held, kept, "{format:?}: {warnings}");
+        assert_eq!(
+            warnings.contains("46 events are left out: a GDF file"),
+            kept < 300
+        );
+    }
+}
+
+#[test]
 fn a_line_of_csv_has_row_time_flags_events_and_microvolts() {
     let fixture = Fixture::new();
     fixture.encode();
@@ -129,7 +182,13 @@ fn a_line_of_csv_has_row_time_flags_events_and_microvolts() {
             .collect();
         assert_eq!(written, expected[row]);
         let is_settling = row < model::HOP;
-        assert!(!is_settling || fields[2] == "8", "row {row}: {}", fields[2]);
+        // The filters settle, and the first rows are in one window only.
+        let settling = (Flags::SETTLING | Flags::HEALING).bits().to_string();
+        assert!(
+            !is_settling || fields[2] == settling,
+            "row {row}: {}",
+            fields[2]
+        );
     }
     assert_eq!(events, ["0x0301", "0x0302", "0x0301"]);
     let delay_s = f64::from(Mains::Hz50.filter().group_delay_us) / 1e6;

@@ -162,20 +162,25 @@ pub(crate) fn values(path: &Path) -> Vec<Vec<f64>> {
     signals
 }
 
-fn write(path: &Path, seconds: u32) {
+/// Describes a recording of the model's electrodes at the ADC's rate.
+pub(crate) fn file_to_write() -> FileToWrite {
     let signals = labels().into_iter().map(|label| SignalToWrite {
         label: label.to_owned(),
         is_microvolt: true,
         is_integer: false,
         range: [-1_000.0, 1_000.0],
     });
-    let file = FileToWrite {
+    FileToWrite {
         signals: signals.collect(),
         rate_hz: model::ADC_RATE_HZ.into(),
         rows_per_record: ROWS_PER_RECORD,
-        start_ns: 0,
+        start_ns: None,
         description: "waves".to_owned(),
-    };
+    }
+}
+
+fn write(path: &Path, seconds: u32) {
+    let file = file_to_write();
     let mut writer = GdfWriter::new(File::create(path).expect("a file"), &file).expect("a header");
     let rows = seconds * u32::from(model::ADC_RATE_HZ);
     for first in (0..rows).step_by(64) {

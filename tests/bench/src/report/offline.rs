@@ -130,7 +130,7 @@ impl Ours {
             signals: signals.collect(),
             rate_hz,
             rows_per_record: rate_hz,
-            start_ns: 0,
+            start_ns: None,
             description: "synthetic EEG".to_owned(),
         };
         let out = BufWriter::new(fs::File::create(folder.path().join("samples.gdf"))?);
