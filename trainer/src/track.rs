@@ -6,7 +6,6 @@ use crate::progress::ProgressObserver;
 use crate::selection::file_name;
 use artifact::Description;
 use model_gen::headroom::GUARD_BITS;
-use recordings::montage_map::Origin;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 use std::path::{Path, PathBuf};
 
@@ -96,23 +95,13 @@ impl Track {
         }
         let settling = settling_steps(description, mains_hz)? * electrodes;
         values.drain(..settling.min(values.len()));
-        let mut signals: Vec<usize> = Vec::new();
-        for origin in map.origins() {
-            match origin {
-                Origin::Real(signal) => signals.push(*signal),
-                Origin::Interpolated(mix) => signals.extend(mix.iter().map(|(signal, _)| *signal)),
-                Origin::Zero => {}
-            }
-        }
-        signals.sort_unstable();
-        signals.dedup();
         let interpolated = map.interpolated().into_iter().map(str::to_owned);
         let track = Self {
             name: name.clone(),
             electrodes,
             values,
             interpolated: interpolated.collect(),
-            signals: signals.len(),
+            signals: map.used().len(),
         };
         observer.message(&format!(
             "{name}: {} time steps, {} electrodes interpolated, {} counts at the rail",
@@ -120,7 +109,10 @@ impl Track {
             track.interpolated.len(),
             virtual_adc.counters().saturated
         ));
-        for warning in virtual_adc.recording().warnings() {
+        let of_recording = virtual_adc.recording().warnings().iter();
+        let of_map = map.warnings();
+        let warnings = of_map.iter().map(ToString::to_string);
+        for warning in warnings.chain(of_recording.map(ToString::to_string)) {
             observer.message(&format!("{name}: warning: {warning}"));
         }
         Ok(track)
