@@ -6,7 +6,6 @@ use crate::progress::ProgressObserver;
 use crate::selection::file_name;
 use artifact::Description;
 use model_gen::headroom::GUARD_BITS;
-use recordings::montage_map::Origin;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 use std::path::{Path, PathBuf};
 
@@ -96,32 +95,25 @@ impl Track {
         }
         let settling = settling_steps(description, mains_hz)? * electrodes;
         values.drain(..settling.min(values.len()));
-        let mut signals: Vec<usize> = Vec::new();
-        for origin in map.origins() {
-            match origin {
-                Origin::Real(signal) => signals.push(*signal),
-                Origin::Interpolated(mix) => signals.extend(mix.iter().map(|(signal, _)| *signal)),
-                Origin::Zero => {}
-            }
-        }
-        signals.sort_unstable();
-        signals.dedup();
         let interpolated = map.interpolated().into_iter().map(str::to_owned);
         let track = Self {
             name: name.clone(),
             electrodes,
             values,
             interpolated: interpolated.collect(),
-            signals: signals.len(),
+            signals: map.used().len(),
         };
         observer.message(&format!(
             "{name}: {} time steps, {} electrodes interpolated",
             track.steps(),
             track.interpolated.len()
         ));
+        let of_map = map.warnings();
+        let of_map = of_map.iter().map(ToString::to_string);
         let of_file = virtual_adc.recording().warnings().iter();
         let of_file = of_file.map(ToString::to_string);
-        for warning in of_file.chain(virtual_adc.counters().warnings()) {
+        let of_adc = virtual_adc.counters().warnings();
+        for warning in of_map.chain(of_file).chain(of_adc) {
             observer.message(&format!("{name}: warning: {warning}"));
         }
         Ok(track)

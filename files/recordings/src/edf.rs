@@ -12,9 +12,10 @@ use crate::{
     error::RecordingError,
     format::Format,
     header::{
-        HEADER_BLOCK, Header, SignalFields, field_error, record_count, record_duration,
-        sampling_rate, text,
+        HEADER_BLOCK, Header, SignalFields, calibration, field_error, record_count,
+        record_duration, sampling_rate, text,
     },
+    ratio::Ratio,
     signal::{Calibration, SampleType, Signal, SignalKind, Unit},
     warning::Warning,
 };
@@ -34,11 +35,20 @@ pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, Recordin
     }
 }
 
+/// Returns whether `fixed`, whose first field is not that of EDF or BDF, is the header of an EDF
+/// file all the same: its version is text, and it states the length that its number of signals
+/// needs. Emotiv's programs write a date as the version.
+pub(crate) fn is_other_version(fixed: &[u8; HEADER_BLOCK]) -> bool {
+    let is_text = fixed[..8].iter().all(|byte| matches!(byte, b' '..=b'~'));
+    let length = signal_count(fixed).map(|signals| HEADER_BLOCK * (1 + signals));
+    is_text && length.is_ok_and(|length| text(&fixed[184..192]).parse() == Ok(length))
+}
+
 /// Parses a whole header, [`HEADER_BLOCK`] * (1 + number of signals) bytes long.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] for a field that does not hold a valid number,
-/// [`RecordingError::Range`] for a signal that cannot be scaled.
+/// [`RecordingError::Range`] if no signal can be scaled.
 pub(crate) fn parse(
     family: Format,
     bytes: &[u8],
@@ -59,8 +69,8 @@ pub(crate) fn parse(
     let format = variant(family, &text(&bytes[192..236]));
     let (field, found) = ("number of records", &bytes[236..244]);
     let records = record_count(number(found, field, "the file")?)?;
-    let (field, found) = ("duration of a record", &bytes[244..252]);
-    let record_duration = record_duration(number(found, field, "the file")?)?;
+    let mut commas = Vec::new();
+    let record_duration = duration(&bytes[244..252], &mut commas, &mut warnings)?;
 
     let mut fields = SignalFields::new(bytes, signals);
     let labels = fields.next_field(16);
@@ -75,25 +85,37 @@ pub(crate) fn parse(
         let label = text(labels[i]);
         let place = format!("signal {} ({label})", i + 1);
         let samples_per_record: u32 = number(samples[i], "samples per record", &place)?;
-        let kind = if ANNOTATIONS.contains(&label.as_str()) {
-            SignalKind::Annotations
+        let is_annotation = ANNOTATIONS.contains(&label.as_str());
+        let (kind, calibration) = if is_annotation {
+            (SignalKind::Annotations, Ok(Calibration::IDENTITY))
         } else {
-            SignalKind::Samples
+            let digital = [digital_min[i], digital_max[i]];
+            let physical = [physical_min[i], physical_max[i]];
+            let mut real = |bytes, field| decimal(bytes, field, &place, &mut commas);
+            let ranges = [
+                digital.map(|bytes| {
+                    let is_whole = !has_grouped_digits(bytes);
+                    is_whole.then(|| real(bytes, "digital limit")).flatten()
+                }),
+                physical.map(|bytes| real(bytes, "physical limit")),
+            ];
+            let ranges = ranges.map(|ends| ends.map(|end| end.unwrap_or(f64::NAN)));
+            let stated = || [digital, physical].map(|ends| ends.map(text));
+            let line = calibration(&label, sample_type, ranges, stated, &mut warnings);
+            (SignalKind::Samples, line)
         };
         list.push(Signal {
             kind,
             unit: Unit::from_text(&text(units[i])),
-            calibration: Calibration {
-                physical_min: number(physical_min[i], "physical minimum", &place)?,
-                physical_max: number(physical_max[i], "physical maximum", &place)?,
-                digital_min: number(digital_min[i], "digital minimum", &place)?,
-                digital_max: number(digital_max[i], "digital maximum", &place)?,
-            },
+            calibration,
             sample_type,
             samples_per_record,
             rate: sampling_rate(samples_per_record, record_duration),
             label,
         });
+    }
+    if !commas.is_empty() {
+        warnings.push(Warning::DecimalComma { fields: commas });
     }
     Header {
         format,
@@ -104,6 +126,51 @@ pub(crate) fn parse(
         warnings,
     }
     .checked()
+}
+
+/// Parses the duration of a record, s; `None` if it is 0. A number that takes all characters of the
+/// field is rounded to it, such as `.0019531` for 1/512: the simplest fraction that is written so
+/// is taken, with a warning if it is not the number itself.
+///
+/// # Errors
+/// [`RecordingError::HeaderField`] for what is no number, and those of [`record_duration`].
+fn duration(
+    bytes: &[u8],
+    commas: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
+) -> Result<Option<Ratio>, RecordingError> {
+    let field = "duration of a record";
+    let Some(seconds) = decimal(bytes, field, "the file", commas) else {
+        return Err(not_a_number(bytes, field, "the file"));
+    };
+    let exact = record_duration(seconds)?;
+    let stated = text(bytes);
+    let decimals = match stated.split_once(['.', ',']) {
+        Some((_, decimals)) if stated.len() == bytes.len() => decimals,
+        _ => return Ok(exact),
+    };
+    if !decimals.bytes().all(|byte| byte.is_ascii_digit()) {
+        return Ok(exact);
+    }
+    let places = i32::try_from(decimals.len()).unwrap_or(0);
+    // A little more than half a unit of the last digit, because 0.0078125 can be rounded down.
+    let half = 0.500_001 * 10_f64.powi(-places);
+    let simplest = Ratio::simplest(seconds - half, seconds + half);
+    match simplest {
+        Some(used) if simplest != exact => {
+            warnings.push(Warning::DurationRounded { stated, used });
+            Ok(simplest)
+        }
+        _ => Ok(exact),
+    }
+}
+
+/// Returns whether other digits than 0 follow a comma. In an integer, such as the digital limit
+/// -32,768, that is no decimal comma.
+fn has_grouped_digits(bytes: &[u8]) -> bool {
+    let digits = text(bytes);
+    let rest = digits.split_once(',').map_or("", |(_, rest)| rest);
+    rest.bytes().any(|digit| digit != b'0')
 }
 
 fn variant(family: Format, reserved: &str) -> Format {
@@ -117,8 +184,22 @@ fn variant(family: Format, reserved: &str) -> Format {
 }
 
 fn number<T: FromStr>(bytes: &[u8], field: &'static str, place: &str) -> Result<T, RecordingError> {
-    text(bytes).parse().map_err(|_| {
-        let found = bytes.trim_ascii().escape_ascii().to_string();
-        field_error(field, place, &found, "a plain number is required")
-    })
+    let parsed = text(bytes).parse();
+    parsed.map_err(|_| not_a_number(bytes, field, place))
+}
+
+fn not_a_number(bytes: &[u8], field: &'static str, place: &str) -> RecordingError {
+    let found = bytes.trim_ascii().escape_ascii().to_string();
+    field_error(field, place, &found, "a plain number is required")
+}
+
+/// Parses a number that can have a decimal point, or, in violation of the format, a decimal comma:
+/// then its field is added to `commas`. `None` for what is no number.
+fn decimal(bytes: &[u8], field: &str, place: &str, commas: &mut Vec<String>) -> Option<f64> {
+    let stated = text(bytes);
+    let value = stated.replace(',', ".").parse().ok();
+    if value.is_some() && stated.contains(',') {
+        commas.push(format!("\"{stated}\" ({field} of {place})"));
+    }
+    value
 }

@@ -54,11 +54,49 @@ const ROWS: [Row; 21] = [
 /// Old and new names of the four electrodes of the 10-20 system that were renamed.
 const OLD_NAMES: [(&str, &str); 4] = [("T3", "T7"), ("T4", "T8"), ("T5", "P7"), ("T6", "P8")];
 
-/// Suffixes after a dash that name a common reference. Any other suffix names a second electrode:
-/// such a signal is the difference of two electrodes and has no single position.
+/// Suffixes after a dash that name a common reference, whichever labels have them. Any other suffix
+/// names a second electrode, unless all electrodes of a recording share it: such a signal is the
+/// difference of two electrodes and has no single position.
 const REFERENCES: [&str; 13] = [
     "REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2",
 ];
+
+/// Smallest number of labels that show that a cap has names of its own.
+const CAP_NAMES_MIN: usize = 8;
+
+/// Returns the name in a label and the reference that follows a dash: upper case, without dots,
+/// blanks, underscores and prefixes.
+fn spelling(label: &str) -> (String, Option<String>) {
+    let plain = label.to_ascii_uppercase().replace(['.', ' ', '_'], "");
+    let mut prefixes = ["EEG", "POL"].iter();
+    let rest = prefixes.find_map(|prefix| plain.strip_prefix(prefix));
+    let rest = rest.unwrap_or(&plain).trim_start_matches([':', '-']);
+    match rest.split_once('-') {
+        Some((name, reference)) => (name.to_owned(), Some(reference.to_owned())),
+        None => (rest.to_owned(), None),
+    }
+}
+
+/// Returns the labels that number electrodes by letter and number, as BioSemi's caps A1 to H32 and
+/// the depth electrodes of some laboratories do; `None` if there are fewer than [`CAP_NAMES_MIN`].
+///
+/// Their C3 and F3 are not those of the 10-20 system. Only labels that this system does not have
+/// are returned, without A1 and A2, which it has at the ear lobes.
+pub(crate) fn names_of_another_cap<L: AsRef<str>>(labels: &[L]) -> Option<Vec<&str>> {
+    let is_foreign = |label: &&str| {
+        let (name, _) = spelling(label);
+        let number = name.get(1..).and_then(|number| number.parse::<u8>().ok());
+        let is_cap = name.starts_with(|letter| matches!(letter, 'A'..='H'))
+            && number.is_some_and(|number| (1..=32).contains(&number));
+        is_cap && !matches!(&*name, "A1" | "A2") && Electrode::named(&name).is_none()
+    };
+    let found: Vec<&str> = labels
+        .iter()
+        .map(AsRef::as_ref)
+        .filter(is_foreign)
+        .collect();
+    (found.len() >= CAP_NAMES_MIN).then_some(found)
+}
 
 /// An electrode of the 10-20, 10-10 or 10-5 system. Different spellings of one electrode are equal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,24 +112,43 @@ impl Electrode {
     /// Returns the electrode that `label` denotes; `None` for any other label, such as EOG, a
     /// trigger, a bipolar derivation or a cap with a different numbering.
     ///
-    /// Ignores letter case, dots, blanks and underscores. Strips the prefixes `EEG` and `eeg:` and
-    /// the suffix of a common reference (`-REF`, `-LE`, ...). Renames T3 T4 T5 T6 to T7 T8 P7 P8.
-    /// In the rows FFC/FFT, FCC/FTT, CCP/TTP, CPP/TPP and PPO a trailing `h` is implied.
+    /// Ignores letter case, dots, blanks and underscores. Strips the prefixes `EEG`, `EEG:`, `EEG-`
+    /// and `POL`, and the suffix of a common reference (`-REF`, `-LE`, ...). Renames T3 T4 T5 T6 to
+    /// T7 T8 P7 P8. In the rows FFC/FFT, FCC/FTT, CCP/TTP, CPP/TPP and PPO a trailing `h` is
+    /// implied.
     pub fn parse(label: &str) -> Option<Self> {
-        let plain: String = label
-            .to_ascii_uppercase()
-            .chars()
-            .filter(|c| !matches!(c, '.' | ' ' | '_'))
+        match spelling(label) {
+            (_, Some(reference)) if !REFERENCES.contains(&&*reference) => None,
+            (name, _) => Self::named(&name),
+        }
+    }
+
+    /// Returns the electrodes that `labels` denote, as [`Self::parse`] does, and the suffix of a
+    /// common reference that [`REFERENCES`] lacks, upper case. Such a suffix follows the names of
+    /// all electrodes, at least two: the signals of a bipolar montage do not share one.
+    pub(crate) fn parse_all<L: AsRef<str>>(labels: &[L]) -> (Vec<Option<Self>>, Option<String>) {
+        let spellings = labels.iter().map(|label| spelling(label.as_ref()));
+        let named: Vec<_> = spellings
+            .map(|(name, reference)| (Self::named(&name), reference))
             .collect();
-        let plain = plain
-            .strip_prefix("EEG")
-            .unwrap_or(&plain)
-            .trim_start_matches(':');
-        let plain = match plain.split_once('-') {
-            Some((name, reference)) if REFERENCES.contains(&reference) => name,
-            Some(_) => return None,
-            None => plain,
-        };
+        let mut electrodes = named.iter().filter(|(electrode, _)| electrode.is_some());
+        if let Some((first, Some(shared))) = electrodes.next()
+            && !REFERENCES.contains(&shared.as_str())
+            && electrodes.clone().any(|(other, _)| other != first)
+            && electrodes.all(|(_, reference)| reference.as_ref() == Some(shared))
+        {
+            let shared = Some(shared.clone());
+            return (
+                named.into_iter().map(|(electrode, _)| electrode).collect(),
+                shared,
+            );
+        }
+        let parsed = labels.iter().map(|label| Self::parse(label.as_ref()));
+        (parsed.collect(), None)
+    }
+
+    /// Returns the electrode with a name in the form of [`spelling`].
+    fn named(plain: &str) -> Option<Self> {
         let plain = OLD_NAMES
             .iter()
             .find(|(old, _)| *old == plain)
@@ -190,10 +247,40 @@ mod tests {
             ("PPO2", "PPO2h"),
             ("T10.", "T10"),
             ("C1h", "C1h"),
+            ("EEG-C3", "C3"),
+            ("EEG_C3", "C3"),
+            ("EEG-Fp1-LE", "Fp1"),
+            ("POL Fp1", "Fp1"),
         ] {
             assert_eq!(canonical(label).as_deref(), Some(name), "{label}");
         }
         assert_ne!(Electrode::parse("C1h"), Electrode::parse("C1"));
+    }
+
+    #[test]
+    fn a_suffix_that_all_electrodes_share_is_their_reference() {
+        let parsed = |labels: &[&str]| {
+            let (electrodes, reference) = Electrode::parse_all(labels);
+            let names = electrodes.iter().flatten().map(ToString::to_string);
+            (names.collect::<Vec<_>>().join(" "), reference)
+        };
+        for suffix in ["Pz", "CPz", "A1+A2", "LER", "VREF", "AA", "G2"] {
+            let labels = ["EEG Fp1", "T3", "ECG", "EEG-O2"].map(|name| format!("{name}-{suffix}"));
+            let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
+            let expected = ("Fp1 T7 O2".to_owned(), Some(suffix.to_ascii_uppercase()));
+            assert_eq!(parsed(&labels), expected);
+        }
+        // Bipolar montages, and files of which only some signals have the suffix.
+        for (labels, names) in [
+            ("Fp1-F7,F7-T3,T3-T5", ""),
+            ("C3-Pz,EEG C3-Pz,ECG-Pz", ""),
+            ("C3-Pz,C4-Pz,Oz", "Oz"),
+            ("C3-A2,C4-A1,ROC-A1,Fz-Pz", "C3 C4"),
+            ("C3-REF,C4-REF", "C3 C4"),
+        ] {
+            let labels: Vec<&str> = labels.split(',').collect();
+            assert_eq!(parsed(&labels), (names.to_owned(), None), "{labels:?}");
+        }
     }
 
     #[test]

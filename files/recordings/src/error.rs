@@ -4,6 +4,8 @@ use std::{io, path::PathBuf};
 
 use thiserror::Error;
 
+use crate::signal::UnusableRange;
+
 /// Why a recording cannot be read or played.
 #[derive(Debug, Error)]
 #[expect(
@@ -58,16 +60,10 @@ pub enum RecordingError {
     },
     /// A signal's digital range is empty or not finite, or its physical range is not finite.
     #[error(
-        "signal {label} cannot be scaled: digital {digital_min}..{digital_max}, physical \
-         {physical_min}..{physical_max}; repair its header"
+        "signal {label} cannot be scaled: {range}; repair its header, or give it another label, so that the \
+         electrode counts as missing"
     )]
-    Range {
-        label: String,
-        digital_min: f64,
-        digital_max: f64,
-        physical_min: f64,
-        physical_max: f64,
-    },
+    Range { label: String, range: UnusableRange },
     #[error(
         "signal {label} has GDF sample type {number}, which is not supported; convert it to an integer or float type"
     )]
@@ -81,12 +77,15 @@ pub enum RecordingError {
         "an ADC of {rate_hz} Hz with {lsb_uv} uV per count cannot be simulated; give 1..=100000 Hz and a positive scale"
     )]
     AdcSpec { rate_hz: u32, lsb_uv: f64 },
-    #[error("signal {label} at {rate} Hz cannot be resampled to {rate_hz} Hz: {reason}")]
+    #[error(
+        "signal {label} at {rate} Hz cannot be resampled to {rate_hz} Hz: the ratio of the two rates needs too long \
+         a transform, and so does every ratio within 1 ppm of it; resample the recording to a whole number of Hz, \
+         such as with raw.resample({rate_hz}) in MNE-Python"
+    )]
     Rate {
         label: String,
         rate: String,
         rate_hz: u32,
-        reason: &'static str,
     },
     /// A signal that an electrode of the montage needs has no samples.
     #[error(

@@ -1,13 +1,14 @@
 //! Events of a recording (rows of GDF event tables, and EDF+ annotations), and the times at which
 //! they start when the recording is played.
 
-use std::fmt;
+use std::{collections::HashMap, fmt};
 
 /// What an event means, in the form in which the file's format states it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
     /// A GDF event type, such as 0x0300 = 768 for the start of a trial. A type with bit 15 set
-    /// marks the end of the event that the same type without this bit starts.
+    /// marks the end of the event that the same type without this bit starts. Where no such event
+    /// has begun, it is an event of its own: OpenViBE numbers its stimulations from 0x8000.
     Type(u16),
     /// A sample of a sparsely sampled signal: GDF type 0x7fff in an event table of mode 3. Holds
     /// the digital value as 32 raw bits; the [`crate::SampleType`] of [`Event::signal`] decodes it.
@@ -58,78 +59,45 @@ pub struct Onsets {
     pub labels: Vec<EventLabel>,
     /// Number of events that were left out, because they start before or after the played signal.
     pub outside: usize,
+    /// Number of sparse samples, which were left out.
+    pub sparse_samples: u64,
 }
 
 impl Onsets {
-    /// Collects the starts of all events within the signal. Ends of events, rows without an event,
-    /// and sparse samples are left out.
-    pub(crate) fn new(events: &[Event], timeline: &Timeline) -> Self {
-        let starts = events.iter().filter(|event| is_start(&event.label));
-        let mut placed: Vec<(f64, EventLabel)> = Vec::new();
-        let mut outside = 0;
-        for event in starts {
-            match timeline.place(event.onset_s) {
-                Some(place) => placed.push((place, event.label.clone())),
-                None => outside += 1,
+    /// Collects the starts of all events within the signal, from the events and their times in it.
+    /// Ends of events that have begun, rows without an event, and sparse samples are left out.
+    pub(crate) fn new(mut events: Vec<(Event, Option<f64>)>) -> Self {
+        events.sort_by(|(a, _), (b, _)| a.onset_s.total_cmp(&b.onset_s));
+        let mut onsets = Self::default();
+        let mut begun: HashMap<(u16, Option<u16>), u64> = HashMap::new();
+        for (event, place) in events {
+            match event.label {
+                EventLabel::SparseSample(_) | EventLabel::Type(SPARSE_SAMPLE) => {
+                    onsets.sparse_samples += 1;
+                    continue;
+                }
+                EventLabel::Type(NO_EVENT) => continue,
+                EventLabel::Type(kind) if kind & END_OF_EVENT == 0 => {
+                    *begun.entry((kind, event.signal)).or_default() += 1;
+                }
+                EventLabel::Type(kind) => {
+                    let open = begun.get_mut(&(kind & !END_OF_EVENT, event.signal));
+                    if let Some(open) = open.filter(|open| **open > 0) {
+                        *open -= 1;
+                        continue;
+                    }
+                }
+                EventLabel::Text(_) => {}
+            }
+            match place {
+                Some(place) => {
+                    onsets.seconds.push(place);
+                    onsets.labels.push(event.label);
+                }
+                None => onsets.outside += 1,
             }
         }
-        placed.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        let (seconds, labels) = placed.into_iter().unzip();
-        Self {
-            seconds,
-            labels,
-            outside,
-        }
-    }
-}
-
-fn is_start(label: &EventLabel) -> bool {
-    match label {
-        EventLabel::Text(_) => true,
-        EventLabel::SparseSample(_) | EventLabel::Type(NO_EVENT | SPARSE_SAMPLE) => false,
-        EventLabel::Type(kind) => kind & END_OF_EVENT == 0,
-    }
-}
-
-/// Converts times in the file to times in the played signal, which has no gaps between records.
-#[derive(Debug, Default)]
-pub(crate) struct Timeline {
-    /// Start of each record in the file, and its start in the signal, s; ascending.
-    pub(crate) records: Vec<(f64, f64)>,
-    /// Duration of a record, s.
-    pub(crate) record_s: f64,
-    /// Duration of the whole signal, s.
-    pub(crate) end_s: f64,
-}
-
-impl Timeline {
-    /// Adds record `record` with its start in the file, s, if the file states one. Ignores a record
-    /// that does not start after the previous one.
-    #[expect(clippy::cast_precision_loss, reason = "records stay below 2^53")]
-    pub(crate) fn add_record(&mut self, record: u64, start_s: Option<f64>) {
-        let last = self.records.last().map(|(start, _)| *start);
-        if let Some(start) = start_s
-            && last.is_none_or(|last| last < start)
-        {
-            self.records.push((start, record as f64 * self.record_s));
-        }
-    }
-
-    /// Converts a time in the file to a time in the signal, s; `None` if it is outside the signal.
-    /// A time within a gap becomes the end of the record before the gap.
-    pub(crate) fn place(&self, file_s: f64) -> Option<f64> {
-        let after = self.records.partition_point(|(start, _)| *start <= file_s);
-        let place = match after.checked_sub(1) {
-            Some(record) => {
-                let (start, place) = self.records[record];
-                place + (file_s - start).min(self.record_s)
-            }
-            // Without stated record times, which only EDF+ and BDF+ have, the signal has the file's
-            // times.
-            None if self.records.is_empty() => file_s,
-            None => return None,
-        };
-        (0.0..self.end_s).contains(&place).then_some(place)
+        onsets
     }
 }
 
@@ -146,12 +114,22 @@ mod tests {
         }
     }
 
+    fn onsets(events: &[Event]) -> Onsets {
+        let place = |event: &Event| {
+            (0.0..10.0)
+                .contains(&event.onset_s)
+                .then_some(event.onset_s)
+        };
+        Onsets::new(
+            events
+                .iter()
+                .map(|event| (event.clone(), place(event)))
+                .collect(),
+        )
+    }
+
     #[test]
     fn gdf_rows_that_are_no_start_of_an_event_have_no_onset() {
-        let timeline = Timeline {
-            end_s: 10.0,
-            ..Timeline::default()
-        };
         let events = [
             event(2.0, EventLabel::Type(0x0301)),
             event(3.0, EventLabel::Type(0x8301)),
@@ -164,29 +142,28 @@ mod tests {
         ];
         let expected = Onsets {
             seconds: vec![1.0, 2.0],
-            labels: vec![EventLabel::Type(0x0300), EventLabel::Type(0x0301)],
+            labels: [0x0300, 0x0301].map(EventLabel::Type).into(),
             outside: 2,
+            sparse_samples: 2,
         };
-        assert_eq!(Onsets::new(&events, &timeline), expected);
+        assert_eq!(onsets(&events), expected);
     }
 
     #[test]
-    fn gaps_between_records_are_closed() {
-        // Records of 1 s start at 0.5 s and 1.5 s and, after a gap of 7.5 s, at 10 s.
-        let timeline = Timeline {
-            records: vec![(0.5, 0.0), (1.5, 1.0), (10.0, 2.0)],
-            record_s: 1.0,
-            end_s: 3.0,
-        };
-        for (file_s, place) in [
-            (0.4, None),
-            (0.5, Some(0.0)),
-            (1.75, Some(1.25)),
-            (5.0, Some(2.0)),
-            (10.25, Some(2.25)),
-            (11.0, None),
-        ] {
-            assert_eq!(timeline.place(file_s), place, "{file_s} s");
-        }
+    fn a_type_with_bit_15_is_an_event_of_its_own_unless_it_ends_one() {
+        // 0x8205 stands for a stimulation of OpenViBE, which has no beginning. The first 0x8300 is
+        // the end of the event of 2 s, and the second has none to end.
+        let times = [
+            (1.0, 0x8205),
+            (2.0, 0x0300),
+            (3.0, 0x8300),
+            (4.0, 0x8300),
+            (5.0, 0x8205),
+        ];
+        let events = times.map(|(time, kind)| event(time, EventLabel::Type(kind)));
+        assert_eq!(onsets(&events).seconds, [1.0, 2.0, 4.0, 5.0]);
+        let mut other_signal = events.clone();
+        other_signal[2].signal = Some(3);
+        assert_eq!(onsets(&other_signal).seconds, [1.0, 2.0, 3.0, 5.0]);
     }
 }

@@ -10,11 +10,12 @@ use crate::{
     error::RecordingError,
     format::Format,
     header::{
-        HEADER_BLOCK, Header, SignalFields, array_at, field_error, record_count, record_duration,
-        sampling_rate, text,
+        HEADER_BLOCK, Header, SignalFields, array_at, calibration, field_error, record_count,
+        record_duration, sampling_rate, text,
     },
     ratio::Ratio,
-    signal::{Calibration, SampleType, Signal, SignalKind, Unit},
+    signal::{SampleType, Signal, SignalKind, Unit},
+    warning::Warning,
 };
 
 /// Limit between GDF 2.20 and 2.21: from 2.21 on, a header stores the record duration as a float64,
@@ -46,7 +47,7 @@ pub(crate) fn signal_count(
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] for an unusable field, [`RecordingError::SampleType`] for an
-/// unsupported type, [`RecordingError::Range`] for a signal that cannot be scaled.
+/// unsupported type, [`RecordingError::Range`] if no signal can be scaled.
 pub(crate) fn parse(
     format: Format,
     bytes: &[u8],
@@ -68,13 +69,14 @@ pub(crate) fn parse(
     }
     let records = record_count(i64::from_le_bytes(array_at(bytes, 236)))?;
     let record_duration = duration(format, bytes)?;
+    let mut warnings = Vec::new();
     Header {
         format,
-        signals: parse_signals(format, bytes, signals, record_duration)?,
+        signals: parse_signals(format, bytes, signals, record_duration, &mut warnings)?,
         data_start,
         records,
         record_duration,
-        warnings: Vec::new(),
+        warnings,
     }
     .checked()
 }
@@ -106,6 +108,7 @@ fn parse_signals(
     bytes: &[u8],
     signals: usize,
     duration: Option<Ratio>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<Vec<Signal>, RecordingError> {
     let is_version_1 = matches!(format, Format::Gdf1(_));
     let mut fields = SignalFields::new(bytes, signals);
@@ -132,7 +135,7 @@ fn parse_signals(
         Format::Gdf1(_) => i64::from_le_bytes(array_at(raw, 0)) as f64,
         _ => float(raw),
     };
-    let parse_signal = |i: usize| {
+    let mut parse_signal = |i: usize| {
         let label = text(labels[i]);
         let number = u32::from_le_bytes(array_at(types[i], 0));
         let samples_per_record = u32::from_le_bytes(array_at(samples[i], 0));
@@ -145,20 +148,20 @@ fn parse_signals(
             let code = u16::from_le_bytes(array_at(unit_codes[i], 0));
             Unit::from_gdf_code(code, &text(units[i]))
         };
+        let ranges = [
+            [digital_min[i], digital_max[i]].map(digital),
+            [physical_min[i], physical_max[i]].map(float),
+        ];
+        let stated = || ranges.map(|ends| ends.map(|end| end.to_string()));
         Ok(Signal {
             kind: SignalKind::Samples,
             unit,
-            calibration: Calibration {
-                physical_min: float(physical_min[i]),
-                physical_max: float(physical_max[i]),
-                digital_min: digital(digital_min[i]),
-                digital_max: digital(digital_max[i]),
-            },
+            calibration: calibration(&label, sample_type, ranges, stated, warnings),
             sample_type,
             samples_per_record,
             rate: sampling_rate(samples_per_record, duration),
             label,
         })
     };
-    (0..signals).map(parse_signal).collect()
+    (0..signals).map(&mut parse_signal).collect()
 }

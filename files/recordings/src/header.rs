@@ -9,7 +9,7 @@ use crate::{
     format::Format,
     gdf,
     ratio::Ratio,
-    signal::{Signal, SignalKind},
+    signal::{Calibration, SampleType, Signal, SignalKind, UnusableRange},
     source::{Source, in_memory, read_at},
     warning::Warning,
 };
@@ -23,7 +23,7 @@ pub(crate) struct Header {
     pub(crate) signals: Vec<Signal>,
     /// Byte offset of the first record in the file.
     pub(crate) data_start: u64,
-    /// Number of records that the header states; `None` if it states -1, unknown.
+    /// Number of records that the header states; `None` if it states -1 or 0, unknown.
     pub(crate) records: Option<u64>,
     /// Duration of a record, s; `None` if it is 0, as in files that contain annotations only.
     pub(crate) record_duration: Option<Ratio>,
@@ -36,6 +36,13 @@ impl Header {
         self.signals.iter().map(Signal::record_bytes).sum()
     }
 
+    /// Returns the duration of `records` records together, s.
+    #[expect(clippy::cast_precision_loss, reason = "records stay below 2^53")]
+    pub(crate) fn seconds(&self, records: u64) -> f64 {
+        let length = self.record_duration.map_or(0.0, Ratio::value);
+        length * records as f64
+    }
+
     /// Returns the highest sampling rate of all signals, Hz; 1 if all rates are lower.
     pub(crate) fn fastest_rate_hz(&self) -> f64 {
         let rates = self.signals.iter().filter_map(|signal| signal.rate);
@@ -46,33 +53,28 @@ impl Header {
     /// reading.
     ///
     /// # Errors
-    /// [`RecordingError::Range`] for a signal that cannot be scaled,
+    /// [`RecordingError::Range`] if no signal with samples can be scaled,
     /// [`RecordingError::HeaderField`] if a signal has samples but a record has no duration.
     pub(crate) fn checked(mut self) -> Result<Self, RecordingError> {
+        let mut unusable = Vec::new();
         let mut unknown_units = Vec::new();
-        for signal in &mut self.signals {
-            if signal.kind == SignalKind::Annotations {
+        let signals = self.signals.iter();
+        let with_samples = signals.filter(|signal| signal.kind == SignalKind::Samples);
+        let is_bdf = matches!(
+            self.format,
+            Format::Bdf | Format::BdfPlusContinuous | Format::BdfPlusDiscontinuous
+        );
+        let mut triggers = with_samples
+            .clone()
+            .filter(|signal| is_bdf && signal.label == "Status");
+        if let Some(signal) = triggers.next() {
+            let label = signal.label.clone();
+            self.warnings.push(Warning::Triggers { label });
+        }
+        for signal in with_samples.clone() {
+            if let Err(range) = &signal.calibration {
+                unusable.push((signal.label.clone(), range.clone()));
                 continue;
-            }
-            let line = &mut signal.calibration;
-            if !line.is_usable() {
-                return Err(RecordingError::Range {
-                    label: signal.label.clone(),
-                    digital_min: line.digital_min,
-                    digital_max: line.digital_max,
-                    physical_min: line.physical_min,
-                    physical_max: line.physical_max,
-                });
-            }
-            if line.digital_min > line.digital_max {
-                let label = signal.label.clone();
-                self.warnings.push(Warning::DigitalRangeReversed { label });
-            }
-            #[expect(clippy::float_cmp, reason = "equal as stored means an empty range")]
-            if line.physical_min == line.physical_max {
-                let label = signal.label.clone();
-                self.warnings.push(Warning::PhysicalRangeEmpty { label });
-                (line.physical_min, line.physical_max) = (line.digital_min, line.digital_max);
             }
             if signal.samples_per_record > 0 && signal.rate.is_none() {
                 let reason = "signals with samples need a length > 0";
@@ -86,6 +88,17 @@ impl Header {
                 unknown_units.push(format!("{} {unit}", signal.label));
             }
         }
+        if !unusable.is_empty() {
+            if unusable.len() == with_samples.count() {
+                let (label, range) = unusable.remove(0);
+                return Err(RecordingError::Range { label, range });
+            }
+            let signals = unusable.into_iter();
+            let signals = signals.map(|(label, range)| format!("{label} ({range})"));
+            self.warnings.push(Warning::Unusable {
+                signals: signals.collect(),
+            });
+        }
         if !unknown_units.is_empty() {
             self.warnings.push(Warning::UnitUnknown {
                 signals: unknown_units,
@@ -93,6 +106,37 @@ impl Header {
         }
         Ok(self)
     }
+}
+
+/// Returns the calibration of a signal with these ranges, and adds warnings for doubtful ones.
+/// `stated` holds the digital and the physical range as the header states them.
+///
+/// # Errors
+/// [`UnusableRange`] if the digital range is empty, or an end is not finite.
+pub(crate) fn calibration(
+    label: &str,
+    sample_type: SampleType,
+    [digital, mut physical]: [[f64; 2]; 2],
+    stated: impl FnOnce() -> [[String; 2]; 2],
+    warnings: &mut Vec<Warning>,
+) -> Result<Calibration, UnusableRange> {
+    #[expect(clippy::float_cmp, reason = "equal as stored means an empty range")]
+    let is_empty = physical[0] == physical[1];
+    if is_empty || sample_type.is_whole_range(digital, physical) {
+        physical = digital;
+    }
+    let Some(line) = Calibration::new(digital, physical) else {
+        return Err(UnusableRange::new(stated()));
+    };
+    if is_empty {
+        let label = label.to_owned();
+        warnings.push(Warning::PhysicalRangeEmpty { label });
+    }
+    if digital[0] > digital[1] {
+        let label = label.to_owned();
+        warnings.push(Warning::DigitalRangeReversed { label });
+    }
+    Ok(line)
 }
 
 /// Returns the sampling rate of a signal, Hz; `None` if the signal has no samples or the record has
@@ -139,15 +183,32 @@ impl<'a> SignalFields<'a> {
     }
 }
 
-/// Decodes text of a header and removes its padding. Bytes that are not UTF-8 are read as Latin-1.
-pub(crate) fn text(bytes: &[u8]) -> String {
-    let text = match std::str::from_utf8(bytes) {
-        Ok(text) => text.to_owned(),
-        Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
+/// Characters of the bytes 0x80..=0x9f in Windows-1252; the five bytes that it leaves undefined
+/// keep their code. Source: WHATWG, "Encoding", index windows-1252.
+const WINDOWS_1252: [char; 32] = [
+    '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}',
+    '\u{90}', '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
+];
+
+/// Decodes text as UTF-8, or as Windows-1252 if it is not valid UTF-8.
+pub(crate) fn decoded(bytes: &[u8]) -> String {
+    let character = |&byte: &u8| match byte {
+        0x80..=0x9f => WINDOWS_1252[usize::from(byte - 0x80)],
+        _ => char::from(byte),
     };
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(character).collect(),
+    }
+}
+
+/// Decodes text of a header and removes its padding.
+pub(crate) fn text(bytes: &[u8]) -> String {
     // GDF pads text with zeros; in some files, uninitialised bytes follow the first zero.
-    let (text, _) = text.split_once('\0').unwrap_or((&text, ""));
-    text.trim().to_owned()
+    let end = bytes.iter().position(|&byte| byte == 0);
+    decoded(&bytes[..end.unwrap_or(bytes.len())])
+        .trim()
+        .to_owned()
 }
 
 /// Returns the `N` bytes at offset `at`. Callers must check the length: if `bytes` ends before all
@@ -175,12 +236,13 @@ pub(crate) fn field_error(
     }
 }
 
-/// Converts the number of records that a header states; `None` for -1, which means unknown.
+/// Converts the number of records that a header states; `None` for -1 or 0, which programs write
+/// before they know the number.
 ///
 /// # Errors
 /// [`RecordingError::HeaderField`] for any other negative number.
 pub(crate) fn record_count(stated: i64) -> Result<Option<u64>, RecordingError> {
-    if stated == -1 {
+    if matches!(stated, -1 | 0) {
         return Ok(None);
     }
     let count = u64::try_from(stated).map_err(|_| {
@@ -230,11 +292,18 @@ pub(crate) fn read(source: &mut dyn Source, file_bytes: u64) -> Result<Header, R
     let mut magic = [0; 8];
     let length = in_memory(file_bytes).min(magic.len());
     read_at(source, 0, &mut magic[..length])?;
-    let format = Format::detect(magic)?;
-
+    let known = Format::detect(magic);
     let mut fixed = [0; HEADER_BLOCK];
-    enough(HEADER_BLOCK as u64)?;
-    read_at(source, 0, &mut fixed)?;
+    if known.is_ok() || file_bytes >= HEADER_BLOCK as u64 {
+        enough(HEADER_BLOCK as u64)?;
+        read_at(source, 0, &mut fixed)?;
+    }
+    let is_other_version = known.is_err() && edf::is_other_version(&fixed);
+    let format = if is_other_version {
+        Format::Edf
+    } else {
+        known?
+    };
     let is_gdf = matches!(format, Format::Gdf1(_) | Format::Gdf2(_));
     let signals = if is_gdf {
         gdf::signal_count(format, &fixed)?
@@ -247,12 +316,16 @@ pub(crate) fn read(source: &mut dyn Source, file_bytes: u64) -> Result<Header, R
     enough(header_bytes as u64)?;
     let mut bytes = vec![0; header_bytes];
     read_at(source, 0, &mut bytes)?;
-    let header = if is_gdf {
+    let mut header = if is_gdf {
         gdf::parse(format, &bytes, signals)?
     } else {
         edf::parse(format, &bytes, signals)?
     };
     enough(header.data_start)?;
+    if is_other_version {
+        let found = text(&magic);
+        header.warnings.push(Warning::Version { found });
+    }
     Ok(header)
 }
 

@@ -52,6 +52,7 @@ mod ratio;
 mod recording;
 mod signal;
 mod source;
+mod timeline;
 pub mod virtual_adc;
 mod warning;
 
@@ -66,7 +67,7 @@ pub use montage_map::{Missing, MontageMap, MontageMapError, MontageWarning};
 pub use position::Position;
 pub use ratio::Ratio;
 pub use recording::{Block, Recording};
-pub use signal::{Calibration, SampleType, Signal, SignalKind, Unit};
+pub use signal::{Calibration, SampleType, Signal, SignalKind, Unit, UnusableRange};
 pub use source::Source;
 pub use virtual_adc::{AdcSpec, VirtualAdc, live_adc::LiveAdc};
 pub use warning::Warning;

@@ -1,10 +1,13 @@
 //! Maps the signals of a recording to the electrodes of a montage.
 
-use std::fmt;
+use std::{collections::BTreeSet, fmt};
 
 use thiserror::Error;
 
-use crate::{electrode::Electrode, position::Position};
+use crate::{
+    electrode::{Electrode, names_of_another_cap},
+    position::Position,
+};
 
 /// What to do with an electrode of the montage that the recording lacks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -22,6 +25,9 @@ pub enum Missing {
 /// Number of recorded electrodes from which a missing electrode is interpolated; if the recording
 /// has fewer, all of them are used.
 pub const NEIGHBOURS: usize = 4;
+
+/// Number of labels of another cap that an error shows.
+const NAMES_SHOWN: usize = 6;
 
 /// Where the values of one electrode of the montage come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,6 +59,13 @@ pub enum MontageMapError {
         found: Vec<String>,
         needed: Vec<String>,
     },
+    /// The labels are those of a cap that names its electrodes in another way.
+    #[error(
+        "the recording has names of another cap, such as {}: its C3 is not that of the 10-20 system; give the \
+         signals the names of the 10-10 system (docs/recordings.md, Electrodes)",
+        found.join(" ")
+    )]
+    OtherCap { found: Vec<String> },
     /// Electrodes of the montage are missing, and the caller chose [`Missing::Refuse`].
     #[error("the recording lacks {}; interpolate them, set them to zero, or use another recording", labels.join(" "))]
     MissingElectrodes { labels: Vec<String> },
@@ -69,6 +82,14 @@ pub enum MontageWarning {
         real.join(" ")
     )]
     FewElectrodes { real: Vec<String>, needed: usize },
+    /// The labels of all electrodes end with the same reference, which is no known name of one.
+    #[error("the electrodes' common ending -{reference} is taken for the name of their reference")]
+    CommonReference { reference: String },
+    /// All electrodes were recorded against one that the montage has, too.
+    #[error(
+        "electrode {electrode} is the reference of all others, so it is 0 and counts as missing"
+    )]
+    ReferenceIsZero { electrode: String },
     /// Two signals of the recording were recorded at the same electrode.
     #[error(
         "electrode {electrode} is recorded twice: signal {used} is used, signal {ignored} is not"
@@ -87,12 +108,17 @@ pub struct MontageMap {
     electrodes: Vec<String>,
     origins: Vec<Origin>,
     signals: Vec<String>,
+    /// The electrode of each signal.
+    located: Vec<Option<Electrode>>,
+    /// The common reference of all electrodes, if it is not one of the usual names.
+    reference: Option<String>,
 }
 
 impl MontageMap {
     /// Finds each electrode of the montage (`electrodes`) among the labels of the recording
     /// (`labels`). [`Electrode::parse`] defines which spellings are equal. If two signals have the
-    /// same electrode, the map uses the first.
+    /// same electrode, the map uses the first. If the labels of all electrodes end with one
+    /// reference, it is stripped, and the electrode with its name is 0.
     ///
     /// # Errors
     /// [`MontageMapError`] if the montage is invalid or the recording does not fit it.
@@ -118,18 +144,17 @@ impl MontageMap {
             }
             wanted.push(electrode);
         }
-        let mut located: Vec<(usize, Electrode)> = Vec::new();
-        for (signal, label) in signals.iter().enumerate() {
-            if let Some(electrode) = Electrode::parse(label)
-                && located.iter().all(|(_, other)| *other != electrode)
-            {
-                located.push((signal, electrode));
-            }
+        if let Some(found) = names_of_another_cap(&signals) {
+            let found = found.into_iter().take(NAMES_SHOWN).map(owned).collect();
+            return Err(MontageMapError::OtherCap { found });
         }
+        let (located, reference) = Electrode::parse_all(&signals);
         let real = |electrode: &Electrode| {
-            let found = located.iter().find(|(_, other)| other == electrode);
-            found.map(|(signal, _)| *signal)
+            located
+                .iter()
+                .position(|other| other.as_ref() == Some(electrode))
         };
+        let zero = reference.as_deref().and_then(Electrode::parse);
         if wanted.iter().all(|electrode| real(electrode).is_none()) {
             return Err(MontageMapError::NoCommonElectrode {
                 found: signals,
@@ -140,6 +165,7 @@ impl MontageMap {
             .iter()
             .map(|electrode| match (real(electrode), missing) {
                 (Some(signal), _) => Origin::Real(signal),
+                (None, _) if zero == Some(*electrode) => Origin::Zero,
                 (None, Missing::Interpolate) => Origin::Interpolated(nearest(electrode, &located)),
                 (None, Missing::Zero | Missing::Refuse) => Origin::Zero,
             })
@@ -148,6 +174,8 @@ impl MontageMap {
             electrodes: names,
             origins,
             signals,
+            located,
+            reference,
         };
         if missing == Missing::Refuse && !map.zero().is_empty() {
             let labels = map.zero().into_iter().map(owned).collect();
@@ -191,9 +219,19 @@ impl MontageMap {
                 needed: self.electrodes.len(),
             });
         }
-        let electrodes: Vec<_> = self.signals.iter().map(|l| Electrode::parse(l)).collect();
-        for (second, electrode) in electrodes.iter().enumerate() {
-            let first = electrodes[..second].iter().position(|one| one == electrode);
+        if let Some(reference) = self.reference.clone() {
+            let electrode = Electrode::parse(&reference);
+            let mut electrodes = self.electrodes.iter();
+            let zero = electrodes
+                .find(|label| electrode.is_some() && Electrode::parse(label) == electrode);
+            warnings.push(match zero.cloned() {
+                Some(electrode) => MontageWarning::ReferenceIsZero { electrode },
+                None => MontageWarning::CommonReference { reference },
+            });
+        }
+        for (second, electrode) in self.located.iter().enumerate() {
+            let mut before = self.located[..second].iter();
+            let first = before.position(|one| one == electrode);
             if let (Some(electrode), Some(first)) = (electrode, first) {
                 warnings.push(MontageWarning::DuplicateSignal {
                     electrode: electrode.to_string(),
@@ -205,21 +243,22 @@ impl MontageMap {
         warnings
     }
 
+    /// Returns the indices of the signals from which the electrodes are computed.
+    pub fn used(&self) -> BTreeSet<usize> {
+        let signals = self.origins.iter().flat_map(|origin| match origin {
+            Origin::Real(signal) => vec![*signal],
+            Origin::Interpolated(mix) => mix.iter().map(|(signal, _)| *signal).collect(),
+            Origin::Zero => Vec::new(),
+        });
+        signals.collect()
+    }
+
     /// Returns the labels of the recording's signals that no electrode of the montage uses.
     pub fn unused(&self) -> Vec<&str> {
-        let unused = |(signal, _): &(usize, _)| {
-            self.origins.iter().all(|origin| match origin {
-                Origin::Real(own) => own != signal,
-                Origin::Interpolated(mix) => mix.iter().all(|(own, _)| own != signal),
-                Origin::Zero => true,
-            })
-        };
-        self.signals
-            .iter()
-            .enumerate()
-            .filter(unused)
-            .map(|(_, label)| label.as_str())
-            .collect()
+        let used = self.used();
+        let signals = self.signals.iter().enumerate();
+        let unused = signals.filter(|(signal, _)| !used.contains(signal));
+        unused.map(|(_, label)| label.as_str()).collect()
     }
 
     fn labels_with(&self, wanted: impl Fn(&Origin) -> bool) -> Vec<&str> {
@@ -232,13 +271,15 @@ impl MontageMap {
 }
 
 /// Returns the [`NEIGHBOURS`] signals nearest to `electrode` as pairs (index, weight). `located`
-/// holds pairs of signal index and electrode.
-fn nearest(electrode: &Electrode, located: &[(usize, Electrode)]) -> Vec<(usize, f64)> {
+/// holds the electrode of each signal; of two signals of one electrode, the first counts.
+fn nearest(electrode: &Electrode, located: &[Option<Electrode>]) -> Vec<(usize, f64)> {
     let position = Position::from_electrode(electrode);
     let distance = |other| position.chord_squared(Position::from_electrode(other));
-    let mix = located
-        .iter()
-        .map(|(signal, other)| (*signal, distance(other)));
+    let mix = located.iter().enumerate().filter_map(|(signal, other)| {
+        let is_first = !located[..signal].contains(other);
+        let other = other.as_ref().filter(|_| is_first)?;
+        Some((signal, distance(other)))
+    });
     let mut mix: Vec<(usize, f64)> = mix.collect();
     mix.sort_by(|(_, a), (_, b)| a.total_cmp(b));
     mix.truncate(NEIGHBOURS);
@@ -313,6 +354,52 @@ mod tests {
         ] {
             assert!(report.contains(line), "{report}");
         }
+    }
+
+    #[test]
+    fn a_common_reference_of_the_montage_is_zero_and_said_once() {
+        let labels = ["EEG C3-CPz", "EEG C4-CPz", "EEG Pz-CPz", "ECG-CPz"];
+        let electrodes = ["CPz", "C3", "Cz"];
+        let map = MontageMap::new(&labels, &electrodes, Missing::Interpolate).expect("common");
+        assert_eq!(map.origins()[..2], [Origin::Zero, Origin::Real(0)]);
+        assert_eq!(map.interpolated(), ["Cz"]);
+        let electrode = "CPz".to_owned();
+        let warning = MontageWarning::ReferenceIsZero { electrode };
+        assert!(map.warnings().contains(&warning));
+        assert_eq!(map.used().into_iter().collect::<Vec<_>>(), [0, 1, 2]);
+
+        let refused = MontageMap::new(&labels, &["CPz", "C3"], Missing::Refuse);
+        let message = refused.expect_err("it is missing").to_string();
+        assert!(message.contains("lacks CPz"), "{message}");
+
+        let map = MontageMap::new(&["C3-G2", "C4-G2"], &["C3", "C4"], Missing::Refuse);
+        let warning = map.expect("both").warnings()[0].to_string();
+        assert!(warning.contains("-G2"), "{warning}");
+    }
+
+    #[test]
+    fn the_names_of_another_cap_are_refused() {
+        let cap = |letters: &str, form: fn(char, u8) -> String| {
+            let letters = letters.chars();
+            let labels = letters.flat_map(|letter| (1..=32).map(move |n| form(letter, n)));
+            labels.collect::<Vec<String>>()
+        };
+        let plain = |letter, n| format!("{letter}{n}");
+        for labels in [
+            cap("AB", plain),
+            cap("ABCD", plain),
+            cap("CDEFGH", plain),
+            cap("AB", |letter, n| format!("EEG {letter}{n}-REF")),
+        ] {
+            let refused = MontageMap::new(&labels, &["C3", "F4"], Missing::Interpolate);
+            let message = refused.expect_err("another cap").to_string();
+            assert!(message.contains("names of another cap"), "{message}");
+        }
+        // Ear lobes and a few other signals do not make a cap.
+        let mut labels = cap("B", plain)[..7].to_vec();
+        labels.extend(["A1", "A2", "C3", "F4"].map(str::to_owned));
+        let map = MontageMap::new(&labels, &["C3", "F4"], Missing::Refuse);
+        assert_eq!(map.expect("both").real(), ["C3", "F4"]);
     }
 
     #[test]

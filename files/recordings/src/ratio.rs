@@ -13,10 +13,6 @@ pub struct Ratio {
     denominator: u64,
 }
 
-/// Largest denominator that [`Ratio::from_f64`] returns: enough for every decimal of 8 characters
-/// (the width of the EDF header field) and for 1 / rate of every integer rate up to 1 MHz.
-const DENOMINATOR_MAX: u64 = 10_000_000;
-
 impl Ratio {
     /// Creates the fraction `numerator / denominator` in lowest terms; `None` if either is 0.
     pub fn new(numerator: u64, denominator: u64) -> Option<Self> {
@@ -31,34 +27,42 @@ impl Ratio {
     }
 
     /// Returns the simplest fraction within a relative error of 1e-11 of `value`, such as 1/256 for
-    /// 0.00390625, by continued fractions; `None` for values outside (1e-9, 1e9).
+    /// 0.00390625; `None` for values outside (1e-9, 1e9).
     pub fn from_f64(value: f64) -> Option<Self> {
         if !value.is_finite() || value <= 1e-9 || value >= 1e9 {
             return None;
         }
+        Self::simplest(value * (1.0 - 1e-11), value * (1.0 + 1e-11))
+    }
+
+    /// Returns the fraction with the smallest terms of those from `least` to `most`, by continued
+    /// fractions; `None` unless 0 < `least` <= `most` and the terms fit 64 bits.
+    pub(crate) fn simplest(least: f64, most: f64) -> Option<Self> {
+        let (mut low, mut high) = (least, most);
+        if low.is_nan() || high.is_nan() || low <= 0.0 || low > high {
+            return None;
+        }
         let (mut before, mut now) = ((0_u64, 1_u64), (1_u64, 0_u64));
-        let mut rest = value;
-        for _ in 0..40 {
+        // Each pass adds a term of the continued fraction, which at least doubles the fraction's
+        // terms in two passes.
+        for _ in 0..128 {
+            let has_integer = low.ceil() <= high;
+            let term = if has_integer { low.ceil() } else { low.floor() };
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
-                reason = "0 <= rest <= 1e15: the loop ends before a smaller remainder is inverted"
+                reason = "not negative; what saturates overflows the product, or is refused"
             )]
-            let whole = rest.floor() as u64;
+            let whole = term as u64;
             let numerator = whole.checked_mul(now.0)?.checked_add(before.0)?;
             let denominator = whole.checked_mul(now.1)?.checked_add(before.1)?;
-            if denominator > DENOMINATOR_MAX {
-                break;
+            if has_integer {
+                return Self::new(numerator, denominator);
             }
             (before, now) = (now, (numerator, denominator));
-            let found = quotient(now.0, now.1);
-            let remainder = rest - rest.floor();
-            if (found - value).abs() <= 1e-11 * value || remainder < 1e-15 {
-                break;
-            }
-            rest = 1.0 / remainder;
+            (low, high) = (1.0 / (high - term), 1.0 / (low - term));
         }
-        Self::new(now.0, now.1)
+        None
     }
 
     /// Returns the numerator in lowest terms, > 0.
@@ -92,7 +96,7 @@ fn quotient(a: u64, b: u64) -> f64 {
 }
 
 /// Computes the greatest common divisor by Euclid's algorithm; both arguments must be > 0.
-pub(crate) fn greatest_common_divisor(a: u64, b: u64) -> u64 {
+fn greatest_common_divisor(a: u64, b: u64) -> u64 {
     let (mut a, mut b) = (a, b);
     while b != 0 {
         (a, b) = (b, a % b);
@@ -112,12 +116,30 @@ mod tests {
             (0.003_906_25, 1, 256),
             (1.0 / 300.0, 1, 300),
             (2.5, 5, 2),
+            (99_999_999.5, 199_999_999, 2),
         ] {
             let ratio = Ratio::from_f64(value).expect("in range");
             assert_eq!(
                 (ratio.numerator(), ratio.denominator()),
                 (numerator, denominator)
             );
+        }
+    }
+
+    #[test]
+    fn no_fraction_of_an_interval_has_smaller_terms() {
+        for (least, most, numerator, denominator) in [
+            (0.001_953_05, 0.001_953_15, 1, 512),
+            (0.333_332_5, 0.333_333_5, 1, 3),
+            (0.999_937_6, 0.999_938_4, 16_025, 16_026),
+            (2.9, 3.1, 3, 1),
+            (3.0, 3.0, 3, 1),
+        ] {
+            let found = Ratio::simplest(least, most);
+            assert_eq!(found, Ratio::new(numerator, denominator), "{least}");
+        }
+        for (least, most) in [(0.0, 1.0), (2.0, 1.0), (f64::NAN, 1.0), (1.0, f64::NAN)] {
+            assert_eq!(Ratio::simplest(least, most), None, "{least} {most}");
         }
     }
 

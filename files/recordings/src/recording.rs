@@ -3,15 +3,16 @@
 use std::{fs::File, io::SeekFrom, path::Path};
 
 use crate::{
-    edf::annotations::{self, RecordAnnotations},
+    edf::annotations::RecordAnnotations,
     error::RecordingError,
-    event::{Event, Onsets, Timeline},
+    event::{Event, Onsets},
     format::{self, Format},
     gdf::events::{PREFIX, TablePrefix, records_before_table},
     header::{self, Header},
     ratio::Ratio,
     signal::{Signal, SignalKind},
     source::{BLOCK_BYTES, Source, in_memory, is_damaged_by_text_mode, read_at},
+    timeline::{Gaps, Timeline},
     warning::Warning,
 };
 
@@ -29,6 +30,7 @@ pub struct Recording {
     file_bytes: u64,
     next_record: u64,
     raw: Vec<u8>,
+    timeline: Timeline,
 }
 
 /// The samples of consecutive records of a recording, in physical units.
@@ -38,7 +40,8 @@ pub struct Block {
     pub first_record: u64,
     /// Number of whole records in the block; 0 after the end of the recording.
     pub records: u64,
-    /// Samples of each signal, in the unit of the signal; empty for annotation signals.
+    /// Samples of each signal, in the unit of the signal; empty for annotation signals and for
+    /// those without a calibration.
     pub samples: Vec<Vec<f64>>,
 }
 
@@ -135,9 +138,15 @@ impl Recording {
         let surplus = data_bytes - records * record_bytes;
         // In a GDF file, bytes after the records are the event table, not surplus.
         if !is_gdf && !truncated && surplus > 0 {
-            header.warnings.push(Warning::Surplus { bytes: surplus });
+            let more = surplus / record_bytes;
+            header.warnings.push(Warning::Surplus {
+                records: more,
+                seconds: header.seconds(more),
+                bytes: surplus % record_bytes,
+            });
         }
         let raw = Vec::new();
+        let timeline = Timeline::new(&header, records);
         let mut recording = Self {
             source,
             header,
@@ -147,10 +156,9 @@ impl Recording {
             file_bytes,
             next_record: 0,
             raw,
+            timeline,
         };
-        if recording.header.format.is_discontinuous() {
-            recording.note_gaps()?;
-        }
+        recording.read_record_times()?;
         Ok(recording)
     }
 
@@ -189,10 +197,8 @@ impl Recording {
     }
 
     /// Returns the duration of all whole records together, s.
-    #[expect(clippy::cast_precision_loss, reason = "records stay below 2^53")]
     pub fn duration_s(&self) -> f64 {
-        self.record_duration()
-            .map_or(0.0, |length| length.value() * self.records as f64)
+        self.header.seconds(self.records)
     }
 
     /// Moves the read position back to the first record.
@@ -226,8 +232,9 @@ impl Recording {
             for (signal, out) in self.header.signals.iter().zip(&mut block.samples) {
                 let (own, others) = rest.split_at(in_memory(signal.record_bytes()));
                 rest = others;
-                if signal.kind == SignalKind::Samples {
-                    let line = signal.calibration;
+                if signal.kind == SignalKind::Samples
+                    && let Ok(line) = signal.calibration
+                {
                     signal
                         .sample_type
                         .decode(own, |digital| line.physical(digital), out);
@@ -246,13 +253,7 @@ impl Recording {
     pub fn events(&mut self) -> Result<Vec<Event>, RecordingError> {
         match self.header.format {
             Format::Gdf1(_) | Format::Gdf2(_) => self.gdf_events(),
-            _ => {
-                let mut events = Vec::new();
-                self.for_each_annotated_record(|_, annotations| {
-                    events.extend(annotations.events);
-                })?;
-                Ok(events)
-            }
+            _ => self.annotated_events(),
         }
     }
 
@@ -262,36 +263,26 @@ impl Recording {
     /// # Errors
     /// [`RecordingError::Read`] if reading fails.
     pub fn placed_events(&mut self) -> Result<Vec<(Event, Option<f64>)>, RecordingError> {
-        let timeline = self.timeline()?;
-        let placed = self.events()?.into_iter().map(|event| {
-            let place_s = timeline.place(event.onset_s);
+        let events = self.events()?.into_iter();
+        let placed = events.map(|event| {
+            let place_s = self.timeline.place(event.onset_s);
             (event, place_s)
         });
         Ok(placed.collect())
     }
 
     /// Returns the events' starts as times in the signal that a [`crate::VirtualAdc`] plays, in
-    /// which gaps between records are closed.
+    /// which gaps between records are closed. Sparse samples of GDF add a [`Warning`].
     ///
     /// # Errors
     /// [`RecordingError::Read`] if reading fails.
     pub fn onsets(&mut self) -> Result<Onsets, RecordingError> {
-        let timeline = self.timeline()?;
-        Ok(Onsets::new(&self.events()?, &timeline))
-    }
-
-    fn timeline(&mut self) -> Result<Timeline, RecordingError> {
-        let record_s = self.record_duration().map_or(0.0, Ratio::value);
-        let mut timeline = Timeline {
-            records: Vec::new(),
-            record_s,
-            end_s: self.duration_s(),
-        };
-        self.for_each_annotated_record(|record, annotations| {
-            let start_s = annotations.record_start_s;
-            timeline.add_record(record, start_s);
-        })?;
-        Ok(timeline)
+        let onsets = Onsets::new(self.placed_events()?);
+        if onsets.sparse_samples > 0 {
+            let count = onsets.sparse_samples;
+            self.warn_once(Warning::SparseSamples { count });
+        }
+        Ok(onsets)
     }
 
     fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {
@@ -323,32 +314,48 @@ impl Recording {
         Ok(Vec::new())
     }
 
-    fn note_gaps(&mut self) -> Result<(), RecordingError> {
-        let length = self.record_duration().map_or(0.0, Ratio::value);
-        let (mut count, mut seconds, mut expected) = (0_u64, 0.0, None::<f64>);
-        self.for_each_annotated_record(|_, annotations| {
-            if let Some(start) = annotations.record_start_s {
-                // Files state starts as rounded decimals, so only a difference above 1e-6 s, far
-                // less than a sample, counts as a gap.
-                if let Some(gap) = expected.map(|end| start - end)
-                    && gap.abs() > 1e-6
-                {
-                    count += 1;
-                    seconds += gap;
-                }
-                expected = Some(start + length);
-            }
-        })?;
+    /// Reads the times of the records: of the first one only, unless gaps can follow.
+    fn read_record_times(&mut self) -> Result<(), RecordingError> {
+        let can_have_gaps = self.header.format.is_discontinuous();
+        let timed = if can_have_gaps { self.records } else { 1 };
+        let places = self.annotation_places();
+        // Without annotation signals, no record states a time.
+        for record in (0..timed).take_while(|_| !places.is_empty()) {
+            let start_s = self.record_annotations(record, &places)?.record_start_s;
+            self.timeline.add_record(record, start_s);
+        }
+        let Gaps {
+            count,
+            seconds,
+            unstated,
+        } = self.timeline.gaps;
         if count > 0 {
             self.warn_once(Warning::Gaps { count, seconds });
+        }
+        if unstated > 0 && can_have_gaps {
+            self.warn_once(Warning::RecordTimes { records: unstated });
         }
         Ok(())
     }
 
-    fn for_each_annotated_record(
-        &mut self,
-        mut visit: impl FnMut(u64, RecordAnnotations),
-    ) -> Result<(), RecordingError> {
+    fn annotated_events(&mut self) -> Result<Vec<Event>, RecordingError> {
+        let mut events = Vec::new();
+        let (mut lists, mut first_invalid) = (0, None);
+        let places = self.annotation_places();
+        for record in (0..self.records).take_while(|_| !places.is_empty()) {
+            let annotations = self.record_annotations(record, &places)?;
+            events.extend(annotations.events);
+            lists += annotations.invalid;
+            first_invalid = first_invalid.or(annotations.first_invalid);
+        }
+        if let Some(first) = first_invalid {
+            self.warn_once(Warning::Annotations { lists, first });
+        }
+        Ok(events)
+    }
+
+    /// Returns the offset in a record and the length of each annotation signal, bytes.
+    fn annotation_places(&self) -> Vec<(u64, u64)> {
         let mut places = Vec::new();
         let mut offset = 0;
         for signal in &self.header.signals {
@@ -357,28 +364,25 @@ impl Recording {
             }
             offset += signal.record_bytes();
         }
-        let mut damaged = 0;
-        let mut bytes = Vec::new();
-        // Without annotation signals (`places` is empty), no record is read.
-        for record in (0..self.records).take_while(|_| !places.is_empty()) {
-            let mut intact = true;
-            for &(offset, length) in &places {
-                bytes.resize(in_memory(length), 0);
-                let at = self.header.data_start + record * self.record_bytes + offset;
-                read_at(&mut *self.source, at, &mut bytes)?;
-                let found = annotations::parse(&bytes);
-                intact &= found.intact;
-                visit(record, found);
-            }
-            damaged += u64::from(!intact);
-        }
-        if damaged > 0 {
-            self.warn_once(Warning::Annotations { records: damaged });
-        }
-        Ok(())
+        places
     }
 
-    fn warn_once(&mut self, warning: Warning) {
+    fn record_annotations(
+        &mut self,
+        record: u64,
+        places: &[(u64, u64)],
+    ) -> Result<RecordAnnotations, RecordingError> {
+        let mut found = RecordAnnotations::default();
+        for &(offset, length) in places {
+            self.raw.resize(in_memory(length), 0);
+            let at = self.header.data_start + record * self.record_bytes + offset;
+            read_at(&mut *self.source, at, &mut self.raw)?;
+            found.add(&self.raw);
+        }
+        Ok(found)
+    }
+
+    pub(crate) fn warn_once(&mut self, warning: Warning) {
         if !self.header.warnings.contains(&warning) {
             self.header.warnings.push(warning);
         }

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use thiserror::Error;
+
 use crate::{header::array_at, ratio::Ratio};
 
 /// What a signal of a file holds; files store annotations in the form of signals.
@@ -22,8 +24,8 @@ pub struct Signal {
     pub kind: SignalKind,
     /// Unit of the physical values.
     pub unit: Unit,
-    /// Conversion from digital to physical values.
-    pub calibration: Calibration,
+    /// Conversion from digital to physical values. Of a signal without it, no samples are read.
+    pub calibration: Result<Calibration, UnusableRange>,
     /// Encoding of each sample in the file.
     pub sample_type: SampleType,
     /// Number of samples in a record; 0 for a signal that only has events.
@@ -40,40 +42,108 @@ impl Signal {
     }
 }
 
-/// Linear scale of a signal: the straight line through the points (`digital_min`, `physical_min`)
-/// and (`digital_max`, `physical_max`).
+/// Linear scale of a signal: the straight line through the points (digital minimum, physical
+/// minimum) and (digital maximum, physical maximum). GDF applies the line to float samples too.
 ///
-/// `physical = (d - digital_min) * gain + physical_min` with
-/// `gain = (physical_max - physical_min) / (digital_max - digital_min)`. GDF applies the line to
-/// float samples too.
+/// `physical = (d - d0) * gain + p0` with
+/// `gain = (physical_max - physical_min) / (digital_max - digital_min)`. The point (d0, p0) is the
+/// one of the line whose d0 is nearest to 0 within the digital range, or (0, 0) if both ranges are
+/// equal. Computed from an end of the range instead, a small sample would be rounded away where the
+/// range is wide: 20 uV in +-3.4e38, the range of the type, which some programs state for float
+/// samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibration {
-    /// Smallest digital value that the header states.
-    pub digital_min: f64,
-    /// Largest digital value that the header states.
-    pub digital_max: f64,
-    /// Physical value of `digital_min`, in the signal's unit.
-    pub physical_min: f64,
-    /// Physical value of `digital_max`, in the signal's unit.
-    pub physical_max: f64,
+    /// Digital minimum and maximum that the header states.
+    pub(crate) digital: [f64; 2],
+    /// Physical values of `digital`, in the signal's unit.
+    pub(crate) physical: [f64; 2],
+    gain: f64,
+    /// The point (d0, p0).
+    nearest_zero: [f64; 2],
 }
 
 impl Calibration {
-    /// Returns whether all four numbers are finite and the digital range is not empty.
-    pub(crate) fn is_usable(&self) -> bool {
-        let range = self.digital_max - self.digital_min;
-        range.is_finite() && range != 0.0 && (self.physical_max - self.physical_min).is_finite()
+    /// The line on which physical values equal digital ones.
+    pub(crate) const IDENTITY: Self = Self {
+        digital: [-1.0, 1.0],
+        physical: [-1.0, 1.0],
+        gain: 1.0,
+        nearest_zero: [0.0, 0.0],
+    };
+
+    /// Creates the line through both ends of the ranges; `None` unless all ends are finite, and the
+    /// gain is a finite number other than 0.
+    pub(crate) fn new(digital: [f64; 2], physical: [f64; 2]) -> Option<Self> {
+        // In units of a power of two, no difference or product of the ends overflows.
+        let [digital_unit, physical_unit] = [digital, physical].map(power_of_two);
+        let [d_min, d_max] = digital.map(|end| end / digital_unit);
+        let [p_min, p_max] = physical.map(|end| end / physical_unit);
+        let slope = (p_max - p_min) / (d_max - d_min);
+        let gain = slope * (physical_unit / digital_unit);
+        #[expect(
+            clippy::float_cmp,
+            reason = "equal as stored means that values are not scaled"
+        )]
+        let nearest_zero = if digital == physical {
+            [0.0, 0.0]
+        } else if d_min * d_max <= 0.0 {
+            let offset = difference_of_products([p_min, d_max], [p_max, d_min]) / (d_max - d_min);
+            [0.0, offset * physical_unit]
+        } else if d_min.abs() < d_max.abs() {
+            [digital[0], physical[0]]
+        } else {
+            [digital[1], physical[1]]
+        };
+        let line = Self {
+            digital,
+            physical,
+            gain,
+            nearest_zero,
+        };
+        let finite = digital.iter().chain(&physical).all(|end| end.is_finite());
+        (finite && gain.is_normal()).then_some(line)
     }
 
     /// Returns the slope of the scale: physical units per digital unit.
     pub fn gain(&self) -> f64 {
-        (self.physical_max - self.physical_min) / (self.digital_max - self.digital_min)
+        self.gain
     }
 
     /// Converts a digital value to the signal's physical unit. Values outside the range in the
     /// header are not limited.
     pub fn physical(&self, digital: f64) -> f64 {
-        (digital - self.digital_min) * self.gain() + self.physical_min
+        let [d0, p0] = self.nearest_zero;
+        (digital - d0) * self.gain + p0
+    }
+}
+
+/// Returns the largest power of two that is not above the greater magnitude of both ends.
+fn power_of_two(ends: [f64; 2]) -> f64 {
+    let [a, b] = ends.map(f64::abs);
+    // A float without its fraction bits is a power of two.
+    f64::from_bits(a.max(b).max(f64::MIN_POSITIVE).to_bits() & !0 << 52)
+}
+
+/// Computes `a * b - c * d` within 1.5 units in the last place, by Kahan's algorithm: a fused
+/// operation yields the rounding error of `c * d`. Source: C.-P. Jeannerod, N. Louvet, J.-M.
+/// Muller, "Further analysis of Kahan's algorithm for the accurate computation of 2 x 2
+/// determinants", 2013.
+fn difference_of_products([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
+    let product = c * d;
+    let error = (-c).mul_add(d, product);
+    a.mul_add(b, -product) + error
+}
+
+/// Why a signal has no [`Calibration`]: the text holds its ranges, as the header states them.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{0}")]
+pub struct UnusableRange(String);
+
+impl UnusableRange {
+    /// Creates the reason from the ends of the digital and of the physical range.
+    pub(crate) fn new([digital, physical]: [[String; 2]; 2]) -> Self {
+        let [digital, physical] = [digital, physical].map(|ends| ends.join(".."));
+        Self(format!("digital {digital}, physical {physical}"))
     }
 }
 
@@ -123,6 +193,18 @@ impl SampleType {
             Self::Float32 => 4,
             Self::Float64 => 8,
         }
+    }
+
+    /// Returns whether both ranges of a signal are those of a float type, except for rounding: all
+    /// ends are within 1 % of its smallest and largest number. Such ranges state no scale.
+    pub(crate) fn is_whole_range(self, digital: [f64; 2], physical: [f64; 2]) -> bool {
+        let is_float = matches!(self, Self::Float32 | Self::Float64);
+        let near = |value: f64, end: f64| (value / end - 1.0).abs() <= 0.01;
+        let is_range = |[least, most]: [f64; 2]| {
+            let ends = [f64::from(f32::MAX), f64::MAX];
+            ends.iter().any(|end| near(least, -end) && near(most, *end))
+        };
+        is_float && is_range(digital) && is_range(physical)
     }
 
     /// Decodes every whole sample in `raw`, applies `map` to the digital value, and appends the

@@ -9,6 +9,7 @@ use crate::{
     error::RecordingError,
     montage_map::MontageMap,
     recording::{Block, Recording},
+    warning::Warning,
 };
 use conversion::{Conversion, SignalRate};
 
@@ -72,12 +73,12 @@ impl AdcCounters {
 ///
 /// The iterator yields `floor(duration * rate_hz)` samples, or ends after its first error. A signal
 /// at the rate of the ADC passes unchanged. Signals at other rates are resampled, band-limited and
-/// without delay; beyond the ends of the file, a signal keeps its first or last value. Voltages
-/// become counts by `round(uV / lsb_uv)`, ties away from zero, saturating to i24; saturation is
-/// counted. Where all eight channels of a chip would repeat their last sample, one count is added,
-/// because a driver takes repetition for a failure
-/// (`docs/decisions/0017-dither-of-repeated-samples.md`). A signal whose unit is not a voltage is
-/// treated as uV, and the recording has a warning about it.
+/// without delay, with a warning if the ratio of rates has to be approximated within 1 ppm; beyond
+/// the ends of the file, a signal keeps its first or last value. Voltages become counts by
+/// `round(uV / lsb_uv)`, ties away from zero, saturating to i24; saturation is counted. Where all
+/// eight channels of a chip would repeat their last sample, one count is added, because a driver
+/// takes repetition for a failure (`docs/decisions/0017-dither-of-repeated-samples.md`). A signal
+/// whose unit is not a voltage is treated as uV, and the recording has a warning about it.
 pub struct VirtualAdc {
     recording: Recording,
     conversion: Conversion,
@@ -94,6 +95,7 @@ impl VirtualAdc {
     /// [`RecordingError::AdcSpec`] if the rate or scale is out of range,
     /// [`RecordingError::TooManyElectrodes`] if the montage has more than [`CHANNELS`] electrodes,
     /// [`RecordingError::MapMismatch`] if `map` belongs to another recording,
+    /// [`RecordingError::Range`] if a signal of the map cannot be scaled,
     /// [`RecordingError::Rate`] if a signal cannot be resampled.
     pub fn new(
         mut recording: Recording,
@@ -108,6 +110,25 @@ impl VirtualAdc {
             })
             .collect();
         let conversion = Conversion::new(&signals, map, spec)?;
+        for signal in map.used() {
+            let signal = &recording.signals()[signal];
+            if let Err(range) = &signal.calibration {
+                let (label, range) = (signal.label.clone(), range.clone());
+                return Err(RecordingError::Range { label, range });
+            }
+        }
+        for (signal, ppm) in conversion.approximated() {
+            let signal = &recording.signals()[signal];
+            if let (label, Some(rate)) = (signal.label.clone(), signal.rate) {
+                let rate_hz = spec.rate_hz;
+                recording.warn_once(Warning::RateApproximated {
+                    label,
+                    rate,
+                    rate_hz,
+                    ppm,
+                });
+            }
+        }
         recording.rewind();
         let samples = sample_count(&recording, spec.rate_hz);
         Ok(Self {

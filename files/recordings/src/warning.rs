@@ -2,13 +2,15 @@
 
 use thiserror::Error;
 
+use crate::ratio::Ratio;
+
 /// A defect of a file that can still be read. A recording states each defect once.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[expect(missing_docs, reason = "the messages say what each field means")]
 pub enum Warning {
-    /// The header states -1 records, so the number was derived from the size of the file.
+    /// The header states -1 or 0 records, so the number was derived from the size of the file.
     #[error(
-        "the header does not contain the number of records (-1); the size of the file yields {derived}"
+        "the header does not contain the number of records (it is -1 or 0); the size of the file yields {derived}"
     )]
     RecordsUnknown { derived: u64 },
     /// The file ends before the last record announced in its header.
@@ -21,9 +23,59 @@ pub enum Warning {
         whole: u64,
         left_over: u64,
     },
-    /// An EDF or BDF file has bytes after the last record announced in its header.
-    #[error("{bytes} bytes after the last announced record are ignored")]
-    Surplus { bytes: u64 },
+    /// An EDF or BDF file has bytes after the last record announced in its header: `records` whole
+    /// records of `seconds` together, and `bytes` more.
+    #[error(
+        "{records} records ({seconds} s) and {bytes} bytes after the last announced record are ignored; to play \
+         the records too, write -1 in place of their number (the 8 bytes at byte 236 of the file)"
+    )]
+    Surplus {
+        records: u64,
+        seconds: f64,
+        bytes: u64,
+    },
+    /// The first field of an EDF file is not the version of the format, which is 0.
+    #[error("the version in the header is '{found}' in place of 0; the file is read as EDF")]
+    Version { found: String },
+    /// The fields of an EDF or BDF header that have a decimal comma, with their content.
+    #[error(
+        "a decimal comma is read as a point in {} header fields, such as {}; check the scale, and repair the header",
+        fields.len(), fields[0]
+    )]
+    DecimalComma { fields: Vec<String> },
+    /// The field for the duration of a record is too narrow for all digits; `used` is the simplest
+    /// fraction that is written in this way.
+    #[error(
+        "the header rounds the duration of a record to {stated} s; {}/{} s are used",
+        used.numerator(), used.denominator()
+    )]
+    DurationRounded { stated: String, used: Ratio },
+    /// The ratio of two rates has too large terms, so that a signal is resampled as if its rate
+    /// differed by `ppm`, at most 1.
+    #[error(
+        "signal {label} at {rate} Hz is resampled to {rate_hz} Hz with an error of {ppm:.2} ppm: after an hour it is \
+         {:.1} ms early or late",
+        ppm.abs() * 3.6
+    )]
+    RateApproximated {
+        label: String,
+        rate: Ratio,
+        rate_hz: u32,
+        ppm: f64,
+    },
+    /// BioSemi's devices store triggers as bits of a signal, which is not read as events.
+    #[error(
+        "the triggers in signal {label} are not read as events; store them as annotations (docs/recordings.md, \
+         Formats)"
+    )]
+    Triggers { label: String },
+    /// Some signals cannot be scaled, because their ranges are empty or no numbers. The field lists
+    /// label and ranges of each.
+    #[error(
+        "signals that cannot be scaled are left out, repair the header to use them: {}",
+        signals.join(", ")
+    )]
+    Unusable { signals: Vec<String> },
     /// The length field of the header contradicts its number of signals.
     #[error(
         "the header states a length of '{stated}' bytes, its signals need {used}; using {used}"
@@ -56,7 +108,18 @@ pub enum Warning {
          events are returned"
     )]
     EventTable { announced: u32, bytes: u64 },
-    /// Some annotation bytes are not valid time-stamped annotation lists.
-    #[error("annotations of {records} records could not be read completely")]
-    Annotations { records: u64 },
+    /// The times of some records of an EDF+D or BDF+D file are missing, or do not follow those of
+    /// the record before. Each is taken to start at the end of the record before.
+    #[error(
+        "{records} records have no time, or one before that of the record before them; their events may be \
+         misplaced"
+    )]
+    RecordTimes { records: u64 },
+    /// Some annotation lists are not valid, so their annotations are missing; `first` is one of
+    /// them.
+    #[error("{lists} annotation lists cannot be read and are left out, the first is \"{first}\"")]
+    Annotations { lists: u64, first: String },
+    /// Sparse samples of a GDF event table are no events of the signal.
+    #[error("{count} sparse samples in the event table are not played")]
+    SparseSamples { count: u64 },
 }

@@ -237,6 +237,9 @@ fn log_source(source: &Source, topic: &str) {
     if !unused.is_empty() {
         tracing::info!("channels that no electrode uses: {}", unused.join(" "));
     }
+    for warning in source.map().warnings() {
+        tracing::warn!("{warning}");
+    }
     if source.block_us() > 0 {
         tracing::warn!(
             "{} Hz is resampled to {} Hz in blocks of {} ms: codes come in bursts, up to one and a half \

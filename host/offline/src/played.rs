@@ -38,23 +38,24 @@ impl Played {
         let map = MontageMap::new(&recording.labels(), &electrodes, missing);
         let map = map.map_err(|error| OfflineError::Montage(path.to_owned(), error))?;
         let onsets = recording.onsets().map_err(reading)?;
-        let of_map = map.warnings();
-        let warnings = of_map.iter().map(ToString::to_string);
-        let warnings = warnings.chain(recording.warnings().iter().map(ToString::to_string));
-        let warnings = warnings.collect();
         let spec = AdcSpec {
             rate_hz: model::ADC_RATE_HZ.into(),
             lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
         };
+        let adc = VirtualAdc::new(recording, &map, spec).map_err(reading)?;
+        let of_map = map.warnings();
+        let warnings = of_map.iter().map(ToString::to_string);
+        let of_recording = adc.recording().warnings();
+        let warnings = warnings.chain(of_recording.iter().map(ToString::to_string));
         Ok(Self {
-            adc: VirtualAdc::new(recording, &map, spec).map_err(reading)?,
             substitutes: Substitutes {
                 interpolated: bits(&map, |origin| matches!(origin, Origin::Interpolated(_))),
                 zero: bits(&map, |origin| matches!(origin, Origin::Zero)),
             },
             montage: map.to_string(),
-            warnings,
+            warnings: warnings.collect(),
             onsets,
+            adc,
         })
     }
 }

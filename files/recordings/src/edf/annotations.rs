@@ -1,12 +1,17 @@
 //! Parses the time-stamped annotation lists (TALs) of EDF+ and BDF+.
 
 use crate::event::{Event, EventLabel};
+use crate::header::decoded;
 
 /// Byte after the time stamp and after each text of an annotation list.
 const TEXT_END: u8 = 0x14;
 /// Byte between the onset and the duration in the time stamp of an annotation list.
 const DURATION: u8 = 0x15;
 
+/// Number of bytes of an invalid list that a warning shows.
+const SHOWN: usize = 40;
+
+/// What the annotations of one record state.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct RecordAnnotations {
     /// Start of the record, in seconds since the start of the file: the onset of the first list
@@ -14,27 +19,25 @@ pub(crate) struct RecordAnnotations {
     /// missing.
     pub(crate) record_start_s: Option<f64>,
     pub(crate) events: Vec<Event>,
-    /// True if all bytes were parsed, that is, no list was invalid.
-    pub(crate) intact: bool,
+    /// Number of lists that are not valid.
+    pub(crate) invalid: u64,
+    /// The start of the first list that is not valid, with escapes.
+    pub(crate) first_invalid: Option<String>,
 }
 
-/// Parses the annotation bytes of one record: lists `+onset[0x15 duration]0x14 text 0x14 ... 0x00`,
-/// padded with zeros (EDF+ specification, section 2.2). Stops at the first invalid list.
-pub(crate) fn parse(bytes: &[u8]) -> RecordAnnotations {
-    let mut found = RecordAnnotations {
-        intact: true,
-        ..RecordAnnotations::default()
-    };
-    for list in bytes
-        .split(|&byte| byte == 0)
-        .filter(|list| !list.is_empty())
-    {
-        if !parse_list(list, &mut found) {
-            found.intact = false;
-            break;
+impl RecordAnnotations {
+    /// Adds the lists of one annotation signal in a record: `+onset[0x15 duration]0x14 text 0x14
+    /// ... 0x00`, padded with zeros (EDF+ specification, section 2.2). Leaves out invalid lists.
+    pub(crate) fn add(&mut self, bytes: &[u8]) {
+        let lists = bytes.split(|&byte| byte == 0);
+        for list in lists.filter(|list| !list.is_empty()) {
+            if !parse_list(list, self) {
+                self.invalid += 1;
+                let start = || list[..list.len().min(SHOWN)].escape_ascii().to_string();
+                self.first_invalid.get_or_insert_with(start);
+            }
         }
     }
-    found
 }
 
 fn parse_list(list: &[u8], found: &mut RecordAnnotations) -> bool {
@@ -63,8 +66,7 @@ fn parse_list(list: &[u8], found: &mut RecordAnnotations) -> bool {
             }
             continue;
         }
-        let text = String::from_utf8_lossy(text).into_owned();
-        let label = EventLabel::Text(text);
+        let label = EventLabel::Text(decoded(text));
         found.events.push(Event {
             onset_s,
             duration_s,
@@ -102,34 +104,52 @@ mod tests {
         }
     }
 
+    fn parse(bytes: &[u8]) -> RecordAnnotations {
+        let mut found = RecordAnnotations::default();
+        found.add(bytes);
+        found
+    }
+
     #[test]
     fn a_record_has_a_start_and_annotations() {
         let found =
             parse(b"+567\x14\x14\0+567.5\x152\x14Lights off\x14Closed\x14\0-1.5\x14x\x14\0\0\0");
-        assert_eq!(found.record_start_s, Some(567.0));
-        assert!(found.intact);
-        assert_eq!(
-            found.events,
-            [
+        let expected = RecordAnnotations {
+            record_start_s: Some(567.0),
+            events: vec![
                 event(567.5, Some(2.0), "Lights off"),
                 event(567.5, Some(2.0), "Closed"),
                 event(-1.5, None, "x"),
-            ]
-        );
+            ],
+            ..RecordAnnotations::default()
+        };
+        assert_eq!(found, expected);
     }
 
     #[test]
-    fn an_invalid_list_ends_parsing_and_is_reported() {
+    fn text_that_is_not_utf_8_is_windows_1252() {
+        let found = parse(b"+1\x14\xb5V \x80\x14\0+2\x14\xc3\xa9t\xc3\xa9\x14\0");
+        let expected = [event(1.0, None, "µV €"), event(2.0, None, "été")];
+        assert_eq!(found.events, expected);
+    }
+
+    #[test]
+    fn an_invalid_list_is_left_out_and_those_after_it_are_read() {
         for damaged in [
-            &b"567\x14\x14\0"[..],
-            b"+5x\x14\x14\0",
-            b"+5\x15?\x14a\x14\0",
-            b"+5\x14a\0",
+            &b"567\x14\x14"[..],
+            b"+5x\x14\x14",
+            b"+5\x15?\x14a\x14",
+            b"+5\x15\x14a\x14",
+            b"+5\x14a",
             b"+5",
         ] {
-            let found = parse(damaged);
-            assert!(!found.intact, "{}", damaged.escape_ascii());
-            assert!(found.events.is_empty());
+            let found = parse(&[damaged, b"\0+6\x14b\x14\0"].concat());
+            assert_eq!(
+                found.first_invalid,
+                Some(damaged.escape_ascii().to_string())
+            );
+            assert_eq!(found.invalid, 1);
+            assert_eq!(found.events, [event(6.0, None, "b")]);
         }
     }
 }

@@ -126,7 +126,7 @@ impl<W: Write + Seek> EdfWriter<W> {
             .signals
             .iter()
             .map(|signal| calibration(signal, variant));
-        let lines: Vec<Calibration> = lines.collect();
+        let lines: Vec<Calibration> = lines.collect::<io::Result<_>>()?;
         let samples = annotation_bytes / variant.bytes;
         out.write_all(&header(variant, file, &lines, samples)?)?;
         Ok(EdfWriter {
@@ -154,10 +154,10 @@ impl<W: Write + Seek> EdfWriter<W> {
         self.record.clear();
         for (signal, line) in self.lines.iter().enumerate() {
             for value in rows.iter().skip(signal).step_by(signals) {
-                let digital = (f64::from(*value) - line.physical_min) / line.gain();
-                let digital = (digital + line.digital_min).round();
+                let [least, most] = line.digital;
+                let digital = (f64::from(*value) - line.physical[0]) / line.gain() + least;
                 #[expect(clippy::cast_possible_truncation, reason = "clamped to the range")]
-                let digital = digital.clamp(line.digital_min, line.digital_max) as i32;
+                let digital = digital.round().clamp(least, most) as i32;
                 self.record
                     .extend(&digital.to_le_bytes()[..self.variant.bytes]);
             }
@@ -197,26 +197,23 @@ impl<W: Write + Seek> EdfWriter<W> {
 
 /// Returns the calibration that a reader of the file will compute. It differs a little from the
 /// signal's range, because the header states the ends of the range in at most 8 characters.
-fn calibration(signal: &SignalToWrite, variant: Variant) -> Calibration {
+///
+/// # Errors
+/// `InvalidInput` if the range is not finite.
+fn calibration(signal: &SignalToWrite, variant: Variant) -> io::Result<Calibration> {
     let [least, most] = signal.range;
     let [least, most] = if least < most {
         [least, most]
     } else {
         [least - 1.0, least + 1.0]
     };
-    let [physical_min, physical_max] =
-        [least, most].map(|end| number(end).parse().unwrap_or(f64::NAN));
-    let [digital_min, digital_max] = if signal.is_integer {
+    let physical = [least, most].map(|end| number(end).parse().unwrap_or(f64::NAN));
+    let digital = if signal.is_integer {
         [least, most]
     } else {
         variant.digital
     };
-    Calibration {
-        digital_min,
-        digital_max,
-        physical_min,
-        physical_max,
-    }
+    Calibration::new(digital, physical).ok_or_else(|| invalid("a signal has a finite range"))
 }
 
 /// Formats a number with as many decimal places as fit into 8 characters.
@@ -235,8 +232,9 @@ fn onset(row: u64, rate_hz: u32) -> String {
 
 /// Encodes an annotation as a time-stamped annotation list.
 fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
-    // A text must not contain the bytes that separate parts of a list.
-    let text = text.replace(['\x14', '\x15', '\0'], " ");
+    // The bytes 0x14, 0x15 and 0 separate parts of a list, and MNE and edfio skip a text with a
+    // line feed.
+    let text = text.replace(char::is_control, " ");
     format!("+{}\x14{text}\x14\0", onset(*row, rate_hz)).into_bytes()
 }
 
@@ -293,11 +291,11 @@ fn header(
     });
     fields(80, "", &|_| String::new());
     fields(8, "", &|signal| file.signals[signal].unit().to_owned());
-    fields(8, "-1", &|signal| number(lines[signal].physical_min));
-    fields(8, "1", &|signal| number(lines[signal].physical_max));
+    fields(8, "-1", &|signal| number(lines[signal].physical[0]));
+    fields(8, "1", &|signal| number(lines[signal].physical[1]));
     let [least, most] = variant.digital.map(|end| end.to_string());
-    fields(8, &least, &|signal| lines[signal].digital_min.to_string());
-    fields(8, &most, &|signal| lines[signal].digital_max.to_string());
+    fields(8, &least, &|signal| lines[signal].digital[0].to_string());
+    fields(8, &most, &|signal| lines[signal].digital[1].to_string());
     fields(80, "", &|_| String::new());
     fields(8, &annotation_samples.to_string(), &|_| {
         file.rows_per_record.to_string()

@@ -11,9 +11,13 @@ use crate::{
 
 /// Length in bytes of an event table's prefix: mode, count and rate.
 pub(crate) const PREFIX: usize = 8;
-/// Length in bytes of the longest event table that is searched for: in mode 3, 12 bytes for each of
+/// Length in bytes of the longest event table that is searched for: in mode 7, 20 bytes for each of
 /// 2^24 - 1 rows, the most that GDF 2 allows.
-const TABLE_MAX: u64 = PREFIX as u64 + 12 * 0x00ff_ffff;
+const TABLE_MAX: u64 = PREFIX as u64 + 20 * 0x00ff_ffff;
+/// Bit of the mode for the columns of channels and durations.
+const DURATIONS: u8 = 2;
+/// Bit of the mode, from GDF 2.51 on, for a column of time stamps (u64) after all others.
+const TIME_STAMPS: u8 = 4;
 
 /// First GDF version whose table prefix is mode (u8), count (u24), rate (f32); earlier ones have
 /// mode (u8), rate (u24), count (u32). The libraries biosig and MNE use the same limit.
@@ -22,7 +26,8 @@ const NEW_PREFIX: f64 = 1.94;
 /// The first eight bytes of an event table, which its columns follow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TablePrefix {
-    /// Which columns the table has: 1 for positions and types; 3 for these, channels and durations.
+    /// Which columns the table has: 1 for positions and types, plus [`DURATIONS`] and
+    /// [`TIME_STAMPS`].
     mode: u8,
     /// Number of rows in the table.
     pub(crate) count: u32,
@@ -51,11 +56,10 @@ impl TablePrefix {
 
     /// Returns the length of all columns of the table in bytes; `None` for an unknown mode.
     pub(crate) fn column_bytes(&self) -> Option<u64> {
-        match self.mode {
-            1 => Some(u64::from(self.count) * 6),
-            3 => Some(u64::from(self.count) * 12),
-            _ => None,
-        }
+        let has = |bit: u8| u64::from(self.mode & bit != 0);
+        let is_known = self.mode & !(DURATIONS | TIME_STAMPS) == 1;
+        let row = 6 + 6 * has(DURATIONS) + 8 * has(TIME_STAMPS);
+        is_known.then_some(u64::from(self.count) * row)
     }
 
     /// Returns whether the table states a plausible rate: at least 1 mHz. If the bytes read as the
@@ -75,7 +79,8 @@ impl TablePrefix {
     }
 
     /// Decodes the events in file order from `columns`, which has [`Self::column_bytes`] bytes.
-    /// `fallback_hz` is the rate if the file states none. Position 1 is the start of the file.
+    /// `fallback_hz` is the rate if the file states none. Position 1 is the start of the file. Time
+    /// stamps repeat the positions, so they are not read.
     pub(crate) fn events(&self, columns: &[u8], fallback_hz: f64) -> Vec<Event> {
         let count = self.count as usize;
         let rate_hz = self.rate_or(fallback_hz);
@@ -87,7 +92,7 @@ impl TablePrefix {
                 let kind = half(4 * count + 2 * i);
                 let (mut signal, mut duration_s) = (None, None);
                 let mut label = EventLabel::Type(kind);
-                if self.mode == 3 {
+                if self.mode & DURATIONS != 0 {
                     signal = half(6 * count + 2 * i).checked_sub(1);
                     let word = word(8 * count + 4 * i);
                     if kind == SPARSE_SAMPLE {
@@ -183,70 +188,4 @@ fn is_table(
         .chunks_exact(4)
         .map(|position| u32::from_le_bytes(array_at(position, 0)));
     Ok(positions.all(|position| f64::from(position) <= last))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Returns the columns of a mode 3 table with two rows: `positions`; `halves`, which are types,
-    /// then channels; and `durations`.
-    fn columns(positions: [u32; 2], halves: [u16; 4], durations: [u32; 2]) -> Vec<u8> {
-        let positions = positions.map(u32::to_le_bytes).concat();
-        let durations = durations.map(u32::to_le_bytes).concat();
-        [positions, halves.map(u16::to_le_bytes).concat(), durations].concat()
-    }
-
-    #[test]
-    fn mode_3_has_channels_and_durations_and_mode_2_is_unknown() {
-        let prefix = TablePrefix::parse(Format::Gdf2(2.1), [3, 2, 0, 0, 0, 0, 0x80, 0x43]);
-        assert_eq!((prefix.count, prefix.rate_hz), (2, 256.0));
-        let columns = columns([1, 257], [0x0300, 0x8300, 0, 5], [128, 256]);
-        assert_eq!(prefix.column_bytes(), Some(columns.len() as u64));
-        let unknown = TablePrefix { mode: 2, ..prefix };
-        assert_eq!(unknown.column_bytes(), None);
-        let events = prefix.events(&columns, 1.0);
-        let expected = |onset_s, duration, signal, label| Event {
-            onset_s,
-            duration_s: Some(duration),
-            signal,
-            label: EventLabel::Type(label),
-        };
-        assert_eq!(
-            events,
-            [
-                expected(0.0, 0.5, None, 0x0300),
-                expected(1.0, 1.0, Some(4), 0x8300)
-            ]
-        );
-    }
-
-    #[test]
-    fn a_sparse_sample_has_a_value_instead_of_a_duration() {
-        let columns = columns([3, 4], [0x7fff, 0x0300, 2, 0], [0xffff_fff6, 2]);
-        let prefix = TablePrefix {
-            mode: 3,
-            count: 2,
-            rate_hz: 2.0,
-        };
-        let sparse = Event {
-            onset_s: 1.0,
-            duration_s: None,
-            signal: Some(1),
-            label: EventLabel::SparseSample(0xffff_fff6),
-        };
-        let plain = Event {
-            onset_s: 1.5,
-            duration_s: Some(1.0),
-            signal: None,
-            label: EventLabel::Type(0x0300),
-        };
-        assert_eq!(prefix.events(&columns, 1.0), [sparse, plain]);
-
-        // In mode 1, which has no duration column, type 0x7fff is an ordinary event type.
-        let prefix = TablePrefix { mode: 1, ..prefix };
-        let events = prefix.events(&columns[..12], 1.0);
-        assert_eq!(events[0].label, EventLabel::Type(0x7fff));
-        assert_eq!(events[0].duration_s, None);
-    }
 }

@@ -113,6 +113,14 @@ impl Conversion {
         })
     }
 
+    /// Returns a signal of each rate whose ratio to that of the ADC is approximated, and the error
+    /// of the ratio, ppm.
+    pub(super) fn approximated(&self) -> impl Iterator<Item = (usize, f64)> {
+        let groups = self.groups.iter();
+        let groups = groups.map(|group| (group.signals[0], group.converter.error_ppm));
+        groups.filter(|(_, error_ppm)| *error_ppm != 0.0)
+    }
+
     /// Returns whether the next sample cannot be computed before more input is appended.
     pub(super) fn is_starved(&self) -> bool {
         self.converted.is_empty() && self.ready() == 0

@@ -5,24 +5,24 @@ use rubato::{
     audioadapter_buffers::direct::{SequentialSliceOfSlices, SequentialSliceOfVecs},
 };
 
-use crate::{
-    error::RecordingError,
-    ratio::{Ratio, greatest_common_divisor},
-};
+use crate::{error::RecordingError, ratio::Ratio};
 
 /// Smallest number of samples in a transform, at the lower of the two rates, unless [`BLOCK_MAX`]
 /// requires less. With 1024 samples the edge of the anti-aliasing filter is at 0.987 of the lower
 /// Nyquist frequency.
 const BLOCK: u64 = 1024;
-/// Largest number of samples in a transform, at either rate. Rates that need more are refused.
+/// Largest number of samples in a transform, at either rate. Rates that need more are approximated.
 const BLOCK_MAX: u64 = 1 << 17;
+/// Largest error of an approximated ratio of rates. Clocks of amplifiers have larger ones.
+const ERROR_MAX: f64 = 1e-6;
 
 /// Number of consumed outputs after which their memory is reused. It is small compared with a block
 /// read from the file, but large enough that moving the remaining outputs costs little per sample.
 const CONSUMED_MAX: usize = 4096;
 
 /// Converts several signals to another rate without a time shift: output k is the input at the time
-/// k / output rate.
+/// k / output rate. A ratio of rates that needs too long a transform is approximated by one within
+/// [`ERROR_MAX`].
 ///
 /// Beyond its ends, a signal keeps its first or last value, so that an electrode's offset does not
 /// ring. Within half a block (about 512 samples at the lower of the two rates) of either end, the
@@ -34,6 +34,8 @@ pub(crate) struct RateConverter {
     /// Converted samples of each signal, uV. The first `consumed` of them have been used already.
     output: Vec<Vec<f64>>,
     consumed: usize,
+    /// Relative error of the ratio of rates, parts per million; 0 if the ratio is exact.
+    pub(crate) error_ppm: f64,
 }
 
 /// A resampler that works in blocks, and what is needed to compensate its delay. A converter has
@@ -53,35 +55,37 @@ impl RateConverter {
     /// them in errors.
     ///
     /// # Errors
-    /// [`RecordingError::Rate`] if the two rates need a transform longer than [`BLOCK_MAX`],
-    /// [`RecordingError::ResamplerConstruction`] if the resampler cannot be built.
+    /// [`RecordingError::Rate`] if no ratio within [`ERROR_MAX`] of the two rates allows a
+    /// transform of at most [`BLOCK_MAX`] samples, [`RecordingError::ResamplerConstruction`] if the
+    /// resampler cannot be built.
     pub(crate) fn new(
         label: &str,
         rate: Ratio,
         rate_hz: u32,
         signals: usize,
     ) -> Result<Self, RecordingError> {
-        let refused = |reason| RecordingError::Rate {
-            label: label.to_owned(),
-            rate: rate.to_string(),
-            rate_hz,
-            reason,
-        };
         let empty = || vec![Vec::new(); signals];
         let mut converter = Self {
             resampler: None,
             input: empty(),
             output: empty(),
             consumed: 0,
+            error_ppm: 0.0,
         };
-        let Some(wanted) = u64::from(rate_hz).checked_mul(rate.denominator()) else {
-            return Err(refused("its rate is not a simple fraction"));
-        };
-        if wanted == rate.numerator() {
+        let (ratio, is_approximate) =
+            short_ratio(rate, rate_hz).ok_or_else(|| RecordingError::Rate {
+                label: label.to_owned(),
+                rate: rate.to_string(),
+                rate_hz,
+            })?;
+        if is_approximate {
+            let exact = rate.value() / f64::from(rate_hz);
+            converter.error_ppm = (ratio.value() / exact - 1.0) * 1e6;
+        }
+        let (unit_in, unit_out) = (ratio.numerator(), ratio.denominator());
+        if unit_in == unit_out {
             return Ok(converter);
         }
-        let divisor = greatest_common_divisor(wanted, rate.numerator());
-        let (unit_in, unit_out) = (rate.numerator() / divisor, wanted / divisor);
         // A unit is the shortest input with a whole number of outputs. With an even number of
         // units, the filter's delay is a whole number of samples at both rates.
         let most = BLOCK_MAX / unit_in.max(unit_out) / 2 * 2;
@@ -89,11 +93,6 @@ impl RateConverter {
             .div_ceil(unit_in.min(unit_out))
             .next_multiple_of(2)
             .min(most);
-        if units == 0 {
-            return Err(refused(
-                "the ratio of the two rates needs too long a transform",
-            ));
-        }
         let size = |unit: u64| usize::try_from(units * unit).unwrap_or(usize::MAX);
         let (block_in, block_out) = (size(unit_in), size(unit_out));
         let resampler = Fft::new_custom(
@@ -197,6 +196,21 @@ impl RateConverter {
             self.consumed = 0;
         }
     }
+}
+
+/// Returns the ratio of `rate` to `rate_hz` if a transform of two units is short enough, or else
+/// the simplest ratio within [`ERROR_MAX`] of it, with true; `None` if that one needs too long a
+/// transform, too.
+fn short_ratio(rate: Ratio, rate_hz: u32) -> Option<(Ratio, bool)> {
+    let is_short = |ratio: &Ratio| ratio.numerator().max(ratio.denominator()) <= BLOCK_MAX / 2;
+    let denominator = rate.denominator().checked_mul(rate_hz.into());
+    let exact = denominator.and_then(|denominator| Ratio::new(rate.numerator(), denominator));
+    if let Some(exact) = exact.filter(is_short) {
+        return Some((exact, false));
+    }
+    let value = rate.value() / f64::from(rate_hz);
+    let near = Ratio::simplest(value * (1.0 - ERROR_MAX), value * (1.0 + ERROR_MAX));
+    near.filter(is_short).map(|near| (near, true))
 }
 
 impl BlockResampler {

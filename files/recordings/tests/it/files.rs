@@ -1,5 +1,7 @@
 //! Builds small EDF, EDF+, BDF and GDF files for the tests.
 
+use recordings::SampleType;
+
 /// Appends all records. A signal is given as its number of bytes in a record and its data for all
 /// records.
 fn append_records(out: &mut Vec<u8>, signals: &[(usize, &[u8])]) {
@@ -169,12 +171,17 @@ impl GdfSignal {
     }
 }
 
-/// The header fields and signals of a GDF 1.25 or 2.20 file.
+/// The header fields and signals of a GDF file.
 #[derive(Debug, Clone)]
 pub(crate) struct GdfFile {
     pub(crate) version_1: bool,
+    /// Version, unless `version_1` makes it 1.25.
+    pub(crate) version: &'static str,
     pub(crate) records: i64,
+    /// Duration of a record before version 2.21, as a fraction of seconds.
     pub(crate) duration: (u32, u32),
+    /// Duration of a record from version 2.21 on, s.
+    pub(crate) length_s: f64,
     pub(crate) signals: Vec<GdfSignal>,
     /// Optional third part of the header, between those of the signals and the records.
     pub(crate) third_header: Vec<u8>,
@@ -185,8 +192,10 @@ impl GdfFile {
     pub(crate) fn version_2(records: i64, signals: Vec<GdfSignal>) -> Self {
         Self {
             version_1: false,
+            version: "2.20",
             records,
             duration: (1, 1),
+            length_s: 1.0,
             signals,
             third_header: Vec::new(),
             events: Vec::new(),
@@ -212,13 +221,7 @@ impl GdfFile {
             out[184..186].copy_from_slice(&blocks.to_le_bytes());
         }
         let size = |signal: &GdfSignal| {
-            let bytes = match signal.type_number {
-                1 | 2 => 1,
-                3 | 4 => 2,
-                7 | 8 | 17 => 8,
-                279 | 535 => 3,
-                _ => 4,
-            };
+            let bytes = SampleType::from_gdf(signal.type_number).map_or(4, SampleType::bytes);
             signal.samples_per_record as usize * bytes
         };
         let parts = self
@@ -232,12 +235,19 @@ impl GdfFile {
 
     fn header(&self) -> Vec<u8> {
         let count = u16::try_from(self.signals.len()).expect("few signals");
-        let version = if self.version_1 { "1.25" } else { "2.20" };
+        let version = if self.version_1 { "1.25" } else { self.version };
         let mut out = format!("GDF {version}").into_bytes();
         out.resize(236, 0);
         out.extend(self.records.to_le_bytes());
-        out.extend(self.duration.0.to_le_bytes());
-        out.extend(self.duration.1.to_le_bytes());
+        if version > "2.20" {
+            out.extend(self.length_s.to_le_bytes());
+        } else {
+            out.extend(
+                [self.duration.0, self.duration.1]
+                    .map(u32::to_le_bytes)
+                    .concat(),
+            );
+        }
         out.extend(count.to_le_bytes());
         out.resize(256, 0);
         let padded = |text: &str, width: usize| {

@@ -12,6 +12,8 @@ macro_rules! assert_refused {
     };
 }
 
+mod any_header;
+mod defects;
 mod files;
 mod live_adc;
 mod mutated_files;

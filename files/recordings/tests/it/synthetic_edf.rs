@@ -40,18 +40,24 @@ fn signals_with_different_rates_keep_their_samples_and_units() {
 #[test]
 fn bdf_samples_have_24_bits() {
     let data = vec![0, 0, 0x80, 0xff, 0xff, 0x7f, 0xfe, 0xff, 0xff, 1, 2, 0];
-    let file = EdfFile::bdf("1", 4, data);
+    let mut file = EdfFile::bdf("1", 4, data);
+    file.signals[0].label = "Status";
     let mut recording = open(file.bytes()).expect("a valid file");
     assert_eq!(recording.format(), Format::Bdf);
     let expected = [-8_388_608.0, 8_388_607.0, -2.0, 513.0];
     assert_eq!(read_all(&mut recording)[0], expected);
+    let label = "Status".to_owned();
+    assert_eq!(recording.warnings(), [Warning::Triggers { label }]);
 }
 
 #[test]
 fn unknown_and_wrong_numbers_of_records_cause_a_warning() {
     let signal = || vec![EdfSignal::int16("Cz", 2, &[1, 2, 3, 4, 5, 6])];
-    let derived = open(EdfFile::edf("-1", signal()).bytes()).expect("usable");
-    assert_eq!(derived.warnings(), [Warning::RecordsUnknown { derived: 3 }]);
+    for unknown in ["-1", "0"] {
+        let derived = open(EdfFile::edf(unknown, signal()).bytes()).expect("usable");
+        assert_eq!(derived.warnings(), [Warning::RecordsUnknown { derived: 3 }]);
+        assert_eq!(derived.records(), 3);
+    }
 
     let mut bytes = EdfFile::edf("5", signal()).bytes();
     bytes.extend([9, 9, 9]);
@@ -64,9 +70,16 @@ fn unknown_and_wrong_numbers_of_records_cause_a_warning() {
     assert_eq!(truncated.warnings(), [warning]);
     assert_eq!(read_all(&mut truncated)[0], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
 
-    let mut longer = open(EdfFile::edf("2", signal()).bytes()).expect("usable");
-    assert_eq!(longer.warnings(), [Warning::Surplus { bytes: 4 }]);
-    assert_eq!(read_all(&mut longer)[0].len(), 4);
+    let mut bytes = EdfFile::edf("1", signal()).bytes();
+    bytes.push(0);
+    let mut longer = open(bytes).expect("usable");
+    let warning = longer.warnings()[0].to_string();
+    assert!(warning.contains("2 records (2 s) and 1 bytes"), "{warning}");
+    assert!(
+        warning.contains("write -1") && warning.contains("byte 236"),
+        "{warning}"
+    );
+    assert_eq!(read_all(&mut longer)[0].len(), 2);
 }
 
 #[test]
@@ -87,24 +100,6 @@ fn annotations_are_returned_as_events_and_not_as_samples() {
     let samples = read_all(&mut recording);
     assert_eq!((samples[0].len(), samples[1].len()), (4, 0));
     assert_eq!(recording.warnings(), []);
-}
-
-#[test]
-fn gaps_and_damaged_annotations_cause_a_warning() {
-    let lists: [&[u8]; 3] = [b"+0\x14\x14\0", b"+1\x14\x14\0", b"+7.5\x14\x14\0"];
-    let samples = (1, &[1, 2, 3][..]);
-    let file = EdfFile::edf_plus("EDF+D", "3", samples, &lists);
-    let recording = open(file.bytes()).expect("usable");
-    let (count, seconds) = (1, 5.5);
-    assert_eq!(recording.warnings(), [Warning::Gaps { count, seconds }]);
-
-    let damaged: [&[u8]; 3] = [b"+0\x14\x14\0", b"rubbish", b"+2\x14\x14\0+2\x14x\x14\0"];
-    let file = EdfFile::edf_plus("EDF+C", "3", samples, &damaged);
-    let mut recording = open(file.bytes()).expect("usable");
-    assert_eq!(recording.events().expect("readable").len(), 1);
-    assert_eq!(recording.events().expect("readable").len(), 1);
-    let reported_once = [Warning::Annotations { records: 1 }];
-    assert_eq!(recording.warnings(), reported_once);
 }
 
 #[test]
@@ -157,16 +152,4 @@ fn unusable_headers_are_refused_with_the_name_of_the_field() {
     for other in [&b"GDF"[..], b"%PDF-1.7 something else"] {
         assert_refused!(other.to_vec(), RecordingError::UnknownFormat { .. });
     }
-}
-
-#[test]
-fn an_empty_physical_range_yields_digital_values() {
-    let mut file = EdfFile::edf("1", vec![EdfSignal::int16("Trigger", 2, &[1, 2])]);
-    file.signals[0].ranges[0] = "0".to_owned();
-    file.signals[0].ranges[1] = "0".to_owned();
-    let mut recording = open(file.bytes()).expect("usable");
-    let label = "Trigger".to_owned();
-    let empty = Warning::PhysicalRangeEmpty { label };
-    assert_eq!(recording.warnings(), [empty]);
-    assert_eq!(read_all(&mut recording)[0], [1.0, 2.0]);
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use recordings::{
-    AdcSpec, Missing, MontageMap, RecordingError, VirtualAdc, virtual_adc::AdcCounters,
+    AdcSpec, Missing, MontageMap, RecordingError, VirtualAdc, Warning, virtual_adc::AdcCounters,
 };
 
 use crate::{
@@ -200,22 +200,62 @@ fn electrodes_can_combine_signals_of_different_rates() {
 }
 
 #[test]
-fn impossible_rates_and_scales_are_refused() {
-    let mut file = EdfFile::edf("1", vec![EdfSignal::int16("Cz", 1, &[1])]);
-    file.duration = "0.999983";
-    let refused = |bytes: Vec<u8>, spec: AdcSpec| {
-        let recording = open(bytes).expect("usable");
-        let map = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero);
-        let map = map.expect("a matching montage");
-        VirtualAdc::new(recording, &map, spec)
-            .err()
-            .expect("refused")
-    };
-    let error = refused(file.bytes(), ADS1299).to_string();
-    assert!(error.contains("signal Cz at 1.00001"), "{error}");
+fn a_rate_is_the_one_that_the_rounded_field_of_an_edf_header_means() {
+    for (duration, per_record, rate_hz) in [
+        (".0019531", 1, 512.0),
+        ("0.005859", 3, 512.0),
+        ("0.007812", 1, 128.0),
+        ("0.999938", 256, 256.016),
+        ("0.999941", 512, 512.03),
+        ("0.999980", 1024, 1024.02),
+    ] {
+        let signal = EdfSignal::int16("Cz", per_record, &vec![1000; 64 * per_record]);
+        let file = EdfFile {
+            duration,
+            ..EdfFile::edf("-1", vec![signal])
+        };
+        let recording = open(file.bytes()).expect("usable");
+        let read_hz = recording.signals()[0].rate.expect("samples").value();
+        assert!((read_hz / rate_hz - 1.0).abs() < 1e-6, "{read_hz} Hz");
+        let rounded = |warning: &Warning| matches!(warning, Warning::DurationRounded { .. });
+        assert!(recording.warnings().iter().any(rounded), "{duration}");
+        let mut adc = played(recording, &["Cz"], Missing::Refuse).without_dither();
+        assert!(adc.all(|counts| counts.expect("readable")[0] == 44_739));
+    }
+}
 
+#[test]
+fn a_ratio_of_rates_with_large_terms_is_approximated_with_a_warning_or_refused() {
+    let adc = |length_s, per_record| {
+        let mut file = GdfFile::float32(1, per_record, &vec![1.0; per_record as usize]);
+        (file.version, file.length_s) = ("2.51", length_s);
+        let recording = open(file.bytes()).expect("usable");
+        let map = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero).expect("Cz");
+        VirtualAdc::new(recording, &map, ADS1299)
+    };
+    let exact = adc(0.5, 125).expect("250 Hz");
+    assert_eq!(exact.recording().warnings(), []);
+    let near = adc(0.987_650_001, 256).expect("within 1 ppm");
+    let [Warning::RateApproximated { ppm, .. }] = near.recording().warnings() else {
+        panic!("{:?}", near.recording().warnings());
+    };
+    assert!(*ppm != 0.0 && ppm.abs() <= 1.0, "{ppm}");
+    for (length_s, per_record) in [(1e7, 1), (0.999_987_654, 512)] {
+        let error = adc(length_s, per_record).err().expect("refused");
+        assert!(
+            error.to_string().contains("resample the recording"),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn impossible_scales_are_refused() {
     for (rate_hz, lsb_uv) in [(0, 1.0), (200_000, 1.0), (512, 0.0), (512, f64::NAN)] {
-        let error = refused(sine_file(1.0, 4, 1), AdcSpec { rate_hz, lsb_uv });
+        let recording = open(sine_file(1.0, 4, 1)).expect("usable");
+        let map = MontageMap::new(&recording.labels(), &["Cz"], Missing::Zero).expect("Cz");
+        let error = VirtualAdc::new(recording, &map, AdcSpec { rate_hz, lsb_uv });
+        let error = error.err().expect("refused");
         assert!(matches!(error, RecordingError::AdcSpec { .. }), "{error}");
     }
 }

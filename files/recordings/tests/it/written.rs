@@ -97,7 +97,9 @@ fn an_edf_file_holds_microvolts_in_tenths_and_its_annotations() {
         signals: vec![cz],
         ..file(128, 4)
     };
-    let annotations = vec![(5, "T1".to_owned())];
+    // The bytes 0x14 and 0 end parts of an annotation, and other programs skip a text with a line
+    // feed: both become blanks.
+    let annotations = vec![(5, "T1\r\n\x14\0\u{85}x".to_owned())];
     let mut writer = EdfWriter::edf(Cursor::new(Vec::new()), &file, 8, annotations).unwrap();
     writer.write_record(&[0.04, -0.06, 12.34, 4_000.0]).unwrap();
     let last = [-4_000.0, 3_276.7, -3_276.8, 1.0];
@@ -109,7 +111,7 @@ fn an_edf_file_holds_microvolts_in_tenths_and_its_annotations() {
         assert!((value - expected).abs() < 1e-9, "{value} {expected}");
     }
     let events = recording.events().unwrap();
-    assert_eq!(events[0].label, EventLabel::Text("T1".to_owned()));
+    assert_eq!(events[0].label, EventLabel::Text("T1     x".to_owned()));
     assert!((events[0].onset_s - 5.0 / 128.0).abs() < 1e-6);
     assert_eq!(recording.warnings(), []);
 }
