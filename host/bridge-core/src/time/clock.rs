@@ -288,7 +288,7 @@ impl Clock {
 
     /// Returns the fitted time on the host's monotonic clock at the device time `device_us`,
     /// microseconds; `None` before the first observation.
-    pub(crate) fn host_us(&self, device_us: i128) -> Option<f64> {
+    pub fn host_us(&self, device_us: i128) -> Option<f64> {
         let (device_origin, host_origin) = self.origin?;
         #[expect(
             clippy::cast_precision_loss,
