@@ -158,6 +158,7 @@ impl SourceFeed {
             topic: self.subscriber.topic().to_owned(),
             layout: source.map(|source| source.layout().to_string()),
             publishers: self.subscriber.publishers(),
+            unreachable: self.subscriber.unreachable(),
             counts: source.map(Source::counts).unwrap_or_default(),
             refused: self.refused,
             refusal: self.refusal.clone(),

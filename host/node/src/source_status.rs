@@ -19,6 +19,8 @@ pub(crate) struct SourceFacts {
     pub(crate) layout: Option<String>,
     /// Number of nodes that publish the topic.
     pub(crate) publishers: usize,
+    /// Publishers that cannot be reached: URI, reason and remedy of each.
+    pub(crate) unreachable: Vec<String>,
     pub(crate) counts: SourceCounts,
     /// Number of refused frames.
     pub(crate) refused: u64,
@@ -54,6 +56,9 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
             DiagnosticLevel::Error,
             format!("{refused} frames refused: {why}"),
         )
+    } else if let ([fault, ..], 0) = (&*facts.unreachable, facts.publishers) {
+        let message = format!("the publisher of {topic} cannot be reached: {fault}");
+        (DiagnosticLevel::Error, message)
     } else if facts.publishers == 0 {
         (DiagnosticLevel::Error, format!("no node publishes {topic}"))
     } else if facts.silent_s.is_none_or(|seconds| seconds > SILENCE_S) {
@@ -89,6 +94,7 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
             facts.layout.as_ref().map_or(&"unknown", |text| text),
         ),
         KeyValue::new("publishers", &facts.publishers),
+        KeyValue::new("publishers not reached", &facts.unreachable.len()),
         KeyValue::new("frames encoded", &facts.counts.encoded),
         KeyValue::new("frames lost", &facts.counts.lost),
         KeyValue::new("frames refused", &facts.refused),
@@ -142,6 +148,13 @@ mod tests {
             ..lossy.clone()
         };
         assert_eq!(level(&silent, &calm), DiagnosticLevel::Error);
+        let unreachable = SourceFacts {
+            publishers: 0,
+            unreachable: vec!["http://lab:1/: lab does not resolve".to_owned()],
+            ..calm.clone()
+        };
+        let message = status(&unreachable, &calm).message;
+        assert!(message.ends_with("cannot be reached: http://lab:1/: lab does not resolve"));
         let two = SourceFacts {
             publishers: 2,
             ..calm.clone()
