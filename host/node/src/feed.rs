@@ -131,7 +131,7 @@ impl SourceFeed {
                 "the acquisition paused for {:.1} s and lost no frame: nothing is filled, and stamps go on after \
                  the pause; if samples are missing, let the acquisition count neuroheader.seq up for lost frames; \
                  /diagnostics counts further pauses",
-                seconds(counts.paused_us)
+                seconds(i64::try_from(counts.paused_us).unwrap_or(i64::MAX))
             );
         }
     }

@@ -20,9 +20,10 @@ const _: () = assert!(model::CHANNELS <= recordings::virtual_adc::CHANNELS);
 
 /// An acquisition whose frames a device inside this process encodes.
 ///
-/// The device's clock is that of the host, from the first sample on. The time of each sample comes
-/// from the arrivals of frames; it is also the time at which the device's bytes count as read, so
-/// the bridge finds no difference between both clocks.
+/// The device time counts samples at their nominal rate, as a board's converters do, and the pauses
+/// of the acquisition. The device's bytes count as read when their newest sample was made, by the
+/// fit of the device time to the arrivals of frames: a sample that waits for the rest of its frame,
+/// or for the resampler, does not make the bridge's fit less exact.
 pub struct Source {
     layout: Layout,
     map: MontageMap,
@@ -40,10 +41,6 @@ pub struct Source {
     inputs: u64,
     /// Number of samples that the virtual ADC has made since the device's start.
     outputs: u64,
-    /// Host time at which the device time is 0; `None` before the first sample.
-    origin: Option<HostTime>,
-    /// Device time of the newest sample, microseconds.
-    newest_us: u64,
     /// Indices of the lost samples in each gap that is not completely converted, oldest first.
     lost: VecDeque<Range<u64>>,
     /// Bytes for the host, each with the time of the newest sample that they were made of.
@@ -63,7 +60,7 @@ pub struct SourceCounts {
     /// Number of pauses of the acquisition without a lost frame.
     pub pauses: u64,
     /// Sum of all pauses, microseconds.
-    pub paused_us: i64,
+    pub paused_us: u64,
 }
 
 impl Source {
@@ -94,8 +91,6 @@ impl Source {
             waiting: None,
             inputs: 0,
             outputs: 0,
-            origin: None,
-            newest_us: 0,
             lost: VecDeque::new(),
             outgoing: VecDeque::new(),
             counts: SourceCounts::default(),
@@ -168,7 +163,6 @@ impl Source {
         self.pauses = Pauses::default();
         self.clock = AmplifierClock::default();
         (self.inputs, self.outputs) = (0, 0);
-        (self.origin, self.newest_us) = (None, 0);
         self.lost.clear();
         self.counts.restarts += 1;
         self.outgoing.push_back((read, self.device.take_bytes()));
@@ -225,14 +219,14 @@ impl Source {
         self.adc.append(&frame.eeg.data)?;
         while let Some(counts) = self.adc.next_sample() {
             let is_lost = self.is_lost();
-            self.newest_us = self.device_us();
+            let at_us = self.device_us();
             self.outputs += 1;
             // The virtual ADC can have more channels than a sample. Leave out the excess channels.
             let sample = Sample {
                 counts: std::array::from_fn(|channel| counts[channel]),
             };
-            self.device.process(&sample, is_lost, self.newest_us);
-            self.collect(read);
+            self.device.process(&sample, is_lost, at_us);
+            self.collect(at_us);
         }
         Ok(())
     }
@@ -259,12 +253,10 @@ impl Source {
     /// Sends the device's counters, as a device does every second. With a resampler, codes come
     /// less often than that.
     pub fn send_stats(&mut self) {
-        if self.is_streaming()
-            && let Some(newest) = self.clock.newest()
-        {
+        if self.is_streaming() {
             let now_us = self.device_us();
             self.device.send_stats(now_us);
-            self.collect(newest);
+            self.collect(now_us);
         }
     }
 
@@ -283,16 +275,10 @@ impl Source {
         input * 1_000_000 / u64::from(self.layout.rate_hz)
     }
 
-    /// Returns the device time of the next sample of the virtual ADC, microseconds; not before that
-    /// of the newest sample. 0 before the first frame.
+    /// Returns the device time of the next sample of the virtual ADC, microseconds.
     fn device_us(&mut self) -> u64 {
         let at_us = self.outputs * 1_000_000 / u64::from(model::ADC_RATE_HZ);
-        let Some(time) = self.clock.host_time(at_us) else {
-            return 0;
-        };
-        let origin = self.origin.get_or_insert(time);
-        let at_us = time.monotonic_us - origin.monotonic_us;
-        u64::try_from(at_us).unwrap_or(0).max(self.newest_us)
+        self.clock.device_us(at_us)
     }
 
     /// Returns the indices of the acquisition's samples around the next sample of the virtual ADC:
@@ -313,21 +299,14 @@ impl Source {
         lost.is_some_and(|lost| lost.contains(&before) || lost.contains(&after))
     }
 
-    /// Queues the device's bytes for the host. They count as read at the device time of the newest
-    /// sample; `read` is the arrival of the newest frame.
-    fn collect(&mut self, read: HostTime) {
+    /// Queues the device's bytes for the host. They count as read at the device time `at_us`.
+    fn collect(&mut self, at_us: u64) {
         let bytes = self.device.take_bytes();
-        let Some(origin) = self.origin.filter(|_| !bytes.is_empty()) else {
-            return;
-        };
-        let device_us = i64::try_from(self.newest_us).unwrap_or(i64::MAX);
-        let at_us = origin.monotonic_us.saturating_add(device_us);
-        let early_us = read.monotonic_us.saturating_sub(at_us);
-        let at = HostTime {
-            monotonic_us: at_us,
-            wall_ns: read.wall_ns - early_us * 1000,
-        };
-        self.outgoing.push_back((at, bytes));
+        if let Some(read) = self.clock.host_time(at_us)
+            && !bytes.is_empty()
+        {
+            self.outgoing.push_back((read, bytes));
+        }
     }
 }
 
