@@ -193,9 +193,13 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
     if session.commands.streams().contains(Streams::EVENTS) {
         side_values.extend(side_events);
     }
-    for (lost, _) in &losses {
-        session.link_log.add_missing(*lost);
-    }
+    let packed = session.packed.as_ref();
+    let packed = packed.map_or(0, |packed| packed.timeline.counts().between_runs);
+    let samples = [&session.side.raw, &session.side.filtered].into_iter();
+    let samples = samples.flatten().map(|stream| stream.counts.between_runs);
+    let between_runs = hops.between_runs + packed + samples.sum::<u64>();
+    let missing = losses.iter().map(|(lost, _)| lost).sum();
+    session.link_log.add_missing(missing, between_runs);
     losses.retain(|(lost, _)| *lost > 0);
     let state = if losses.is_empty() {
         (DiagnosticLevel::Ok, "nothing lost".to_owned())
