@@ -168,7 +168,12 @@ pub(crate) struct LinkLog {
     /// Host time of the last log message about a bad link, microseconds; `None` before the first.
     logged_us: Option<i64>,
     damaged: u64,
-    missing: u64,
+    /// Number of items missing within runs of the device.
+    lost: u64,
+    /// Number of items missing between two runs, which a restart of the device explains.
+    between_runs: u64,
+    /// Sum of all items missing between runs so far.
+    all_between_runs: u64,
 }
 
 impl LinkLog {
@@ -176,27 +181,48 @@ impl LinkLog {
         self.damaged = self.damaged.saturating_add(frames.into());
     }
 
-    pub(crate) fn add_missing(&mut self, count: u64) {
-        self.missing = self.missing.saturating_add(count);
+    /// Adds `missing` items. `all_between_runs` is the sum of those, and of all before them, that
+    /// are missing between two runs of the device.
+    pub(crate) fn add_missing(&mut self, missing: u64, all_between_runs: u64) {
+        let between_runs = all_between_runs.saturating_sub(self.all_between_runs);
+        self.all_between_runs = all_between_runs;
+        self.between_runs += between_runs;
+        self.lost += missing.saturating_sub(between_runs);
     }
 
     /// Returns the next log message if one is due at `now_us`, and sets all counts to 0.
     pub(crate) fn next_line(&mut self, now_us: i64) -> Option<String> {
         let is_over = |last_us| now_us - last_us >= PERIOD_US;
         let is_due = self.logged_us.is_none_or(is_over);
-        if !is_due || (self.damaged == 0 && self.missing == 0) {
+        let LinkLog {
+            damaged,
+            lost,
+            between_runs,
+            all_between_runs,
+            ..
+        } = *self;
+        if !is_due || (damaged, lost, between_runs) == (0, 0, 0) {
             return None;
         }
-        let LinkLog {
-            damaged, missing, ..
-        } = *self;
         *self = LinkLog {
             logged_us: Some(now_us),
+            all_between_runs,
             ..LinkLog::default()
         };
+        let away = format!(
+            "{between_runs} codes, blocks or samples are missing between two runs of the device"
+        );
+        if (damaged, lost) == (0, 0) {
+            return Some(away);
+        }
+        let away = if between_runs > 0 {
+            format!("; {away}")
+        } else {
+            String::new()
+        };
         Some(format!(
-            "bad link: {damaged} frames damaged, {missing} codes, blocks, samples or events missing since \
-             the last such line; check cable, connectors and --baud"
+            "bad link: {damaged} frames damaged, {lost} codes, blocks, samples or events missing since \
+             the last such line; check cable, connectors and --baud{away}"
         ))
     }
 }
@@ -213,11 +239,30 @@ mod tests {
         let line = log.next_line(5).unwrap();
         assert!(line.contains("3 frames damaged, 0 codes"), "{line}");
         for second in 1..60 {
-            log.add_missing(2);
+            log.add_missing(2, 0);
             assert_eq!(log.next_line(second * 1_000_000), None);
         }
         let line = log.next_line(PERIOD_US + 5).unwrap();
         assert!(line.contains("0 frames damaged, 118 codes"), "{line}");
         assert_eq!(log.next_line(3 * PERIOD_US), None);
+    }
+
+    #[test]
+    fn what_is_missing_between_runs_is_no_bad_link() {
+        let mut log = LinkLog::default();
+        log.add_missing(20, 20);
+        let line = log.next_line(0).unwrap();
+        assert_eq!(
+            line,
+            "20 codes, blocks or samples are missing between two runs of the device"
+        );
+        log.add_missing(5, 22);
+        let line = log.next_line(PERIOD_US).unwrap();
+        assert!(line.contains("0 frames damaged, 3 codes"), "{line}");
+        assert!(
+            line.ends_with(
+                "; 2 codes, blocks or samples are missing between two runs of the device"
+            )
+        );
     }
 }

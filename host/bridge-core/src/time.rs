@@ -1,6 +1,7 @@
 //! The host's clocks, and the device's clock fitted to them.
 
 pub(crate) mod clock;
+mod fit;
 pub(crate) mod round_trip;
 
 use neuro_ros::Stamp;

@@ -15,6 +15,7 @@ mod ports;
 mod record;
 mod replay;
 pub(crate) mod ros_node;
+mod ros_status;
 mod ros_topics;
 mod rosout;
 mod shutdown;

@@ -38,7 +38,7 @@ pub(crate) struct SourceFeed {
     passed: Instant,
     /// Time at which the newest frame arrived.
     newest: Option<HostTime>,
-    /// Kinds of refusals that the log has already reported.
+    /// Kinds of refusals, and `pause`, that the log has already reported.
     logged: BTreeSet<&'static str>,
     refused: u64,
     refusal: Option<String>,
@@ -119,7 +119,21 @@ impl SourceFeed {
             // `check` returns an error for a repeated frame, so `Repeated` does not occur here.
             Arrival::Next | Arrival::Repeated => source.encode(&frame, 0, read)?,
         }
+        self.log_first_pause();
         Ok(false)
+    }
+
+    /// Logs the first pause of the acquisition.
+    fn log_first_pause(&mut self) {
+        let counts = self.source.as_ref().map(Source::counts).unwrap_or_default();
+        if counts.pauses > 0 && self.logged.insert("pause") {
+            tracing::warn!(
+                "the acquisition paused for {:.1} s and lost no frame: nothing is filled, and stamps go on after \
+                 the pause; if samples are missing, let the acquisition count neuroheader.seq up for lost frames; \
+                 /diagnostics counts further pauses",
+                seconds(i64::try_from(counts.paused_us).unwrap_or(i64::MAX))
+            );
+        }
     }
 
     /// Counts a refused frame. Logs the first refusal of each kind.
@@ -139,13 +153,12 @@ impl SourceFeed {
         let silent_us = self
             .newest
             .map(|newest| HostTime::now().monotonic_us - newest.monotonic_us);
-        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
-        let seconds = |us: i64| us as f64 / 1e6;
         let block_us = source.map_or(0, Source::block_us);
         SourceFacts {
             topic: self.subscriber.topic().to_owned(),
             layout: source.map(|source| source.layout().to_string()),
             publishers: self.subscriber.publishers(),
+            unreachable: self.subscriber.unreachable(),
             counts: source.map(Source::counts).unwrap_or_default(),
             refused: self.refused,
             refusal: self.refusal.clone(),
@@ -153,8 +166,15 @@ impl SourceFeed {
             silent_s: silent_us.map(seconds),
             is_unnumbered: source.is_some_and(Source::is_unnumbered),
             block_s: seconds(i64::try_from(block_us).unwrap_or(i64::MAX)),
+            rate_error_ppm: source.map_or(0.0, Source::rate_error_ppm),
         }
     }
+}
+
+fn seconds(us: i64) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+    let seconds = us as f64 / 1e6;
+    seconds
 }
 
 impl Feed for SourceFeed {

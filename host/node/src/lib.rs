@@ -6,8 +6,8 @@
 //! see no difference.
 //!
 //! ```text
-//! /neurodata ──► Layout, Sequence ──► LiveAdc ──► EncoderDevice ──► bridge ──► /encoded
-//! NeuroFrame     checks, gaps         counts      codes, frames     core       /neurodata_reconstructed
+//! /neurodata ──► Layout, Sequence, Pauses ──► LiveAdc ──► EncoderDevice ──► bridge ──► /encoded
+//! NeuroFrame     checks, gaps, time           counts      codes, frames     core       /neurodata_reconstructed
 //! ```
 //!
 //! [`Source`] is pure: frames and times in, bytes of a device out. [`run`] is the program.
@@ -29,11 +29,13 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod amplifier_clock;
 mod app;
 mod command_line;
 mod encoder_device;
 mod feed;
 mod layout;
+mod pauses;
 mod refusal;
 mod sequence;
 mod source;

@@ -1,16 +1,11 @@
-//! Finds lost frames and restarts of the acquisition from the numbers and stamps of its frames.
+//! Finds lost frames and restarts of the acquisition from the numbers of its frames.
 
 use neuro_ros::NeuroFrame;
 
 /// Longest gap that is filled, microseconds. A longer gap counts as a restart of the acquisition.
 const LONGEST_GAP_US: i64 = 120_000_000;
 
-/// Longest time from the end of a frame to the beginning of the one with the next number,
-/// microseconds; after a longer time the acquisition counts as restarted. Stamps vary by some
-/// frames, because they are taken when a frame is read from the amplifier.
-const LONGEST_PAUSE_US: i64 = 1_000_000;
-
-/// How a frame follows the frames before it, judged by its number and stamp.
+/// How a frame follows the frames before it, judged by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
     /// The frame follows the previous one directly, or is the first.
@@ -23,10 +18,10 @@ pub enum Arrival {
     Repeated,
 }
 
-/// Number and stamp of the newest frame, with which the next frame is compared.
+/// Number of the newest frame, with which that of the next frame is compared.
 #[derive(Clone, Debug, Default)]
 pub struct Sequence {
-    newest: Option<(u32, i64)>,
+    newest: Option<u32>,
     /// Whether the acquisition does not number its frames: all have the number 0.
     is_unnumbered: bool,
 }
@@ -36,8 +31,7 @@ impl Sequence {
     /// it.
     pub fn record(&mut self, frame: &NeuroFrame, frame_us: i64) -> Arrival {
         let seq = frame.neuroheader.seq;
-        let stamp_us = frame.header.stamp.nanoseconds() / 1000;
-        let Some((last, last_us)) = self.newest.replace((seq, stamp_us)) else {
+        let Some(last) = self.newest.replace(seq) else {
             return Arrival::Next;
         };
         if seq == last && seq == 0 {
@@ -45,11 +39,8 @@ impl Sequence {
         } else if seq != 0 {
             self.is_unnumbered = false;
         }
-        let are_stamped = stamp_us != 0 && last_us != 0;
-        let late_us = stamp_us - last_us - frame_us;
         match seq.wrapping_sub(last) {
             0 if !self.is_unnumbered => Arrival::Repeated,
-            0 | 1 if are_stamped && late_us > LONGEST_PAUSE_US => Arrival::Restarted,
             0 | 1 => Arrival::Next,
             step if i64::from(step - 1).saturating_mul(frame_us) <= LONGEST_GAP_US => {
                 Arrival::Lost(step - 1)
@@ -66,37 +57,26 @@ impl Sequence {
 
 #[cfg(test)]
 mod tests {
-    use neuro_ros::{Header, NeuroFrame, NeuroHeader, Stamp};
+    use neuro_ros::{NeuroFrame, NeuroHeader};
 
     use super::{Arrival, Sequence};
 
-    /// Returns the arrivals of frames of 62.5 ms; `frames` are pairs of number and stamp in ms.
-    fn arrivals(frames: &[(u32, i64)]) -> Vec<Arrival> {
+    /// Returns the arrivals of frames of 62.5 ms with these numbers.
+    fn arrivals(numbers: &[u32]) -> Vec<Arrival> {
         let mut sequence = Sequence::default();
-        let mut record = |(seq, ms): &(u32, i64)| {
+        let mut record = |seq: &u32| {
             let frame = NeuroFrame {
-                header: Header {
-                    stamp: Stamp::from_nanoseconds(ms * 1_000_000),
-                    ..Header::default()
-                },
                 neuroheader: NeuroHeader { seq: *seq },
                 ..NeuroFrame::default()
             };
             sequence.record(&frame, 62_500)
         };
-        frames.iter().map(&mut record).collect()
+        numbers.iter().map(&mut record).collect()
     }
 
     #[test]
     fn gaps_are_counted_across_the_wrap_and_long_ones_are_restarts() {
-        let frames = [
-            (u32::MAX - 1, 0),
-            (u32::MAX, 0),
-            (2, 0),
-            (3, 0),
-            (3000, 0),
-            (1, 0),
-        ];
+        let frames = [u32::MAX - 1, u32::MAX, 2, 3, 3000, 1];
         let expected = [
             Arrival::Next,
             Arrival::Next,
@@ -110,14 +90,8 @@ mod tests {
 
     #[test]
     fn a_repeated_number_is_found_unless_the_acquisition_leaves_all_numbers_0() {
-        let repeated = arrivals(&[(5, 0), (5, 0), (6, 0)]);
+        let repeated = arrivals(&[5, 5, 6]);
         assert_eq!(repeated, [Arrival::Next, Arrival::Repeated, Arrival::Next]);
-        assert_eq!(arrivals(&[(0, 0), (0, 0), (0, 0)]), [Arrival::Next; 3]);
-    }
-
-    #[test]
-    fn a_pause_between_consecutive_frames_shows_in_their_stamps() {
-        let paused = arrivals(&[(1, 1000), (2, 1300), (3, 9000)]);
-        assert_eq!(paused, [Arrival::Next, Arrival::Next, Arrival::Restarted]);
+        assert_eq!(arrivals(&[0, 0, 0]), [Arrival::Next; 3]);
     }
 }

@@ -9,8 +9,10 @@ use neuro_ros::NeuroFrame;
 use pipeline::{Mains, Sample};
 use recordings::{AdcSpec, LiveAdc, Missing, MontageMap};
 
+use crate::amplifier_clock::AmplifierClock;
 use crate::encoder_device::EncoderDevice;
 use crate::layout::Layout;
+use crate::pauses::{Finding, Pauses};
 use crate::refusal::Refusal;
 use crate::sequence::{Arrival, Sequence};
 
@@ -18,26 +20,30 @@ const _: () = assert!(model::CHANNELS <= recordings::virtual_adc::CHANNELS);
 
 /// An acquisition whose frames a device inside this process encodes.
 ///
-/// The device time counts samples at their nominal rate, as a board's converters do. The bridge
-/// fits it to the times at which the frames arrive.
+/// The device time counts samples at their nominal rate, as a board's converters do, and the pauses
+/// of the acquisition. The device's bytes count as read when their newest sample was made, by the
+/// fit of the device time to the arrivals of frames: a sample that waits for the rest of its frame,
+/// or for the resampler, does not make the bridge's fit less exact.
 pub struct Source {
     layout: Layout,
     map: MontageMap,
     mains: Mains,
     session_id: u32,
     sequence: Sequence,
+    pauses: Pauses,
+    clock: AmplifierClock,
+    /// Frame that ended a standstill, the number of lost frames before it, and its arrival. It
+    /// waits for the next frame, which shows whether the acquisition has paused.
+    waiting: Option<(NeuroFrame, u32, HostTime)>,
     adc: LiveAdc,
     device: EncoderDevice,
     /// Number of samples of the acquisition since the device's start, including lost ones.
     inputs: u64,
     /// Number of samples that the virtual ADC has made since the device's start.
     outputs: u64,
-    /// Index of the first sample and time of arrival of each frame that is not completely
-    /// converted, oldest first. The newest frame stays in the queue even after its conversion.
-    arrivals: VecDeque<(u64, HostTime)>,
     /// Indices of the lost samples in each gap that is not completely converted, oldest first.
     lost: VecDeque<Range<u64>>,
-    /// Bytes for the host, each with the time of arrival of the samples that they were made of.
+    /// Bytes for the host, each with the time of the newest sample that they were made of.
     outgoing: VecDeque<(HostTime, Vec<u8>)>,
     counts: SourceCounts,
 }
@@ -51,6 +57,10 @@ pub struct SourceCounts {
     pub lost: u64,
     /// Number of restarts of the acquisition.
     pub restarts: u64,
+    /// Number of pauses of the acquisition without a lost frame.
+    pub pauses: u64,
+    /// Sum of all pauses, microseconds.
+    pub paused_us: u64,
 }
 
 impl Source {
@@ -76,9 +86,11 @@ impl Source {
             mains,
             session_id,
             sequence,
+            pauses: Pauses::default(),
+            clock: AmplifierClock::default(),
+            waiting: None,
             inputs: 0,
             outputs: 0,
-            arrivals: VecDeque::new(),
             lost: VecDeque::new(),
             outgoing: VecDeque::new(),
             counts: SourceCounts::default(),
@@ -98,6 +110,12 @@ impl Source {
     /// Returns the numbers of frames and restarts so far.
     pub fn counts(&self) -> SourceCounts {
         self.counts
+    }
+
+    /// Returns the acquisition's rate divided by the one that it states, minus 1, in parts per
+    /// million; 0 in the first seconds.
+    pub fn rate_error_ppm(&self) -> f64 {
+        self.clock.rate_error_ppm()
     }
 
     /// Returns whether the acquisition does not number its frames, so that losses are not found.
@@ -135,12 +153,16 @@ impl Source {
     ///
     /// [`Refusal::Conversion`], which would be a defect of this program.
     pub fn restart(&mut self, read: HostTime) -> Result<(), Refusal> {
+        if let Some((frame, lost, at)) = self.waiting.take() {
+            self.convert(&frame, lost, at, true)?;
+        }
         self.adc = adc(&self.layout, &self.map)?;
         self.session_id = self.session_id.wrapping_add(1);
         let substitutes = substitutes(&self.map);
         self.device = EncoderDevice::new(self.session_id, substitutes, self.mains);
+        self.pauses = Pauses::default();
+        self.clock = AmplifierClock::default();
         (self.inputs, self.outputs) = (0, 0);
-        self.arrivals.clear();
         self.lost.clear();
         self.counts.restarts += 1;
         self.outgoing.push_back((read, self.device.take_bytes()));
@@ -148,12 +170,34 @@ impl Source {
     }
 
     /// Encodes a frame that [`Source::check`] has accepted and that arrived at `read`. `lost`
-    /// frames are missing before it.
+    /// frames are missing before it. A frame that ends a standstill is encoded when the next one
+    /// arrives.
     ///
     /// # Errors
     ///
     /// [`Refusal::Conversion`], which would be a defect of this program.
     pub fn encode(&mut self, frame: &NeuroFrame, lost: u32, read: HostTime) -> Result<(), Refusal> {
+        let span_us = self.layout.frame_us().saturating_mul(i64::from(lost) + 1);
+        let Finding { is_pause, is_open } = self.pauses.record(read.monotonic_us, span_us);
+        let waiting = self.waiting.take();
+        let has_waited = waiting.is_some();
+        if let Some((frame, lost, at)) = waiting {
+            self.convert(&frame, lost, at, is_pause)?;
+        }
+        if is_open {
+            self.waiting = Some((frame.clone(), lost, read));
+            return Ok(());
+        }
+        self.convert(frame, lost, read, is_pause && !has_waited)
+    }
+
+    fn convert(
+        &mut self,
+        frame: &NeuroFrame,
+        lost: u32,
+        read: HostTime,
+        after_pause: bool,
+    ) -> Result<(), Refusal> {
         self.counts.encoded += 1;
         self.counts.lost += u64::from(lost);
         if lost > 0 {
@@ -161,12 +205,17 @@ impl Source {
             let first = self.inputs;
             self.inputs += samples;
             self.lost.push_back(first..self.inputs);
-            self.arrivals.push_back((first, read));
             self.adc
                 .hold(usize::try_from(samples).unwrap_or(usize::MAX))?;
         }
-        self.arrivals.push_back((self.inputs, read));
+        let start_us = self.nominal_us(self.inputs);
         self.inputs += u64::from(self.layout.samples);
+        let end_us = self.nominal_us(self.inputs);
+        if after_pause {
+            self.counts.paused_us += self.clock.pause(start_us, end_us, read);
+            self.counts.pauses += 1;
+        }
+        self.clock.observe(end_us, read);
         self.adc.append(&frame.eeg.data)?;
         while let Some(counts) = self.adc.next_sample() {
             let is_lost = self.is_lost();
@@ -177,7 +226,7 @@ impl Source {
                 counts: std::array::from_fn(|channel| counts[channel]),
             };
             self.device.process(&sample, is_lost, at_us);
-            self.collect();
+            self.collect(at_us);
         }
         Ok(())
     }
@@ -186,7 +235,7 @@ impl Source {
     pub fn receive(&mut self, bytes: &[u8], now: HostTime) {
         // Between two frames the device time follows the host's clock, by one frame at most: later
         // times belong to the samples of the next frame.
-        let since_us = self.arrivals.back().map_or(0, |(_, arrival)| {
+        let since_us = self.clock.newest().map_or(0, |arrival| {
             now.monotonic_us.saturating_sub(arrival.monotonic_us)
         });
         let since_us = since_us.clamp(0, self.layout.frame_us());
@@ -205,12 +254,13 @@ impl Source {
     /// less often than that.
     pub fn send_stats(&mut self) {
         if self.is_streaming() {
-            self.device.send_stats(self.device_us());
-            self.collect();
+            let now_us = self.device_us();
+            self.device.send_stats(now_us);
+            self.collect(now_us);
         }
     }
 
-    /// Removes and returns bytes for the host, with the time of arrival of their samples.
+    /// Removes and returns bytes for the host, with the time at which they count as read.
     pub fn next_bytes(&mut self) -> Option<(HostTime, Vec<u8>)> {
         self.outgoing.pop_front()
     }
@@ -220,9 +270,15 @@ impl Source {
         self.outgoing.push_front((read, bytes));
     }
 
+    /// Returns the nominal time of the acquisition's sample with this index, microseconds.
+    fn nominal_us(&self, input: u64) -> u64 {
+        input * 1_000_000 / u64::from(self.layout.rate_hz)
+    }
+
     /// Returns the device time of the next sample of the virtual ADC, microseconds.
-    fn device_us(&self) -> u64 {
-        self.outputs * 1_000_000 / u64::from(model::ADC_RATE_HZ)
+    fn device_us(&mut self) -> u64 {
+        let at_us = self.outputs * 1_000_000 / u64::from(model::ADC_RATE_HZ);
+        self.clock.device_us(at_us)
     }
 
     /// Returns the indices of the acquisition's samples around the next sample of the virtual ADC:
@@ -243,24 +299,13 @@ impl Source {
         lost.is_some_and(|lost| lost.contains(&before) || lost.contains(&after))
     }
 
-    /// Queues the device's bytes for the host, with the arrival time of the newest converted
-    /// sample.
-    fn collect(&mut self) {
+    /// Queues the device's bytes for the host. They count as read at the device time `at_us`.
+    fn collect(&mut self, at_us: u64) {
         let bytes = self.device.take_bytes();
-        if bytes.is_empty() {
-            return;
-        }
-        let newest = self.outputs.saturating_sub(1) * u64::from(self.layout.rate_hz);
-        let newest = newest / u64::from(model::ADC_RATE_HZ);
-        while self
-            .arrivals
-            .get(1)
-            .is_some_and(|(first, _)| *first <= newest)
+        if let Some(read) = self.clock.host_time(at_us)
+            && !bytes.is_empty()
         {
-            self.arrivals.pop_front();
-        }
-        if let Some((_, read)) = self.arrivals.front() {
-            self.outgoing.push_back((*read, bytes));
+            self.outgoing.push_back((read, bytes));
         }
     }
 }

@@ -6,6 +6,9 @@ use crate::source::SourceCounts;
 
 /// Time without a frame after which the acquisition's status is an error, seconds.
 const SILENCE_S: f64 = 2.0;
+/// Error of the acquisition's rate above which the status is a warning, parts per million. Crystals
+/// differ by 100 ppm at most.
+const LARGEST_RATE_ERROR_PPM: f64 = 1000.0;
 
 /// Facts about the acquisition from which its status for `/diagnostics` is made.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +19,8 @@ pub(crate) struct SourceFacts {
     pub(crate) layout: Option<String>,
     /// Number of nodes that publish the topic.
     pub(crate) publishers: usize,
+    /// Publishers that cannot be reached: URI, reason and remedy of each.
+    pub(crate) unreachable: Vec<String>,
     pub(crate) counts: SourceCounts,
     /// Number of refused frames.
     pub(crate) refused: u64,
@@ -29,6 +34,8 @@ pub(crate) struct SourceFacts {
     pub(crate) is_unnumbered: bool,
     /// Longest time that a sample waits for the resampler, seconds.
     pub(crate) block_s: f64,
+    /// The acquisition's rate divided by the one that it states, minus 1, parts per million.
+    pub(crate) rate_error_ppm: f64,
 }
 
 /// Returns the status. `before` are the facts of the previous report, one second earlier: losses
@@ -49,6 +56,9 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
             DiagnosticLevel::Error,
             format!("{refused} frames refused: {why}"),
         )
+    } else if let ([fault, ..], 0) = (&*facts.unreachable, facts.publishers) {
+        let message = format!("the publisher of {topic} cannot be reached: {fault}");
+        (DiagnosticLevel::Error, message)
     } else if facts.publishers == 0 {
         (DiagnosticLevel::Error, format!("no node publishes {topic}"))
     } else if facts.silent_s.is_none_or(|seconds| seconds > SILENCE_S) {
@@ -58,6 +68,16 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
         (DiagnosticLevel::Warn, message)
     } else if facts.counts.restarts > before.counts.restarts {
         let message = "the acquisition started again".to_owned();
+        (DiagnosticLevel::Warn, message)
+    } else if facts.counts.pauses > before.counts.pauses {
+        let message = "the acquisition paused and lost no frame: nothing is filled";
+        (DiagnosticLevel::Warn, message.to_owned())
+    } else if facts.rate_error_ppm.abs() > LARGEST_RATE_ERROR_PPM {
+        let message = format!(
+            "the rate differs by {:+.0} ppm from sr; stamps follow the frames, but filters and codes are those \
+             of sr: set sr to the true rate, or look for lost frames without a gap in neuroheader.seq",
+            facts.rate_error_ppm
+        );
         (DiagnosticLevel::Warn, message)
     } else if facts.is_unnumbered {
         let message =
@@ -74,11 +94,14 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
             facts.layout.as_ref().map_or(&"unknown", |text| text),
         ),
         KeyValue::new("publishers", &facts.publishers),
+        KeyValue::new("publishers not reached", &facts.unreachable.len()),
         KeyValue::new("frames encoded", &facts.counts.encoded),
         KeyValue::new("frames lost", &facts.counts.lost),
         KeyValue::new("frames refused", &facts.refused),
         KeyValue::new("frames dropped", &facts.dropped),
         KeyValue::new("restarts", &facts.counts.restarts),
+        KeyValue::new("pauses", &facts.counts.pauses),
+        KeyValue::new("rate error ppm", &format!("{:+.1}", facts.rate_error_ppm)),
         KeyValue::new("resampling block s", &format!("{:.2}", facts.block_s)),
     ];
     if let Some(silent) = silent {
@@ -125,6 +148,13 @@ mod tests {
             ..lossy.clone()
         };
         assert_eq!(level(&silent, &calm), DiagnosticLevel::Error);
+        let unreachable = SourceFacts {
+            publishers: 0,
+            unreachable: vec!["http://lab:1/: lab does not resolve".to_owned()],
+            ..calm.clone()
+        };
+        let message = status(&unreachable, &calm).message;
+        assert!(message.ends_with("cannot be reached: http://lab:1/: lab does not resolve"));
         let two = SourceFacts {
             publishers: 2,
             ..calm.clone()

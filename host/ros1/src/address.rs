@@ -3,9 +3,17 @@
 use std::{
     fmt, io,
     net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr},
+    time::Duration,
 };
 
-use tokio::net::UdpSocket;
+use tokio::{
+    net::{TcpStream, UdpSocket, lookup_host},
+    time::timeout,
+};
+
+/// Longest wait for the addresses of a host name: shorter than the limit of an XML-RPC call, whose
+/// error would hide that the name does not resolve.
+const LOOKUP_TIMEOUT: Duration = Duration::from_millis(2500);
 
 /// Error for a URI without a host and a port, to which no connection can be opened.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -13,6 +21,53 @@ use tokio::net::UdpSocket;
 pub struct AddressError {
     /// The URI as it was configured or received.
     pub uri: String,
+}
+
+/// A host name that has no address.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the host name {host} does not resolve: {reason}")]
+pub struct LookupError {
+    /// The host name.
+    pub host: Box<str>,
+    /// What the operating system reports.
+    pub reason: Box<str>,
+}
+
+/// Why no connection to a peer could be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum ConnectError {
+    /// The host name of the peer has no address.
+    #[error(transparent)]
+    Lookup(#[from] LookupError),
+    /// The peer did not accept the connection.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+/// Returns the addresses of a host name or address, each with `port`.
+async fn lookup(host: &str, port: u16) -> Result<Vec<SocketAddr>, LookupError> {
+    let found = timeout(LOOKUP_TIMEOUT, lookup_host((host, port))).await;
+    let found = found.unwrap_or_else(|elapsed| Err(elapsed.into()));
+    found.map(Iterator::collect).map_err(|error| LookupError {
+        host: host.into(),
+        reason: error.to_string().into(),
+    })
+}
+
+/// Returns the addresses of a host name or address, each with whether it is an address of this
+/// machine.
+///
+/// # Errors
+/// The host has no address, or none was found within 2.5 s.
+pub async fn host_addresses(host: &str) -> Result<Vec<(IpAddr, bool)>, LookupError> {
+    let host = host.trim_matches(['[', ']']);
+    let mut addresses = Vec::new();
+    for address in lookup(host, 0).await? {
+        // Only an address of this machine can be bound.
+        let is_own = UdpSocket::bind(address).await.is_ok();
+        addresses.push((address.ip(), is_own));
+    }
+    Ok(addresses)
 }
 
 /// Host and TCP port of a peer. An IPv6 address is stored without the square brackets that enclose
@@ -56,6 +111,12 @@ impl Address {
             port,
         }
     }
+
+    /// Opens a connection to the first address of the host that accepts one.
+    pub(crate) async fn connect(&self) -> Result<TcpStream, ConnectError> {
+        let addresses = lookup(&self.host, self.port).await?;
+        Ok(TcpStream::connect(&*addresses).await?)
+    }
 }
 
 impl fmt::Display for Address {
@@ -86,12 +147,11 @@ pub(crate) fn listen_address(host: &str, ipv6: bool) -> IpAddr {
 /// returns loopback. No packet is sent: connecting a UDP socket only selects a route.
 pub(crate) async fn own_address(master: &Address) -> IpAddr {
     for (host, port) in [(master.host.as_str(), master.port), ("192.0.2.1", 9)] {
-        let Ok(targets) = tokio::net::lookup_host((host, port)).await else {
+        let Ok(mut targets) = lookup(host, port).await else {
             continue;
         };
         // Try IPv4 first: most ROS 1 peers support only IPv4, but `localhost` resolves to IPv4 and
         // IPv6.
-        let mut targets: Vec<SocketAddr> = targets.collect();
         targets.sort_by_key(SocketAddr::is_ipv6);
         for target in targets {
             if let Ok(address) = local_address_towards(target).await {
@@ -133,6 +193,16 @@ mod tests {
             assert_eq!((address.host.as_str(), address.port), (host, port));
             assert_eq!(address.to_string(), text);
         }
+    }
+
+    #[tokio::test]
+    async fn an_address_of_this_machine_is_told_from_a_foreign_one_and_from_none() {
+        assert!(host_addresses("127.0.0.1").await.unwrap()[0].1);
+        // No machine has this address: RFC 5737 reserves it for documentation.
+        assert!(!host_addresses("192.0.2.1").await.unwrap()[0].1);
+        // A name that never resolves: RFC 6761 reserves `.invalid`.
+        let error = host_addresses("no-such-host.invalid").await.unwrap_err();
+        assert_eq!(&*error.host, "no-such-host.invalid");
     }
 
     #[test]

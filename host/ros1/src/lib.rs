@@ -26,6 +26,8 @@
 //!   vanishes, TCP keepalive closes the idle connection within 30 s. If sent data is still
 //!   unacknowledged, the operating system retransmits it first, for about 15 min on Linux. A full
 //!   queue drops and counts messages meanwhile.
+//! * A publisher that cannot be reached is logged once, and again when it can be reached;
+//!   [`Subscriber::unreachable`] has the reason meanwhile.
 //! * `TCP_NODELAY` is set on every connection, proxies are never used, and both IPv4 and IPv6 work.
 //!
 //! ```
@@ -74,7 +76,7 @@ mod sync;
 pub mod tcpros;
 pub mod xmlrpc;
 
-pub use address::AddressError;
+pub use address::{AddressError, ConnectError, LookupError, host_addresses};
 pub use http::HttpError;
 pub use master::Master;
 pub use names::NameError;
@@ -82,7 +84,7 @@ pub use node::{
     Node, NodeError,
     handles::{Publisher, Service, Subscriber},
     options::{DEFAULT_MASTER_URI, NodeOptions},
-    registrar::SystemState,
+    registrar::{MasterStatus, SystemState},
 };
 pub use publication::{PublisherOptions, SubscriberLag};
 pub use service::{ServiceClient, ServiceError};

@@ -24,7 +24,7 @@ use crate::{
 use graph::{Graph, Key};
 use handles::{Lease, Publisher, Service, Subscriber};
 use options::NodeOptions;
-use registrar::{Registrar, SystemState};
+use registrar::{MasterStatus, Registrar, SystemState};
 use slave::Slave;
 
 /// Why a node could not be started, or why a topic or service could not be added to a node.
@@ -254,10 +254,23 @@ impl Node {
         ServiceClient::connect(self.name(), uri, &service, service_type, true).await
     }
 
-    /// Returns a watch channel that is true while the master answers and every topic and service of
-    /// this node has been offered for registration. The master can have refused some of them.
-    pub fn master_online(&self) -> watch::Receiver<bool> {
-        self.registrar.online.subscribe()
+    /// Returns a watch channel with what this node knows about its master.
+    pub fn master_status(&self) -> watch::Receiver<MasterStatus> {
+        self.registrar.master.subscribe()
+    }
+
+    /// Returns the publishers of subscribed topics that cannot be reached: the topic, and the
+    /// publisher's URI, the reason and what to do.
+    pub fn unreachable_publishers(&self) -> Vec<(String, String)> {
+        let graph = lock(&self.registrar.graph);
+        let of_topic = graph
+            .subscriptions
+            .iter()
+            .flat_map(|(topic, subscription)| {
+                let faults = subscription.unreachable().into_iter();
+                faults.map(|fault| (topic.clone(), fault))
+            });
+        of_topic.collect()
     }
 
     /// Asks the master which nodes publish topics and provide services.
@@ -286,7 +299,7 @@ impl Node {
         }
         self.registrar.unregister_all().await;
         tasks.registration.abort();
-        self.registrar.online.send_replace(false);
+        self.registrar.master.send_replace(MasterStatus::Unknown);
         tasks.stop.send_replace(true);
         // The listener task ends by itself; the join fails only if the task had already been
         // aborted.

@@ -10,7 +10,7 @@ use tokio::{
 };
 
 use crate::{
-    address::{Address, AddressError},
+    address::{Address, AddressError, ConnectError},
     names::NameError,
     tcpros::{
         HANDSHAKE_TIMEOUT, Header, HeaderError, ServiceType, read_message, read_message_body,
@@ -248,7 +248,10 @@ impl ServiceClient {
 }
 
 async fn handshake(address: &Address, header: &Header) -> Result<(TcpStream, Header), HeaderError> {
-    let mut stream = TcpStream::connect((&*address.host, address.port)).await?;
+    let mut stream = address.connect().await.map_err(|error| match error {
+        ConnectError::Lookup(error) => io::Error::new(io::ErrorKind::NotFound, error),
+        ConnectError::Io(error) => error,
+    })?;
     set_options(&stream)?;
     stream.write_all(&header.encode()?).await?;
     let answer = Header::read(&mut stream).await?;

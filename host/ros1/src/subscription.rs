@@ -12,26 +12,28 @@ use std::{
 
 use tokio::{
     io::AsyncWriteExt as _,
-    net::TcpStream,
     sync::Notify,
     task::AbortHandle,
     time::{sleep, timeout},
 };
 
 use crate::{
-    address::Address,
+    address::{Address, ConnectError},
     sync::{DropOldestQueue, Push, lock},
     tcpros::{
         HANDSHAKE_TIMEOUT, Header, HeaderError, MessageType, read_message, set_options,
         type_mismatch,
     },
-    xmlrpc::{CallError, Value, call_ros},
+    xmlrpc::{CallError, CallFailure, Value, call_ros},
 };
 
 /// Delay before the first attempt to reconnect to a publisher; doubles after each further failure.
 const FIRST_RETRY_DELAY: Duration = Duration::from_millis(100);
 /// Longest delay before an attempt to reconnect to a publisher.
 const MAX_RETRY_DELAY: Duration = Duration::from_secs(5);
+/// Number of failures in a row after which a publisher counts as unreachable: 0.3 s after the
+/// first. A publisher that ends closes its connections before the master removes it from its list.
+const FAILURES_TO_REPORT: u32 = 3;
 
 /// One topic that the node subscribes to. Its links are keyed by the publishers' XML-RPC URIs.
 #[derive(Debug)]
@@ -64,6 +66,15 @@ impl Subscription {
             .collect()
     }
 
+    /// Returns the publishers that cannot be reached: URI, reason and remedy of each.
+    pub(crate) fn unreachable(&self) -> Vec<String> {
+        let links = lock(&self.links);
+        links
+            .values()
+            .filter_map(|running| running.link.fault())
+            .collect()
+    }
+
     /// Connects to those of `publishers` that have no link yet. Removes no link, because a
     /// restarted master lists only publishers that have registered again.
     pub(crate) fn add_publishers(self: &Arc<Self>, publishers: &[String]) {
@@ -93,6 +104,7 @@ impl Subscription {
                 return true;
             }
             running.task.abort();
+            running.link.log_end(&self.inbox.topic);
             false
         });
         self.add_publishers(publishers);
@@ -110,21 +122,22 @@ impl Subscription {
     /// master no longer lists the publisher.
     async fn run_link(self: Arc<Self>, link: Arc<PublisherLink>) {
         let mut delay = FIRST_RETRY_DELAY;
+        let mut failures = 0;
         loop {
             let messages_before = link.messages.load(Relaxed);
-            let (topic, publisher) = (&self.inbox.topic, link.uri());
-            match link.receive(&self.inbox).await {
-                Ok(()) => return,
-                Err(error) if error.is_refusal() => {
-                    tracing::warn!(topic, publisher, "{error}");
-                }
-                Err(error) => tracing::debug!(topic, publisher, "{error}"),
-            }
+            let Err(error) = link.receive(&self.inbox).await else {
+                return;
+            };
             if self.remove_if_unlisted(&link) {
                 return;
             }
             if link.messages.load(Relaxed) != messages_before {
                 delay = FIRST_RETRY_DELAY;
+                failures = 0;
+            }
+            failures += 1;
+            if failures >= FAILURES_TO_REPORT || error.is_refusal() {
+                link.report(&self.inbox.topic, &error);
             }
             tokio::select! {
                 () = sleep(delay) => delay = (delay * 2).min(MAX_RETRY_DELAY),
@@ -141,6 +154,7 @@ impl Subscription {
         let listed = link.listed.load(Relaxed);
         if !listed {
             links.remove(link.uri());
+            link.log_end(&self.inbox.topic);
         }
         !listed
     }
@@ -204,6 +218,8 @@ pub(crate) struct PublisherLink {
     /// Whether the master's latest list of publishers contains this publisher.
     listed: AtomicBool,
     connected: AtomicBool,
+    /// Why the publisher cannot be reached; `None` if it can.
+    fault: Mutex<Option<String>>,
     retry: Notify,
 }
 
@@ -214,8 +230,11 @@ pub(crate) enum LinkError {
     Call(#[from] CallError),
     #[error("the publisher offers no TCPROS address; is it a ROS 1 node?")]
     Offer,
-    #[error("the publisher's address cannot be reached: {0}")]
-    Unreachable(io::Error),
+    #[error("it sends messages at {address}, which cannot be reached: {source}")]
+    Unreachable {
+        address: Address,
+        source: ConnectError,
+    },
     #[error(transparent)]
     Header(#[from] HeaderError),
     #[error("the publisher refuses: {0}")]
@@ -232,6 +251,29 @@ impl LinkError {
     pub(crate) fn is_refusal(&self) -> bool {
         matches!(self, Self::Refused(_) | Self::TypeMismatch(_))
     }
+
+    /// Returns what the user can do.
+    fn remedy(&self) -> &'static str {
+        match self {
+            Self::Call(CallError::Failed {
+                failure: CallFailure::Lookup(_),
+                ..
+            })
+            | Self::Unreachable {
+                source: ConnectError::Lookup(_),
+                ..
+            } => {
+                "set ROS_IP where the publisher runs and restart it, or add its name to /etc/hosts \
+                 of this machine"
+            }
+            Self::TypeMismatch(_) => "remap the topic, or build both nodes with the same messages",
+            Self::Refused(_) | Self::Offer => "remap the topic, or stop the publisher",
+            Self::Call(_) | Self::Unreachable { .. } | Self::Header(_) | Self::Broken(_) => {
+                "if the publisher has ended, run: rosnode cleanup; if it runs on another machine, \
+                 check its ROS_IP and the firewall"
+            }
+        }
+    }
 }
 
 impl PublisherLink {
@@ -244,6 +286,7 @@ impl PublisherLink {
             uri,
             listed: AtomicBool::new(true),
             connected: AtomicBool::new(false),
+            fault: Mutex::default(),
             retry: Notify::new(),
         }
     }
@@ -251,6 +294,27 @@ impl PublisherLink {
     /// The publisher's XML-RPC URI.
     pub(crate) fn uri(&self) -> &str {
         &self.uri
+    }
+
+    /// Returns why the publisher cannot be reached; `None` if it can.
+    pub(crate) fn fault(&self) -> Option<String> {
+        lock(&self.fault).clone()
+    }
+
+    /// Notes why the publisher cannot be reached, and logs it unless it could not be reached
+    /// before.
+    fn report(&self, topic: &str, error: &LinkError) {
+        let fault = format!("{}: {error}; {}", self.uri, error.remedy());
+        if lock(&self.fault).replace(fault.clone()).is_none() {
+            tracing::warn!("no connection to a publisher of {topic}, trying again: {fault}");
+        }
+    }
+
+    /// Logs that a publisher that could not be reached has gone.
+    fn log_end(&self, topic: &str) {
+        if lock(&self.fault).take().is_some() {
+            tracing::info!("the publisher of {topic} at {} has gone", self.uri);
+        }
     }
 
     /// Returns whether a connection is open and both sides have exchanged valid headers.
@@ -282,11 +346,9 @@ impl PublisherLink {
         ];
         let offer = call_ros(&self.uri, "requestTopic", &arguments).await?;
         let address = tcpros_address(&offer).ok_or(LinkError::Offer)?;
-        let connect = TcpStream::connect((&*address.host, address.port));
-        let connected = timeout(HANDSHAKE_TIMEOUT, connect).await;
-        let mut stream = connected
-            .map_err(|_| LinkError::Unreachable(io::ErrorKind::TimedOut.into()))?
-            .map_err(LinkError::Unreachable)?;
+        let connected = timeout(HANDSHAKE_TIMEOUT, address.connect()).await;
+        let connected = connected.unwrap_or_else(|elapsed| Err(io::Error::from(elapsed).into()));
+        let mut stream = connected.map_err(|source| LinkError::Unreachable { address, source })?;
         set_options(&stream).map_err(LinkError::Broken)?;
         let ours = inbox.message_type;
         let request = Header::new()
@@ -310,6 +372,13 @@ impl PublisherLink {
             return Err(LinkError::TypeMismatch(mismatch));
         }
         self.connected.store(true, Relaxed);
+        if lock(&self.fault).take().is_some() {
+            tracing::info!(
+                "connected to the publisher of {} at {}",
+                inbox.topic,
+                self.uri
+            );
+        }
         loop {
             let message = read_message(&mut stream).await.map_err(LinkError::Broken)?;
             self.messages.fetch_add(1, Relaxed);

@@ -193,9 +193,13 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
     if session.commands.streams().contains(Streams::EVENTS) {
         side_values.extend(side_events);
     }
-    for (lost, _) in &losses {
-        session.link_log.add_missing(*lost);
-    }
+    let packed = session.packed.as_ref();
+    let packed = packed.map_or(0, |packed| packed.timeline.counts().between_runs);
+    let samples = [&session.side.raw, &session.side.filtered].into_iter();
+    let samples = samples.flatten().map(|stream| stream.counts.between_runs);
+    let between_runs = hops.between_runs + packed + samples.sum::<u64>();
+    let missing = losses.iter().map(|(lost, _)| lost).sum();
+    session.link_log.add_missing(missing, between_runs);
     losses.retain(|(lost, _)| *lost > 0);
     let state = if losses.is_empty() {
         (DiagnosticLevel::Ok, "nothing lost".to_owned())
@@ -275,6 +279,10 @@ fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
     new_status("link", state, values)
 }
 
+/// Rate error of the device's clock above which the status warns, ppm. Crystals and resonators stay
+/// below it, RC oscillators do not.
+const MAX_DRIFT_PPM: f64 = 1_000.0;
+
 fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     let clock = &session.clock;
     let samples = [&session.side.raw, &session.side.filtered].into_iter();
@@ -282,9 +290,22 @@ fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     let codes = session.codes.as_ref().map(CodeStream::moved_stamps);
     let packed = session.packed.as_ref().map(|packed| packed.stamps.moved);
     let moved: u64 = samples.chain(codes).chain(packed).sum();
-    let message = format!("{:+.1} ppm", clock.drift_ppm());
+    let drift_ppm = clock.drift_ppm();
+    let state = if clock.is_settled() && drift_ppm.abs() > MAX_DRIFT_PPM {
+        let direction = if drift_ppm > 0.0 { "slow" } else { "fast" };
+        let message = format!(
+            "the device's clock is {:.0} ppm {direction}; the stamps are corrected, but a crystal \
+             is exact to 100 ppm. A NUCLEO runs from its RC oscillator: it lacks the 8 MHz of the \
+             ST-LINK; check its solder bridges and the ST-LINK's power, and restart it. Another \
+             amplifier has another rate than it states: compare its data sheet",
+            drift_ppm.abs()
+        );
+        (DiagnosticLevel::Warn, message)
+    } else {
+        (DiagnosticLevel::Ok, format!("{drift_ppm:+.1} ppm"))
+    };
     let mut values = vec![
-        KeyValue::new("drift ppm", &format!("{:+.2}", clock.drift_ppm())),
+        KeyValue::new("drift ppm", &format!("{drift_ppm:+.2}")),
         KeyValue::new("residual us", &format!("{:.0}", clock.residual_us())),
         KeyValue::new(
             "newest delay us",
@@ -307,5 +328,5 @@ fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
             values.push(KeyValue::new("stamps late by us", &late));
         }
     }
-    new_status("clock", (DiagnosticLevel::Ok, message), values)
+    new_status("clock", state, values)
 }

@@ -1,4 +1,4 @@
-//! The statuses `converters`, `signal quality` and `timing` of `/diagnostics`, and the worst stage
+//! The statuses `clock`, `converters`, `signal quality` and `timing` of `/diagnostics`, and the worst stage
 //! in the summary.
 
 use link::{Converters, ElectrodeQuality, Quality, Stage, StageTiming, Timing, ToHost};
@@ -22,6 +22,32 @@ fn report_status(harness: &mut Harness, change: impl FnOnce(&mut Converters)) ->
     harness.status("converters").unwrap()
 }
 
+#[test]
+fn a_clock_more_than_1000_ppm_off_is_a_warning_once_it_is_measured() {
+    let ok = DiagnosticLevel::Ok;
+    let warn = DiagnosticLevel::Warn;
+    for (device_hop_us, codes, level, part) in [
+        (62_500, 320, ok, "+0.0 ppm"),
+        (62_560, 320, ok, "-959.1 ppm"),
+        (61_875, 320, warn, "10101 ppm slow"),
+        (64_375, 320, warn, "29126 ppm fast"),
+        (64_375, 32, ok, "-29126.2 ppm"),
+    ] {
+        let mut harness = Harness::streaming(SETTINGS, Board::new());
+        for code in 1..=codes {
+            harness.now_us += 62_500;
+            let bytes = harness.board.code(code * device_hop_us, 1);
+            harness.receive(&bytes);
+        }
+        let status = harness.status("clock").unwrap();
+        assert_eq!(status.level, level, "{}", status.message);
+        assert!(status.message.contains(part), "{}", status.message);
+        let has_remedy = status.message.contains("8 MHz of the ST-LINK");
+        assert_eq!(has_remedy, level == warn, "{}", status.message);
+    }
+}
+
+/// Returns a signal-quality report about 61 good electrodes, modified by `change`.
 #[test]
 fn chips_in_order_are_no_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
@@ -95,7 +121,6 @@ const GOOD: ElectrodeQuality = ElectrodeQuality {
     flat: false,
 };
 
-/// Returns a signal-quality report about 61 good electrodes, modified by `change`.
 fn quality(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     let mut quality = Quality {
         first_sample: 5120,

@@ -30,6 +30,8 @@ const TICKS_PER_REPORT: u32 = 10;
 /// Timeout of each of the two waits at shutdown: until the device has stopped, and until queued
 /// JSON lines are written.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
+/// Timeout of the wait for queued JSON lines after the end of a recording, which nobody hurries.
+const END_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Configuration of a program that publishes the streams of a device.
 #[derive(Clone, Debug)]
@@ -45,6 +47,8 @@ pub struct Publication {
     pub topic_prefix: String,
     /// Name of the service that tells recorders and other subscribers the shape and rate of frames.
     pub get_info: &'static str,
+    /// Whether the program ends when a device that has sent frames disconnects.
+    pub exit_at_end: bool,
 }
 
 impl Publication {
@@ -104,6 +108,7 @@ impl Publication {
         let outlets = Outlets::new(sinks, settings, Arc::clone(&model), announcements);
         shutdown.watch_node(Arc::clone(&ros.node));
         let (summary, outcome) = Bridge::new(settings, model, feed, commands, outlets)
+            .exiting_at_end(self.exit_at_end)
             .run_to_end(&mut shutdown)
             .await;
         ros.shutdown().await;
@@ -136,6 +141,7 @@ pub(super) async fn stream(
         ros,
         topic_prefix: options.ros.topic_prefix,
         get_info: GET_INFO_SERVICE,
+        exit_at_end: options.exit_at_end,
     };
     match options.ros.sink {
         SinkKind::Ros => {
@@ -161,9 +167,15 @@ async fn print_lines(
     let sinks = Sinks::ndjson(&lines, settings.streams, &namespace)?;
     let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None);
     let (summary, outcome) = Bridge::new(settings, model, connection, commands, outlets)
+        .exiting_at_end(publication.exit_at_end)
         .run_to_end(&mut shutdown)
         .await;
-    let written = lines.finish(DRAIN_TIMEOUT);
+    let timeout = if publication.exit_at_end {
+        END_TIMEOUT
+    } else {
+        DRAIN_TIMEOUT
+    };
+    let written = lines.finish(timeout);
     // A sink reports only that the thread which writes has ended; `written` holds the reason.
     let outcome = match outcome {
         Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => written.map_err(BridgeError::Sink),
@@ -184,6 +196,7 @@ struct Bridge<F> {
     commands: mpsc::UnboundedReceiver<NodeCommand>,
     silence_log: SilenceLog,
     outlets: Outlets,
+    exit_at_end: bool,
 }
 
 impl<F: Feed> Bridge<F> {
@@ -200,7 +213,14 @@ impl<F: Feed> Bridge<F> {
             commands,
             silence_log: SilenceLog::default(),
             outlets,
+            exit_at_end: false,
         }
+    }
+
+    /// Sets whether the bridge ends when a device that has sent frames disconnects.
+    fn exiting_at_end(mut self, exit_at_end: bool) -> Bridge<F> {
+        self.exit_at_end = exit_at_end;
+        self
     }
 
     /// Runs until a shutdown, then lets the decoder finish. Returns the counts even after an error.
@@ -226,7 +246,14 @@ impl<F: Feed> Bridge<F> {
             // every tick.
             let paused = self.outlets.must_pause();
             tokio::select! {
-                event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => self.handle_connection(event?, &buffer),
+                event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => {
+                    let event = event?;
+                    self.handle_connection(event, &buffer);
+                    let has_sent = self.core.wire_counters().frames > 0;
+                    if self.exit_at_end && event == Event::Closed && has_sent {
+                        shutdown.request("the port has closed, and --exit-at-end is set");
+                    }
+                }
                 Some(command) = self.commands.recv() => match command {
                     NodeCommand::Acquisition(AcquisitionCommand::Start) => self.core.set_streaming(true),
                     NodeCommand::Acquisition(AcquisitionCommand::Stop) => self.core.set_streaming(false),

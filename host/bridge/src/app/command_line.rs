@@ -80,6 +80,21 @@ pub(crate) struct Options {
     /// stream by rosneuro_recorder, or that of the event itself
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
+    /// End with status 0 when a port that has sent frames closes, after everything is published:
+    /// for scripts that play a recording, such as with host-sim run --input FILE. Without it, the
+    /// bridge waits for the port to return
+    #[arg(
+        long,
+        help_heading = DEVICE,
+        env = "CORTICODE_EXIT_AT_END",
+        action = ArgAction::Set,
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "false",
+        default_missing_value = "true",
+        value_parser = BoolishValueParser::new()
+    )]
+    pub(crate) exit_at_end: bool,
     /// Stream that /acquisition/get_info describes; record this one and no other [default: encoded,
     /// or reconstructed if codes do not stream]
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_ANNOUNCE", value_parser = choice::<AnnouncedStream>())]

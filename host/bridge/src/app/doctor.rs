@@ -1,6 +1,5 @@
 //! The subcommand `doctor`: collects facts about this machine and checks them.
 
-use std::net::IpAddr;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -9,21 +8,20 @@ use bridge_core::{AnnouncedStream, Model};
 use link::Streams;
 use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
 use neuro_ros::ros1::{NodeOptions, SystemState};
-use tokio::net::UdpSocket;
 use tokio::time::{Instant, timeout, timeout_at};
 
 use crate::app::command_line::{DoctorOptions, SinkKind};
 use crate::app::ros_node::Namespace;
 use crate::doctor::device_checks::{DeviceAnswer, Probe, check_device};
 use crate::doctor::port_checks::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
-use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros};
+use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros, master_is_here};
 use crate::doctor::{Level, Report, check_clock, check_disk};
 use crate::ports::access::Program;
 use crate::ports::finder::{BoardFinder, FindError};
 use crate::ports::system_root::{Likeness, SystemRoot};
 use crate::wire::port::{Port, PortAddress, Transfer};
 
-/// Longest wait for the device's introduction, and for each answer of the ROS master or a resolver.
+/// Longest wait for the device's introduction and for the answer of `timedatectl`.
 const TIMEOUT: Duration = Duration::from_secs(3);
 /// Time between two transmissions of `Identify` while the device has not introduced itself.
 const RETRY: Duration = Duration::from_millis(500);
@@ -167,21 +165,16 @@ async fn ask(address: &PortAddress, baud: u32) -> DeviceAnswer {
 async fn ros_facts(options: &DoctorOptions, ros: &NodeOptions) -> RosFacts {
     let master_uri = options.ros.ros_master_uri.as_ref();
     let master_uri = master_uri.unwrap_or(&ros.master_uri).clone();
-    let master_host = host_of(&master_uri).unwrap_or_default();
     let namespace = Namespace::new(&ros.namespace, &options.ros.topic_prefix);
     let own_host = match &ros.host {
-        Some(name) => Some(OwnHost {
-            name: name.clone(),
-            addresses: addresses(name).await,
-        }),
+        Some(name) => Some(OwnHost::find(name).await),
         None => None,
     };
-    let master_addresses = addresses(master_host).await.ok();
     RosFacts {
         master: master_state(&master_uri, &namespace, &ros.name, options.asked.streams())
             .await
             .map_err(|error| error.to_string()),
-        master_is_here: master_addresses.map(|list| list.iter().any(|(_, is_own)| *is_own)),
+        master_is_here: master_is_here(&master_uri).await,
         master_uri,
         own_host,
     }
@@ -222,28 +215,6 @@ async fn master_state(
     })
 }
 
-/// Returns HOST of `http://HOST:PORT/`; an IPv6 address without its brackets.
-fn host_of(uri: &str) -> Option<&str> {
-    let (_, rest) = uri.split_once("://")?;
-    let (host, _) = rest.rsplit_once(':')?;
-    Some(host.trim_start_matches('[').trim_end_matches(']'))
-}
-
-/// Returns the addresses of a host, each with whether it is an address of this machine.
-async fn addresses(host: &str) -> Result<Vec<(IpAddr, bool)>, String> {
-    let found = match timeout(TIMEOUT, tokio::net::lookup_host((host, 0))).await {
-        Ok(found) => found.map_err(|error| error.to_string())?,
-        Err(_) => return Err(format!("no answer within {} s", TIMEOUT.as_secs())),
-    };
-    let mut addresses = Vec::new();
-    for address in found {
-        // Only an address of this machine can be bound.
-        let is_own = UdpSocket::bind(address).await.is_ok();
-        addresses.push((address.ip(), is_own));
-    }
-    Ok(addresses)
-}
-
 /// Returns whether NTP has set the clock; `None` if this machine cannot tell.
 async fn clock_is_synchronised() -> Option<bool> {
     let output = tokio::task::spawn_blocking(|| {
@@ -262,10 +233,7 @@ async fn clock_is_synchronised() -> Option<bool> {
 
 #[cfg(test)]
 mod tests {
-    use super::{
-        Level, RULE_FILES, SystemRoot, UdevRule, UsbPort, addresses, check_port, host_of, locate,
-        usb_port,
-    };
+    use super::{Level, RULE_FILES, SystemRoot, UdevRule, UsbPort, check_port, locate, usb_port};
     use crate::doctor::port_checks::PortFacts;
     use crate::ports::simulated_machine::{BOARD, OTHER, SimulatedMachine};
     use crate::wire::port::PortAddress;
@@ -304,18 +272,5 @@ mod tests {
         machine.plug(3, "ttyACM1", OTHER, None);
         let fault = fault();
         assert!(fault.ends_with("doctor --port auto:SERIAL"), "{fault}");
-    }
-
-    #[tokio::test]
-    async fn an_address_of_this_machine_is_told_from_a_foreign_one() {
-        let loopback = addresses("127.0.0.1").await.unwrap();
-        assert!(loopback[0].1);
-        // No machine has this address: RFC 5737 reserves it for documentation.
-        let foreign = addresses("192.0.2.1").await.unwrap();
-        assert!(!foreign[0].1);
-        // A name that never resolves: RFC 6761 reserves `.invalid`.
-        assert!(addresses("no-such-host.invalid").await.is_err());
-        assert_eq!(host_of("http://[::1]:11311/"), Some("::1"));
-        assert_eq!(host_of("http://lab:11311"), Some("lab"));
     }
 }

@@ -18,6 +18,7 @@ use neuro_ros::{
 use tokio::sync::watch::Sender;
 
 use crate::app::ros_node::{Namespace, RosNode};
+use crate::app::ros_status::RosStatus;
 use crate::app::ros_topics::RosTopics;
 use crate::error::BridgeError;
 
@@ -110,13 +111,15 @@ impl Outlets {
         counts
     }
 
-    /// Publishes the core's report on `/diagnostics`, after adding the status of sinks and decoder,
-    /// the result of audits (codes compared with the model), and the malformed packed blocks.
+    /// Publishes the core's report on `/diagnostics`, after adding the status of sinks, decoder and
+    /// ROS, the result of audits (codes compared with the model), and the malformed packed blocks.
     pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
         let malformed = self.sinks.decoder.counts().malformed;
         let before = std::mem::replace(&mut self.reported_malformed, malformed);
         report_malformed(&mut report, malformed, malformed - before);
         report.status.push(self.status());
+        let ros = self.sinks.ros.iter();
+        report.status.extend(ros.map(|status| status.status()));
         if let Some(mut audits) = self.sinks.decoder.audit_status() {
             audits.name.insert_str(0, "corticode: ");
             report.status.push(audits);
@@ -300,6 +303,8 @@ pub(crate) struct Sinks {
     diagnostics: Box<dyn Sink<DiagnosticArray>>,
     /// The ROS topics on which the sinks publish; `None` if frames go to stdout.
     topics: Option<Arc<RosTopics>>,
+    /// The state of the ROS node; `None` if frames go to stdout.
+    ros: Option<Arc<RosStatus>>,
     namespace: Namespace,
 }
 
@@ -354,6 +359,7 @@ impl Sinks {
             events: None,
             diagnostics: Box::new(topics.shared(names.diagnostics, QUEUE_EVENTS).await?),
             topics: Some(Arc::clone(&topics)),
+            ros: Some(Arc::clone(&ros.status)),
             namespace: namespace.clone(),
         };
         if let Some(events) = names.events {
@@ -380,6 +386,7 @@ impl Sinks {
             events: names.events.map(events),
             diagnostics: Box::new(lines.sink(names.diagnostics)),
             topics: None,
+            ros: None,
             namespace: namespace.clone(),
         })
     }

@@ -1,7 +1,6 @@
 //! The bridge's ROS node: namespace, services and registration.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use link::MAX_RATE;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
@@ -10,36 +9,32 @@ use neuro_ros::{
 };
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch::Receiver;
-use tokio::task::JoinHandle;
 
-/// Time after the node's start in which a missing ROS master is not logged yet.
-const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
+use crate::app::ros_status::RosStatus;
 
 /// Topic on which an experiment sets the rate of the packed code.
 const RATE_TOPIC: &str = "~packed_rate";
 /// Number of received rates that can wait to be handled; another one replaces the oldest.
 const QUEUE_RATES: usize = 4;
 
-/// The bridge's ROS node, with a task that logs when the master appears or disappears.
+/// The bridge's ROS node and its status.
 #[derive(Debug)]
 pub(crate) struct RosNode {
     pub(crate) node: Arc<Node>,
-    master_log: JoinHandle<()>,
+    pub(crate) status: Arc<RosStatus>,
 }
 
 impl RosNode {
     pub(crate) async fn start(options: NodeOptions) -> Result<RosNode, NodeError> {
-        let uri = options.master_uri.clone();
-        let node = Arc::new(Node::start(options).await?);
+        let node = Arc::new(Node::start(options.clone()).await?);
         tracing::info!("node {} at {}", node.name(), node.uri());
-        let master_log = tokio::spawn(log_master_changes(node.master_online(), uri));
-        Ok(RosNode { node, master_log })
+        let status = Arc::new(RosStatus::watch(Arc::clone(&node), &options));
+        Ok(RosNode { node, status })
     }
 
-    /// Stops logging the master's state, unregisters topics and services, and closes all
-    /// connections.
+    /// Stops watching the node, unregisters topics and services, and closes all connections.
     pub(crate) async fn shutdown(self) {
-        self.master_log.abort();
+        self.status.stop();
         self.node.shutdown().await;
     }
 
@@ -128,30 +123,6 @@ fn command_name(command: AcquisitionCommand) -> &'static str {
         AcquisitionCommand::Start => "~start",
         AcquisitionCommand::Stop => "~stop",
         AcquisitionCommand::Quit => "~quit",
-    }
-}
-
-/// Logs when the ROS master appears or disappears. Starts after [`REGISTRATION_GRACE`], because
-/// even a running master takes several milliseconds to answer.
-async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
-    let mut logged = None;
-    tokio::time::sleep(REGISTRATION_GRACE).await;
-    loop {
-        let now = *online.borrow_and_update();
-        if logged != Some(now) {
-            logged = Some(now);
-            if now {
-                tracing::info!("registered with the ROS master at {uri}");
-            } else {
-                tracing::warn!(
-                    "no ROS master answers at {uri}; waiting for it: start roscore, or set \
-                     --ros-master-uri"
-                );
-            }
-        }
-        if online.changed().await.is_err() {
-            return;
-        }
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::net::IpAddr;
 
+use neuro_ros::ros1::host_addresses;
+
 use crate::doctor::Check;
 
 /// The facts about ROS on which the checks are based.
@@ -37,17 +39,52 @@ pub(crate) struct OwnHost {
     pub(crate) addresses: Result<Vec<(IpAddr, bool)>, String>,
 }
 
+impl OwnHost {
+    /// Looks up the addresses of the host `name`.
+    pub(crate) async fn find(name: &str) -> OwnHost {
+        let addresses = host_addresses(name).await;
+        OwnHost {
+            name: name.to_owned(),
+            addresses: addresses.map_err(|error| error.reason.into()),
+        }
+    }
+}
+
+/// Returns whether the ROS master runs on this machine; `None` if the name of its host does not
+/// resolve.
+pub(crate) async fn master_is_here(uri: &str) -> Option<bool> {
+    let addresses = host_addresses(host_of(uri)?).await.ok()?;
+    Some(addresses.iter().any(|(_, is_own)| *is_own))
+}
+
+/// Returns HOST of `http://HOST:PORT/`; an IPv6 address without its brackets.
+fn host_of(uri: &str) -> Option<&str> {
+    let (_, rest) = uri.split_once("://")?;
+    let (host, _) = rest.rsplit_once(':')?;
+    Some(host.trim_start_matches('[').trim_end_matches(']'))
+}
+
+/// What to do about a host name in `ROS_MASTER_URI` that does not resolve.
+pub(crate) const SET_MASTER_URI: &str =
+    "export ROS_MASTER_URI=http://ADDRESS:11311/, or add the name to /etc/hosts";
+
 /// Checks the ROS master, the bridge's own address, other publishers and simulated time.
 pub(crate) fn check_ros(facts: &RosFacts) -> Vec<Check> {
     let mut checks = vec![match &facts.master {
         Ok(_) => Check::ok("ROS master", facts.master_uri.as_str()),
+        Err(why) if facts.master_is_here.is_none() => {
+            Check::error("ROS master", why, SET_MASTER_URI)
+        }
         Err(why) => Check::error(
             "ROS master",
             why,
             "roscore (or start the machine that runs it, and: export ROS_MASTER_URI=http://HOST:11311/)",
         ),
     }];
-    checks.push(check_own_host(facts));
+    checks.push(check_own_host(
+        facts.own_host.as_ref(),
+        facts.master_is_here,
+    ));
     if let Ok(master) = &facts.master {
         checks.push(check_publishers(master));
         checks.push(if master.use_sim_time {
@@ -63,10 +100,12 @@ pub(crate) fn check_ros(facts: &RosFacts) -> Vec<Check> {
     checks
 }
 
-fn check_own_host(facts: &RosFacts) -> Check {
+/// Checks whether other nodes can connect to the host that the bridge gives them. `master_is_here`
+/// is that of [`RosFacts`].
+pub(crate) fn check_own_host(own_host: Option<&OwnHost>, master_is_here: Option<bool>) -> Check {
     const NAME: &str = "own address";
     const SET_IP: &str = "unset ROS_HOSTNAME; export ROS_IP=$(hostname -I | cut -d' ' -f1)";
-    let Some(OwnHost { name, addresses }) = &facts.own_host else {
+    let Some(OwnHost { name, addresses }) = own_host else {
         return Check::ok(NAME, "chosen by the route to the master");
     };
     let addresses = match addresses {
@@ -86,7 +125,7 @@ fn check_own_host(facts: &RosFacts) -> Check {
         return Check::error(NAME, finding, SET_IP);
     };
     let loopback = addresses.iter().all(|(address, _)| address.is_loopback());
-    if loopback && facts.master_is_here == Some(false) {
+    if loopback && master_is_here == Some(false) {
         let finding = format!(
             "ROS_HOSTNAME or ROS_IP is {name} ({address}), and the master is on another machine, \
              which cannot reach the bridge there"
@@ -122,7 +161,7 @@ fn check_publishers(master: &MasterState) -> Check {
 
 #[cfg(test)]
 mod tests {
-    use super::{MasterState, OwnHost, RosFacts, check_ros};
+    use super::{MasterState, OwnHost, RosFacts, check_ros, host_of};
     use crate::doctor::{Check, Level};
 
     fn facts() -> RosFacts {
@@ -187,6 +226,20 @@ mod tests {
         assert_eq!((name, level), ("ROS master", Level::Error));
         assert!(text.contains("; roscore"), "{text}");
         assert_eq!(check_ros(&facts).len(), 2);
+    }
+
+    #[test]
+    fn a_master_whose_host_does_not_resolve_is_not_started_with_roscore() {
+        let facts = RosFacts {
+            master: Err("the host name lab does not resolve".to_owned()),
+            master_is_here: None,
+            ..facts()
+        };
+        let (name, _, text) = only_fault(&facts);
+        assert_eq!(name, "ROS master");
+        assert!(text.contains("export ROS_MASTER_URI=") && !text.contains("roscore"));
+        assert_eq!(host_of("http://[::1]:11311/"), Some("::1"));
+        assert_eq!(host_of("http://lab:11311"), Some("lab"));
     }
 
     #[test]

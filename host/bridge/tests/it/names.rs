@@ -2,6 +2,7 @@
 //! bridge's topics.
 
 use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
 
 use neuro_ros::ros1::xmlrpc::{Value, call_ros};
 use neuro_ros::ros1::{Node, PublisherOptions, Subscriber};
@@ -10,7 +11,7 @@ use neuro_ros::{
     GET_INFO_SERVICE, Log, NeuroFrame, RosMessage, Wire,
 };
 use rustix::process::Signal;
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
 use crate::board::{Board, assert_has};
 use crate::device::Device;
@@ -191,6 +192,28 @@ async fn flags_override_the_environment_which_overrides_the_parameter_server() {
     let log = tokio::task::spawn_blocking(|| bridge.failure(2)).await;
     let remedy = "rosparam delete /acquisition/plugin";
     assert_has(&log.unwrap(), [remedy, "known are port, baud, sink"]);
+}
+
+#[tokio::test]
+async fn host_names_that_do_not_resolve_are_in_the_log_once_with_what_to_do() {
+    let device = Device::tcp(Board::new());
+    // RFC 6761 reserves `.invalid` for names that never resolve.
+    let uri = "http://no-such-master.invalid:11311/";
+    let arguments = ["--port", &device.port, "--ros-master-uri", uri];
+    let variables = [("ROS_HOSTNAME", "no-such-host.invalid")];
+    let bridge = Bridge::start_with(&arguments, &variables);
+    // The bridge calls the master every 0.5 s, and looks its own host up every 5 s.
+    sleep(Duration::from_secs(7)).await;
+    let log = end(bridge).await;
+    for line in [
+        "other nodes cannot connect to this one: ROS_HOSTNAME or ROS_IP is no-such-host.invalid, which does not \
+         resolve: ",
+        "the host name no-such-master.invalid of ROS_MASTER_URI does not resolve: ",
+    ] {
+        assert_eq!(log.matches(line).count(), 1, "{log}");
+    }
+    assert_has(&log, ["export ROS_IP=", "export ROS_MASTER_URI="]);
+    assert!(!log.contains("roscore"), "{log}");
 }
 
 #[tokio::test]

@@ -94,6 +94,52 @@ fn a_broken_connection_is_reestablished() {
 }
 
 #[test]
+fn a_simulator_that_starts_again_at_its_port_is_a_restart_and_no_bad_link() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("board");
+    let device = Device::pty(Board::new(), &path);
+    let mut bridge = Bridge::ndjson(&device.port);
+    let frames = encoded(&mut bridge);
+    frames.recv_timeout(TIMEOUT).unwrap();
+    drop(device);
+    std::fs::remove_file(&path).unwrap();
+    std::thread::sleep(Duration::from_secs(1));
+    let again = Board {
+        session_id: 2,
+        ..Board::new()
+    };
+    let _again = Device::pty(again, &path);
+    let is_new_run = |frame: &Value| frame["tri"]["data"][1] == 0;
+    while !is_new_run(&frames.recv_timeout(TIMEOUT).unwrap().1) {}
+    // The next report to /diagnostics counts what is missing.
+    std::thread::sleep(Duration::from_millis(1500));
+    let log = bridge.end(Signal::TERM);
+    assert!(log.contains("the device was reset or replaced"), "{log}");
+    assert!(
+        log.contains("are missing between two runs of the device"),
+        "{log}"
+    );
+    assert!(!log.contains("bad link"), "{log}");
+}
+
+#[test]
+fn with_exit_at_end_the_bridge_ends_when_the_port_closes_after_everything_is_published() {
+    let device = Device::tcp(Board::new());
+    let arguments = ["--port", &device.port, "--sink", "ndjson", "--exit-at-end"];
+    let mut bridge = Bridge::start(&arguments);
+    let frames = encoded(&mut bridge);
+    for _ in 0..20 {
+        frames.recv_timeout(TIMEOUT).unwrap();
+    }
+    let controls = std::sync::Arc::clone(&device.controls);
+    drop(device);
+    let log = bridge.success();
+    let published = 20 + u32::try_from(frames.iter().count()).unwrap();
+    assert_eq!(published, controls.made.load(Relaxed), "{log}");
+    assert!(log.contains("shutting down: the port has closed"), "{log}");
+}
+
+#[test]
 fn a_suspended_bridge_accounts_for_every_code() {
     let device = Device::tcp(Board::new());
     let mut bridge = Bridge::ndjson(&device.port);

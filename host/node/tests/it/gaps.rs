@@ -89,3 +89,116 @@ fn a_refused_frame_is_a_lost_one_when_the_next_comes() {
     let arrival = harness.receive(&acquisition.frame(11), FRAME_US);
     assert_eq!(arrival.unwrap(), Arrival::Lost(1));
 }
+
+/// Times between the arrivals of frames, one of which is not one frame's duration.
+struct Standstill {
+    name: &'static str,
+    /// Rate of the acquisition, Hz.
+    rate_hz: u16,
+    /// Times before frames 40, 41, 42 and so on, microseconds.
+    late: Vec<i64>,
+    /// Number of frames lost before frame 40.
+    lost: u32,
+    is_numbered: bool,
+    /// Length of the pause, microseconds; 0 if the frames have waited in a buffer.
+    pause_us: i64,
+}
+
+#[test]
+fn a_standstill_without_a_lost_frame_fills_nothing_and_stamps_follow_a_pause_only() {
+    let rate = model::ADC_RATE_HZ;
+    let pause = vec![5_000_000 + FRAME_US];
+    // 82 frames wait in a buffer, the first for 5 s, and come within 81 ms; then one is on time.
+    let mut buffered = vec![5_000_000 + FRAME_US];
+    buffered.extend([1_000; 81]);
+    buffered.push(2 * FRAME_US - 81_000);
+    let case = |name, rate_hz, late: &[i64], pause_us| Standstill {
+        name,
+        rate_hz,
+        late: late.to_vec(),
+        lost: 0,
+        is_numbered: true,
+        pause_us,
+    };
+    let unnumbered = Standstill {
+        is_numbered: false,
+        ..case("a pause of frames without numbers", rate, &pause, 5_000_000)
+    };
+    let lossy = Standstill {
+        lost: 16,
+        ..case(
+            "a pause of 4 s, and 1 s of lost frames",
+            rate,
+            &pause,
+            4_000_000,
+        )
+    };
+    for standstill in [
+        case("a pause", rate, &pause, 5_000_000),
+        case("a pause of 0.4 s", rate, &[400_000 + FRAME_US], 400_000),
+        case("a pause, resampled", 250, &[5_060_000], 5_000_000),
+        case("a backlog", rate, &buffered, 0),
+        unnumbered,
+        lossy,
+    ] {
+        check_standstill(&standstill);
+    }
+}
+
+fn check_standstill(standstill: &Standstill) {
+    let name = standstill.name;
+    let acquisition = Acquisition::new(standstill.rate_hz, standstill.rate_hz / 16);
+    let frame_us = 1_000_000 * i64::from(acquisition.samples) / i64::from(acquisition.rate_hz);
+    let frame = |index: u32| {
+        let mut frame = acquisition.frame(index);
+        if !standstill.is_numbered {
+            frame.neuroheader.seq = 0;
+        }
+        frame
+    };
+    let frames = 400_u32;
+    let mut harness = Harness::new(&frame(0));
+    for index in 1..frames {
+        let late = index
+            .checked_sub(40)
+            .and_then(|place| standstill.late.get(place as usize));
+        let index = index + if index < 40 { 0 } else { standstill.lost };
+        harness
+            .receive(&frame(index), *late.unwrap_or(&frame_us))
+            .unwrap();
+    }
+    let counts = harness.source.counts();
+    let pauses = u64::from(standstill.pause_us > 0);
+    assert_eq!((counts.pauses, counts.restarts), (pauses, 0), "{name}");
+    assert!(
+        counts
+            .paused_us
+            .abs_diff(standstill.pause_us.unsigned_abs())
+            < 1_000,
+        "{name}: {counts:?}"
+    );
+    let encoded = &harness.recorder.encoded;
+    let fillers = encoded.iter().filter(|frame| is_filler(frame)).count();
+    let expected = if standstill.lost > 0 {
+        standstill.lost as usize + 2
+    } else {
+        0
+    };
+    assert_eq!(fillers, expected, "{name}");
+    // Stamps are 62.5 ms apart, but for the pause: the true time line of the samples.
+    let stamp_us = |frame: &neuro_ros::NeuroFrame| frame.header.stamp.nanoseconds() / 1000;
+    let first = stamp_us(&encoded[0]);
+    let steps = encoded
+        .windows(2)
+        .map(|pair| stamp_us(&pair[1]) - stamp_us(&pair[0]));
+    let jumps: Vec<i64> = steps
+        .filter(|step| (step - FRAME_US).abs() > 1_000)
+        .collect();
+    let codes = i64::try_from(encoded.len()).unwrap() - 1;
+    let drift = stamp_us(encoded.last().unwrap()) - first - codes * FRAME_US;
+    assert!(
+        (drift - standstill.pause_us).abs() < 1_000,
+        "{name}: {drift} us, {jumps:?}"
+    );
+    assert!(jumps.len() <= 2, "{name}: {jumps:?}");
+}

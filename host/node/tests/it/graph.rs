@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use neuro_ros::ros1::xmlrpc::{Value, call_ros};
 use neuro_ros::ros1::{Master, Node, NodeOptions, Publisher, PublisherOptions, Subscriber};
 use neuro_ros::{DiagnosticArray, DiagnosticStatus, NeuroFrame, RosMessage, Stamp, Wire};
 use tempfile::TempDir;
@@ -78,6 +79,15 @@ impl Graph {
         let node = node("other", self.master.uri()).await;
         let publisher = publisher(&node).await;
         (node, publisher)
+    }
+
+    /// Calls a method of the ROS master for another node.
+    pub(crate) async fn call_master(&self, method: &str, arguments: &[&str]) {
+        let caller = ["/other"].iter().chain(arguments);
+        let arguments: Vec<Value> = caller.map(|text| Value::from(*text)).collect();
+        call_ros(self.master.uri(), method, &arguments)
+            .await
+            .unwrap();
     }
 
     /// Publishes frames with these numbers, at the pace of a real acquisition.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use neuro_ros::{DiagnosticLevel, DiagnosticStatus, Wire};
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, NeuroFrame, RosMessage, Wire};
 use tokio::time::sleep;
 
 use crate::graph::{Graph, frame};
@@ -98,6 +98,40 @@ async fn a_silent_acquisition_and_a_second_one_are_errors_in_diagnostics() {
     let before = graph.next_code().await.neuroheader.seq;
     graph.publish(41..=56).await;
     while graph.next_code().await.neuroheader.seq < before + 24 {}
+}
+
+#[tokio::test]
+async fn a_publisher_that_cannot_be_reached_is_named_with_the_reason_until_it_is_gone() {
+    let mut graph = Graph::start(&["--quiet"]).await;
+    let (node, publisher) = graph.another_acquisition().await;
+    // Ends the first acquisition, then the second.
+    graph.acquisition = publisher;
+    node.shutdown().await;
+    let is_absent = |status: &DiagnosticStatus| status.message == "no node publishes /neurodata";
+    graph.status("corticode: source", is_absent).await;
+    // RFC 6761 reserves `.invalid` for names that never resolve.
+    let uri = "http://no-such-host.invalid:4321/";
+    graph
+        .call_master(
+            "registerPublisher",
+            &["/neurodata", NeuroFrame::TYPE.name, uri],
+        )
+        .await;
+    let reason = format!("{uri}: requestTopic failed: {uri} cannot be reached: the host name");
+    let is_named = |status: &DiagnosticStatus| status.message.contains(&reason);
+    let status = graph.status("corticode: source", is_named).await;
+    assert_eq!(status.level, DiagnosticLevel::Error);
+    let status = graph.status("corticode: ros", is_named).await;
+    assert_eq!(status.level, DiagnosticLevel::Warn);
+    sleep(Duration::from_secs(2)).await;
+    let log = graph.log();
+    assert_eq!(log.matches(&reason).count(), 1, "{log}");
+    graph
+        .call_master("unregisterPublisher", &["/neurodata", uri])
+        .await;
+    graph.status("corticode: source", is_absent).await;
+    let is_calm = |status: &DiagnosticStatus| status.level == DiagnosticLevel::Ok;
+    graph.status("corticode: ros", is_calm).await;
 }
 
 #[tokio::test]

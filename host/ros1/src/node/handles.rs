@@ -95,6 +95,11 @@ impl Subscriber {
             .count()
     }
 
+    /// Publishers that cannot be reached, each as its URI, the reason and what to do.
+    pub fn unreachable(&self) -> Vec<String> {
+        self.subscription.unreachable()
+    }
+
     /// Full name of the topic after remapping.
     pub fn topic(&self) -> &str {
         &self.subscription.inbox.topic

@@ -15,6 +15,7 @@ use tokio::{
 
 use super::graph::{Graph, Key};
 use crate::{
+    address::LookupError,
     sync::lock,
     xmlrpc::{CallError, CallFailure, Value, call_ros},
 };
@@ -41,8 +42,7 @@ pub(crate) struct Registrar {
     /// URI of the node's TCPROS listener, `rosrpc://HOST:PORT`.
     pub(crate) service_uri: String,
     pub(crate) graph: Mutex<Graph>,
-    /// True while the master answers and every topic and service has been offered for registration.
-    pub(crate) online: watch::Sender<bool>,
+    pub(crate) master: watch::Sender<MasterStatus>,
     pub(crate) shutdown_requested: watch::Sender<bool>,
     released: mpsc::UnboundedSender<Key>,
     /// True if the last call to the master timed out. While it is true, only the background
@@ -68,7 +68,7 @@ impl Registrar {
             api_uri,
             service_uri,
             graph: Mutex::default(),
-            online: watch::Sender::new(false),
+            master: watch::Sender::new(MasterStatus::Unknown),
             shutdown_requested: watch::Sender::new(false),
             released,
             unresponsive: AtomicBool::new(false),
@@ -89,7 +89,7 @@ impl Registrar {
                     // `sync` has already logged refusals; the next check offers the refused keys
                     // again.
                     let _ = self.sync().await;
-                    let online = *self.online.borrow();
+                    let online = *self.master.borrow() == MasterStatus::Online;
                     next = started + if online { ONLINE_PERIOD } else { OFFLINE_PERIOD };
                 }
             }
@@ -200,7 +200,7 @@ impl Registrar {
                 Err(error) => return Err(error),
             }
         }
-        if !self.online.send_replace(true) {
+        if self.master.send_replace(MasterStatus::Online) != MasterStatus::Online {
             tracing::info!(
                 master = self.master_uri,
                 "the master answers; all is registered"
@@ -334,13 +334,38 @@ impl Registrar {
     }
 
     fn set_offline(&self, error: &CallError) {
-        if self.online.send_replace(false) {
+        let status = match error {
+            CallError::Failed {
+                failure: CallFailure::Lookup(error),
+                ..
+            } => MasterStatus::Unresolved(error.clone()),
+            error => MasterStatus::Silent(error.to_string()),
+        };
+        let before = self.master.borrow().clone();
+        if before == MasterStatus::Online {
             tracing::warn!(
                 master = self.master_uri,
                 "the master does not answer any more: {error}"
             );
         }
+        if before != status {
+            self.master.send_replace(status);
+        }
     }
+}
+
+/// What a node knows about its master.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum MasterStatus {
+    /// The node has not called the master yet, or has shut down.
+    Unknown,
+    /// The master answers, and every topic and service of the node has been offered for
+    /// registration. The master can have refused some of them.
+    Online,
+    /// The name of the master's host has no address.
+    Unresolved(LookupError),
+    /// The master does not answer. Holds the reason.
+    Silent(String),
 }
 
 fn is_same<T>(now: Option<&Arc<T>>, before: &Arc<T>) -> bool {

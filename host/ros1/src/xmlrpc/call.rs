@@ -4,7 +4,6 @@ use std::{io, time::Duration};
 
 use tokio::{
     io::{AsyncWriteExt as _, BufReader},
-    net::TcpStream,
     time::timeout,
 };
 
@@ -13,7 +12,7 @@ use super::{
     value::{Fault, Value},
 };
 use crate::{
-    address::{Address, AddressError},
+    address::{Address, AddressError, ConnectError, LookupError},
     http::{HttpError, read_body, read_head},
 };
 
@@ -54,6 +53,9 @@ pub enum CallError {
 /// sentence that starts with the server's URI.
 #[derive(Debug, thiserror::Error)]
 pub enum CallFailure {
+    /// The name of the server's host has no address.
+    #[error("cannot be reached: {0}")]
+    Lookup(#[from] LookupError),
     /// The connection to the server was refused, or it broke.
     #[error("cannot be reached: {0}; is it running, and is its address right?")]
     Io(#[from] io::Error),
@@ -75,6 +77,15 @@ pub enum CallFailure {
     /// The answer is not the triple (code, message, value) of a ROS API.
     #[error("answered without the ROS triple (code, message, value)")]
     Shape,
+}
+
+impl From<ConnectError> for CallFailure {
+    fn from(error: ConnectError) -> Self {
+        match error {
+            ConnectError::Lookup(error) => Self::Lookup(error),
+            ConnectError::Io(source) => Self::Io(source),
+        }
+    }
 }
 
 impl From<HttpError> for CallFailure {
@@ -135,7 +146,7 @@ pub async fn call_ros(uri: &str, method: &str, arguments: &[Value]) -> Result<Va
 }
 
 async fn exchange(address: &Address, body: &str) -> Result<Value, CallFailure> {
-    let stream = TcpStream::connect((&*address.host, address.port)).await?;
+    let stream = address.connect().await?;
     stream.set_nodelay(true)?;
     let mut stream = BufReader::new(stream);
     let request = format!(

@@ -14,7 +14,7 @@ use tokio::{
     time::timeout,
 };
 
-use crate::local::{STRING, TIMEOUT, read_header, socket_address};
+use crate::local::{STRING, TIMEOUT, read_header, socket_address, uri};
 
 /// Accepts a connection, reads an XML-RPC request and answers it with the array `answer`. Returns
 /// the text of the request.
@@ -52,19 +52,21 @@ pub(crate) struct FakePublisher {
 impl FakePublisher {
     /// Registers as a publisher of `topic` and answers requestTopic in the background.
     pub(crate) async fn start(topic: &str, master: &Master) -> Self {
-        let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
         let api = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
-        let uri = format!("http://{}/", api.local_addr().unwrap());
+        register(topic, &uri(api.local_addr().unwrap().port()), master).await;
+        Self::answer(api, "127.0.0.1").await
+    }
+
+    /// Answers requestTopic at `api` in the background: messages come from `host`.
+    pub(crate) async fn answer(api: TcpListener, host: &'static str) -> Self {
+        let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
         let port = Value::Int(listener.local_addr().unwrap().port().into());
         tokio::spawn(async move {
             loop {
-                let offer = Value::Array(vec!["TCPROS".into(), "127.0.0.1".into(), port.clone()]);
+                let offer = Value::Array(vec!["TCPROS".into(), host.into(), port.clone()]);
                 answer_one(&api, [1.into(), "".into(), offer]).await;
             }
         });
-        let arguments = ["/fake", topic, "std_msgs/String", &uri].map(Value::from);
-        let registered = call_ros(master.uri(), "registerPublisher", &arguments).await;
-        registered.unwrap();
         Self { listener }
     }
 
@@ -86,6 +88,13 @@ impl FakePublisher {
         stream.write_all(&header.encode().unwrap()).await.unwrap();
         stream
     }
+}
+
+/// Registers a publisher of `topic` whose XML-RPC server is at `uri`, whether there is one or not.
+pub(crate) async fn register(topic: &str, uri: &str, master: &Master) {
+    let arguments = ["/fake", topic, "std_msgs/String", uri].map(Value::from);
+    let registered = call_ros(master.uri(), "registerPublisher", &arguments).await;
+    registered.unwrap();
 }
 
 /// A proxy that forwards every call to a master and holds back the first answer to one method

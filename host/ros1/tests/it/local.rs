@@ -7,8 +7,8 @@ use std::{
 };
 
 use ros1::{
-    Master, MessageType, Node, NodeOptions, Publisher, PublisherOptions, Service, ServiceType,
-    Subscriber,
+    Master, MasterStatus, MessageType, Node, NodeOptions, Publisher, PublisherOptions, Service,
+    ServiceType, Subscriber,
     tcpros::Header,
     xmlrpc::{Value, call_ros},
 };
@@ -138,8 +138,9 @@ pub(crate) async fn wait_for_subscribers(publisher: &Publisher, subscribers: usi
 
 /// Waits until the node has noticed that its master answers or, if `is_online` is false, does not.
 pub(crate) async fn wait_for_master(node: &Node, is_online: bool) {
-    let mut online = node.master_online();
-    let changed = timeout(TIMEOUT, online.wait_for(|online| *online == is_online)).await;
+    let mut status = node.master_status();
+    let is_wanted = |status: &MasterStatus| (*status == MasterStatus::Online) == is_online;
+    let changed = timeout(TIMEOUT, status.wait_for(is_wanted)).await;
     changed.unwrap().unwrap();
 }
 

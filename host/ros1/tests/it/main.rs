@@ -8,6 +8,7 @@ mod debian_ros;
 mod fakes;
 mod lifecycle;
 mod local;
+mod log;
 mod misbehaving_peers;
 #[cfg(unix)]
 mod real_ros;

@@ -2,20 +2,26 @@
 
 use std::time::{Duration, Instant};
 
-use ros1::{MessageType, PublisherOptions, tcpros::Header, xmlrpc::call_ros};
+use ros1::{
+    MessageType, PublisherOptions,
+    tcpros::Header,
+    xmlrpc::{Value, call_ros},
+};
 use tokio::{
     io::{AsyncReadExt as _, AsyncWriteExt as _},
-    net::TcpStream,
-    time::timeout,
+    net::{TcpListener, TcpStream},
+    time::{sleep, timeout},
 };
+use tracing::Level;
 
 use crate::{
-    fakes::FakePublisher,
+    fakes::{FakePublisher, register},
     local::{
-        LATCH, QUEUE, SET_BOOL, STRING, TIMEOUT, Talker, answers, expect_text, host_and_port,
-        is_closed, open, read_header, receive, serve, start_master, start_node, string,
-        wait_for_subscribers, wait_until,
+        LATCH, QUEUE, SET_BOOL, STRING, TIMEOUT, Talker, answers, expect_text, free_port,
+        host_and_port, is_closed, open, read_header, receive, serve, start_master, start_node,
+        string, uri, wait_for_subscribers, wait_until,
     },
+    log::Log,
 };
 
 /// A queue so short that it drops messages if a subscriber reads slowly.
@@ -198,6 +204,77 @@ async fn a_publisher_that_resets_or_sends_garbage_is_tried_again() {
     let message = [&[9, 0, 0, 0][..], &string("hello")].concat();
     last.write_all(&message).await.unwrap();
     expect_text(&mut subscriber, "hello").await;
+}
+
+#[tokio::test]
+async fn a_publisher_that_cannot_be_reached_is_logged_once_until_it_can_be_or_has_gone() {
+    let log = Log::start();
+    let master = start_master().await;
+    let listener = start_node("listener", &master).await;
+    let mut subscriber = listener.subscribe("/chat", &STRING, 8).await.unwrap();
+    let api = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
+    let elsewhere = uri(api.local_addr().unwrap().port());
+    let _elsewhere = FakePublisher::answer(api, "no-such-host.invalid").await;
+    let port = free_port();
+    // RFC 6761 reserves `.invalid` for names that never resolve.
+    for (uri, reason) in [
+        (
+            "http://no-such-host.invalid:4321/",
+            "the host name no-such-host.invalid does not resolve",
+        ),
+        (&*elsewhere, "it sends messages at no-such-host.invalid:"),
+        (&*uri(port), "Connection refused"),
+    ] {
+        register("/chat", uri, &master).await;
+        wait_until("the fault", async || subscriber.unreachable().len() == 1).await;
+        let fault = subscriber.unreachable().remove(0);
+        assert!(fault.starts_with(uri) && fault.contains(reason), "{fault}");
+        let of_node = listener.unreachable_publishers();
+        assert_eq!(of_node, [("/chat".to_owned(), fault.clone())]);
+        // Meanwhile the subscriber tries again several times.
+        sleep(Duration::from_secs(1)).await;
+        assert_eq!(log.count(Level::WARN, &fault), 1, "{fault}");
+        if uri.ends_with(&format!(":{port}/")) {
+            continue;
+        }
+        let arguments = ["/fake", "/chat", uri].map(Value::from);
+        let unregistered = call_ros(master.uri(), "unregisterPublisher", &arguments).await;
+        unregistered.unwrap();
+        wait_until("its end", async || subscriber.unreachable().is_empty()).await;
+    }
+    let api = TcpListener::bind(("127.0.0.1", port)).await.unwrap();
+    let back = FakePublisher::answer(api, "127.0.0.1").await;
+    let mut stream = back.accept_and_answer().await;
+    let message = [&[9, 0, 0, 0][..], &string("hello")].concat();
+    stream.write_all(&message).await.unwrap();
+    expect_text(&mut subscriber, "hello").await;
+    assert_eq!(subscriber.unreachable(), [""; 0]);
+    assert_eq!(log.count(Level::INFO, "connected to the publisher"), 1);
+    assert_eq!(log.count(Level::INFO, "has gone"), 2);
+    assert_eq!(log.count(Level::WARN, "no connection to a publisher"), 3);
+}
+
+#[tokio::test]
+async fn subscribers_that_come_and_go_cost_a_steady_one_nothing_and_log_no_fault() {
+    let log = Log::start();
+    let talker = Talker::start(LATCH).await;
+    let (_node, mut steady) = talker.listener(4).await;
+    wait_for_subscribers(&talker.publisher, 1).await;
+    for round in 0..40 {
+        let text = format!("{round}");
+        talker.publisher.publish(&string(&text));
+        let node = start_node(&format!("guest{round}"), &talker.master).await;
+        let mut guest = node.subscribe("/chat", &STRING, 4).await.unwrap();
+        expect_text(&mut guest, &text).await;
+        expect_text(&mut steady, &text).await;
+        // Every second guest leaves without a word.
+        if round % 2 == 0 {
+            node.shutdown().await;
+        }
+    }
+    wait_for_subscribers(&talker.publisher, 1).await;
+    assert_eq!((talker.publisher.dropped(), steady.dropped()), (0, 0));
+    assert_eq!(log.count(Level::WARN, ""), 0);
 }
 
 #[tokio::test]

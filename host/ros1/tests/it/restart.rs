@@ -4,17 +4,17 @@ use std::{
     net::SocketAddr,
     sync::{
         Arc,
-        atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed},
+        atomic::{AtomicBool, Ordering::Relaxed},
     },
     time::{Duration, Instant},
 };
 
 use ros1::{
-    ServiceError,
+    MasterStatus, ServiceError,
     xmlrpc::{Value, call_ros},
 };
 use tokio::{net::TcpListener, time::sleep};
-use tracing::{Event, Level, Metadata, span};
+use tracing::Level;
 
 use crate::{
     fakes::{DelayingProxy, answer_one},
@@ -23,6 +23,7 @@ use crate::{
         node_at, serve, socket_address, string, uri, wait_for_master, wait_for_registration,
         wait_for_subscribers, wait_until,
     },
+    log::Log,
 };
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -84,7 +85,7 @@ async fn a_node_starts_without_a_master_and_registers_when_there_is_one() {
     publisher.publish(&string("hello"));
     let listener = node_at("listener", &uri).await;
     let mut subscriber = listener.subscribe("/chat", &STRING, 4).await.unwrap();
-    assert!(!*talker.master_online().borrow());
+    assert_ne!(*talker.master_status().borrow(), MasterStatus::Online);
     let error = listener.call("/serve", &SET_BOOL, &[]).await.unwrap_err();
     assert!(matches!(error, ServiceError::Lookup(..)), "{error}");
     let _master = master_at(address).await;
@@ -132,35 +133,9 @@ async fn a_topic_dropped_and_subscribed_again_during_its_registration_finds_its_
     tokio::join!(again, answer);
 }
 
-/// Counts log entries of level ERROR.
-struct ErrorCount(Arc<AtomicUsize>);
-
-impl tracing::Subscriber for ErrorCount {
-    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
-        *metadata.level() == Level::ERROR
-    }
-
-    fn new_span(&self, _: &span::Attributes<'_>) -> span::Id {
-        span::Id::from_u64(1)
-    }
-
-    fn record(&self, _: &span::Id, _: &span::Record<'_>) {}
-
-    fn record_follows_from(&self, _: &span::Id, _: &span::Id) {}
-
-    fn event(&self, _: &Event<'_>) {
-        self.0.fetch_add(1, Relaxed);
-    }
-
-    fn enter(&self, _: &span::Id) {}
-
-    fn exit(&self, _: &span::Id) {}
-}
-
 #[tokio::test]
 async fn a_registration_that_is_refused_repeatedly_is_logged_once() {
-    let errors = Arc::new(AtomicUsize::new(0));
-    let _log = tracing::subscriber::set_default(ErrorCount(Arc::clone(&errors)));
+    let log = Log::start();
     let port = free_port();
     let ours = node_at("ours", &uri(port)).await;
     // No master listens yet, so publisher and subscriber are registered later.
@@ -174,7 +149,7 @@ async fn a_registration_that_is_refused_repeatedly_is_logged_once() {
         registrations += usize::from(request.contains("<methodName>register"));
     }
     sleep(Duration::from_millis(100)).await;
-    assert_eq!(errors.load(Relaxed), 2);
+    assert_eq!(log.count(Level::ERROR, "the master refused"), 2);
 }
 
 #[tokio::test]

@@ -16,9 +16,10 @@ use rustix::process::Signal;
 
 /// Longest time in which roslaunch must end its nodes after a signal.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(30);
-/// Options of the bridge that are not arguments of corticode.launch: `sink`, because roslaunch does
-/// not show the JSON lines, and `topic_prefix`, which the argument `ns` replaces.
-const NOT_ARGUMENTS: [&str; 2] = ["sink", "topic_prefix"];
+/// Options of the bridge that are not arguments of corticode.launch: `exit_at_end`, which is for
+/// scripts, `sink`, because roslaunch does not show the JSON lines, and `topic_prefix`, which the
+/// argument `ns` replaces.
+const NOT_ARGUMENTS: [&str; 3] = ["exit_at_end", "sink", "topic_prefix"];
 
 #[test]
 fn built_messages_have_the_md5_sums_that_the_bridge_publishes() {
