@@ -271,3 +271,24 @@ fn a_sparse_sample_has_a_value_instead_of_a_duration_and_is_counted() {
         assert_eq!(recording.events().expect("readable")[0], expected);
     }
 }
+
+#[test]
+fn impossible_sizes_are_refused_without_an_allocation() {
+    // The header announces 99,999,999 samples in a record, but the file has a few hundred bytes.
+    let file = EdfFile::edf("99999999", vec![EdfSignal::int16("Cz", 99_999_999, &[])]);
+    let mut bytes = file.bytes();
+    bytes.extend([0; 100]);
+    let error = open(bytes).err().expect("refused").to_string();
+    assert!(
+        error.contains("a record takes 199999998 bytes and the file holds 100"),
+        "{error}"
+    );
+
+    let mut file = GdfFile::float32(i64::MAX, u32::MAX, &[]);
+    file.signals[0].type_number = 17;
+    let error = open(file.bytes()).err().expect("refused").to_string();
+    assert!(
+        error.contains("a record takes 34359738360 bytes"),
+        "{error}"
+    );
+}

@@ -16,7 +16,6 @@ mod any_header;
 mod defects;
 mod files;
 mod live_adc;
-mod mutated_files;
 mod real_files;
 mod synthetic_edf;
 mod synthetic_gdf;
