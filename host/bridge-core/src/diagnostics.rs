@@ -186,8 +186,9 @@ impl LinkLog {
     pub(crate) fn add_missing(&mut self, missing: u64, all_between_runs: u64) {
         let between_runs = all_between_runs.saturating_sub(self.all_between_runs);
         self.all_between_runs = all_between_runs;
-        self.between_runs += between_runs;
-        self.lost += missing.saturating_sub(between_runs);
+        self.between_runs = self.between_runs.saturating_add(between_runs);
+        let within = missing.saturating_sub(between_runs);
+        self.lost = self.lost.saturating_add(within);
     }
 
     /// Returns the next log message if one is due at `now_us`, and sets all counts to 0.

@@ -4,6 +4,11 @@ use std::collections::VecDeque;
 
 use bridge_core::{Clock, HostTime};
 
+/// Number of frames from which the fit knows the rate roughly.
+const LEAST_FRAMES: u32 = 16;
+/// Inverse of the largest error of the rate that the fit expects: 4 %.
+const MAX_ERROR: i64 = 25;
+
 /// The amplifier's count of samples as a clock, and its fit to the arrivals of frames.
 ///
 /// A nominal time is the index of a sample divided by the rate that the acquisition states. The
@@ -19,14 +24,19 @@ pub(crate) struct AmplifierClock {
     before_us: u64,
     /// Sum of all pauses.
     paused_us: u64,
-    newest: Option<HostTime>,
+    /// Device times at which the newest frame begins and ends, and its arrival.
+    newest: Option<([u64; 2], HostTime)>,
+    /// Number of frames.
+    frames: u32,
 }
 
 impl AmplifierClock {
-    /// Adds a frame to the fit, by the nominal time at its end and its arrival.
-    pub(crate) fn observe(&mut self, end_us: u64, read: HostTime) {
-        self.newest = Some(read);
-        self.fit.observe(end_us + self.paused_us, read);
+    /// Adds a frame to the fit, by the nominal times at its beginning and end and its arrival.
+    pub(crate) fn observe(&mut self, start_us: u64, end_us: u64, read: HostTime) {
+        let [start_us, end_us] = [start_us, end_us].map(|us| us + self.paused_us);
+        self.newest = Some(([start_us, end_us], read));
+        self.frames = self.frames.saturating_add(1);
+        self.fit.observe(end_us, read);
     }
 
     /// Notes that the acquisition has paused before the frame with these nominal times at its
@@ -44,7 +54,7 @@ impl AmplifierClock {
             clippy::cast_sign_loss,
             reason = "positive, and within 2^53 us (285 years)"
         )]
-        let pause_us = (late_us as f64 * (1.0 + self.rate_error_ppm() * 1e-6)).round() as u64;
+        let pause_us = (late_us as f64 / (1.0 + self.fit.drift_ppm() * 1e-6)).round() as u64;
         self.paused_us += pause_us;
         self.pauses.push_back((start_us, self.paused_us));
         late_us
@@ -52,7 +62,7 @@ impl AmplifierClock {
 
     /// Returns the arrival of the newest frame.
     pub(crate) fn newest(&self) -> Option<HostTime> {
-        self.newest
+        self.newest.map(|(_, read)| read)
     }
 
     /// Returns the device time at the nominal time `at_us`. Each call must be for the same or a
@@ -64,21 +74,26 @@ impl AmplifierClock {
         at_us + self.before_us
     }
 
-    /// Returns the host time at a device time; `None` before the first frame.
+    /// Returns the host time at a device time; `None` before the first frame. Until the fit has
+    /// settled, the newest frame is placed by its own arrival: the bridge's fit leaves out a time
+    /// that is too late, and not one that is too early.
     pub(crate) fn host_time(&self, device_us: u64) -> Option<HostTime> {
-        let newest = self.newest?;
-        let since_us = self.host_us(device_us) - newest.monotonic_us;
+        let ([start_us, end_us], newest) = self.newest?;
+        let late_us = if device_us >= start_us && !self.fit.is_settled() {
+            newest.monotonic_us - self.host_us(end_us)
+        } else {
+            0
+        };
+        let early_us = if self.frames < LEAST_FRAMES {
+            i64::try_from(end_us.saturating_sub(device_us)).unwrap_or(i64::MAX) / MAX_ERROR
+        } else {
+            0
+        };
+        let since_us = self.host_us(device_us) + late_us + early_us - newest.monotonic_us;
         Some(HostTime {
             monotonic_us: newest.monotonic_us + since_us,
             wall_ns: newest.wall_ns + since_us * 1000,
         })
-    }
-
-    /// Returns the amplifier's rate divided by the rate that the acquisition states, minus 1, in
-    /// parts per million; 0 until the fit knows it.
-    pub(crate) fn rate_error_ppm(&self) -> f64 {
-        let period = 1.0 + self.fit.drift_ppm() * 1e-6;
-        (1.0 / period - 1.0) * 1e6
     }
 
     /// Returns the host time at a device time, microseconds; 0 before the first frame.

@@ -166,7 +166,6 @@ impl SourceFeed {
             silent_s: silent_us.map(seconds),
             is_unnumbered: source.is_some_and(Source::is_unnumbered),
             block_s: seconds(i64::try_from(block_us).unwrap_or(i64::MAX)),
-            rate_error_ppm: source.map_or(0.0, Source::rate_error_ppm),
         }
     }
 }

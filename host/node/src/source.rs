@@ -112,12 +112,6 @@ impl Source {
         self.counts
     }
 
-    /// Returns the acquisition's rate divided by the one that it states, minus 1, in parts per
-    /// million; 0 in the first seconds.
-    pub fn rate_error_ppm(&self) -> f64 {
-        self.clock.rate_error_ppm()
-    }
-
     /// Returns whether the acquisition does not number its frames, so that losses are not found.
     pub fn is_unnumbered(&self) -> bool {
         self.sequence.is_unnumbered()
@@ -215,7 +209,7 @@ impl Source {
             self.counts.paused_us += self.clock.pause(start_us, end_us, read);
             self.counts.pauses += 1;
         }
-        self.clock.observe(end_us, read);
+        self.clock.observe(start_us, end_us, read);
         self.adc.append(&frame.eeg.data)?;
         while let Some(counts) = self.adc.next_sample() {
             let is_lost = self.is_lost();

@@ -6,9 +6,6 @@ use crate::source::SourceCounts;
 
 /// Time without a frame after which the acquisition's status is an error, seconds.
 const SILENCE_S: f64 = 2.0;
-/// Error of the acquisition's rate above which the status is a warning, parts per million. Crystals
-/// differ by 100 ppm at most.
-const LARGEST_RATE_ERROR_PPM: f64 = 1000.0;
 
 /// Facts about the acquisition from which its status for `/diagnostics` is made.
 #[derive(Clone, Debug, Default)]
@@ -34,8 +31,6 @@ pub(crate) struct SourceFacts {
     pub(crate) is_unnumbered: bool,
     /// Longest time that a sample waits for the resampler, seconds.
     pub(crate) block_s: f64,
-    /// The acquisition's rate divided by the one that it states, minus 1, parts per million.
-    pub(crate) rate_error_ppm: f64,
 }
 
 /// Returns the status. `before` are the facts of the previous report, one second earlier: losses
@@ -72,13 +67,6 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
     } else if facts.counts.pauses > before.counts.pauses {
         let message = "the acquisition paused and lost no frame: nothing is filled";
         (DiagnosticLevel::Warn, message.to_owned())
-    } else if facts.rate_error_ppm.abs() > LARGEST_RATE_ERROR_PPM {
-        let message = format!(
-            "the rate differs by {:+.0} ppm from sr; stamps follow the frames, but filters and codes are those \
-             of sr: set sr to the true rate, or look for lost frames without a gap in neuroheader.seq",
-            facts.rate_error_ppm
-        );
-        (DiagnosticLevel::Warn, message)
     } else if facts.is_unnumbered {
         let message =
             "all frames have the number 0, so lost ones are not found; count neuroheader.seq up";
@@ -101,7 +89,6 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
         KeyValue::new("frames dropped", &facts.dropped),
         KeyValue::new("restarts", &facts.counts.restarts),
         KeyValue::new("pauses", &facts.counts.pauses),
-        KeyValue::new("rate error ppm", &format!("{:+.1}", facts.rate_error_ppm)),
         KeyValue::new("resampling block s", &format!("{:.2}", facts.block_s)),
     ];
     if let Some(silent) = silent {

@@ -7,5 +7,6 @@ mod codes;
 mod gaps;
 mod graph;
 mod harness;
+mod rates;
 mod refusals;
 mod trouble;
