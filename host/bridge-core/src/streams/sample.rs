@@ -39,6 +39,10 @@ pub(crate) struct SampleStream {
     holds_filler: bool,
     /// Device time of the unfinished frame's first sample, microseconds.
     first_us: i128,
+    /// Host time at which that sample was at the electrodes, microseconds, by the fit at the time;
+    /// `None` without one. The device time says nothing any more if the device restarts before the
+    /// frame is complete.
+    first_host_us: Option<f64>,
     /// Index, within the topic, of the next sample to publish.
     next: u64,
     /// Index, within the topic, of the present run's first sample; `None` from a restart of the
@@ -96,6 +100,7 @@ impl SampleStream {
             filled: 0,
             holds_filler: false,
             first_us: 0,
+            first_host_us: None,
             next: 0,
             run_start: Some(0),
             continuity: Continuity::default(),
@@ -301,7 +306,9 @@ impl SampleStream {
     fn append(&mut self, flags: Flags, batch: &mut Batch<'_>) {
         let us = batch.timeline.device_us_at(self.next);
         if self.filled == 0 {
+            let clock = batch.reception.clock;
             self.first_us = us;
+            self.first_host_us = clock.host_us(us - i128::from(self.delay_us));
             self.holds_filler = false;
         }
         self.holds_filler |= flags.contains(Flags::FILLER);
@@ -338,13 +345,14 @@ impl SampleStream {
             return self.count_unpublished(self.nsamples as u64);
         }
         let Reception { read, clock, .. } = batch.reception;
-        let length_us = self.nsamples.saturating_sub(1) as i128 * 1_000_000;
         let on_scalp_us = self.first_us - i128::from(self.delay_us);
+        let is_of_run = self.next - self.nsamples as u64 >= batch.run_start;
         let time = match self.stamp {
-            StampPoint::First => clock.wall_ns(on_scalp_us),
+            StampPoint::First if is_of_run => clock.wall_ns(on_scalp_us),
+            StampPoint::First => self.first_host_us.map(|us| clock.wall_of_host_us(us)),
             StampPoint::Last => {
-                let rate_hz = i128::from(self.frame.sr.max(1));
-                clock.wall_ns(on_scalp_us + length_us / rate_hz)
+                let last_us = batch.timeline.device_us_at(self.next - 1);
+                clock.wall_ns(last_us - i128::from(self.delay_us))
             }
             StampPoint::Arrival => Some(clock.wall_of_host_ns(read)),
         };

@@ -7,12 +7,12 @@
     reason = "times of minutes; numbers of samples are whole"
 )]
 
-use bridge_core::{FillerPolicy, Settings};
+use bridge_core::{FillerPolicy, Settings, StampPoint};
 use link::{Filtered, Flags, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::{Board, assert_has};
-use crate::recorder::{Harness, SETTINGS, fillers, value};
+use crate::recorder::{Harness, SETTINGS, fillers, stamps, value};
 use crate::samples::{SAMPLES, send_samples_at};
 
 /// Time from one code to the next, microseconds.
@@ -40,7 +40,17 @@ impl Recording {
 
     /// Delivers all messages of one hop, each at the time at which the device made it.
     fn hop(&mut self) {
-        for message in 0..4 {
+        self.messages(4);
+        self.hops += 1;
+        let us = self.at(self.hops * HOP_US as u64);
+        let code = self.harness.board.code(us, 3);
+        self.harness.receive(&code);
+    }
+
+    /// Delivers the first `count` of the four messages with samples of a hop, and the filtered
+    /// steps that are complete by then.
+    fn messages(&mut self, count: u64) {
+        for message in 0..count {
             let first = self.hops * 32 + message * 8;
             let us = self.at((first + 7) * 1_000_000 / 512);
             send_samples_at(&mut self.harness, us, first, Flags::empty());
@@ -58,10 +68,6 @@ impl Recording {
                 self.harness.send(us, &ToHost::Filtered(filtered));
             }
         }
-        self.hops += 1;
-        let us = self.at(self.hops * HOP_US as u64);
-        let code = self.harness.board.code(us, 3);
-        self.harness.receive(&code);
     }
 
     /// Sets the host's time to `device_us` after the start of the run, and returns `device_us`.
@@ -155,6 +161,36 @@ fn samples_after_a_restart_stand_at_the_time_at_which_they_were_taken() {
                 (outage_us as f64 * rate / 1e6).round(),
                 "{outage_us}"
             );
+        }
+    }
+}
+
+#[test]
+fn after_a_restart_at_any_phase_of_a_frame_all_stamps_are_on_one_line() {
+    let points = [StampPoint::First, StampPoint::Last];
+    for (phase, stamp) in (0..4).flat_map(|phase| points.map(|stamp| (phase, stamp))) {
+        for outage_us in [130_000, 1_234_567] {
+            let mut recording = Recording::new(Settings { stamp, ..SAMPLES });
+            (0..960).for_each(|_| recording.hop());
+            recording.messages(phase);
+            recording.restart(outage_us);
+            (0..32).for_each(|_| recording.hop());
+            let recorder = &recording.harness.recorder;
+            // A gap is rounded to a whole number of samples, steps or codes.
+            for (topic, frames, period_ns) in [
+                ("encoded", &recorder.encoded, 62_500_000),
+                ("raw", &recorder.raw, 1_953_125),
+                ("filtered", &recorder.filtered, 7_812_500),
+            ] {
+                let stamps = stamps(frames);
+                for (frame, stamp_ns) in (0..).zip(&stamps) {
+                    let off_ns = stamp_ns - (stamps[0] + frame * 62_500_000);
+                    assert!(
+                        off_ns.abs() <= period_ns / 2 + 20_000,
+                        "{topic}, phase {phase}, {stamp:?}, frame {frame}: {off_ns} ns"
+                    );
+                }
+            }
         }
     }
 }

@@ -96,6 +96,9 @@ fn recording(folder: &Path) -> (PathBuf, Vec<i64>) {
     rig.run(200, 7);
     rig.restart(1_700_000);
     rig.run(200, 7);
+    // This run began within a frame of samples, so the restart interrupts a frame too.
+    rig.restart(777_777);
+    rig.run(100, 7);
     assert!(rig.lost > 100, "{}", rig.lost);
     let times = rig.event_times_us.clone();
     (write(folder, rig.finish()), times)
@@ -139,6 +142,15 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
             let start = *at_start.get_or_insert(tick - row as f64 * ticks);
             let off = (tick - start) / ticks - row as f64;
             assert!(off.abs() <= 1.0, "{stream}: row {row} is off by {off} rows");
+        }
+        // Messages arrive up to 9 ms late, and a gap is rounded to whole rows.
+        let (start_s, most_s) = (table.number(0, "time_s"), 0.02 + ticks / 512.0);
+        for row in 0..table.rows.len() {
+            let off_s = table.number(row, "time_s") - start_s - row as f64 * ticks / 512.0;
+            assert!(
+                off_s.abs() < most_s,
+                "{stream}: row {row} is stamped {off_s} s off"
+            );
         }
     }
 }

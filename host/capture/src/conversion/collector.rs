@@ -113,7 +113,18 @@ impl<L: Listener> Collector<L> {
 
     fn block_of(run: u32, stream: Stream, frame: &NeuroFrame, delay_us: i64) -> Block {
         let word = |index: usize| i64::from(frame.tri.data.get(index).copied().unwrap_or(0));
-        let device_us = word(3) | word(4) << 16 | word(5) << 32;
+        let device_us_of = |row: u16| {
+            let word = |index| word(8 * usize::from(row) + index);
+            word(3) | word(4) << 16 | word(5) << 32
+        };
+        let last = frame.eeg.info.nsamples.saturating_sub(1);
+        let [first_us, last_us] = [0, last].map(device_us_of);
+        let device_us = if last_us < first_us {
+            // The device restarted within the frame. Its last row is of the present run.
+            last_us - i64::from(last) * 1_000_000 / i64::from(frame.sr.max(1))
+        } else {
+            first_us
+        };
         let number = (word(1) | word(2) << 16).unsigned_abs();
         let rows = u64::from(frame.eeg.info.nsamples);
         let has_index = matches!(stream, Stream::Raw | Stream::Filtered);
