@@ -80,8 +80,11 @@ fn spelling(label: &str) -> (String, Option<String>) {
 /// Returns the labels that number electrodes by letter and number, as BioSemi's caps A1 to H32 and
 /// the depth electrodes of some laboratories do; `None` if there are fewer than [`CAP_NAMES_MIN`].
 ///
-/// Their C3 and F3 are not those of the 10-20 system. Only labels that this system does not have
-/// are returned, without A1 and A2, which it has at the ear lobes.
+/// Also `None` if all such labels begin with other letters than C and F, and there are electrodes
+/// of the 10-20 system: then the labels are those of auxiliary signals.
+///
+/// The C3 and F3 of such a cap are not those of the 10-20 system. Only labels that this system does
+/// not have are returned, without A1 and A2, which it has at the ear lobes.
 pub(crate) fn names_of_another_cap<L: AsRef<str>>(labels: &[L]) -> Option<Vec<&str>> {
     let is_foreign = |label: &&str| {
         let (name, _) = spelling(label);
@@ -95,7 +98,15 @@ pub(crate) fn names_of_another_cap<L: AsRef<str>>(labels: &[L]) -> Option<Vec<&s
         .map(AsRef::as_ref)
         .filter(is_foreign)
         .collect();
-    (found.len() >= CAP_NAMES_MIN).then_some(found)
+    // Beside C8, C3 is a name of the cap, too. Beside E1 to E8 alone, Cz shows that it is not.
+    let clashes = |label: &&str| spelling(label).0.starts_with(['C', 'F']);
+    let is_certain = |label: &L| {
+        let (name, _) = spelling(label.as_ref());
+        let is_ambiguous = name.get(1..).is_some_and(|rest| rest.parse::<u8>().is_ok());
+        !is_ambiguous && Electrode::named(&name).is_some()
+    };
+    let is_other = found.iter().any(clashes) || !labels.iter().any(is_certain);
+    (found.len() >= CAP_NAMES_MIN && is_other).then_some(found)
 }
 
 /// An electrode of the 10-20, 10-10 or 10-5 system. Different spellings of one electrode are equal.
@@ -221,6 +232,10 @@ fn row_named(upper: &str, outer: bool) -> Option<Row> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
+    use crate::position::Position;
+
     use super::*;
 
     fn canonical(label: &str) -> Option<String> {
@@ -255,6 +270,35 @@ mod tests {
             assert_eq!(canonical(label).as_deref(), Some(name), "{label}");
         }
         assert_ne!(Electrode::parse("C1h"), Electrode::parse("C1"));
+    }
+
+    proptest! {
+        #[test]
+        fn every_label_is_an_electrode_on_the_sphere_or_none(
+            anything in "\\PC{0,20}",
+            similar in "(EEG[-:_ ]|POL )?[a-zA-Z]{1,4}[0-9]{0,3}[hH.]{0,2}(-REF)?",
+        ) {
+            for label in [anything, similar] {
+                if let Some(electrode) = Electrode::parse(&label) {
+                    let Position { x, y, z } = Position::from_electrode(&electrode);
+                    let radius = (x * x + y * y + z * z).sqrt();
+                    prop_assert!((radius - 1.0).abs() < 1e-12, "{label}: {radius}");
+                    prop_assert_eq!(Electrode::parse(&electrode.to_string()), Some(electrode));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_letter_and_a_number_name_another_cap_unless_certain_names_show_that_they_do_not() {
+        let with = |letter: char, others: &str| {
+            let own = (1..=8).map(|number| format!("{letter}{number}"));
+            let labels: Vec<String> = own.chain(others.split(' ').map(str::to_owned)).collect();
+            super::names_of_another_cap(&labels).is_some()
+        };
+        assert!(with('E', "C3 F4"));
+        assert!(!with('E', "C3 F4 Cz"));
+        assert!(with('C', "C11 C12 C13 C14 C15 C16 C17 C18 Cz"));
     }
 
     #[test]

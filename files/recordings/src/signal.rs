@@ -347,7 +347,24 @@ mod tests {
     }
 
     #[test]
-    fn packed_and_unknown_types_are_refused() {
+    fn types_have_the_sizes_of_the_specification_and_others_are_refused() {
+        use SampleType::{Float32, Float64, Signed, Unsigned};
+        for (number, expected) in [
+            (1, Signed(1)),
+            (2, Unsigned(1)),
+            (3, Signed(2)),
+            (4, Unsigned(2)),
+            (5, Signed(4)),
+            (6, Unsigned(4)),
+            (7, Signed(8)),
+            (8, Unsigned(8)),
+            (16, Float32),
+            (17, Float64),
+            (279, Signed(3)),
+            (535, Unsigned(3)),
+        ] {
+            assert_eq!(SampleType::from_gdf(number), Some(expected), "{number}");
+        }
         for number in [0, 9, 15, 18, 255, 255 + 12, 511 + 12, 511 + 72, u32::MAX] {
             assert_eq!(SampleType::from_gdf(number), None, "{number}");
         }

@@ -25,10 +25,7 @@ pub enum Warning {
     },
     /// An EDF or BDF file has bytes after the last record announced in its header: `records` whole
     /// records of `seconds` together, and `bytes` more.
-    #[error(
-        "{records} records ({seconds} s) and {bytes} bytes after the last announced record are ignored; to play \
-         the records too, write -1 in place of their number (the 8 bytes at byte 236 of the file)"
-    )]
+    #[error("{}", surplus(*records, *seconds, *bytes))]
     Surplus {
         records: u64,
         seconds: f64,
@@ -111,7 +108,7 @@ pub enum Warning {
     /// The times of some records of an EDF+D or BDF+D file are missing, or do not follow those of
     /// the record before. Each is taken to start at the end of the record before.
     #[error(
-        "{records} records have no time, or one before that of the record before them; their events may be \
+        "{records} records have no time, or one not after that of the record before them; their events may be \
          misplaced"
     )]
     RecordTimes { records: u64 },
@@ -122,4 +119,15 @@ pub enum Warning {
     /// Sparse samples of a GDF event table are no events of the signal.
     #[error("{count} sparse samples in the event table are not played")]
     SparseSamples { count: u64 },
+}
+
+/// Returns the text of [`Warning::Surplus`].
+fn surplus(records: u64, seconds: f64, bytes: u64) -> String {
+    if records == 0 {
+        return format!("{bytes} bytes after the last announced record are ignored");
+    }
+    format!(
+        "{records} records ({seconds:.3} s) and {bytes} bytes after the last announced record are ignored; to play \
+         the records too, write -1 in place of their number (the 8 bytes at byte 236 of the file)"
+    )
 }

@@ -152,7 +152,10 @@ fn stream(options: Options, ros: NodeOptions, config: Option<PathBuf>) -> Result
     // One thread reads the port and writes the sockets: a code passed to another thread would wait
     // until that thread wakes up.
     let runtime = one_thread()?;
-    let summary = runtime.block_on(bridge::stream(options, ros, lines))?;
+    let summary = runtime.block_on(bridge::stream(options, ros, lines));
+    // Dropping the runtime would wait for an unfinished lookup of a host name.
+    runtime.shutdown_background();
+    let summary = summary?;
     new_file::message!("corticode-bridge: {summary}");
     Ok(())
 }

@@ -69,9 +69,10 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
             .await?;
         Ok(SourceFeed::new(subscriber, mains, Stamp::now().nsecs))
     };
-    let summary = runtime.block_on(Box::pin(publication.publish(log, connect)))?;
+    let summary = runtime.block_on(Box::pin(publication.publish(log, connect)));
     // Dropping the runtime would wait for an unfinished lookup of a host name.
     runtime.shutdown_background();
+    let summary = summary?;
     new_file::message!("corticode-node: {summary}");
     Ok(())
 }

@@ -7,7 +7,7 @@ use bridge_core::HostTime;
 use link::Substitutes;
 use neuro_ros::NeuroFrame;
 use pipeline::{Mains, Sample};
-use recordings::{AdcSpec, LiveAdc, Missing, MontageMap};
+use recordings::{AdcSpec, LiveAdc, Missing, MontageMap, montage_map::Origin};
 
 use crate::amplifier_clock::AmplifierClock;
 use crate::encoder_device::EncoderDevice;
@@ -317,16 +317,15 @@ fn adc(layout: &Layout, map: &MontageMap) -> Result<LiveAdc, Refusal> {
     )?)
 }
 
-/// Returns the set of the montage's electrodes that are interpolated.
+/// Returns the sets of the montage's electrodes that are interpolated, and that are 0.
 fn substitutes(map: &MontageMap) -> Substitutes {
-    let interpolated = map.interpolated();
-    let bits = map
-        .electrodes()
-        .iter()
-        .enumerate()
-        .filter(|(_, label)| interpolated.contains(&label.as_str()));
+    let bits = |wanted: fn(&Origin) -> bool| {
+        let origins = (0..u64::BITS).zip(map.origins());
+        let found = origins.filter(|(_, origin)| wanted(origin));
+        found.fold(0, |bits, (electrode, _)| bits | 1 << electrode)
+    };
     Substitutes {
-        interpolated: bits.fold(0, |bits, (index, _)| bits | 1 << index),
-        zero: 0,
+        interpolated: bits(|origin| matches!(origin, Origin::Interpolated(_))),
+        zero: bits(|origin| matches!(origin, Origin::Zero)),
     }
 }

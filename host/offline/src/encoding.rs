@@ -135,7 +135,7 @@ impl Encoding {
         let blanks = packed.map_or(0, |packed| packed.blanks);
         if blanks > 0 {
             played.warnings.push(format!(
-                "{blanks} packed blocks were too long and have no content; a larger --packed-rate has shorter ones"
+                "{blanks} packed blocks were too long and have no content; a higher --packed-rate makes them shorter"
             ));
         }
         write(device.take_frames())?;

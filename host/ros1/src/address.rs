@@ -47,7 +47,10 @@ pub enum ConnectError {
 /// Returns the addresses of a host name or address, each with `port`.
 async fn lookup(host: &str, port: u16) -> Result<Vec<SocketAddr>, LookupError> {
     let found = timeout(LOOKUP_TIMEOUT, lookup_host((host, port))).await;
-    let found = found.unwrap_or_else(|elapsed| Err(elapsed.into()));
+    let found = found.unwrap_or_else(|_| {
+        let late = "no answer within 2.5 s";
+        Err(io::Error::new(io::ErrorKind::TimedOut, late))
+    });
     found.map(Iterator::collect).map_err(|error| LookupError {
         host: host.into(),
         reason: error.to_string().into(),

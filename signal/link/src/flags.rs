@@ -31,7 +31,7 @@ bit_set! {
         const BLANK = 8;
         /// Bit 14: a loss nearby makes the error of decoded signals larger. Packed blocks were lost
         /// before this one, and the state of the host's decoder still differs from the device's; or
-        /// steps were decoded from fewer codes than windows contain them. Never set on the wire.
+        /// a code whose window contains the steps is missing. Never set on the wire.
         const HEALING = 14;
         /// Bit 15: the bridge inserted this code or packed block in place of a lost one. Never set
         /// on the wire.

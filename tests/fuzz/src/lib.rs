@@ -1,8 +1,9 @@
-//! Fuzz targets: each passes bytes of strangers to one reader, and panics if the reader breaks a
+//! Fuzz targets: each passes untrusted bytes to one reader, and panics if the reader breaks a
 //! promise.
 //!
 //! `cargo fuzz` searches for inputs that do; the tests of this crate run a bounded, repeatable
 //! search, see [`search`].
+#![forbid(unsafe_code)]
 
 mod corpus;
 mod files;

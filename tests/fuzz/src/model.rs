@@ -62,8 +62,8 @@ fn seed(mode: Mode, packed: bool) -> Vec<u8> {
     files.iter().flat_map(part).collect()
 }
 
-/// Reads a model and makes integers of it. A model that is accepted must have the same id when it is
-/// read again.
+/// Reads a model and makes integers of it. A model that is accepted must have the same id when it
+/// is read again.
 pub(crate) fn artifact(mut bytes: &[u8]) -> Outcome {
     let [toml, weights, calibration, packed_toml, packed_tensors] = FILES.map(|_| part(&mut bytes));
     let (Ok(toml), Ok(packed_toml)) = (str::from_utf8(toml), str::from_utf8(packed_toml)) else {

@@ -149,7 +149,7 @@ impl Effects for Host {
 }
 
 /// Passes the bytes to the bridge's core in pieces of 1,000 bytes, 10 ms apart: as they are, and
-/// with a valid CRC in each frame. The core must count every frame, and each published frame must
+/// with a valid CRC in each frame. The core must count every byte, and each published frame must
 /// have the size that it states.
 pub(crate) fn frames(bytes: &[u8]) -> Outcome {
     let raw = read_frames(bytes);
@@ -187,7 +187,7 @@ fn read_frames(bytes: &[u8]) -> bool {
 }
 
 /// Passes the bytes to a virtual board that streams: as they are, and with a valid CRC in each
-/// frame. The board must go on to count samples, and everything that it sends must be frames.
+/// frame. Everything that the board sends must be frames.
 pub(crate) fn commands(bytes: &[u8]) -> Outcome {
     let raw = read_commands(bytes);
     let sealed = read_commands(&sealed(bytes, ToDevice::DIRECTION));

@@ -213,7 +213,9 @@ fn calibration(signal: &SignalToWrite, variant: Variant) -> io::Result<Calibrati
     } else {
         variant.digital
     };
-    Calibration::new(digital, physical).ok_or_else(|| invalid("a signal has a finite range"))
+    Calibration::new(digital, physical).ok_or_else(|| {
+        invalid("the ends of a signal's range are finite, and differ within 8 characters")
+    })
 }
 
 /// Formats a number with as many decimal places as fit into 8 characters.
@@ -264,7 +266,11 @@ fn header(
         ));
     }
     let signals = file.signals.len() + 1;
-    let date = LocalStart::new(file.start_ns, &zone()?);
+    let zone = match file.start_ns {
+        Some(_) => zone()?,
+        None => TimeZone::UTC,
+    };
+    let date = LocalStart::new(file.start_ns, &zone);
     let mut bytes = variant.magic.to_vec();
     let mut field = |text: &str, length: usize| {
         let ascii = text.chars().filter(char::is_ascii).take(length);

@@ -6,14 +6,13 @@
 //!
 //! * **Points.** The device time is divided into blocks of up to 1 s; the frame with the least
 //!   delay stands for its block. The first frames are blocks of their own; as time passes, blocks
-//!   are joined in pairs, so that the newest 64 to 128 blocks always cover the whole history, up to
-//!   two minutes.
+//!   are joined in pairs, so that 64 to 128 blocks cover the history, up to two minutes.
 //! * **Backlogs.** Frames that follow each other faster than any device makes them have waited in a
 //!   buffer. All but the newest of them are proven late and are removed, so a backlog of any length
 //!   leaves no points.
 //! * **Line.** Of all lines below the points, the one with the least mean distance to them is an
 //!   edge of their lower convex hull, at the middle of the points (Moon, Skelly and Towsley,
-//!   INFOCOM 1999). It is computed for the newest 128, 64 and 24 blocks.
+//!   INFOCOM 1999). It is computed for all blocks, and for those of the newest 64 s and 24 s.
 //! * **Change of rate.** The longest history gives the most exact line if the rates of the clocks
 //!   did not change. If they did, the line of a shorter history lies above it at the present. The
 //!   shorter one counts as far as it lies above the longer one by more than the spread of the
@@ -29,6 +28,9 @@ use std::collections::VecDeque;
 const MAX_DRIFT: f64 = 0.04;
 /// Device time that a block spans in the long run, microseconds.
 const BLOCK_US: f64 = 1e6;
+/// Least device time of a block once blocks are joined, microseconds: also frames of one device
+/// time are joined.
+const LEAST_BLOCK_US: f64 = 1.0;
 /// Largest number of blocks.
 const BLOCKS: usize = 128;
 /// Least number of blocks from which the drift is fitted: half a second of codes.
@@ -43,8 +45,7 @@ const DRIFT_SPAN_US: f64 = 64e6;
 const SPREAD_SPAN_US: f64 = 4e6;
 /// Least distance of two lines that counts as a change of rate, microseconds.
 const LEAST_ALLOWANCE_US: f64 = 50.0;
-/// The allowance grows with the square of the spread: with this spread it is as large,
-/// microseconds.
+/// Spread s, microseconds, at which the term s^2 / `SPREAD_US` of the allowance equals s.
 const SPREAD_US: f64 = 250.0;
 
 /// Device time at which a frame was made, and host time at which it was read. Both are in
@@ -166,7 +167,7 @@ impl Fit {
     fn join_blocks(&mut self) {
         #[expect(clippy::cast_precision_loss, reason = "128 blocks")]
         let mean_us = self.span_us() / self.blocks.len() as f64;
-        self.block_us = (2.0 * mean_us.max(self.block_us)).min(BLOCK_US);
+        self.block_us = (2.0 * mean_us.max(self.block_us)).clamp(LEAST_BLOCK_US, BLOCK_US);
         for block in std::mem::take(&mut self.blocks) {
             self.add_block(block);
         }
@@ -282,7 +283,17 @@ fn slope_at(middle: f64, points: impl Iterator<Item = Point>, hull: &mut Vec<Poi
 
 #[cfg(test)]
 mod tests {
-    use super::{Point, slope_at};
+    use super::{BLOCKS, Fit, Point, slope_at};
+
+    #[test]
+    fn frames_of_one_device_time_take_no_more_blocks_than_others() {
+        let mut fit = Fit::default();
+        for host in 0..1000 {
+            let (device, host) = (7.0, f64::from(host));
+            fit.add(Point { device, host });
+        }
+        assert!(fit.blocks.len() <= BLOCKS);
+    }
 
     #[test]
     fn the_slope_is_that_of_the_hull_s_edge_at_the_middle() {

@@ -47,7 +47,6 @@ fn a_clock_more_than_1000_ppm_off_is_a_warning_once_it_is_measured() {
     }
 }
 
-/// Returns a signal-quality report about 61 good electrodes, modified by `change`.
 #[test]
 fn chips_in_order_are_no_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
@@ -121,6 +120,7 @@ const GOOD: ElectrodeQuality = ElectrodeQuality {
     flat: false,
 };
 
+/// Returns a signal-quality report about 61 good electrodes, modified by `change`.
 fn quality(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     let mut quality = Quality {
         first_sample: 5120,

@@ -30,7 +30,8 @@ const TICKS_PER_REPORT: u32 = 10;
 /// Timeout of each of the two waits at shutdown: until the device has stopped, and until queued
 /// JSON lines are written.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
-/// Timeout of the wait for queued JSON lines after the end of a recording, which nobody hurries.
+/// Timeout of the wait for queued JSON lines after the end of a recording, while no
+/// user waits for the program.
 const END_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Configuration of a program that publishes the streams of a device.
@@ -107,7 +108,7 @@ impl Publication {
         let announcements = Some(announcement_sender);
         let outlets = Outlets::new(sinks, settings, Arc::clone(&model), announcements);
         shutdown.watch_node(Arc::clone(&ros.node));
-        let (summary, outcome) = Bridge::new(settings, model, feed, commands, outlets)
+        let (summary, _, outcome) = Bridge::new(settings, model, feed, commands, outlets)
             .exiting_at_end(self.exit_at_end)
             .run_to_end(&mut shutdown)
             .await;
@@ -166,11 +167,11 @@ async fn print_lines(
     let lines = NdjsonWriter::start(WholeLines::stdout()?);
     let sinks = Sinks::ndjson(&lines, settings.streams, &namespace)?;
     let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None);
-    let (summary, outcome) = Bridge::new(settings, model, connection, commands, outlets)
+    let (summary, has_ended, outcome) = Bridge::new(settings, model, connection, commands, outlets)
         .exiting_at_end(publication.exit_at_end)
         .run_to_end(&mut shutdown)
         .await;
-    let timeout = if publication.exit_at_end {
+    let timeout = if has_ended {
         END_TIMEOUT
     } else {
         DRAIN_TIMEOUT
@@ -197,6 +198,8 @@ struct Bridge<F> {
     silence_log: SilenceLog,
     outlets: Outlets,
     exit_at_end: bool,
+    /// Whether the bridge ends because the device has disconnected.
+    has_ended: bool,
 }
 
 impl<F: Feed> Bridge<F> {
@@ -214,6 +217,7 @@ impl<F: Feed> Bridge<F> {
             silence_log: SilenceLog::default(),
             outlets,
             exit_at_end: false,
+            has_ended: false,
         }
     }
 
@@ -223,15 +227,20 @@ impl<F: Feed> Bridge<F> {
         self
     }
 
-    /// Runs until a shutdown, then lets the decoder finish. Returns the counts even after an error.
-    async fn run_to_end(mut self, shutdown: &mut Shutdown) -> (Summary, Result<(), BridgeError>) {
+    /// Runs until a shutdown, then lets the decoder finish. Returns the counts even after an error,
+    /// and whether the bridge ended because the device disconnected.
+    async fn run_to_end(
+        mut self,
+        shutdown: &mut Shutdown,
+    ) -> (Summary, bool, Result<(), BridgeError>) {
         let outcome = self.run(shutdown).await;
+        let has_ended = self.has_ended;
         let mut summary = self.core.summary();
         let outlets = self.outlets;
         // Waits in another thread, because the tasks that write the sockets need this one.
         let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
         summary.decoder = finished.unwrap_or_default();
-        (summary, outcome)
+        (summary, has_ended, outcome)
     }
 
     async fn run(&mut self, shutdown: &mut Shutdown) -> Result<(), BridgeError> {
@@ -251,6 +260,7 @@ impl<F: Feed> Bridge<F> {
                     self.handle_connection(event, &buffer);
                     let has_sent = self.core.wire_counters().frames > 0;
                     if self.exit_at_end && event == Event::Closed && has_sent {
+                        self.has_ended = true;
                         shutdown.request("the port has closed, and --exit-at-end is set");
                     }
                 }

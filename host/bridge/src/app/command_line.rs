@@ -81,8 +81,9 @@ pub(crate) struct Options {
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
     /// End with status 0 when a port that has sent frames closes, after everything is published:
-    /// for scripts that play a recording, such as with host-sim run --input FILE. Without it, the
-    /// bridge waits for the port to return
+    /// for scripts that play a recording, such as with host-sim run --input FILE. What a ROS
+    /// subscriber has not taken 0.5 s later is lost. Without it, the bridge waits for the port to
+    /// return
     #[arg(
         long,
         help_heading = DEVICE,

@@ -67,7 +67,13 @@ impl RosStatus {
             &self.master_uri,
         ));
         let (level, message) = if faults.is_empty() {
-            (DiagnosticLevel::Ok, "the ROS master answers".to_owned())
+            let is_unknown = *self.node.master_status().borrow() == MasterStatus::Unknown;
+            let message = if is_unknown {
+                "the ROS master has not been called yet"
+            } else {
+                "the ROS master answers"
+            };
+            (DiagnosticLevel::Ok, message.to_owned())
         } else {
             (DiagnosticLevel::Warn, faults.join("; "))
         };

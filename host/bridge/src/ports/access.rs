@@ -47,8 +47,8 @@ impl PortAccess {
             PortAccess::Denied(Membership::RootOnly) => (
                 "only root may open the port".to_owned(),
                 format!(
-                    "sudo chown $USER {port} (until it is plugged in again; a udev rule lasts, and \
-                     corticode-bridge ports --udev-rule prints that of a board on USB)"
+                    "sudo chown $USER {port} (until it is plugged in again or the machine restarts; a udev rule \
+                     lasts, and corticode-bridge ports --udev-rule prints that of a board on USB)"
                 ),
             ),
             PortAccess::Denied(Membership::Outsider { group }) => (

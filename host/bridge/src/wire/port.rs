@@ -253,7 +253,10 @@ impl PortAddress {
                 });
                 format!("{what}: {remedy}")
             }
-            (io::ErrorKind::PermissionDenied, _) => {
+            (io::ErrorKind::PermissionDenied, PortAddress::Tcp(_)) => {
+                "permission denied: check the firewall of this machine".to_owned()
+            }
+            (io::ErrorKind::PermissionDenied, PortAddress::Auto(_)) => {
                 "permission denied; corticode-bridge ports prints the command that helps".to_owned()
             }
             (io::ErrorKind::ResourceBusy, PortAddress::Tty(path)) => {

@@ -23,7 +23,8 @@ const PACKAGE: &str = "CORTICODE_DEB";
 const WAITING: [&str; 3] = [
     "options from /etc/corticode/bridge.toml",
     "no Corticode board is on USB",
-    "no ROS master answers",
+    // The clean Debian has no /etc/hosts.
+    "the host name localhost of ROS_MASTER_URI does not resolve",
 ];
 /// Paths of files that the package must install.
 const INSTALLED: [&str; 8] = [
