@@ -271,10 +271,10 @@ impl Port {
         let Some(pty) = &self.pty else { return 0 };
         let unread = || unread_in(&pty.terminal);
         let deadline = Instant::now() + timeout;
-        // Written bytes can reach the terminal's queue late, so two consecutive checks must find
-        // the queue empty.
+        // On a busy PC, written bytes reach the terminal's queue late, so several consecutive checks
+        // must find the queue empty.
         let mut empty = 0;
-        while Instant::now() < deadline && empty < 2 {
+        while Instant::now() < deadline && empty < EMPTY_CHECKS {
             thread::sleep(RETRY);
             empty = if unread() == 0 { empty + 1 } else { 0 };
         }
@@ -293,6 +293,10 @@ impl Drop for Port {
         }
     }
 }
+
+/// Number of consecutive checks, [`RETRY`] apart, that must find a terminal's queue empty before it
+/// counts as read.
+const EMPTY_CHECKS: u32 = 10;
 
 /// Returns the number of bytes in a terminal that the host has not read. The kernel counts at most
 /// 4095.
