@@ -126,7 +126,7 @@ impl Registrar {
                 return Vec::new();
             }
         }
-        self.find_lost_services().await;
+        self.find_lost().await;
         let refused = self.register_missing().await;
         refused.unwrap_or_else(|error| {
             self.set_offline(&error);
@@ -155,11 +155,11 @@ impl Registrar {
             .ok_or_else(|| CallFailure::Shape.of(&self.master_uri, method))
     }
 
-    /// Marks a service of this node as not registered if the master lists no provider for it. If
-    /// another node takes a service over and leaves, the master does not give it back.
-    async fn find_lost_services(&self) {
-        let services = |key: &Key| matches!(key, Key::Service(_));
-        if !lock(&self.graph).registered.iter().any(services) {
+    /// Marks what the master does not list as not registered. A master that restarts during the
+    /// calls of [`Registrar::sync`] knows only what was registered after its restart. If another
+    /// node takes a service over and leaves, the master does not give it back.
+    async fn find_lost(&self) {
+        if lock(&self.graph).registered.is_empty() {
             return;
         }
         // Ignore the error: the calls that follow reach the same master and report it.
@@ -167,8 +167,9 @@ impl Registrar {
             return;
         };
         lock(&self.graph).registered.retain(|key| match key {
+            Key::Publisher(name) => state.publishers(name).contains(&self.node),
+            Key::Subscriber(name) => nodes(&state.subscribers, name).contains(&self.node),
             Key::Service(name) => state.has_service(name),
-            Key::Publisher(_) | Key::Subscriber(_) => true,
         });
     }
 
@@ -376,6 +377,7 @@ fn is_same<T>(now: Option<&Arc<T>>, before: &Arc<T>) -> bool {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SystemState {
     publishers: Vec<(String, Vec<String>)>,
+    subscribers: Vec<(String, Vec<String>)>,
     services: Vec<(String, Vec<String>)>,
 }
 
@@ -383,11 +385,12 @@ impl SystemState {
     /// Reads the answer to `getSystemState`: publishers, subscribers and services, each as pairs of
     /// a name and a list of nodes. Returns `None` if the value has another shape.
     pub fn from_value(value: &Value) -> Option<Self> {
-        let [publishers, _subscribers, services] = value.as_array()? else {
+        let [publishers, subscribers, services] = value.as_array()? else {
             return None;
         };
         Some(Self {
             publishers: entries(publishers)?,
+            subscribers: entries(subscribers)?,
             services: entries(services)?,
         })
     }
