@@ -271,8 +271,8 @@ impl Port {
         let Some(pty) = &self.pty else { return 0 };
         let unread = || unread_in(&pty.terminal);
         let deadline = Instant::now() + timeout;
-        // On a busy PC, written bytes reach the terminal's queue late, so several consecutive checks
-        // must find the queue empty.
+        // On a busy PC, written bytes reach the terminal's queue late, so several consecutive
+        // checks must find the queue empty.
         let mut empty = 0;
         while Instant::now() < deadline && empty < EMPTY_CHECKS {
             thread::sleep(RETRY);

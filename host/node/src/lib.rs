@@ -6,8 +6,8 @@
 //! see no difference.
 //!
 //! ```text
-//! /neurodata ──► Layout, Sequence, Pauses ──► LiveAdc ──► EncoderDevice ──► bridge ──► /encoded
-//! NeuroFrame     checks, gaps, time           counts      codes, frames     core       /neurodata_reconstructed
+//! /neurodata ─► Layout, Sequence, Pauses ─► LiveAdc ─► EncoderDevice ─► bridge ─► /encoded
+//! NeuroFrame    checks, gaps, time          counts     codes, frames    core
 //! ```
 //!
 //! [`Source`] is pure: frames and times in, bytes of a device out. [`run`] is the program.

@@ -5,7 +5,6 @@
 //! search, see [`search`].
 #![forbid(unsafe_code)]
 
-mod corpus;
 mod files;
 mod model;
 mod mutation;
@@ -15,7 +14,8 @@ mod recording_files;
 mod ros;
 mod wire;
 
-pub use corpus::read as corpus;
+use std::path::Path;
+use std::{fs, thread};
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -102,6 +102,24 @@ pub fn run(name: &str, bytes: &[u8]) {
     target(name).read(bytes);
 }
 
+/// Returns inputs of a target that once broke a promise, from the folder `corpus`, in the order of
+/// their file names.
+///
+/// # Panics
+/// When a stored input cannot be read.
+pub fn corpus(target: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("corpus")
+        .join(target);
+    let Ok(files) = fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let mut paths: Vec<_> = files.map(|file| file.expect("a file").path()).collect();
+    paths.sort();
+    let read = |path| fs::read(path).expect("a readable file");
+    paths.iter().map(read).collect()
+}
+
 /// Number of inputs that a [`search`] read, by outcome.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Searched {
@@ -122,21 +140,22 @@ pub fn search(target: &Target) -> Searched {
     let mut searched = Searched::default();
     for _ in 0..target.inputs {
         let input = mutation::mutate(&seeds, &mut random);
-        let shown = Shown(&input);
+        let _shown = ShownOnPanic(&input);
         match target.read(&input) {
             Outcome::Accepted => searched.accepted += 1,
             Outcome::Refused => searched.refused += 1,
         }
-        std::mem::forget(shown);
     }
     searched
 }
 
-/// Prints an input when it is dropped, which only happens while a panic unwinds.
-struct Shown<'i>(&'i [u8]);
+/// Prints an input when it is dropped because of a panic.
+struct ShownOnPanic<'i>(&'i [u8]);
 
-impl Drop for Shown<'_> {
+impl Drop for ShownOnPanic<'_> {
     fn drop(&mut self) {
-        eprintln!("the input is \"{}\"", self.0.escape_ascii());
+        if thread::panicking() {
+            eprintln!("the input is \"{}\"", self.0.escape_ascii());
+        }
     }
 }

@@ -1,5 +1,5 @@
-//! Every target accepts its seeds, and keeps its promises for the stored inputs and for thousands of
-//! mutations, the same in every run.
+//! Every target accepts its seeds, and keeps its promises for the stored inputs and for thousands
+//! of mutations, the same in every run.
 #![allow(missing_docs, reason = "tests")]
 
 use fuzz::{Outcome, corpus, search, target};

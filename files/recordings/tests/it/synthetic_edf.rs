@@ -74,7 +74,10 @@ fn unknown_and_wrong_numbers_of_records_cause_a_warning() {
     bytes.push(0);
     let mut longer = open(bytes).expect("usable");
     let warning = longer.warnings()[0].to_string();
-    assert!(warning.contains("2 records (2.000 s) and 1 bytes"), "{warning}");
+    assert!(
+        warning.contains("2 records (2.000 s) and 1 bytes"),
+        "{warning}"
+    );
     assert!(
         warning.contains("write -1") && warning.contains("byte 236"),
         "{warning}"

@@ -203,8 +203,8 @@ impl Clock {
         Some(host_ns.saturating_add(wall.offset_ns))
     }
 
-    /// Returns the time on the smoothed wall clock at the monotonic host time `host_us`, which is in
-    /// microseconds; nanoseconds since 1970.
+    /// Returns the time on the smoothed wall clock at the monotonic host time `host_us`, which is
+    /// in microseconds; nanoseconds since 1970.
     pub(crate) fn wall_of_host_us(&self, host_us: f64) -> i64 {
         #[expect(clippy::cast_possible_truncation, reason = "saturates, and years fit")]
         let host_ns = (host_us * 1000.0).round() as i64;
