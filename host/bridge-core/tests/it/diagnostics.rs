@@ -1,5 +1,5 @@
-//! The statuses `clock`, `converters`, `signal quality` and `timing` of `/diagnostics`, and the worst stage
-//! in the summary.
+//! The statuses `clock`, `converters`, `signal quality` and `timing` of `/diagnostics`, and the
+//! worst stage in the summary.
 
 use link::{Converters, ElectrodeQuality, Quality, Stage, StageTiming, Timing, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
