@@ -78,6 +78,9 @@ pub(crate) struct RunOptions {
     /// Process samples as fast as the host reads the frames (default for file and ndjson).
     #[arg(long)]
     pub(crate) fast: bool,
+    /// Error of the board's clock in real time, ppm; positive: the clock is fast.
+    #[arg(long, value_name = "PPM", value_parser = parse_ppm, default_value_t = 0.0, allow_negative_numbers = true, conflicts_with = "fast")]
+    pub(crate) clock_ppm: f64,
     /// Mains frequency of the notch until a host selects another one, Hz.
     #[arg(long, value_parser = mains(), default_value = "50")]
     pub(crate) mains: Mains,
@@ -243,6 +246,13 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if f64::is_finite(seconds) && seconds > 0.0 => Ok(seconds),
         _ => Err("write a positive number of seconds, such as 15 or 0.5".to_owned()),
+    }
+}
+
+fn parse_ppm(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(ppm) if (-1e5..=1e5).contains(&ppm) => Ok(ppm),
+        _ => Err("write a number of ppm from -100000 to 100000, such as -40 or 10000".to_owned()),
     }
 }
 

@@ -163,8 +163,11 @@ pub trait Effects {
     /// Publishes a frame of filtered steps on `/neurodata_corticode`.
     fn publish_filtered(&mut self, _frame: &NeuroFrame) {}
 
-    /// Publishes an edge of the trigger input on `/events/bus`.
-    fn publish_event(&mut self, _event: &NeuroEvent) {}
+    /// Publishes an event on `/events/bus`: an edge of the trigger input, or a report about data.
+    /// `row` is the row of the announced stream at which a recording must have the event, counted
+    /// from the first row that was published on its topic; `None` before a device has introduced
+    /// itself. [`RecordingStart`](crate::RecordingStart) turns it into the stamp for a recorder.
+    fn publish_event(&mut self, _event: &NeuroEvent, _row: Option<u64>) {}
 
     /// Compares the device's code with the float network's code for the same window. Called only if
     /// the announced device is [`decodable`](Announcement::decodable).

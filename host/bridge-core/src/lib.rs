@@ -75,5 +75,6 @@ pub use settings::{
     AnnouncedStream, Choice, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
     with_codes,
 };
+pub use streams::rows::RecordingStart;
 pub use time::HostTime;
 pub use time::clock::Clock;

@@ -23,6 +23,7 @@ use crate::streams::event::{BusEvent, Trigger};
 use crate::streams::hop_timeline::HopTimeline;
 use crate::streams::ledger::{Arrival, Ledger};
 use crate::streams::packed::PackedStream;
+use crate::streams::rows::NextRow;
 use crate::streams::sample::SampleStream;
 use crate::streams::side::SideStreams;
 use crate::streams::stamps::{DecodedStream, Decoding, Reception};
@@ -251,8 +252,10 @@ impl Session {
         read: HostTime,
         effects: &mut dyn Effects,
     ) {
+        // Data that is missing before this message begins at the row that is next now.
+        let row = self.next_row(None).map(|next| next.index);
         self.handle_message(frame, read, effects);
-        self.report_missing(read, effects);
+        self.report_missing(row, read, effects);
     }
 
     fn handle_message(&mut self, frame: &Frame<ToHost>, read: HostTime, effects: &mut dyn Effects) {
@@ -321,13 +324,17 @@ impl Session {
         } else {
             !samples || self.clock.observe(at.device_us, at.read)
         };
+        let row = match message {
+            ToHost::Event(event) => self.row_of_event(event.sample, at, possible),
+            _ => None,
+        };
         let reception = at.reception(possible, &self.clock, &self.trigger);
         match message {
             ToHost::Raw(raw) => self.side.receive_raw(raw, reception, effects),
             ToHost::CompressedRaw(raw) => self.side.receive_compressed(raw, reception, effects),
             ToHost::Filtered(filtered) => self.side.receive_filtered(filtered, reception, effects),
             ToHost::Event(event) => {
-                if let Some(level) = self.side.receive_event(*event, reception, effects) {
+                if let Some(level) = self.side.receive_event(*event, reception, row, effects) {
                     self.trigger.record_edge(event.sample, level);
                 }
             }
@@ -338,6 +345,42 @@ impl Session {
             }
             _ => {}
         }
+    }
+
+    /// Returns the row of the announced stream that was at the electrodes at an event, which
+    /// happened directly before ADC sample `sample`. If its time is not `is_possible`, returns the
+    /// next row.
+    fn row_of_event(&mut self, sample: u64, at: MessageTimes, is_possible: bool) -> Option<u64> {
+        if !is_possible {
+            return Some(self.next_row(None)?.index);
+        }
+        let rate_hz = self.codes.as_ref()?.device().adc_rate_hz;
+        let event_us = self.clock.host_us(at.device_us.into());
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let [read_us, sample_us] = [at.read.monotonic_us as f64, sample as f64 * 1e6];
+        let run_us = event_us.unwrap_or(read_us) - sample_us / f64::from(rate_hz);
+        Some(self.next_row(Some(run_us))?.row_of(sample))
+    }
+
+    /// Returns the next row of the announced stream's topic; `None` before a device has introduced
+    /// itself. `run_us` is the host time of the present run's ADC sample 0, microseconds, if an
+    /// event of this run tells it.
+    fn next_row(&mut self, run_us: Option<f64>) -> Option<NextRow> {
+        let (codes, packed) = (self.codes.as_mut()?, self.packed.as_mut()?);
+        let rate_hz = codes.device().adc_rate_hz;
+        let samples = match self.settings.announced {
+            AnnouncedStream::Encoded => return Some(codes.next_row(run_us)),
+            AnnouncedStream::Reconstructed => {
+                let decoded = codes.passed + packed.passed;
+                return Some(match self.decoding.stream {
+                    DecodedStream::Codes => codes.next_decoded_row(decoded, run_us),
+                    DecodedStream::Packed => packed.next_row(decoded, run_us),
+                });
+            }
+            AnnouncedStream::Raw => &mut self.side.raw,
+            AnnouncedStream::Filtered => &mut self.side.filtered,
+        };
+        Some(samples.as_mut()?.next_row(rate_hz, run_us))
     }
 
     /// Restarts all streams, because the device counts windows, samples and steps from 0 again.
@@ -530,8 +573,9 @@ impl Session {
     }
 
     /// Publishes an event for each stretch of data that is missing in the announced stream, the one
-    /// that a recorder records. Losses in other streams cause no event.
-    fn report_missing(&mut self, read: HostTime, effects: &mut dyn Effects) {
+    /// that a recorder records. Its fillers begin at the row `row`. Losses in other streams cause
+    /// no event.
+    fn report_missing(&mut self, row: Option<u64>, read: HostTime, effects: &mut dyn Effects) {
         let [codes, packed] = [
             self.codes.as_mut().map(|codes| &mut codes.timeline),
             self.packed.as_mut().map(|packed| &mut packed.timeline),
@@ -553,7 +597,7 @@ impl Session {
             BusEvent::DataLost(missing.seconds)
         };
         let wall_ns = self.clock.wall_ns(missing.start_us).unwrap_or(read.wall_ns);
-        self.side.bus.publish(&event, wall_ns, effects);
+        self.side.bus.publish(&event, wall_ns, row, effects);
     }
 
     /// Publishes an event if, since the report `before`, an electrode has lost or regained contact.
@@ -580,6 +624,7 @@ impl Session {
         };
         let wall_ns = self.clock.wall_ns(at.device_us.into());
         let wall_ns = wall_ns.unwrap_or(at.read.wall_ns);
-        self.side.bus.publish(&event, wall_ns, effects);
+        let row = self.next_row(None).map(|next| next.index);
+        self.side.bus.publish(&event, wall_ns, row, effects);
     }
 }

@@ -229,7 +229,8 @@ impl Session {
         tracing::error!("{why}");
         if self.announced.is_some() {
             let event = BusEvent::DeviceRefused(why.clone());
-            self.side.bus.publish(&event, read.wall_ns, effects);
+            let row = self.next_row(None).map(|next| next.index);
+            self.side.bus.publish(&event, read.wall_ns, row, effects);
         }
         self.objection = Some(why);
         self.commands.device_introduced(false);

@@ -32,14 +32,16 @@ impl EventStream {
         self.ledger.lost - reported
     }
 
-    /// Publishes an event that happened at `reception.device_us` and returns the trigger's new
-    /// level. If that time is `None`, the stamp is the time at which the event was read.
+    /// Publishes an event that happened at `reception.device_us`, at the row `row` of the announced
+    /// stream, and returns the trigger's new level. If that time is `None`, the stamp is the time
+    /// at which the event was read.
     ///
     /// Returns `None` for an event with an old number or of an unknown kind; it is not published.
     pub(crate) fn receive(
         &mut self,
         event: Event,
         reception: Reception<'_>,
+        row: Option<u64>,
         bus: &mut EventBus,
         effects: &mut dyn Effects,
     ) -> Option<u16> {
@@ -51,7 +53,7 @@ impl EventStream {
         let wall_ns = time.unwrap_or(reception.read.wall_ns);
         if lost > 0 {
             tracing::debug!(lost, before = event.number, "events lost");
-            bus.publish(&BusEvent::EdgesLost(lost), wall_ns, effects);
+            bus.publish(&BusEvent::EdgesLost(lost), wall_ns, row, effects);
         }
         let (edge, level) = match event.kind {
             EventKind::TriggerRise => (BusEvent::TriggerHigh, 1),
@@ -67,7 +69,7 @@ impl EventStream {
                 return None;
             }
         };
-        bus.publish(&edge, wall_ns, effects);
+        bus.publish(&edge, wall_ns, row, effects);
         Some(level)
     }
 }
@@ -181,7 +183,7 @@ impl BusEvent {
     }
 }
 
-/// Publishes events, numbers them, and moves their stamps to where a recorder expects them.
+/// Publishes events, numbers them, and moves their stamps by the delay of the announced stream.
 #[derive(Debug)]
 pub(crate) struct EventBus {
     message: NeuroEvent,
@@ -204,8 +206,15 @@ impl EventBus {
         self.shift_us = shift_us;
     }
 
-    /// Publishes an event that happened at the wall-clock time `wall_ns`, nanoseconds since 1970.
-    pub(crate) fn publish(&mut self, event: &BusEvent, wall_ns: i64, effects: &mut dyn Effects) {
+    /// Publishes an event that happened at the wall-clock time `wall_ns`, nanoseconds since 1970,
+    /// and at the row `row` of the announced stream; `None` before a device has introduced itself.
+    pub(crate) fn publish(
+        &mut self,
+        event: &BusEvent,
+        wall_ns: i64,
+        row: Option<u64>,
+        effects: &mut dyn Effects,
+    ) {
         if !self.enabled {
             return;
         }
@@ -217,7 +226,7 @@ impl EventBus {
         message.event = event.code();
         message.duration = event.duration_s();
         message.description = event.description();
-        effects.publish_event(message);
+        effects.publish_event(message, row);
     }
 }
 

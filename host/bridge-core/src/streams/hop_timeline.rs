@@ -8,6 +8,7 @@ use neuro_ros::TriWords;
 use crate::device::Device;
 use crate::settings::Settings;
 use crate::streams::ledger::{Arrival, HopCounts};
+use crate::streams::rows::NextRow;
 use crate::streams::stamps::{Decoding, FrameSteps, Reception, frame_time_ns};
 
 /// Index, time and counts of the items of one stream, which are codes or packed blocks. Finds the
@@ -30,6 +31,9 @@ pub(crate) struct HopTimeline {
     /// Index of the newest code or packed block, received or filled.
     last_index: u32,
     continuity: Continuity,
+    /// Number of items missing between two runs that are counted but not filled yet, because the
+    /// newer run has begun with an event.
+    unfilled: u64,
     /// Newest stretch of missing codes or packed blocks, until it is reported as an event.
     missing: Option<MissingStretch>,
     counts: HopCounts,
@@ -93,6 +97,7 @@ impl HopTimeline {
             last_device_us: None,
             last_index: 0,
             continuity: Continuity::default(),
+            unfilled: 0,
             missing: None,
             counts: HopCounts::default(),
         }
@@ -130,6 +135,7 @@ impl HopTimeline {
         self.counts.ledger.expect_next(0);
         self.running = false;
         self.last_device_us = None;
+        self.counts.between_runs -= std::mem::take(&mut self.unfilled);
         self.continuity.end_run();
     }
 
@@ -252,10 +258,46 @@ impl HopTimeline {
         let read_us = reception.read.monotonic_us;
         #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
         let [read_us, hop_us] = [read_us, self.hop_us()].map(|us| us as f64);
-        let first_us = host_us.unwrap_or(read_us) - f64::from(lost) * hop_us;
+        self.begin_run(host_us.unwrap_or(read_us) - f64::from(lost) * hop_us);
+        std::mem::take(&mut self.unfilled)
+    }
+
+    /// Counts the items that are missing before the present run; none if it has begun already. The
+    /// run's first item is at the host time `first_us`, microseconds.
+    fn begin_run(&mut self, first_us: f64) {
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let hop_us = self.hop_us() as f64;
         let missing = self.continuity.missing_before(first_us, hop_us);
         self.counts.between_runs += missing;
-        missing
+        self.unfilled += missing;
+    }
+
+    /// Returns the next row of a topic with one frame for each item: `published` frames of `rows`
+    /// rows so far. The first item of a run ends with step `last`, its frame begins with step
+    /// `first`. `run_us` is the host time of the present run's ADC sample 0, microseconds, if an
+    /// event of this run tells it: it begins the run if no item has.
+    pub(crate) fn next_row(
+        &mut self,
+        [published, rows]: [u64; 2],
+        [first, last]: [u32; 2],
+        run_us: Option<f64>,
+    ) -> NextRow {
+        let hop = f64::from(self.device.hop_steps);
+        let step_rate = f64::from(self.device.step_rate_hz);
+        if let Some(run_us) = run_us {
+            self.begin_run(run_us + f64::from(last) / step_rate * 1e6);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "below 2^53 (10^7 years)")]
+        let [unfilled, per_frame] = [self.unfilled, rows].map(|number| number as f64);
+        let item = f64::from(self.counts.ledger.next_number()) - unfilled;
+        let step = f64::from(first) + item * hop;
+        let delay_s = f64::from(self.device.group_delay_us) * 1e-6;
+        let adc_rate = f64::from(self.device.adc_rate_hz);
+        NextRow {
+            index: published * rows,
+            sample: (step / step_rate - delay_s) * adc_rate,
+            samples_per_row: hop / per_frame / step_rate * adc_rate,
+        }
     }
 
     /// Returns the device time of the item that arrives after `lost` lost items, microseconds. If

@@ -21,6 +21,7 @@ mod packed_interruptions;
 mod query;
 mod reconstruction;
 mod recorder;
+mod recording;
 mod restart;
 mod round_trip;
 mod samples;

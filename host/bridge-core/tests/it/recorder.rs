@@ -72,7 +72,7 @@ impl Effects for Recorder {
         keep(&mut self.filtered, frame);
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent) {
+    fn publish_event(&mut self, event: &NeuroEvent, _row: Option<u64>) {
         assert_eq!(event.neuroheader.seq as usize, self.events.len() + 1);
         assert_eq!(event.header.seq, event.neuroheader.seq);
         self.events.push(event.clone());

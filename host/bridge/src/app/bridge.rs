@@ -14,6 +14,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 use crate::app::command_line::{Options, SinkKind};
 use crate::app::log::SilenceLog;
 use crate::app::outlets::{Outlets, Sinks};
+use crate::app::recorders::Recorders;
 use crate::app::ros_node::{Namespace, NodeCommand, RosNode};
 use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
@@ -102,9 +103,17 @@ impl Publication {
         if settings.streams.contains(Streams::PACKED) {
             ros.subscribe_rate(command_sender.clone());
         }
-        ros.serve(&namespace, self.get_info, announced, command_sender);
+        let recorders = Arc::new(Recorders::default());
+        let callers = Arc::clone(&recorders);
+        ros.serve(
+            &namespace,
+            self.get_info,
+            announced,
+            callers,
+            command_sender,
+        );
         let feed = connect(&ros.node, &namespace).await?;
-        let sinks = Sinks::ros(&ros, settings.streams, &namespace).await?;
+        let sinks = Sinks::ros(&ros, settings, &namespace, recorders).await?;
         let announcements = Some(announcement_sender);
         let outlets = Outlets::new(sinks, settings, Arc::clone(&model), announcements);
         shutdown.watch_node(Arc::clone(&ros.node));

@@ -76,8 +76,8 @@ pub(crate) struct Options {
         value_parser = BoolishValueParser::new()
     )]
     pub(crate) low_latency: bool,
-    /// Time that the stamp of an event gives: that of its place in a recording of the announced
-    /// stream by rosneuro_recorder, or that of the event itself
+    /// Time that the stamp of an event gives: for each rosneuro_recorder, that of its place in this
+    /// recorder's file of the announced stream; or that of the event itself
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
     /// End with status 0 when a port that has sent frames closes, after everything is published:
