@@ -31,6 +31,8 @@ pub(crate) enum Command {
         /// EDF, BDF or GDF file.
         file: PathBuf,
     },
+    /// Rehearse sessions with faults, in virtual time: board, faulty line and the bridge's core.
+    Scenario(ScenarioOptions),
 }
 
 /// Source of the EEG, parsed from `--input`.
@@ -131,6 +133,25 @@ pub(crate) struct EncodeOptions {
     pub(crate) packed_rate: Option<u8>,
     #[command(flatten)]
     pub(crate) batch: BatchOptions,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ScenarioOptions {
+    /// Scenarios: TOML files, see docs/scenarios.md.
+    #[arg(required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Write the verdicts to this file, as JUnit XML.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) junit: Option<PathBuf>,
+    /// Print a line of JSON with all figures for each scenario, instead of its verdict.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Replace the file of --junit if it exists.
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print no progress bar.
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
 }
 
 /// Default of `encode --stream`: codes if the built-in model has a network, else packed blocks.

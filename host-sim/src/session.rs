@@ -336,7 +336,7 @@ impl Source {
 
 /// Returns a sample with the channels of the model. A source has as many channels as the longest
 /// chain of converters; those beyond the model's channels carry no electrode.
-fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
+pub(crate) fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),
     }

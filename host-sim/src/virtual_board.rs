@@ -174,15 +174,16 @@ impl VirtualBoard {
                     .send_self_test(result, now_us, &mut self.sender);
                 self.update_converters(now_us);
             }
-            Order::Reset(_) => self.restart(now_us),
+            Order::Reset(_) => self.restart(ResetCause::Software, now_us),
         }
     }
 
-    /// Restarts the board as a reset does. Frames in the outbox are still sent.
-    fn restart(&mut self, now_us: u64) {
+    /// Restarts the board, for the reason `cause`, as a reset does; the converters keep their state.
+    /// Frames in the outbox are still sent.
+    pub fn restart(&mut self, cause: ResetCause, now_us: u64) {
         let outbox = self.sender.queue().clone();
         self.identity.session_id = self.identity.session_id.wrapping_add(1);
-        self.session = session(&self.identity, ResetCause::Software, self.mains);
+        self.session = session(&self.identity, cause, self.mains);
         self.sender = Sender::new(outbox);
         self.acquisition = Acquisition::new(self.mains);
         *self.producer = Producer::new(BothEncoders::EMPTY);

@@ -27,6 +27,20 @@ pub struct Core {
 }
 
 impl Core {
+    /// Time between two calls of [`Core::tick`].
+    pub const TICK: Duration = Duration::from_millis(100);
+    /// Number of ticks between two calls of [`Core::diagnostics`]: one report per second.
+    pub const TICKS_PER_REPORT: u32 = 10;
+    /// Time between two attempts to open a port: several attempts fit into the 1 s within which a
+    /// replugged device shall be connected again.
+    pub const REOPEN_AFTER: Duration = Duration::from_millis(250);
+    /// Silence after which a serial port is reopened. A board sends `Stats` every second and keeps
+    /// at most 4 s of frames, so after a longer silence either the board or its port has stopped.
+    pub const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
+    /// Silence after which a TCP port is reopened. TCP itself detects a broken connection earlier.
+    /// An intact one may hold bytes of a suspended device, which reopening would lose.
+    pub const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
+
     /// Creates a core without a connection. Without a model it publishes codes but decodes none.
     pub fn new(settings: Settings, model: Option<Arc<Model>>) -> Core {
         Core {

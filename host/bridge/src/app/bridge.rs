@@ -21,12 +21,8 @@ use crate::app::whole_lines::WholeLines;
 use crate::error::BridgeError;
 use crate::wire::connection::{Connection, Event, Feed};
 
-/// Time between two calls of [`Core::tick`].
-const TICK: Duration = Duration::from_millis(100);
 /// Time without a frame from the device after which the log reports the silence.
 const SILENCE: Duration = Duration::from_secs(5);
-/// Number of ticks between two reports to `/diagnostics`: one report per second.
-const TICKS_PER_REPORT: u32 = 10;
 /// Timeout of each of the two waits at shutdown: until the device has stopped, and until queued
 /// JSON lines are written.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
@@ -245,9 +241,9 @@ impl<F: Feed> Bridge<F> {
 
     async fn run(&mut self, shutdown: &mut Shutdown) -> Result<(), BridgeError> {
         let mut buffer = vec![0; 4096];
-        let mut ticks = interval(TICK);
+        let mut ticks = interval(Core::TICK);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
-        let mut until_report = TICKS_PER_REPORT;
+        let mut until_report = Core::TICKS_PER_REPORT;
         let mut deadline: Option<Instant> = None;
         let mut failure = None;
         loop {
@@ -281,7 +277,7 @@ impl<F: Feed> Bridge<F> {
                     self.core.tick(now, &mut self.outlets);
                     until_report -= 1;
                     if until_report == 0 {
-                        until_report = TICKS_PER_REPORT;
+                        until_report = Core::TICKS_PER_REPORT;
                         self.report(now);
                     }
                     let limit = self.connection.silence_limit();
