@@ -27,5 +27,6 @@ mod truth;
 pub use file::{Scenario, ScenarioError};
 pub use junit::junit;
 pub use rehearsal::{RehearsalError, rehearse};
-pub use report::{Report, TopicReport};
+pub use report::Report;
 pub use signal::SignalError;
+pub use topic::TopicCounts;

@@ -182,6 +182,19 @@ impl Default for Noise {
     }
 }
 
+impl Noise {
+    /// Returns the names of the faults, and how often each takes place.
+    pub(super) fn rates(&self) -> [(&'static str, f64); 5] {
+        [
+            ("bit_errors", self.bit_errors),
+            ("frames_dropped", self.frames_dropped),
+            ("frames_duplicated", self.frames_duplicated),
+            ("chunks_dropped", self.chunks_dropped),
+            ("chunks_duplicated", self.chunks_duplicated),
+        ]
+    }
+}
+
 /// How the host reads.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]

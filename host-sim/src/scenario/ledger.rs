@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use bridge_core::{AuditedWindow, Effects, HostTime, TimedPackedBlock};
+use bridge_core::{Effects, HostTime, TimedPackedBlock};
 use neuro_ros::{DiagnosticArray, NeuroEvent, NeuroFrame, Stamp};
 
 use super::topic::Topic;
@@ -101,9 +101,23 @@ impl Ledger {
         self.recovering.push(now_us);
     }
 
-    /// Returns the end of a fault after which no code was published.
-    pub(super) fn not_recovered(&self) -> Option<f64> {
-        self.recovering.first().copied()
+    /// Returns the value `key` of the status `status` in the newest report to `/diagnostics`; 0 if
+    /// it has none.
+    pub(super) fn shown(&self, status: &str, key: &str) -> u64 {
+        let mut statuses = self.diagnostics.status.iter();
+        let status = statuses.find(|found| found.name.ends_with(status));
+        let values = status.into_iter().flat_map(|status| &status.values);
+        let mut values = values.filter(|value| value.key == key);
+        let number = values.next().and_then(|value| value.value.parse().ok());
+        number.unwrap_or_default()
+    }
+
+    /// Returns a sentence about a fault after which no row was published; `None` if there is none.
+    pub(super) fn not_recovered(&self) -> Option<String> {
+        let end_s = self.recovering.first()? / 1e6;
+        Some(format!(
+            "nothing was published after the fault that ended at {end_s:.3} s"
+        ))
     }
 
     /// Records which frame the core handles next, and when its bytes were read.
@@ -241,6 +255,4 @@ impl Effects for Ledger {
         // An edge is published once.
         self.frame = None;
     }
-
-    fn audit(&mut self, _window: AuditedWindow) {}
 }

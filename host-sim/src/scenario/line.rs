@@ -10,16 +10,6 @@ use crate::synthetic::Noise as Random;
 /// Size of a chunk, bytes: a packet of USB at full speed.
 const CHUNK: usize = 64;
 
-/// What the line did to the frames so far.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct LineCounts {
-    pub(super) bit_errors: u64,
-    pub(super) frames_dropped: u64,
-    pub(super) frames_duplicated: u64,
-    pub(super) chunks_dropped: u64,
-    pub(super) chunks_duplicated: u64,
-}
-
 /// Random faults of one direction.
 #[derive(Debug)]
 pub(super) struct Faults {
@@ -29,7 +19,8 @@ pub(super) struct Faults {
     burst: u64,
     /// Number of bits before the next bit error.
     bits: u64,
-    pub(super) counts: LineCounts,
+    /// How often each fault took place, in the order of [`Noise::rates`].
+    pub(super) counts: [u64; 5],
 }
 
 impl Faults {
@@ -41,7 +32,7 @@ impl Faults {
             random: Random::new(seed, 1_000 + direction),
             burst: 0,
             bits: 0,
-            counts: LineCounts::default(),
+            counts: [0; 5],
         };
         faults.bits = faults.run(noise.bit_errors);
         faults
@@ -83,20 +74,20 @@ impl Faults {
         }
         if self.burst > 0 {
             self.burst -= 1;
-            self.counts.frames_dropped += 1;
+            self.counts[1] += 1;
             return Vec::new();
         }
         let copies = 1 + usize::from(self.happens(noise.frames_duplicated));
-        self.counts.frames_duplicated += copies as u64 - 1;
+        self.counts[2] += copies as u64 - 1;
         let mut arrives = Vec::with_capacity(frame.len());
         for chunk in std::iter::repeat_n(frame, copies).flat_map(|frame| frame.chunks(CHUNK)) {
             if self.happens(noise.chunks_dropped) {
-                self.counts.chunks_dropped += 1;
+                self.counts[3] += 1;
                 continue;
             }
             arrives.extend_from_slice(chunk);
             if self.happens(noise.chunks_duplicated) {
-                self.counts.chunks_duplicated += 1;
+                self.counts[4] += 1;
                 arrives.extend_from_slice(chunk);
             }
         }
@@ -106,7 +97,7 @@ impl Faults {
             #[expect(clippy::cast_possible_truncation, reason = "a bit of a frame")]
             let at = bit as usize;
             arrives[at / 8] ^= 1 << (at % 8);
-            self.counts.bit_errors += 1;
+            self.counts[0] += 1;
             bit += 1;
             self.bits = self.run(noise.bit_errors);
         }
@@ -179,8 +170,7 @@ impl Line {
         dropped
     }
 
-    /// Sends queued frames until `now_us`, as far as the line carries them. Returns whether the
-    /// board lost its power while one was sent.
+    /// Sends queued frames until `now_us`, as far as the line carries them.
     pub(super) fn carry(&mut self, now_us: f64) {
         let waits = self.kind != LineKind::Uart;
         while self.free_us <= now_us && self.cut != Some(0) {

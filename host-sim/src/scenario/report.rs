@@ -3,15 +3,12 @@
 use std::fmt;
 
 use bridge_core::Summary;
-use link::Streams;
-use neuro_ros::DiagnosticArray;
 use serde::Serialize;
 
 use super::file::Scenario;
 use super::ledger::{Ledger, StampError};
-use super::line::LineCounts;
 use super::schedule::Schedule;
-use super::topic::Topic;
+use super::topic::{Topic, TopicCounts};
 use super::truth::{TopicKind, Truth};
 
 /// What happened on the line and in the host, counted where it happened.
@@ -25,34 +22,14 @@ pub(super) struct Facts {
     pub(super) dropped_by_board: u64,
     /// Frames sent while the cable was unplugged or the host's buffer full.
     pub(super) unreceived: u64,
-    pub(super) line: LineCounts,
+    /// What the line did, in the order of [`Noise::rates`](super::file::Noise::rates).
+    pub(super) line: [u64; 5],
     pub(super) acks_lost: u64,
     pub(super) restarts: u64,
     pub(super) is_stopped: bool,
     /// Whether a code, block or sample was flagged for a fault of the converters, or for a rail.
     pub(super) converters_seen: bool,
     pub(super) rails_seen: bool,
-}
-
-/// Counts of a topic, in rows: codes, packed blocks, samples or steps.
-#[derive(Clone, Debug, Serialize)]
-pub struct TopicReport {
-    /// What the topic's rows are.
-    pub rows: &'static str,
-    /// Rows that the board made.
-    pub made: u64,
-    /// Rows that were published.
-    pub published: u64,
-    /// Rows that the board made and that are counted as lost.
-    pub lost: u64,
-    /// Rows that the board made when an interruption began, of which no later frame told the host.
-    /// The time between two runs, which is filled, contains them.
-    pub interrupted: u64,
-    /// Fillers that were published.
-    pub fillers: u64,
-    /// Errors: rows that the board did not make, rows out of order or published twice, fillers that
-    /// stand for nothing, and stamps that go back.
-    pub wrong: u64,
 }
 
 /// The result of a rehearsal.
@@ -65,7 +42,7 @@ pub struct Report {
     /// What was exceeded, or does not agree; empty if the scenario has passed.
     pub failures: Vec<String>,
     /// The topics that were streamed.
-    pub topics: Vec<TopicReport>,
+    pub topics: Vec<TopicCounts>,
     /// Error of the settled stamps beyond the shortest delay: 99 % of them, and the largest,
     /// milliseconds.
     pub stamp_p99_ms: f64,
@@ -98,6 +75,37 @@ pub struct Report {
     pub restarts: u64,
 }
 
+/// Errors of stamps: 99 % of them and the largest, milliseconds, and when that was, seconds.
+#[derive(Default)]
+struct Errors {
+    p99_ms: f64,
+    max_ms: f64,
+    at_s: f64,
+}
+
+impl Errors {
+    /// Returns those errors for which `is_one` holds, beyond the shortest delay of the line.
+    fn of(ledger: &Ledger, is_one: impl Fn(&StampError) -> bool) -> Self {
+        let errors = ledger.errors.iter().filter(|error| is_one(error));
+        let size_us = |error: &StampError| (error.error_us - ledger.shortest_us).abs();
+        let mut sizes: Vec<_> = errors.map(|error| (size_us(error), error.at_us)).collect();
+        sizes.sort_by(|one, other| one.0.total_cmp(&other.0));
+        let (Some(p99), Some(max)) = (sizes.get(sizes.len() * 99 / 100), sizes.last()) else {
+            return Self::default();
+        };
+        Self {
+            p99_ms: rounded(p99.0 / 1e3),
+            max_ms: rounded(max.0 / 1e3),
+            at_s: max.1 / 1e6,
+        }
+    }
+}
+
+/// Rounds to three decimals.
+fn rounded(number: f64) -> f64 {
+    (number * 1e3).round() / 1e3
+}
+
 impl Report {
     pub(super) fn new(
         scenario: &Scenario,
@@ -108,336 +116,208 @@ impl Report {
         facts: &Facts,
     ) -> Self {
         let streamed =
-            |(kind, topic): (TopicKind, _)| streams(kind, scenario.streams).then_some(topic);
-        let topics: Vec<&Topic> = TopicKind::ALL
-            .into_iter()
-            .zip(&ledger.topics)
-            .filter_map(streamed)
-            .collect();
-        let worst = |errors: &[f64]| errors.last().copied().unwrap_or_default();
-        let settled = sizes(ledger, |error| error.is_settled && !error.is_event);
-        let p99 = settled.get(settled.len() * 99 / 100).copied();
-        let ms = |us: f64| (us / 1e3 * 1e3).round() / 1e3;
-        let report = Self {
+            |(kind, topic): (TopicKind, _)| kind.is_in(scenario.streams).then_some(topic);
+        let topics = TopicKind::ALL.into_iter().zip(&ledger.topics);
+        let topics: Vec<&Topic> = topics.filter_map(streamed).collect();
+        let settled = Errors::of(ledger, |error| error.is_settled && !error.is_event);
+        let unsettled = Errors::of(ledger, |error| !error.is_settled && !error.is_event);
+        let events = Errors::of(ledger, |error| error.is_settled && error.is_event);
+        let early_events = Errors::of(ledger, |error| !error.is_settled && error.is_event);
+        let (recovery_us, recovered_us) = ledger.longest_recovery;
+        let gaps_us = topics.iter().map(|topic| topic.worst_gap_us);
+        let gap_us = gaps_us.fold(0.0, f64::max);
+        let lost_edges = truth.edges.saturating_sub(ledger.edges);
+        let counts: Vec<TopicCounts> = topics.iter().map(|topic| topic.counts()).collect();
+        let mut report = Self {
             name: scenario.name.clone(),
             seconds: scenario.duration_s,
             failures: Vec::new(),
-            topics: topics.iter().map(|topic| TopicReport::new(topic)).collect(),
-            stamp_p99_ms: ms(p99.unwrap_or_default()),
-            stamp_max_ms: ms(worst(&settled)),
-            unsettled_max_ms: ms(worst(&sizes(ledger, |error| !error.is_settled))),
-            shortest_delay_ms: ms(if ledger.shortest_us.is_finite() {
-                ledger.shortest_us
-            } else {
-                0.0
-            }),
+            stamp_p99_ms: settled.p99_ms,
+            stamp_max_ms: settled.max_ms,
+            unsettled_max_ms: unsettled.max_ms.max(early_events.max_ms),
+            shortest_delay_ms: rounded(ledger.shortest_us / 1e3),
             edges: truth.edges,
             edges_published: ledger.edges,
-            event_max_ms: ms(worst(&sizes(ledger, |error| error.is_event))),
-            recovery_s: ms(ledger.longest_recovery.0 / 1e3),
-            gap_error_ms: ms(topics
-                .iter()
-                .map(|topic| topic.worst_gap_us)
-                .fold(0.0, f64::max)),
+            event_max_ms: events.max_ms,
+            recovery_s: rounded(recovery_us / 1e6),
+            gap_error_ms: rounded(gap_us / 1e3),
             frames: truth.frames,
             frames_arrived: facts.arrived,
             frames_damaged: facts.damaged,
             frames_dropped_by_board: facts.dropped_by_board,
             restarts: facts.restarts,
+            topics: counts,
         };
-        let mut failures = Self::unrehearsed(scenario, schedule, facts);
-        failures.extend(topics.iter().filter_map(|topic| {
-            topic.first_wrong.clone().map(|first| {
-                format!(
-                    "{} errors in {}; the first: {first}; look at host/bridge-core/src/streams",
-                    topic.wrong, topic.name
-                )
-            })
-        }));
-        failures.extend(report.unbalanced(summary, ledger, &topics, facts));
-        failures.extend(report.exceeded(scenario, ledger));
-        Self { failures, ..report }
+        let limits = scenario.limits;
+        let shares = report.topics.iter().map(TopicCounts::share_of_fillers);
+        let mut exceeded = Vec::new();
+        let mut limit = |key: &str, figure: f64, limit: f64, at_s: f64| {
+            let at = |at_s: f64| format!(" at {at_s:.3} s");
+            let at = Some(at_s)
+                .filter(|at_s| *at_s > 0.0)
+                .map(at)
+                .unwrap_or_default();
+            let text = || format!("{figure:.4}{at} exceeds limits.{key} = {limit}");
+            exceeded.extend((figure > limit).then(text));
+        };
+        limit(
+            "stamp_p99_ms",
+            settled.p99_ms,
+            limits.stamp_p99_ms,
+            settled.at_s,
+        );
+        limit(
+            "stamp_max_ms",
+            settled.max_ms,
+            limits.stamp_max_ms,
+            settled.at_s,
+        );
+        let most = limits.unsettled_max_ms;
+        limit("unsettled_max_ms", unsettled.max_ms, most, unsettled.at_s);
+        limit(
+            "unsettled_max_ms",
+            early_events.max_ms,
+            most,
+            early_events.at_s,
+        );
+        limit(
+            "event_max_ms",
+            events.max_ms,
+            limits.event_max_ms,
+            events.at_s,
+        );
+        limit(
+            "lost_events",
+            count(lost_edges),
+            count(limits.lost_events),
+            0.0,
+        );
+        limit("fillers", shares.fold(0.0, f64::max), limits.fillers, 0.0);
+        limit(
+            "recovery_s",
+            recovery_us / 1e6,
+            limits.recovery_s,
+            recovered_us / 1e6,
+        );
+        limit("gap_error_ms", gap_us / 1e3, limits.gap_error_ms, 0.0);
+        report.failures = unrehearsed(scenario, schedule, facts);
+        report
+            .failures
+            .extend(topics.iter().filter_map(|topic| topic.failure()));
+        report
+            .failures
+            .extend(unequal(summary, ledger, &topics, truth, facts));
+        report.failures.extend(exceeded);
+        report.failures.extend(ledger.not_recovered());
+        if report.topics.iter().all(|topic| topic.published == 0) {
+            report.failures.push("nothing was published".to_owned());
+        }
+        report
     }
 
     /// Returns whether the scenario has passed.
     pub fn passed(&self) -> bool {
         self.failures.is_empty()
     }
+}
 
-    /// Returns a sentence for each fault that did not take place.
-    fn unrehearsed(scenario: &Scenario, schedule: &Schedule, facts: &Facts) -> Vec<String> {
-        let (noise, line) = (scenario.noise, facts.line);
-        let without: Vec<String> = schedule
-            .without_effect()
-            .map(|(kind, at_s)| format!("the fault {kind:?} at {at_s} s"))
-            .chain(
-                [
-                    ("bit_errors", noise.bit_errors, line.bit_errors),
-                    ("frames_dropped", noise.frames_dropped, line.frames_dropped),
-                    (
-                        "frames_duplicated",
-                        noise.frames_duplicated,
-                        line.frames_duplicated,
-                    ),
-                    ("chunks_dropped", noise.chunks_dropped, line.chunks_dropped),
-                    (
-                        "chunks_duplicated",
-                        noise.chunks_duplicated,
-                        line.chunks_duplicated,
-                    ),
-                ]
-                .into_iter()
-                .filter(|(_, rate, count)| *rate > 0.0 && *count == 0)
-                .map(|(name, ..)| format!("noise.{name}")),
-            )
-            .chain(
-                [
-                    (
-                        "converters",
-                        !scenario.converters.is_empty(),
-                        facts.converters_seen,
-                    ),
-                    ("source.rails", scenario.source.rails, facts.rails_seen),
-                ]
-                .into_iter()
-                .filter(|(_, is_wanted, seen)| *is_wanted && !seen)
-                .map(|(name, ..)| name.to_owned()),
-            )
-            .collect();
-        let say = |what| {
-            format!(
-                "{what} had no effect, so nothing was rehearsed; move it, or raise its rate or duration_s"
-            )
-        };
-        without.into_iter().map(say).collect()
-    }
+#[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
+pub(super) fn count(number: u64) -> f64 {
+    number as f64
+}
 
-    /// Returns a sentence for each count that differs from what happened.
-    fn unbalanced(
-        &self,
-        summary: &Summary,
-        ledger: &Ledger,
-        topics: &[&Topic],
-        facts: &Facts,
-    ) -> Vec<String> {
-        let wire = &summary.wire;
-        let refused =
-            wire.crc + wire.cobs + wire.oversize + wire.malformed + wire.version + wire.unknown;
-        let shown = |name: &str| shown(&ledger.diagnostics, name);
-        let mut pairs = vec![
-            (
-                "frames received",
-                u64::from(wire.frames),
-                facts.arrived + facts.repeated,
-            ),
-            ("frames damaged", refused.into(), facts.damaged),
-            (
-                "/diagnostics: device: frames dropped",
-                shown("device: frames dropped"),
-                facts.dropped_by_board,
-            ),
-        ];
-        for topic in topics {
-            let (published, lost, fillers) = (topic.published, topic.lost(), topic.fillers);
-            let packed = &summary.packed;
-            match topic.name {
-                "codes" => pairs.extend([
-                    ("codes received", summary.received, published),
-                    ("codes lost", summary.lost, lost),
-                    ("fillers", summary.fillers, fillers),
-                    (
-                        "codes made after the last that is known",
-                        topic.unknown()[1],
-                        0,
-                    ),
-                    ("/diagnostics: received", shown("received"), published),
-                    ("/diagnostics: lost", shown("lost"), lost),
-                    ("/diagnostics: fillers", shown("fillers"), fillers),
-                ]),
-                "packed blocks" => pairs.extend([
-                    ("packed blocks received", packed.received, published),
-                    ("packed blocks lost", packed.lost, lost),
-                    ("packed fillers", packed.fillers, fillers),
-                ]),
-                name => {
-                    let [received, between, unpublished] =
-                        ["received", "missing between runs", "not published"]
-                            .map(|what| shown(&format!("{name} {what}")));
-                    let of_core = received + shown(&format!("{name} lost")) + between;
-                    pairs.push((name, of_core, published + fillers + unpublished));
-                }
-            }
-        }
-        if self.edges > 0 {
-            pairs.push((
-                "/diagnostics: events received",
-                shown("events received"),
-                self.edges_published,
+/// Returns a sentence for each fault that had no effect.
+fn unrehearsed(scenario: &Scenario, schedule: &Schedule, facts: &Facts) -> Vec<String> {
+    let noise = scenario.noise.rates().into_iter().zip(facts.line);
+    let noise = noise.filter(|((_, rate), effects)| *rate > 0.0 && *effects == 0);
+    let converters = !scenario.converters.is_empty() && !facts.converters_seen;
+    let rails = scenario.source.rails && !facts.rails_seen;
+    let flags = [("converters", converters), ("source.rails", rails)];
+    let flags = flags.into_iter().filter(|(_, is_missing)| *is_missing);
+    let scheduled = schedule.without_effect();
+    let scheduled = scheduled.map(|(kind, at_s)| format!("the fault {kind:?} at {at_s} s"));
+    let all = scheduled.chain(noise.map(|((name, _), _)| format!("noise.{name}")));
+    let all = all.chain(flags.map(|(name, _)| name.to_owned()));
+    let remedy =
+        "had no effect, so nothing was rehearsed; move it, or raise its rate or duration_s";
+    all.map(|what| format!("{what} {remedy}")).collect()
+}
+
+/// Returns a sentence for each count of the core that differs from what happened.
+fn unequal(
+    summary: &Summary,
+    ledger: &Ledger,
+    topics: &[&Topic],
+    truth: &Truth,
+    facts: &Facts,
+) -> Vec<String> {
+    let mut unequal = Vec::new();
+    let mut compare = |what: &str, counted: u64, happened: u64| {
+        if counted != happened {
+            let remedy = "look at host/bridge-core/src/streams/ledger.rs";
+            unequal.push(format!(
+                "the ledger does not close: {what}: {counted}, in truth {happened}; {remedy}"
             ));
-            pairs.push(("edges that the board did not send", ledger.wrong_edges, 0));
         }
-        let differ = pairs
-            .into_iter()
-            .filter(|(_, core, true_count)| core != true_count);
-        let mut failures: Vec<String> = differ
-            .map(|(what, core, true_count)| {
-                format!("the ledger does not close: {what}: {core}, in truth {true_count}")
-            })
-            .collect();
-        if !facts.is_stopped {
-            failures.push(
-                "at the end the board did not confirm that it stopped; is a fault still active?"
-                    .to_owned(),
+    };
+    let wire = &summary.wire;
+    let damaged = wire.crc + wire.cobs + wire.oversize + wire.malformed;
+    let damaged = damaged + wire.version + wire.unknown;
+    compare(
+        "frames received",
+        wire.frames.into(),
+        facts.arrived + facts.repeated,
+    );
+    compare("frames damaged", damaged.into(), facts.damaged);
+    let dropped = ledger.shown(": device", "device: frames dropped");
+    compare(
+        "frames dropped by the board",
+        dropped,
+        facts.dropped_by_board,
+    );
+    compare("events that the board did not send", ledger.wrong_edges, 0);
+    compare(
+        "confirmations that the board stopped",
+        facts.is_stopped.into(),
+        1,
+    );
+    if truth.edges > 0 {
+        let received = ledger.shown(": loss", "events received");
+        compare("events received", received, ledger.edges);
+    }
+    for topic in topics {
+        let (name, rows, packed) = (topic.name, topic.counts(), summary.packed);
+        let (status, core) = match name {
+            "codes" => (": loss", [summary.received, summary.lost, summary.fillers]),
+            "packed blocks" => (
+                ": packed code",
+                [packed.received, packed.lost, packed.fillers],
+            ),
+            _ => {
+                let shown = |what: &str| ledger.shown(": loss", &format!("{name} {what}"));
+                let made = shown("received") + shown("lost") + shown("missing between runs");
+                let published = rows.published + rows.fillers + shown("not published");
+                compare(name, made, published);
+                continue;
+            }
+        };
+        let happened = [rows.published, rows.lost, rows.fillers];
+        let keys = ["received", "lost", "fillers"];
+        for ((key, counted), happened) in keys.into_iter().zip(core).zip(happened) {
+            compare(&format!("{name} {key}"), counted, happened);
+            let shown = ledger.shown(status, key);
+            compare(&format!("{name} {key} on /diagnostics"), shown, happened);
+        }
+        // Only the number of codes is in the report that a board sends at its stop.
+        if name == "codes" {
+            compare(
+                "codes made at the end and not counted",
+                topic.unknown()[1],
+                0,
             );
         }
-        failures
     }
-
-    /// Returns a sentence for each limit that was exceeded.
-    fn exceeded(&self, scenario: &Scenario, ledger: &Ledger) -> Vec<String> {
-        let limits = scenario.limits;
-        let when = |is_event: bool, is_settled: bool| {
-            let of_kind = |error: &&StampError| {
-                error.is_event == is_event && (is_event || error.is_settled == is_settled)
-            };
-            let size = |error: &StampError| (error.error_us - ledger.shortest_us).abs();
-            let worst = ledger
-                .errors
-                .iter()
-                .filter(of_kind)
-                .max_by(|a, b| size(a).total_cmp(&size(b)));
-            worst.map_or(0.0, |error| error.at_us / 1e6)
-        };
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^52 rows")]
-        let fillers = self
-            .topics
-            .iter()
-            .map(|topic| topic.fillers as f64 / (topic.fillers + topic.published).max(1) as f64);
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^52 edges")]
-        let lost_edges = self.edges.saturating_sub(self.edges_published) as f64;
-        #[expect(clippy::cast_precision_loss, reason = "a count of edges")]
-        let most_lost = limits.lost_events as f64;
-        let recovered_s = ledger.longest_recovery.1 / 1e6;
-        let figures = [
-            (
-                "stamp error p99, ms",
-                self.stamp_p99_ms,
-                limits.stamp_p99_ms,
-                when(false, true),
-                "stamp_p99_ms",
-            ),
-            (
-                "stamp error, ms",
-                self.stamp_max_ms,
-                limits.stamp_max_ms,
-                when(false, true),
-                "stamp_max_ms",
-            ),
-            (
-                "unsettled error, ms",
-                self.unsettled_max_ms,
-                limits.unsettled_max_ms,
-                when(false, false),
-                "unsettled_max_ms",
-            ),
-            (
-                "event error, ms",
-                self.event_max_ms,
-                limits.event_max_ms.max(limits.unsettled_max_ms),
-                when(true, true),
-                "event_max_ms",
-            ),
-            ("lost events", lost_edges, most_lost, 0.0, "lost_events"),
-            (
-                "share of fillers",
-                fillers.fold(0.0, f64::max),
-                limits.fillers,
-                0.0,
-                "fillers",
-            ),
-            (
-                "recovery, s",
-                self.recovery_s,
-                limits.recovery_s,
-                recovered_s,
-                "recovery_s",
-            ),
-            (
-                "error of a gap, ms",
-                self.gap_error_ms,
-                limits.gap_error_ms,
-                0.0,
-                "gap_error_ms",
-            ),
-        ];
-        let exceeded = figures
-            .into_iter()
-            .filter(|(_, figure, limit, ..)| figure > limit);
-        let mut failures: Vec<String> = exceeded
-            .map(|(what, figure, limit, at_s, key)| {
-                let at = if at_s > 0.0 {
-                    format!(" at {at_s:.3} s")
-                } else {
-                    String::new()
-                };
-                format!("{what}: {figure:.4}{at}, limit {limit} (limits.{key})")
-            })
-            .collect();
-        if let Some(end_us) = ledger.not_recovered() {
-            failures.push(format!(
-                "nothing was published after the fault that ended at {:.3} s",
-                end_us / 1e6
-            ));
-        }
-        if self.topics.iter().all(|topic| topic.published == 0) {
-            failures.push("nothing was published".to_owned());
-        }
-        failures
-    }
-}
-
-impl TopicReport {
-    fn new(topic: &Topic) -> Self {
-        Self {
-            rows: topic.name,
-            made: topic.made(),
-            published: topic.published,
-            lost: topic.lost(),
-            interrupted: topic.unknown()[0],
-            fillers: topic.fillers,
-            wrong: topic.wrong,
-        }
-    }
-}
-
-/// Returns whether `streams` has rows of this topic.
-fn streams(kind: TopicKind, streams: Streams) -> bool {
-    match kind {
-        TopicKind::Encoded => bridge_core::with_codes(streams).contains(Streams::CODES),
-        TopicKind::Packed => streams.contains(Streams::PACKED),
-        TopicKind::Raw => bridge_core::RawForm::any_in(streams),
-        TopicKind::Filtered => streams.contains(Streams::FILTERED),
-    }
-}
-
-/// Returns the sizes of those errors for which `is_one` holds, smallest first, microseconds.
-fn sizes(ledger: &Ledger, is_one: impl Fn(&StampError) -> bool) -> Vec<f64> {
-    let errors = ledger.errors.iter().filter(|error| is_one(error));
-    let mut sizes: Vec<f64> = errors
-        .map(|error| (error.error_us - ledger.shortest_us).abs())
-        .collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes
-}
-
-/// Returns a count on `/diagnostics`; 0 if it is not there.
-fn shown(diagnostics: &DiagnosticArray, name: &str) -> u64 {
-    let values = diagnostics.status.iter().flat_map(|status| &status.values);
-    let mut found = values.filter(|value| value.key == name);
-    found
-        .next()
-        .and_then(|value| value.value.parse().ok())
-        .unwrap_or_default()
+    unequal
 }
 
 /// Writes the verdict, one line.
@@ -446,7 +326,7 @@ impl fmt::Display for Report {
         let verdict = if self.passed() { "PASS" } else { "FAIL" };
         write!(formatter, "{verdict} {}: {} s", self.name, self.seconds)?;
         for topic in &self.topics {
-            let TopicReport {
+            let TopicCounts {
                 rows,
                 published,
                 wrong,

@@ -2,9 +2,41 @@
 
 use std::collections::VecDeque;
 
+use link::Streams;
+use serde::Serialize;
+
+use super::report::count;
 use super::truth::{Row, TopicKind, Values};
 
-/// Counts and errors of a topic.
+/// Counts of a topic, in rows: codes, packed blocks, samples or steps.
+#[derive(Clone, Debug, Serialize)]
+pub struct TopicCounts {
+    /// What the rows are.
+    pub rows: &'static str,
+    /// Rows that the board made.
+    pub made: u64,
+    /// Rows that were published, without fillers.
+    pub published: u64,
+    /// Rows that the board made and that are counted as lost.
+    pub lost: u64,
+    /// Rows that the board made when an interruption began, of which no later frame told the host.
+    /// They are part of the time between two runs, which is filled.
+    pub interrupted: u64,
+    /// Fillers that were published.
+    pub fillers: u64,
+    /// Errors: rows that the board did not make, rows out of order or published twice, fillers that
+    /// stand for nothing, and stamps that go back.
+    pub wrong: u64,
+}
+
+impl TopicCounts {
+    /// Returns the part of the rows that are fillers.
+    pub(super) fn share_of_fillers(&self) -> f64 {
+        count(self.fillers) / count((self.fillers + self.published).max(1))
+    }
+}
+
+/// What was published on a topic, compared with what the board made.
 #[derive(Debug)]
 pub(super) struct Topic {
     pub(super) name: &'static str,
@@ -23,17 +55,14 @@ pub(super) struct Topic {
     newest: Option<Row>,
     /// Number of fillers since that row.
     fillers_since: u64,
-    /// Numbers of rows published, of fillers, and of errors: rows that the board did not make, that
-    /// are published twice or out of order, or whose number of fillers is wrong; stamps that go
-    /// back.
-    pub(super) published: u64,
-    pub(super) fillers: u64,
-    pub(super) wrong: u64,
+    published: u64,
+    fillers: u64,
+    wrong: u64,
     /// Sum of the errors of all interruptions, rows: published minus those of the time that passed.
     gap_error: f64,
     pub(super) worst_gap_us: f64,
     /// What was wrong first.
-    pub(super) first_wrong: Option<String>,
+    first_wrong: Option<String>,
 }
 
 impl Topic {
@@ -113,8 +142,7 @@ impl Topic {
                     ));
                 }
             } else {
-                #[expect(clippy::cast_precision_loss, reason = "far below 2^52 rows")]
-                let rows = (fillers + 1) as f64;
+                let rows = count(fillers + 1);
                 self.gap_error += rows - (place.scalp_us - newest.scalp_us) / self.period_us;
                 let error_us = self.gap_error.abs() * self.period_us;
                 self.worst_gap_us = self.worst_gap_us.max(error_us);
@@ -129,16 +157,29 @@ impl Topic {
         self.first_wrong.get_or_insert(what);
     }
 
-    pub(super) fn made(&self) -> u64 {
-        self.made.iter().sum()
+    pub(super) fn counts(&self) -> TopicCounts {
+        TopicCounts {
+            rows: self.name,
+            made: self.made.iter().sum(),
+            published: self.published,
+            lost: self
+                .known
+                .iter()
+                .sum::<u64>()
+                .saturating_sub(self.published),
+            interrupted: self.unknown()[0],
+            fillers: self.fillers,
+            wrong: self.wrong,
+        }
     }
 
-    /// Returns the number of rows that the host knows to be lost.
-    pub(super) fn lost(&self) -> u64 {
-        self.known
-            .iter()
-            .sum::<u64>()
-            .saturating_sub(self.published)
+    /// Returns a sentence about the errors; `None` if there are none.
+    pub(super) fn failure(&self) -> Option<String> {
+        let (first, wrong, name) = (self.first_wrong.as_ref()?, self.wrong, self.name);
+        let remedy = "look at host/bridge-core/src/streams";
+        Some(format!(
+            "{wrong} errors in {name}; the first: {first}; {remedy}"
+        ))
     }
 
     /// Returns the number of rows at the ends of runs that the host cannot know of: those of
@@ -156,6 +197,16 @@ impl Topic {
 
 impl TopicKind {
     pub(super) const ALL: [Self; 4] = [Self::Encoded, Self::Packed, Self::Raw, Self::Filtered];
+
+    /// Returns whether `streams` has rows of this topic.
+    pub(super) fn is_in(self, streams: Streams) -> bool {
+        match self {
+            Self::Encoded => bridge_core::with_codes(streams).contains(Streams::CODES),
+            Self::Packed => streams.contains(Streams::PACKED),
+            Self::Raw => bridge_core::RawForm::any_in(streams),
+            Self::Filtered => streams.contains(Streams::FILTERED),
+        }
+    }
 
     /// Returns the topic, as `/diagnostics` and the documentation name what is on it.
     pub(super) fn topic(self) -> Topic {
