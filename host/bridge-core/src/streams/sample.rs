@@ -48,6 +48,8 @@ pub(crate) struct SampleStream {
     /// Index, within the topic, of the present run's first sample; `None` from a restart of the
     /// device until its next message.
     run_start: Option<u64>,
+    /// Device time of the present run's first sample, microseconds.
+    run_us: i128,
     continuity: Continuity,
     /// Newest stretch of missing samples, until it is reported as an event.
     missing: Option<MissingStretch>,
@@ -103,6 +105,7 @@ impl SampleStream {
             first_host_us: None,
             next: 0,
             run_start: Some(0),
+            run_us: 0,
             continuity: Continuity::default(),
             missing: None,
             counts: SampleCounts::default(),
@@ -208,9 +211,12 @@ impl SampleStream {
         let host_us = reception.clock.host_us(us.into());
         #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
         let host_us = host_us.unwrap_or(reception.read.monotonic_us as f64);
-        let start = match self.run_start {
-            Some(start) => start,
-            None => self.begin_run(host_us, end - 1),
+        let start = if let Some(start) = self.run_start {
+            start
+        } else {
+            let since_us = i128::from(end - 1) * 1_000_000 / i128::from(self.frame.sr.max(1));
+            self.run_us = i128::from(us) - since_us;
+            self.begin_run(host_us, end - 1)
         };
         let Some(next) = start.checked_add(end) else {
             return self.reject("their index is impossible");
@@ -234,7 +240,8 @@ impl SampleStream {
         }
         self.counts.received += count;
         self.timeline = Some(timeline);
-        self.continuity.record(host_us);
+        let run_us = reception.clock.host_us(self.run_us);
+        self.continuity.record(host_us, run_us);
     }
 
     /// Begins the device's next run and returns the index of its first sample within the topic. The
