@@ -35,6 +35,9 @@ pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
     statics.codes(model);
     statics.network(model);
     statics.packed(model);
+    statics.line(
+        "\n/// The artifact has no table of substitutions.\npub const SUBSTITUTION: Option<Substitution<'static>> = None;",
+    );
     [
         ("constants.rs", constants(model)),
         ("statics.rs", statics.text),
