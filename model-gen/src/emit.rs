@@ -4,6 +4,7 @@ mod chain;
 mod encoder;
 mod packed;
 mod source;
+mod substitution;
 
 use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Description, Padding};
 
@@ -35,9 +36,7 @@ pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
     statics.codes(model);
     statics.network(model);
     statics.packed(model);
-    statics.line(
-        "\n/// The artifact has no table of substitutions.\npub const SUBSTITUTION: Option<Substitution<'static>> = None;",
-    );
+    statics.substitution(model);
     [
         ("constants.rs", constants(model)),
         ("statics.rs", statics.text),
