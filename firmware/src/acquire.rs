@@ -44,7 +44,7 @@ pub async fn acquire(
                 publish_status(&converter, shared);
             }
             // The conversation task executes these orders itself.
-            Some(Order::Reset(_) | Order::SetRate(_)) | None => {}
+            Some(Order::Reset(_) | Order::SetRate(_) | Order::SetExclusion(_)) | None => {}
         }
         samples_until_status -= 1;
         if samples_until_status == 0 {
@@ -131,6 +131,7 @@ impl Running {
             overrun: conversion.missed > 0,
             adc_status_bad: conversion.status_bad,
             lead_off: conversion.lead_off,
+            ..Marks::NONE
         };
         let (index, step_index) = (self.samples, self.steps);
         self.samples += 1;

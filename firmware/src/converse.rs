@@ -128,6 +128,7 @@ impl Conversation<'_, '_> {
         session.receive(bytes, now_us(), counts, frames, |order| match order {
             Order::Reset(into) => restart = Some(into),
             Order::SetRate(rate) => self.shared.set_rate(rate),
+            Order::SetExclusion(policy) => self.shared.exclusion.signal(policy),
             order => self.shared.send_order(order),
         });
         restart

@@ -4,6 +4,7 @@ use core::sync::atomic::Ordering::Relaxed;
 
 use device::{Encoders, Output, Payload, Producer};
 use link::Stage;
+use model::SUBSTITUTION;
 
 use crate::{
     queues::{OutputSender, SampleReceiver},
@@ -31,6 +32,11 @@ pub async fn encode(
             }
         };
         producer.set_rate(shared.rate());
+        if SUBSTITUTION.is_some()
+            && let Some(policy) = shared.exclusion.try_take()
+        {
+            producer.set_exclusion(policy);
+        }
         // Events up to the time of a sample are queued before the outputs of this sample. The first
         // sample of a run is the exception: it is processed before its events, because its
         // processing starts the run.

@@ -7,7 +7,7 @@ use embassy_sync::{
     blocking_mutex::raw::CriticalSectionRawMutex,
     zerocopy_channel::{Channel, Receiver, Sender},
 };
-use link::Event;
+use link::{Event, Exclusion};
 use pipeline::{Code, PackedCode, Quality};
 
 /// Mutex that guards everything that tasks of different priorities share. Locking it disables
@@ -47,6 +47,7 @@ enum Content {
     Code(Code, Marks),
     PackedCode(PackedCode, Marks),
     Event(Event),
+    Exclusion(Exclusion),
 }
 
 /// Slot of the bulk queue: the content of a large output.
@@ -136,6 +137,7 @@ impl OutputSender {
             Payload::Code(code, marks) => Content::Code(*code, marks),
             Payload::PackedCode(code, marks) => Content::PackedCode(*code, marks),
             Payload::Event(event) => Content::Event(event),
+            Payload::Exclusion(exclusion) => Content::Exclusion(exclusion),
             payload => {
                 // Queue the bulk content first, because the receiver of the slot needs it.
                 let Some(bulk) = self.bulk.try_send() else {
@@ -147,7 +149,10 @@ impl OutputSender {
                     Payload::Filtered(steps) => *bulk = BulkSlot::Filtered(*steps),
                     Payload::Audit(window) => *bulk = BulkSlot::Audit(*window),
                     Payload::Quality(quality) => *bulk = BulkSlot::Quality(*quality),
-                    Payload::Code(..) | Payload::PackedCode(..) | Payload::Event(_) => {}
+                    Payload::Code(..)
+                    | Payload::PackedCode(..)
+                    | Payload::Event(_)
+                    | Payload::Exclusion(_) => {}
                 }
                 self.bulk.send_done();
                 Content::Bulk
@@ -175,6 +180,7 @@ impl OutputReceiver {
             Content::Code(code, marks) => Payload::Code(code, *marks),
             Content::PackedCode(code, marks) => Payload::PackedCode(code, *marks),
             Content::Event(event) => Payload::Event(*event),
+            Content::Exclusion(exclusion) => Payload::Exclusion(*exclusion),
         };
         let output = Output {
             run: slot.run,

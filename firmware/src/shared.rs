@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicU8, AtomicU32, Ordering::Relaxed};
 
 use device::{Counts, Order};
 use embassy_sync::signal::Signal;
-use link::{Converters, SelfTest};
+use link::{Converters, ExclusionPolicy, SelfTest};
 use pipeline::{PackedEncoder, Rate};
 
 use crate::{
@@ -31,6 +31,8 @@ pub struct Shared {
     pub(crate) outputs_lost: AtomicU32,
     /// Index of the packed code's rate: the default rate, or the one that the host has set.
     rate: AtomicU8,
+    /// What the host has decided about the exclusion of electrodes, for the encoder.
+    pub(crate) exclusion: Signal<RawMutex, ExclusionPolicy>,
     /// Captured events at the board's inputs, for the encoder.
     pub inputs: Inputs,
     /// Latest status of the converters, set by the acquisition.
@@ -53,6 +55,7 @@ impl Shared {
             clipped: AtomicU32::new(0),
             outputs_lost: AtomicU32::new(0),
             rate: AtomicU8::new(DEFAULT_RATE.index()),
+            exclusion: Signal::new(),
             inputs: Inputs::new(),
             converter_status: Signal::new(),
             self_test_result: Signal::new(),

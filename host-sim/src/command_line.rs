@@ -31,6 +31,8 @@ pub(crate) enum Command {
         /// EDF, BDF or GDF file.
         file: PathBuf,
     },
+    /// Rehearse sessions with faults, in virtual time: board, faulty line and the bridge's core.
+    Scenario(ScenarioOptions),
 }
 
 /// Source of the EEG, parsed from `--input`.
@@ -78,6 +80,9 @@ pub(crate) struct RunOptions {
     /// Process samples as fast as the host reads the frames (default for file and ndjson).
     #[arg(long)]
     pub(crate) fast: bool,
+    /// Error of the board's clock in real time, ppm; positive: the clock is fast.
+    #[arg(long, value_name = "PPM", value_parser = parse_ppm, default_value_t = 0.0, allow_negative_numbers = true, conflicts_with = "fast")]
+    pub(crate) clock_ppm: f64,
     /// Mains frequency of the notch until a host selects another one, Hz.
     #[arg(long, value_parser = mains(), default_value = "50")]
     pub(crate) mains: Mains,
@@ -131,6 +136,25 @@ pub(crate) struct EncodeOptions {
     pub(crate) packed_rate: Option<u8>,
     #[command(flatten)]
     pub(crate) batch: BatchOptions,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ScenarioOptions {
+    /// Scenarios: TOML files, see docs/scenarios.md.
+    #[arg(required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Write the verdicts to this file, as JUnit XML.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) junit: Option<PathBuf>,
+    /// Print a line of JSON with all figures for each scenario, instead of its verdict.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Replace the file of --junit if it exists.
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print no progress bar.
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
 }
 
 /// Default of `encode --stream`: codes if the built-in model has a network, else packed blocks.
@@ -243,6 +267,13 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if f64::is_finite(seconds) && seconds > 0.0 => Ok(seconds),
         _ => Err("write a positive number of seconds, such as 15 or 0.5".to_owned()),
+    }
+}
+
+fn parse_ppm(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(ppm) if (-1e5..=1e5).contains(&ppm) => Ok(ppm),
+        _ => Err("write a number of ppm from -100000 to 100000, such as -40 or 10000".to_owned()),
     }
 }
 

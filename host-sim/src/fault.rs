@@ -120,6 +120,21 @@ impl FromStr for Fault {
     }
 }
 
+#[cfg(feature = "program")]
+impl Fault {
+    /// Returns the time at which the fault begins, seconds of signal since power-on.
+    pub(crate) fn start_s(&self) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "far below 2^52 samples")]
+        let samples = self.from as f64;
+        samples / f64::from(model::ADC_RATE_HZ)
+    }
+
+    /// Returns whether the fault changes the number of samples that the driver reads in a period.
+    pub(crate) fn doubles_rate(&self) -> bool {
+        self.changes.0 == Change::Inject(0, simulation::Fault::DoubleRate)
+    }
+}
+
 /// Returns the change of the chain that causes the fault `name` at `place`, and the change that
 /// repairs it.
 fn changes(name: &str, place: &str) -> Result<(Change, Change), FaultError> {

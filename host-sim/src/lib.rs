@@ -46,6 +46,8 @@ pub use trigger::{Trigger, TriggerError};
 pub use virtual_board::{Identity, VirtualBoard};
 
 #[cfg(feature = "program")]
+pub mod scenario;
+#[cfg(feature = "program")]
 mod session;
 #[cfg(feature = "program")]
 pub mod synthetic;

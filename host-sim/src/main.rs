@@ -7,6 +7,7 @@ mod command_line;
 mod decode;
 mod encode;
 mod inspect;
+mod rehearse;
 mod run;
 
 use std::{error::Error, process::ExitCode};
@@ -18,6 +19,7 @@ use offline::OfflineError;
 
 use batch::BatchError;
 use command_line::{Command, CommandLine};
+use rehearse::Failed;
 
 /// Exit status of every failure before a run starts: the input or the options cannot be used.
 const UNUSABLE: u8 = 2;
@@ -28,6 +30,7 @@ fn main() -> ExitCode {
         Command::Encode(options) => encode::encode(&options),
         Command::Decode(options) => decode::decode(&options),
         Command::Inspect { file } => inspect::inspect(&file),
+        Command::Scenario(options) => rehearse::rehearse_all(&options),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -37,6 +40,7 @@ fn main() -> ExitCode {
                 error.downcast_ref().map(SessionError::exit_status),
                 error.downcast_ref().map(OfflineError::exit_status),
                 error.downcast_ref().map(BatchError::exit_status),
+                error.downcast_ref().map(|_: &Failed| 1),
                 // Standard output cannot be written any further.
                 error.downcast_ref().map(|_: &NewFileError| 1),
             ];

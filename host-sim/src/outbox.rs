@@ -103,7 +103,8 @@ impl Outbox {
         self.push_at(frame, Instant::now());
     }
 
-    fn push_at(&self, frame: &[u8], now: Instant) {
+    /// Appends a frame as [`Outbox::push`] does, at the time `now`.
+    pub(crate) fn push_at(&self, frame: &[u8], now: Instant) {
         let mut queue = self.lock();
         if queue.closed {
             queue.drop_frames(1);
@@ -127,6 +128,12 @@ impl Outbox {
         queue.writing = frame.is_some();
         changed.notify_all();
         frame
+    }
+
+    /// Removes and returns the oldest frame, without waiting; `None` if there is none.
+    #[cfg(feature = "program")]
+    pub(crate) fn try_pop(&self) -> Option<Vec<u8>> {
+        self.lock().frames.pop_front().map(|(_, frame)| frame)
     }
 
     /// Removes and returns all queued frames, without waiting, for a caller that reads the board's

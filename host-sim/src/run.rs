@@ -126,6 +126,7 @@ fn session(
         },
         streams: streams(&options.streams),
         pace,
+        clock_ppm: options.clock_ppm,
         mains: options.mains,
         identity: Identity {
             session_id: options.session_id.unwrap_or_else(default_id),

@@ -52,6 +52,8 @@ pub struct Session {
     pub streams: Streams,
     /// Real time or virtual time; decides whether a slow host loses frames or delays the board.
     pub pace: Pace,
+    /// Error of the board's clock in real time, parts per million; positive: the clock is fast.
+    pub clock_ppm: f64,
     /// Mains frequency that the notch filter removes until a host selects another one.
     pub mains: Mains,
     /// Session id and chip id that the board reports in `Hello`.
@@ -167,7 +169,7 @@ impl Session {
             VirtualBoard::with_faults(self.identity, self.mains, faults, outbox.clone())
                 .with_trigger(self.trigger);
         let mut recorded_edges = self.recorded_edges.clone();
-        let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
+        let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into(), self.clock_ppm);
         if self.output.file().is_some() {
             // An output that is a file has no host that could send a `Start`; start here.
             let start = Start {
@@ -336,7 +338,7 @@ impl Source {
 
 /// Returns a sample with the channels of the model. A source has as many channels as the longest
 /// chain of converters; those beyond the model's channels carry no electrode.
-fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
+pub(crate) fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),
     }

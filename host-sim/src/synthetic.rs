@@ -49,7 +49,7 @@ use self::alpha::Alpha;
 use self::background::Background;
 use self::blink::Blinks;
 use self::interference::{Interference, Rails};
-use self::noise::Noise;
+pub(crate) use self::noise::Noise;
 use self::scalp::Scalp;
 
 pub use spec::{SyntheticError, SyntheticSpec};

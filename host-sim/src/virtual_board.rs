@@ -167,6 +167,7 @@ impl VirtualBoard {
             }
             Order::Stop => {}
             Order::SetRate(rate) => self.producer.set_rate(rate),
+            Order::SetExclusion(policy) => self.producer.set_exclusion(policy),
             Order::SelfTest => {
                 let report = self.converters.run_self_test();
                 let result = device::self_test_message(&report);
@@ -174,15 +175,16 @@ impl VirtualBoard {
                     .send_self_test(result, now_us, &mut self.sender);
                 self.update_converters(now_us);
             }
-            Order::Reset(_) => self.restart(now_us),
+            Order::Reset(_) => self.restart(ResetCause::Software, now_us),
         }
     }
 
-    /// Restarts the board as a reset does. Frames in the outbox are still sent.
-    fn restart(&mut self, now_us: u64) {
+    /// Restarts the board, for the reason `cause`, as a reset does; the converters keep their state.
+    /// Frames in the outbox are still sent.
+    pub fn restart(&mut self, cause: ResetCause, now_us: u64) {
         let outbox = self.sender.queue().clone();
         self.identity.session_id = self.identity.session_id.wrapping_add(1);
-        self.session = session(&self.identity, ResetCause::Software, self.mains);
+        self.session = session(&self.identity, cause, self.mains);
         self.sender = Sender::new(outbox);
         self.acquisition = Acquisition::new(self.mains);
         *self.producer = Producer::new(BothEncoders::EMPTY);
@@ -232,6 +234,7 @@ impl VirtualBoard {
             adc_status_bad: !reading.is_sound(),
             lead_off: reading.lead_off(),
             overrun: reading.missed > 0,
+            ..Marks::NONE
         };
         self.samples += 1;
         self.overruns = self.overruns.wrapping_add(reading.missed);

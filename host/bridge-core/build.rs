@@ -30,23 +30,10 @@ fn main() -> ExitCode {
     }
     println!("cargo::rerun-if-changed={}", artifact.display());
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    let empty = out.join("empty");
-    if let Err(error) = std::fs::write(&empty, []) {
-        println!("cargo::error={}: {error}", empty.display());
+    let embedded = out.join("embedded_model.rs");
+    if let Err(error) = std::fs::write(&embedded, artifact::embedding(&artifact)) {
+        println!("cargo::error={}: {error}", embedded.display());
         return ExitCode::FAILURE;
     }
-    // Not every model has these files. In place of a missing file the program embeds an empty one.
-    for (variable, name) in [
-        ("EMBEDDED_WEIGHTS", "weights.safetensors"),
-        ("EMBEDDED_PACKED_TOML", "packed.toml"),
-        ("EMBEDDED_PACKED_TENSORS", "packed.safetensors"),
-    ] {
-        let file = artifact.join(name);
-        let file = if file.exists() { &file } else { &empty };
-        println!("cargo::rustc-env={variable}={}", file.display());
-    }
-    // The source code includes the model's files from the folder in this variable, so cargo
-    // compiles again when one of them changes.
-    println!("cargo::rustc-env=EMBEDDED_MODEL={}", artifact.display());
     ExitCode::SUCCESS
 }

@@ -1,6 +1,6 @@
 //! The integers of a model for the device: what the generated source of the crate `model` contains.
 
-use artifact::{Artifact, Decimation, Description, Filters, List, ModelId};
+use artifact::{Artifact, Decimation, Description, Filters, List, ModelId, SubstitutionTable};
 use fixed_dsp::Section;
 
 use crate::{
@@ -68,6 +68,8 @@ pub struct DeviceModel {
     pub integers: IntegerModel,
     /// The packed model; `None` if the artifact has none.
     pub packed: Option<PackedIntegers>,
+    /// The table of substitutions; `None` if the artifact has none.
+    pub substitution: Option<SubstitutionTable>,
 }
 
 impl DeviceModel {
@@ -105,6 +107,7 @@ impl DeviceModel {
                 .as_ref()
                 .map(|packed| PackedIntegers::new(packed, &artifact.description))
                 .transpose()?,
+            substitution: artifact.substitution.clone(),
         })
     }
 

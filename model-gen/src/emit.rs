@@ -4,6 +4,7 @@ mod chain;
 mod encoder;
 mod packed;
 mod source;
+mod substitution;
 
 use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Description, Padding};
 
@@ -35,6 +36,7 @@ pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
     statics.codes(model);
     statics.network(model);
     statics.packed(model);
+    statics.substitution(model);
     [
         ("constants.rs", constants(model)),
         ("statics.rs", statics.text),

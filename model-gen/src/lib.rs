@@ -56,15 +56,19 @@ pub use packed::PackedIntegers;
 pub use quantise::quantise;
 pub use resampler::ResamplerTable;
 
-/// Reads the artifact in `artifact_dir`, and writes the [`rust_files`] and `manifest.txt` to
-/// `out_dir`.
+/// Reads the artifact in `artifact_dir`, and writes the [`rust_files`], `manifest.txt`, and
+/// `artifact_files.rs`, which embeds the artifact's files in a program, to `out_dir`.
 ///
 /// # Errors
 /// If the artifact cannot be read or turned into integers, or a file cannot be written.
 pub fn generate(artifact_dir: &Path, out_dir: &Path) -> Result<(), ModelGenError> {
     let model = DeviceModel::new(&artifact::Artifact::read(artifact_dir)?)?;
     let files = rust_files(&model).into_iter();
-    for (name, text) in files.chain([("manifest.txt", manifest(&model))]) {
+    let others = [
+        ("manifest.txt", manifest(&model)),
+        ("artifact_files.rs", artifact::embedding(artifact_dir)),
+    ];
+    for (name, text) in files.chain(others) {
         let path = out_dir.join(name);
         std::fs::write(&path, text).map_err(|source| ModelGenError::Write { path, source })?;
     }

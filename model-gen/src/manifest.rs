@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Geometry};
+use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Geometry, SubstitutionTable};
 
 use int8_nn::Pair;
 
@@ -11,6 +11,7 @@ use crate::{
     headroom::{GAIN_LIMIT, GUARD_BITS},
     integer_model::IntegerModel,
     memory::{self, Part},
+    pack,
     packed::PackedIntegers,
 };
 
@@ -57,8 +58,11 @@ window's middle       {} us before its last step",
     if description.mode.has_network() {
         network(out, model)?;
     }
-    match &model.packed {
-        Some(packed) => packed_model(out, packed),
+    if let Some(packed) = &model.packed {
+        packed_model(out, packed)?;
+    }
+    match &model.substitution {
+        Some(table) => substitution(out, table),
         None => Ok(()),
     }
 }
@@ -103,6 +107,21 @@ packed code           {} coefficients of {} values, rate {}
         description.input_limit,
         packed.input_multiplier,
         size_of::<Pair>() * (pairs + packed.prediction().len()),
+    )
+}
+
+/// Writes the shape, the flash and the range of innovations of the table of substitutions.
+fn substitution(out: &mut String, table: &SubstitutionTable) -> std::fmt::Result {
+    let electrodes = table.innovation.len();
+    let rms_uv = |value: Option<&i32>| value.map_or(0.0, |&value| f64::from(value).sqrt() / 16.0);
+    writeln!(
+        out,
+        "
+substitution          {electrodes} electrodes, each from the others, {} B
+  innovation          {:.2} .. {:.2} uV rms",
+        size_of::<Pair>() * pack::substitution(table).len() + size_of_val(&*table.innovation),
+        rms_uv(table.innovation.iter().min()),
+        rms_uv(table.innovation.iter().max()),
     )
 }
 

@@ -1,6 +1,6 @@
 //! Reorders weights from PyTorch's layout into the packed layout that the kernels read.
 
-use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
+use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL, SubstitutionTable};
 use int8_nn::{Direct, InputConv, Linear, Pair, Winograd};
 
 use crate::integer_model::{IntegerLayer, IntegerModel};
@@ -150,6 +150,19 @@ pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     // Zeros fill up the inputs of each time step to a multiple of eight pairs.
     let pairs = electrodes.div_ceil(2).next_multiple_of(8);
     matrices(&weights, numbers, steps, pairs)
+}
+
+/// Packs a table of substitutions as a matrix from electrodes to predictions. Zeros fill up the
+/// inputs to a multiple of eight pairs and the outputs to a multiple of four.
+pub fn substitution(table: &SubstitutionTable) -> Vec<Pair> {
+    let electrodes = table.innovation.len();
+    let outputs = electrodes.next_multiple_of(4);
+    let mut weights = vec![0; electrodes * outputs];
+    for (index, &weight) in table.weights.iter().enumerate() {
+        weights[index % electrodes * outputs + index / electrodes] = weight;
+    }
+    let pairs = electrodes.div_ceil(2).next_multiple_of(8);
+    matrices(&weights, outputs, 1, pairs).concat()
 }
 
 /// Splits weights `[input][output]` into equal parts by inputs, and packs each part for `pairs`

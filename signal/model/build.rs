@@ -26,12 +26,7 @@ fn main() -> ExitCode {
         return ExitCode::FAILURE;
     }
     println!("cargo::rerun-if-changed={}", artifact.display());
-    println!("cargo::rustc-env=ARTIFACT_FOLDER={}", artifact.display());
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    if let Err(error) = name_optional_files(&artifact, &out) {
-        println!("cargo::error={}: {error}", out.display());
-        return ExitCode::FAILURE;
-    }
     match model_gen::generate(&artifact, &out) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -43,23 +38,6 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
-}
-
-/// Sets a compile-time variable for each file that the folder of a trained model can lack: the path
-/// of the file, or of an empty file in place of a missing one.
-fn name_optional_files(artifact: &Path, out: &Path) -> std::io::Result<()> {
-    let empty = out.join("empty");
-    std::fs::write(&empty, [])?;
-    for (variable, name) in [
-        ("WEIGHTS", "weights.safetensors"),
-        ("PACKED_TOML", "packed.toml"),
-        ("PACKED_TENSORS", "packed.safetensors"),
-    ] {
-        let file = artifact.join(name);
-        let file = if file.exists() { &file } else { &empty };
-        println!("cargo::rustc-env={variable}={}", file.display());
-    }
-    Ok(())
 }
 
 /// Formats an error and its causes in one line.

@@ -172,12 +172,17 @@ fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
 /// Fills in how many electrodes every training recording has, and which electrodes at least one
 /// recording lacks, so that they were interpolated there.
 pub(crate) fn fill_electrodes(card: &mut TrainingCard, electrodes: &[String], tracks: &[Track]) {
-    let is_interpolated = |label: &&String| tracks.iter().any(|t| t.interpolated.contains(label));
-    card.interpolated = electrodes.iter().filter(is_interpolated).cloned().collect();
+    card.interpolated = interpolated(electrodes, tracks);
     card.interpolated_electrodes = card.interpolated.len();
     card.real_electrodes = electrodes.len() - card.interpolated_electrodes;
     let signals = tracks.iter().map(|track| track.signals).min().unwrap_or(0);
     card.note = note(electrodes.len(), card.interpolated_electrodes, signals);
+}
+
+/// Returns the labels of the electrodes that at least one recording lacks.
+pub(crate) fn interpolated(electrodes: &[String], tracks: &[Track]) -> Vec<String> {
+    let is_interpolated = |label: &&String| tracks.iter().any(|t| t.interpolated.contains(label));
+    electrodes.iter().filter(is_interpolated).cloned().collect()
 }
 
 /// Returns the training card's text about the parts of the recordings that are not trained on:

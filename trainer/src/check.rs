@@ -4,6 +4,7 @@ use crate::comparison::{self, Comparison};
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
 use crate::selection::TestFiles;
+use crate::substitution::{largest_radius, radius_text};
 use artifact::{Artifact, Golden};
 use model_gen::{DeviceModel, IntegerModel};
 use serde_json::{Value as Json, json};
@@ -32,6 +33,9 @@ pub(crate) struct Checked {
     pub(crate) real_electrodes: usize,
     /// Result for the golden codes; `None` if the model has no network.
     pub(crate) codes: Option<CheckedCodes>,
+    /// Largest spectral radius of the substitution of bad electrodes; `None` if the model has no
+    /// table for it.
+    pub(crate) substitution_radius: Option<f64>,
     pub(crate) comparison: Option<Comparison>,
 }
 
@@ -46,11 +50,13 @@ pub(crate) struct CheckedCodes {
 }
 
 /// Checks a model: reads it, turns it into integers, which proves that no sum overflows, compares
-/// its golden codes, and measures its error on recordings if the options name any.
+/// its golden codes, checks that the substitution of bad electrodes converges, and measures its
+/// error on recordings if the options name any.
 ///
 /// # Errors
-/// If a file cannot be read, the model cannot be turned into integers, or a recording cannot be
-/// used. Golden codes that differ are no error: [`CheckedCodes::wrong`] lists their windows.
+/// If a file cannot be read, the model cannot be turned into integers, the substitution does not
+/// converge, or a recording cannot be used. Golden codes that differ are no error:
+/// [`CheckedCodes::wrong`] lists their windows.
 pub(crate) fn check(
     options: &CheckOptions,
     observer: &mut impl ProgressObserver,
@@ -61,6 +67,10 @@ pub(crate) fn check(
     let golden = has_network.then(|| Golden::read(folder));
     let golden = golden.transpose().map_err(TrainerError::no_model(folder))?;
     let integers = DeviceModel::new(&model)?.integers;
+    let table = model.substitution.as_ref();
+    let radius = table
+        .map(|table| largest_radius(table, &model.description))
+        .transpose()?;
     let files = &options.files;
     let comparison = if files.data.is_none() && files.test.is_empty() {
         None
@@ -79,6 +89,7 @@ pub(crate) fn check(
         model: model.id.to_string(),
         real_electrodes: model.description.training.real_electrodes,
         codes,
+        substitution_radius: radius,
         comparison,
     })
 }
@@ -113,6 +124,9 @@ impl Checked {
             "model": self.model,
             "real_electrodes": self.real_electrodes,
         });
+        if let Some(radius) = self.substitution_radius {
+            object["substitution_radius"] = json!(radius);
+        }
         let codes = self.codes.as_ref().map(|codes| {
             json!({
                 "bits_per_window": codes.bits_per_window,
@@ -140,6 +154,9 @@ impl fmt::Display for Checked {
         match &self.codes {
             Some(codes) => write!(f, "{codes}")?,
             None => writeln!(f, "the model has no network, so it has no golden codes")?,
+        }
+        if let Some(radius) = self.substitution_radius {
+            writeln!(f, "{}", radius_text(radius))?;
         }
         match &self.comparison {
             Some(comparison) => write!(f, "{comparison}"),

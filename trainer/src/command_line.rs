@@ -15,6 +15,7 @@ use crate::report;
 use crate::selection::TestFiles;
 use crate::session::{self, TrainOptions};
 use crate::show::Shown;
+use crate::substitution::{self, SubstitutionOptions};
 use artifact::MontageFile;
 use clap::{Args, Parser, Subcommand};
 use rustix::time::{ClockId, clock_gettime};
@@ -47,6 +48,8 @@ enum Verb {
     Merge(MergeArgs),
     /// Train a packed model: as few bits as the requested error allows.
     Packed(Box<PackedOptions>),
+    /// Train the table from which a device finds and substitutes bad electrodes.
+    Substitution(SubstitutionOptions),
     /// Make a model from the tensors of a network that was trained elsewhere, for example in
     /// PyTorch.
     Import(Import),
@@ -152,6 +155,7 @@ pub fn run() -> ExitCode {
         Verb::Crossval(args) => (cross_validate(&args), 1),
         Verb::Merge(args) => (merge(&args), 1),
         Verb::Packed(options) => (train_packed(&options), 1),
+        Verb::Substitution(options) => (train_substitution(&options), 1),
         Verb::Import(import) => (run_import(&import), USAGE),
         Verb::Show(args) => (show(&args), USAGE),
         Verb::Diff(args) => (diff(&args), USAGE),
@@ -260,6 +264,12 @@ fn train_packed(options: &PackedOptions) -> Result<ExitCode, TrainerError> {
         RateTable(&trained.figures),
         RateTable(&trained.without_prediction)
     ))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Trains a table of substitutions, and prints its errors and how its sweeps converge.
+fn train_substitution(options: &SubstitutionOptions) -> Result<ExitCode, TrainerError> {
+    new_file::print(substitution::train(options, &mut Terminal::new())?)?;
     Ok(ExitCode::SUCCESS)
 }
 

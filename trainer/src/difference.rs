@@ -1,7 +1,7 @@
 //! Compares two models and lists their differences.
 
 use crate::error::TrainerError;
-use artifact::{Artifact, ArtifactError, Golden, PackedModel, Tensors};
+use artifact::{Artifact, ArtifactError, Golden, Tensors};
 use serde::Serialize;
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,6 +20,8 @@ pub(crate) struct Difference {
     pub(crate) tensors: Vec<TensorDifference>,
     /// Whether the integers of the packed models differ; `None` if neither model has one.
     pub(crate) packed_differ: Option<bool>,
+    /// Whether the integers of the tables of substitutions differ; `None` if neither model has one.
+    pub(crate) substitution_differ: Option<bool>,
     /// Whether the golden windows or codes differ; `None` if neither folder has any.
     pub(crate) golden_differ: Option<bool>,
 }
@@ -86,10 +88,16 @@ impl Difference {
             models: [one.id.to_string(), other.id.to_string()],
             fields: compare_fields(&fields(one), &fields(other)),
             tensors,
-            packed_differ: match (&one.packed, &other.packed) {
-                (None, None) => None,
-                (one, other) => Some(!have_same_integers(one.as_ref(), other.as_ref())),
-            },
+            packed_differ: differ([one, other].map(|model| {
+                let packed = model.packed.as_ref()?;
+                let levels = [&packed.predicted_levels, &packed.reset_levels];
+                let matrices = [&packed.analysis, &packed.prediction];
+                Some((matrices, levels, &packed.starts, &packed.smoother))
+            })),
+            substitution_differ: differ([one, other].map(|model| {
+                let table = model.substitution.as_ref()?;
+                Some((&table.weights, &table.innovation))
+            })),
             golden_differ: golden,
         }
     }
@@ -99,6 +107,7 @@ impl Difference {
         self.fields.is_empty()
             && self.tensors.is_empty()
             && self.packed_differ != Some(true)
+            && self.substitution_differ != Some(true)
             && self.golden_differ != Some(true)
     }
 
@@ -110,14 +119,9 @@ impl Difference {
     }
 }
 
-/// Returns whether two packed models have the same matrices and tables.
-fn have_same_integers(one: Option<&PackedModel>, other: Option<&PackedModel>) -> bool {
-    let (Some(one), Some(other)) = (one, other) else {
-        return false;
-    };
-    let mut same = one.clone();
-    same.description.clone_from(&other.description);
-    same == *other
+/// Returns whether a part differs between two models; `None` if neither has it.
+fn differ<T: PartialEq>([one, other]: [Option<T>; 2]) -> Option<bool> {
+    (one.is_some() || other.is_some()).then(|| one != other)
 }
 
 /// Reads the golden codes in a folder; `None` if it has no such file.
@@ -140,8 +144,13 @@ fn fields(artifact: &Artifact) -> BTreeMap<String, String> {
         }
     }
     let packed = artifact.packed.as_ref();
-    if let Some(Ok(packed)) = packed.map(|packed| serde_json::to_value(&packed.description)) {
-        flatten("packed", &packed, &mut fields);
+    let packed = packed.map(|packed| serde_json::to_value(&packed.description));
+    let substitution = artifact.substitution.as_ref();
+    let substitution = substitution.map(|table| serde_json::to_value(&table.description));
+    for (name, part) in [("packed", packed), ("substitution", substitution)] {
+        if let Some(Ok(part)) = part {
+            flatten(name, &part, &mut fields);
+        }
     }
     fields
 }
@@ -261,6 +270,9 @@ impl fmt::Display for Difference {
         }
         if self.packed_differ == Some(true) {
             writeln!(f, "packed models differ")?;
+        }
+        if self.substitution_differ == Some(true) {
+            writeln!(f, "tables of substitutions differ")?;
         }
         match self.golden_differ {
             Some(true) => writeln!(f, "golden codes differ"),

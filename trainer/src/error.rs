@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 )]
 pub enum TrainerError {
     // Usage errors, which the user can correct on the command line.
-    #[error("{} has a packed model already; --force replaces it", .0.display())]
-    PackedExists(PathBuf),
+    /// A model has the part that the text names.
+    #[error("{} has a {} already; --force replaces it", .0.display(), .1)]
+    PartExists(PathBuf, &'static str),
     /// A block cannot have `count` coefficients. `most` is the largest number that it can have, 0
     /// if it has fewer than 16 values.
     #[error(
@@ -146,6 +147,27 @@ pub enum TrainerError {
         "the training recordings are 0 in all electrodes; check the physical unit in the files"
     )]
     Silent,
+    /// Electrodes of a recording have no signal.
+    #[error(
+        "{name} has no signal at {}: the electrode was not connected, or its unit in the file is wrong; \
+         leave the recording out, or remove these signals from it, so that they are interpolated",
+        labels.join(", ")
+    )]
+    SilentElectrodes { name: String, labels: Vec<String> },
+    #[error(
+        "the training recordings have {seconds} s after the filters have settled, which do not \
+         determine how {electrodes} electrodes depend on each other; train on at least {electrodes} s, \
+         better on some minutes"
+    )]
+    TooFewSeconds { seconds: usize, electrodes: usize },
+    /// The sweeps that substitute these electrodes do not converge.
+    #[error(
+        "the substitution of {} does not converge (spectral radius {radius:.3}, must be below 1): \
+         weights of 8 bits do not represent these electrodes; check whether they are bridged or of \
+         very different size, or train on other recordings",
+        labels.join(" ")
+    )]
+    NoConvergence { labels: Vec<String>, radius: f64 },
     #[error("{} holds no usable model", .0.display())]
     NoModel(PathBuf, #[source] Box<artifact::ArtifactError>),
     #[error(transparent)]
@@ -236,7 +258,7 @@ impl TrainerError {
     pub fn is_usage(&self) -> bool {
         matches!(
             self,
-            Self::PackedExists(_)
+            Self::PartExists(..)
                 | Self::Coefficients { .. }
                 | Self::TargetOutOfReach { .. }
                 | Self::ArtifactExists(_)

@@ -63,6 +63,7 @@ mod report;
 mod selection;
 mod session;
 mod show;
+mod substitution;
 mod track;
 mod training;
 mod truncation;

@@ -27,6 +27,7 @@ use std::path::PathBuf;
 pub(crate) use evaluation::evaluate;
 pub(crate) use evaluation::{RateFigures, RateTable};
 pub(crate) use fit::PackedTrained;
+pub(crate) use transform::second_moment;
 
 /// Number of time steps that `model.toml` states for a window. Only a network reads this number.
 const STEPS: usize = 16;
@@ -113,7 +114,7 @@ pub(crate) fn train(
         (Some(folder), ..) => {
             let artifact = Artifact::read(folder)?;
             if artifact.packed.is_some() && !options.force {
-                return Err(TrainerError::PackedExists(folder.to_owned()));
+                return Err(TrainerError::PartExists(folder.to_owned(), "packed model"));
             }
             let description = artifact.description.clone();
             (folder, Some(artifact), description)

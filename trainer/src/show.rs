@@ -1,6 +1,7 @@
 //! Shows a model as text or JSON.
 
 use crate::error::TrainerError;
+use crate::substitution::figures_text;
 use artifact::{Artifact, Figures, Mode, PackedDescription};
 use model_gen::{DeviceModel, manifest, memory};
 use serde_json::{Value as Json, json};
@@ -27,7 +28,7 @@ impl Shown {
 
     /// Returns the model as a JSON object: the descriptions of the model and of its packed code,
     /// the tensors' shapes, and flash and RAM of each part of the encoder in bytes. `decodable` is
-    /// null without a network, `packed` without a packed code.
+    /// null without a network, `packed` without a packed code, `substitution` without a table.
     pub(crate) fn to_json(&self) -> Json {
         let Self { artifact, device } = self;
         let description = &artifact.description;
@@ -47,6 +48,7 @@ impl Shown {
             "input_scale_uv": device.integers.input_scale_uv,
             "description": description,
             "packed": artifact.packed.as_ref().map(|packed| &packed.description),
+            "substitution": artifact.substitution.as_ref().map(|table| &table.description),
             "weights": tensors(&artifact.weights),
             "calibration": tensors(&artifact.calibration),
             "encoder": parts.collect::<Vec<_>>(),
@@ -94,6 +96,11 @@ impl fmt::Display for Shown {
             description.montage.electrodes.len(),
             made.join(" and "),
         )?;
+        if let Some(table) = &artifact.substitution {
+            let figures = table.description.training.figures.as_ref();
+            let figures = figures.map_or_else(|| "not tested".to_owned(), figures_text);
+            writeln!(f, "bad electrodes are substituted; {figures}")?;
+        }
         writeln!(f)?;
         for row in &description.grid.cells {
             let labels = row.iter().map(|label| format!("{label:>5}"));

@@ -35,7 +35,7 @@ pub enum ArtifactError {
         /// Error from the safetensors library.
         source: safetensors::SafeTensorError,
     },
-    /// A field of `model.toml` or `packed.toml` has an invalid value.
+    /// A field of a TOML file has an invalid value.
     #[error("{file}: {field} is {found}, but must be {expected}")]
     Field {
         /// Name of the file in the artifact's folder.
@@ -47,17 +47,18 @@ pub enum ArtifactError {
         /// Values that the field may have, in words.
         expected: String,
     },
-    /// Only one of `packed.toml` and `packed.safetensors` exists.
+    /// Only one of the two files of a packed model, or of a table of substitutions, exists.
     #[error(
-        "{} is missing, which {} needs; restore it, or delete the other one too and run `trainer packed`",
-        missing.display(),
-        other
+        "{} is missing, which {other} needs; restore it, or delete the other one too and run `trainer {command}`",
+        missing.display()
     )]
-    PackedHalf {
+    Half {
         /// Path of the missing file.
         missing: PathBuf,
         /// Name of the file that exists.
         other: &'static str,
+        /// Command of the trainer that writes both files.
+        command: &'static str,
     },
     /// An electrode label is malformed, occurs twice, or is missing on the grid or in the montage.
     #[error(
@@ -117,6 +118,22 @@ pub enum TensorProblem {
 }
 
 impl ArtifactError {
+    /// Returns the error with the folder before the name of a file that cannot be accessed.
+    pub(crate) fn in_folder(mut self, folder: &Path) -> Self {
+        if let Self::File { path, .. } | Self::Half { missing: path, .. } = &mut self {
+            *path = folder.join(&path);
+        }
+        self
+    }
+
+    /// Returns a function that adds the name of the file to an error of the TOML library.
+    pub(crate) fn toml(file: &'static str) -> impl FnOnce(toml::de::Error) -> Self {
+        move |source| Self::Toml {
+            file,
+            source: Box::new(source),
+        }
+    }
+
     /// Returns a function that adds the path to an error of the operating system.
     pub(crate) fn file(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         |source| Self::File {

@@ -6,12 +6,26 @@ use crate::golden::GOLDEN;
 use crate::model_id::ModelId;
 use crate::packed::{PACKED_DESCRIPTION, PACKED_TENSORS, PackedModel, check_packed};
 use crate::shapes::INPUT_RANGE;
+use crate::substitution::{self, SubstitutionTable};
 use crate::tensors::{CALIBRATION, PCA, Tensors, WEIGHTS};
 use crate::validation;
+use std::io::ErrorKind;
 use std::path::Path;
 
 /// Name of the file that holds the model's description.
 pub(crate) const DESCRIPTION: &str = "model.toml";
+
+/// The two files of a packed model, and the command that writes them.
+const PACKED: Pair = ([PACKED_DESCRIPTION, PACKED_TENSORS], "packed");
+/// The two files of a table of substitutions, and the command that writes them.
+const SUBSTITUTION: Pair = (
+    [substitution::DESCRIPTION, substitution::TENSORS],
+    "substitution",
+);
+
+/// Names of two files, which a model has both or neither of, and the command of the trainer that
+/// writes them.
+type Pair = ([&'static str; 2], &'static str);
 
 /// Factor by which the int8 range of the input and of activations exceeds the range measured in
 /// calibration: clipping costs far more accuracy than a coarser resolution.
@@ -34,6 +48,8 @@ pub struct Artifact {
     /// Model of the packed code for the same montage and hop, if there is one; mode `packed` needs
     /// it.
     pub packed: Option<PackedModel>,
+    /// Table with which a device substitutes bad electrodes, if there is one.
+    pub substitution: Option<SubstitutionTable>,
     /// Hash over the files of all these parts, which identifies the model.
     pub id: ModelId,
 }
@@ -79,16 +95,22 @@ impl Artifact {
         calibration: Tensors,
         packed: Option<PackedModel>,
     ) -> Result<Self, ArtifactError> {
-        let mut artifact = Self {
+        let artifact = Self {
             description,
             weights,
             calibration,
             packed,
+            substitution: None,
             id: ModelId([0; 8]),
         };
-        artifact.check()?;
-        artifact.id = ModelId::from_files(&artifact.to_files()?);
-        Ok(artifact)
+        artifact.identified()
+    }
+
+    /// Checks the parts, and sets the id to that of their files.
+    fn identified(mut self) -> Result<Self, ArtifactError> {
+        self.check()?;
+        self.id = ModelId::from_files(&self.to_files()?);
+        Ok(self)
     }
 
     /// Returns the model with its packed model replaced by `packed`, or removed if `packed` is
@@ -97,64 +119,106 @@ impl Artifact {
     /// # Errors
     /// If the packed model does not fit the montage and the hop, or the model is left without any
     /// code.
-    pub fn with_packed(self, packed: Option<PackedModel>) -> Result<Self, ArtifactError> {
-        Self::from_parts(self.description, self.weights, self.calibration, packed)
+    pub fn with_packed(mut self, packed: Option<PackedModel>) -> Result<Self, ArtifactError> {
+        self.packed = packed;
+        self.identified()
     }
+
+    /// Returns the model with its table of substitutions replaced by `substitution`, or removed if
+    /// this is `None`. Its id is that of the files that [`Artifact::write`] would write.
+    ///
+    /// # Errors
+    /// If the table does not fit the montage, or a number is outside its range.
+    pub fn with_substitution(
+        mut self,
+        substitution: Option<SubstitutionTable>,
+    ) -> Result<Self, ArtifactError> {
+        self.substitution = substitution;
+        self.identified()
+    }
+
+    /// Names of the files that the model id covers, in the order in which it hashes them. No model
+    /// needs all of them.
+    pub const FILES: [&str; 7] = [
+        DESCRIPTION,
+        WEIGHTS,
+        CALIBRATION,
+        PACKED_DESCRIPTION,
+        PACKED_TENSORS,
+        substitution::DESCRIPTION,
+        substitution::TENSORS,
+    ];
 
     /// Reads a model from its folder.
     ///
     /// # Errors
     /// If a file cannot be read or the files are not a valid model.
     pub fn read(folder: &Path) -> Result<Self, ArtifactError> {
-        let read = |name: &str| {
+        let mut files = Vec::new();
+        for name in Self::FILES {
             let path = folder.join(name);
-            std::fs::read(&path).map_err(ArtifactError::file(&path))
-        };
-        let path = folder.join(DESCRIPTION);
-        let description = std::fs::read_to_string(&path).map_err(ArtifactError::file(&path))?;
-        let parsed = parse_description(&description)?;
-        let weights = if parsed.mode.has_network() {
-            read(WEIGHTS)?
-        } else {
-            Vec::new()
-        };
-        let packed = PackedModel::read_files(folder)?;
-        let packed = packed.as_ref().map(|(toml, tensors)| (&**toml, &**tensors));
-        Self::from_bytes(&description, &weights, &read(CALIBRATION)?, packed)
+            match std::fs::read(&path) {
+                Err(error) if error.kind() == ErrorKind::NotFound => {}
+                read => files.push((name, read.map_err(ArtifactError::file(&path))?)),
+            }
+        }
+        let files: Vec<_> = files.iter().map(|(name, file)| (*name, &**file)).collect();
+        Self::from_files(&files).map_err(|error| error.in_folder(folder))
     }
 
-    /// Parses a model from the contents of its files, for programs that embed them. `weights` is
-    /// ignored in mode `packed`, which has no such file. `packed` is the text of `packed.toml` and
-    /// the bytes of `packed.safetensors`, if the model has them.
+    /// Parses a model from the names and contents of its files, for programs that embed them. Files
+    /// of other names, and weights in mode `packed`, are ignored.
     ///
     /// # Errors
     /// If the contents are not a valid model.
-    pub fn from_bytes(
-        model_toml: &str,
-        weights: &[u8],
-        calibration: &[u8],
-        packed: Option<(&str, &[u8])>,
-    ) -> Result<Self, ArtifactError> {
-        let description = parse_description(model_toml)?;
+    pub fn from_files(files: &[(&str, &[u8])]) -> Result<Self, ArtifactError> {
+        let find = |name| files.iter().find(|(known, _)| *known == name);
+        let find = |name| find(name).map(|(_, contents)| *contents);
+        let require = |name| {
+            let missing = || ArtifactError::file(Path::new(name))(ErrorKind::NotFound.into());
+            find(name).ok_or_else(missing)
+        };
+        let both = |([toml, tensors], command): Pair| match [toml, tensors].map(find) {
+            [None, None] => Ok(None),
+            [Some(text), Some(bytes)] => Ok(Some((text, bytes))),
+            [text, _] => {
+                let (missing, other) = if text.is_some() {
+                    (tensors, toml)
+                } else {
+                    (toml, tensors)
+                };
+                let missing = missing.into();
+                Err(ArtifactError::Half {
+                    missing,
+                    other,
+                    command,
+                })
+            }
+        };
+        let description = parse_description(require(DESCRIPTION)?)?;
         let has_network = description.mode.has_network();
-        let mut files = vec![(DESCRIPTION, model_toml.as_bytes())];
-        files.extend(has_network.then_some((WEIGHTS, weights)));
-        files.push((CALIBRATION, calibration));
-        if let Some((toml, tensors)) = packed {
-            files.push((PACKED_DESCRIPTION, toml.as_bytes()));
-            files.push((PACKED_TENSORS, tensors));
-        }
+        let weights = if has_network {
+            Tensors::from_bytes(WEIGHTS, require(WEIGHTS)?)?
+        } else {
+            Tensors::for_weights()
+        };
+        let calibration = Tensors::from_bytes(CALIBRATION, require(CALIBRATION)?)?;
+        let packed =
+            both(PACKED)?.map(|(toml, tensors)| PackedModel::parse(toml, tensors, &description));
+        let substitution = both(SUBSTITUTION)?
+            .map(|(toml, tensors)| SubstitutionTable::parse(toml, tensors, &description));
+        let hashed = Self::FILES
+            .into_iter()
+            .filter(|&name| has_network || name != WEIGHTS);
+        let hashed: Vec<_> = hashed
+            .filter_map(|name| Some((name, find(name)?)))
+            .collect();
         let artifact = Self {
-            weights: if has_network {
-                Tensors::from_bytes(WEIGHTS, weights)?
-            } else {
-                Tensors::for_weights()
-            },
-            calibration: Tensors::from_bytes(CALIBRATION, calibration)?,
-            packed: packed
-                .map(|(toml, tensors)| PackedModel::parse(toml, tensors, &description))
-                .transpose()?,
-            id: ModelId::from_files(&files),
+            weights,
+            calibration,
+            packed: packed.transpose()?,
+            substitution: substitution.transpose()?,
+            id: ModelId::from_files(&hashed),
             description,
         };
         artifact.check()?;
@@ -177,7 +241,10 @@ impl Artifact {
             std::fs::write(&path, content).map_err(ArtifactError::file(&path))?;
         }
         if self.packed.is_none() {
-            remove(folder, &[PACKED_DESCRIPTION, PACKED_TENSORS])?;
+            remove(folder, &PACKED.0)?;
+        }
+        if self.substitution.is_none() {
+            remove(folder, &SUBSTITUTION.0)?;
         }
         if !self.description.mode.has_network() {
             remove(folder, &[WEIGHTS, GOLDEN, PCA])?;
@@ -199,6 +266,9 @@ impl Artifact {
         validation::check_description(&self.description)?;
         validation::check_weights(&self.description, &self.weights)?;
         validation::check_calibration(&self.description, &self.calibration)?;
+        if let Some(substitution) = &self.substitution {
+            substitution.check(&self.description)?;
+        }
         match &self.packed {
             Some(packed) => check_packed(packed, &self.description),
             None if self.description.mode.has_network() => Ok(()),
@@ -222,16 +292,16 @@ impl Artifact {
         if let Some(packed) = &self.packed {
             files.extend(packed.to_files()?);
         }
+        if let Some(substitution) = &self.substitution {
+            files.extend(substitution.to_files()?);
+        }
         Ok(files)
     }
 }
 
 /// Parses and checks the contents of `model.toml`.
-fn parse_description(model_toml: &str) -> Result<Description, ArtifactError> {
-    let description = toml::from_str(model_toml).map_err(|source| ArtifactError::Toml {
-        file: DESCRIPTION,
-        source: Box::new(source),
-    })?;
+fn parse_description(model_toml: &[u8]) -> Result<Description, ArtifactError> {
+    let description = toml::from_slice(model_toml).map_err(ArtifactError::toml(DESCRIPTION))?;
     validation::check_description(&description)?;
     Ok(description)
 }
@@ -241,7 +311,7 @@ fn remove(folder: &Path, names: &[&str]) -> Result<(), ArtifactError> {
     for name in names {
         let path = folder.join(name);
         match std::fs::remove_file(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
             removed => removed.map_err(ArtifactError::file(&path))?,
         }
     }

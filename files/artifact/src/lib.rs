@@ -15,6 +15,7 @@
 //! | `weights.safetensors` | encoder and decoder, f32, with PyTorch's names and shapes; not in mode `packed` | yes |
 //! | `calibration.safetensors` | ranges from which model-gen derives the int8 scales, f32 | yes |
 //! | `packed.toml`, `packed.safetensors` | [`PackedModel`]: the packed code; optional, in mode `packed` the whole model | yes |
+//! | `substitution.toml`, `substitution.safetensors` | [`SubstitutionTable`]: prediction of each electrode from the others; optional | yes |
 //! | `golden.safetensors` | int8 windows and their codes ([`Golden`]); not in mode `packed` | no: it tests the model |
 //! | `pca.safetensors` | PCA of the training windows ([`Pca`]); optional | no: the model is compared with it |
 //!
@@ -47,6 +48,7 @@
 
 mod convolution;
 mod description;
+mod embedding;
 mod error;
 mod float_decoder;
 mod float_encoder;
@@ -61,6 +63,7 @@ mod pca;
 pub mod reconstruction;
 mod scalp_grid;
 mod shapes;
+mod substitution;
 mod tensor_file;
 mod tensors;
 mod unpooled_convolution;
@@ -73,6 +76,7 @@ pub use description::{
     Adc, CodeFormat, CodeQuantisation, Decimation, Description, EMPTY, Figures, Filters, Grid,
     Input, Mode, Montage, NetworkShape, Padding, TrainingCard, Window,
 };
+pub use embedding::embedding;
 pub use error::{ArtifactError, List, TensorProblem};
 pub use float_decoder::FloatDecoder;
 pub use float_encoder::{FloatEncoder, TracedCode};
@@ -89,6 +93,10 @@ pub use packed::{
 pub use pca::Pca;
 pub use scalp_grid::ScalpGrid;
 pub use shapes::{NORM_EPSILON, NamedShape, calibration_shapes, weight_shapes};
+pub use substitution::{
+    LARGEST_INNOVATION, SubstitutionDescription, SubstitutionFigures, SubstitutionTable,
+    SubstitutionTraining,
+};
 pub use tensors::Tensors;
 pub use validation::{
     ADC_RATES_HZ, CHIP_CHANNELS, ELECTRODES, GAINS, LARGEST_CHAIN, LARGEST_SIDE, check_description,

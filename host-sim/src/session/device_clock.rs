@@ -20,6 +20,8 @@ pub enum Pace {
 pub struct DeviceClock {
     pace: Pace,
     rate_hz: u32,
+    /// Device seconds per second of the wall clock.
+    speed: f64,
     boot: Instant,
     /// Device time of sample 0, microseconds.
     start_us: u64,
@@ -27,11 +29,13 @@ pub struct DeviceClock {
 }
 
 impl DeviceClock {
-    /// Creates a clock whose device time starts at 0, for `rate_hz` samples per second.
-    pub fn new(pace: Pace, rate_hz: u32) -> Self {
+    /// Creates a clock whose device time starts at 0, for `rate_hz` samples per second. In real
+    /// time it is fast by `ppm` parts per million, or slow if that is negative; above -1,000,000.
+    pub fn new(pace: Pace, rate_hz: u32, ppm: f64) -> Self {
         Self {
             pace,
             rate_hz,
+            speed: 1.0 + ppm * 1e-6,
             boot: Instant::now(),
             start_us: 0,
             samples: 0,
@@ -41,7 +45,7 @@ impl DeviceClock {
     /// Returns the device time, microseconds since boot.
     pub fn now_us(&self) -> u64 {
         match self.pace {
-            Pace::Realtime => micros(self.boot.elapsed()),
+            Pace::Realtime => micros(self.boot.elapsed().mul_f64(self.speed)),
             Pace::Fast => self.due_us(self.samples),
         }
     }
@@ -66,7 +70,8 @@ impl DeviceClock {
         if self.pace == Pace::Fast {
             return;
         }
-        let due = self.boot + Duration::from_micros(self.due_us(self.samples));
+        let due_us = Duration::from_micros(self.due_us(self.samples));
+        let due = self.boot + due_us.div_f64(self.speed);
         thread::sleep(due.saturating_duration_since(Instant::now()));
     }
 
@@ -85,12 +90,24 @@ mod tests {
 
     #[test]
     fn samples_are_due_exactly_one_period_apart() {
-        let mut clock = DeviceClock::new(Pace::Fast, 512);
+        let mut clock = DeviceClock::new(Pace::Fast, 512, 0.0);
         let due: Vec<u64> = (0..513).map(|_| clock.next_drdy_us()).collect();
         assert_eq!(
             (due[0], due[1], due[32], due[512]),
             (0, 1_953, 62_500, 1_000_000)
         );
         assert_eq!(clock.now_us(), 1_001_953);
+    }
+
+    #[test]
+    fn a_clock_that_is_fast_shows_more_time_than_has_passed() {
+        let mut clock = DeviceClock::new(Pace::Realtime, 1000, 1e6);
+        let before = Instant::now();
+        (0..100).for_each(|_| _ = clock.next_drdy_us());
+        clock.wait_for_next();
+        // Sample 100 is due after 100 ms of device time, which take 50 ms.
+        assert!(clock.now_us() >= 100_000);
+        assert!(clock.now_us() >= micros(before.elapsed()));
+        assert!(before.elapsed() >= Duration::from_millis(49));
     }
 }

@@ -7,14 +7,14 @@ use rand_chacha::{
 
 /// A stream of random numbers from ChaCha8, equal for equal seeds.
 #[derive(Debug, Clone)]
-pub(super) struct Noise {
+pub(crate) struct Noise {
     random: ChaCha8Rng,
 }
 
 impl Noise {
     /// Creates the random stream number `stream` of `seed`. Different streams of a seed are
     /// independent.
-    pub(super) fn new(seed: u64, stream: u64) -> Self {
+    pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(stream);
         Self { random }
@@ -37,7 +37,7 @@ impl Noise {
     }
 
     /// Returns a uniformly distributed number in `low..high`.
-    pub(super) fn uniform(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (f64::from(self.random.next_u32()) / 4_294_967_296.0)
     }
 
@@ -71,7 +71,7 @@ pub(super) struct LowPassNoise {
 impl LowPassNoise {
     /// Creates the noise with a random first value. `corner` is the corner frequency, Hz; `rate` is
     /// the sample rate, Hz.
-    pub(super) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
+    pub(crate) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
         let pole = pole(corner, rate);
         Self {
             pole,
@@ -99,7 +99,7 @@ pub(super) struct SmoothNoise {
 impl SmoothNoise {
     /// Creates the noise with a random first value. `corner` is the corner frequency, Hz; `rate` is
     /// the sample rate, Hz.
-    pub(super) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
+    pub(crate) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
         let square = pole(corner, rate) * pole(corner, rate);
         Self {
             input: LowPassNoise::new(corner, rate, noise),

@@ -12,4 +12,5 @@ mod inspect;
 mod json_lines;
 mod output_file;
 mod program;
+mod scenarios;
 mod session;

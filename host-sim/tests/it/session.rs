@@ -30,6 +30,7 @@ fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
         file_rules: FileRules::default(),
         streams: Streams::CODES,
         pace,
+        clock_ppm: 0.0,
         mains: Mains::Hz50,
         identity: Identity {
             session_id: 1,

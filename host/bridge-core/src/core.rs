@@ -11,6 +11,7 @@ use crate::decoder::model::Model;
 use crate::decoder::packed::TimedPackedBlock;
 use crate::decoder::reconstruction::TimedCode;
 use crate::device::Device;
+use crate::exclusion::Exclusions;
 use crate::session::Session;
 use crate::session::diagnosis::diagnose;
 use crate::session::summary::Summary;
@@ -27,6 +28,20 @@ pub struct Core {
 }
 
 impl Core {
+    /// Time between two calls of [`Core::tick`].
+    pub const TICK: Duration = Duration::from_millis(100);
+    /// Number of ticks between two calls of [`Core::diagnostics`]: one report per second.
+    pub const TICKS_PER_REPORT: u32 = 10;
+    /// Time between two attempts to open a port: several attempts fit into the 1 s within which a
+    /// replugged device shall be connected again.
+    pub const REOPEN_AFTER: Duration = Duration::from_millis(250);
+    /// Silence after which a serial port is reopened. A board sends `Stats` every second and keeps
+    /// at most 4 s of frames, so after a longer silence either the board or its port has stopped.
+    pub const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
+    /// Silence after which a TCP port is reopened. TCP itself detects a broken connection earlier.
+    /// An intact one may hold bytes of a suspended device, which reopening would lose.
+    pub const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
+
     /// Creates a core without a connection. Without a model it publishes codes but decodes none.
     pub fn new(settings: Settings, model: Option<Arc<Model>>) -> Core {
         Core {
@@ -85,6 +100,12 @@ impl Core {
     /// was created without this model.
     pub fn set_model_rate(&mut self, rate: u8) {
         self.session.set_model_rate(rate);
+    }
+
+    /// Sets what the user decides about the exclusion of electrodes. The device is told when it has
+    /// introduced itself, and again after a restart.
+    pub fn set_exclusions(&mut self, exclusions: Exclusions) {
+        self.session.exclusions = exclusions;
     }
 
     /// Returns whether the user wants no stream and the device has confirmed that none is running.
@@ -163,8 +184,11 @@ pub trait Effects {
     /// Publishes a frame of filtered steps on `/neurodata_corticode`.
     fn publish_filtered(&mut self, _frame: &NeuroFrame) {}
 
-    /// Publishes an edge of the trigger input on `/events/bus`.
-    fn publish_event(&mut self, _event: &NeuroEvent) {}
+    /// Publishes an event on `/events/bus`: an edge of the trigger input, or a report about data.
+    /// `row` is the row of the announced stream at which a recording must have the event, counted
+    /// from the first row that was published on its topic; `None` before a device has introduced
+    /// itself. [`RecordingStart`](crate::RecordingStart) turns it into the stamp for a recorder.
+    fn publish_event(&mut self, _event: &NeuroEvent, _row: Option<u64>) {}
 
     /// Compares the device's code with the float network's code for the same window. Called only if
     /// the announced device is [`decodable`](Announcement::decodable).

@@ -49,6 +49,7 @@ mod core;
 mod decoder;
 mod device;
 mod diagnostics;
+mod exclusion;
 mod query;
 mod session;
 mod settings;
@@ -65,6 +66,7 @@ pub use decoder::reconstruction::{Reconstruction, TimedCode};
 pub use decoder::thread::{DecoderCounts, DecoderThread};
 pub use device::{Device, DeviceError, Identity};
 pub use diagnostics::packed::report_malformed;
+pub use exclusion::Exclusions;
 pub use neuro_ros::{TRI_LABELS, TriWords};
 pub use query::report::{
     ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport, write_columns,
@@ -75,5 +77,6 @@ pub use settings::{
     AnnouncedStream, Choice, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
     with_codes,
 };
+pub use streams::rows::RecordingStart;
 pub use time::HostTime;
 pub use time::clock::Clock;

@@ -7,8 +7,8 @@ pub(crate) mod summary;
 use std::sync::Arc;
 
 use link::{
-    Ack, AckResult, Code, Encoder, Frame, FrameError, Header, MAX_FRAME, PackedCode, Quality,
-    StageTiming, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
+    Ack, AckResult, Code, Encoder, Exclusion, Frame, FrameError, Header, MAX_FRAME, PackedCode,
+    Quality, StageTiming, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
 };
 
 use crate::core::Effects;
@@ -17,12 +17,14 @@ use crate::device::{Device, Identity};
 use crate::diagnostics::converters::ChainReport;
 use crate::diagnostics::packed::PackedReport;
 use crate::diagnostics::{LinkLog, closest_to_deadline};
+use crate::exclusion::{self, Exclusions};
 use crate::settings::{AnnouncedStream, Settings, StreamKind};
 use crate::streams::code::CodeStream;
 use crate::streams::event::{BusEvent, Trigger};
 use crate::streams::hop_timeline::HopTimeline;
 use crate::streams::ledger::{Arrival, Ledger};
 use crate::streams::packed::PackedStream;
+use crate::streams::rows::NextRow;
 use crate::streams::sample::SampleStream;
 use crate::streams::side::SideStreams;
 use crate::streams::stamps::{DecodedStream, Decoding, Reception};
@@ -79,6 +81,12 @@ pub(crate) struct Session {
     converters: Option<ChainReport>,
     /// Electrodes without a recorded signal, according to the device's newest introduction.
     substitutes: Substitutes,
+    /// What the user decides about the exclusion of electrodes.
+    pub(crate) exclusions: Exclusions,
+    /// Electrodes that the device excludes and fills; `None` before the first report of a session.
+    exclusion: Option<Exclusion>,
+    /// Electrodes that are excluded by the newest event on the bus.
+    excluded: u64,
     logged: LoggedOnce,
     link_log: LinkLog,
 }
@@ -171,6 +179,9 @@ impl Session {
             worst_stage: None,
             converters: None,
             substitutes: Substitutes::NONE,
+            exclusions: Exclusions::default(),
+            exclusion: None,
+            excluded: 0,
             logged: LoggedOnce::default(),
             link_log: LinkLog::default(),
         }
@@ -251,8 +262,10 @@ impl Session {
         read: HostTime,
         effects: &mut dyn Effects,
     ) {
+        // Data that is missing before this message begins at the row that is next now.
+        let row = self.next_row(None).map(|next| next.index);
         self.handle_message(frame, read, effects);
-        self.report_missing(read, effects);
+        self.report_missing(row, read, effects);
     }
 
     fn handle_message(&mut self, frame: &Frame<ToHost>, read: HostTime, effects: &mut dyn Effects) {
@@ -290,6 +303,7 @@ impl Session {
             | ToHost::Audit(_)
             | ToHost::Event(_) => self.handle_side(&frame.message, at, effects),
             ToHost::PackedCode(code) => self.handle_packed(code, at, effects),
+            ToHost::Exclusion(exclusion) => self.handle_exclusion(*exclusion, at, effects),
             ToHost::Converters(converters) => {
                 let report = ChainReport::from_message(self.converters.as_ref(), converters);
                 let before = self.converters.replace(report);
@@ -321,13 +335,17 @@ impl Session {
         } else {
             !samples || self.clock.observe(at.device_us, at.read)
         };
+        let row = match message {
+            ToHost::Event(event) => self.row_of_event(event.sample, at, possible),
+            _ => None,
+        };
         let reception = at.reception(possible, &self.clock, &self.trigger);
         match message {
             ToHost::Raw(raw) => self.side.receive_raw(raw, reception, effects),
             ToHost::CompressedRaw(raw) => self.side.receive_compressed(raw, reception, effects),
             ToHost::Filtered(filtered) => self.side.receive_filtered(filtered, reception, effects),
             ToHost::Event(event) => {
-                if let Some(level) = self.side.receive_event(*event, reception, effects) {
+                if let Some(level) = self.side.receive_event(*event, reception, row, effects) {
                     self.trigger.record_edge(event.sample, level);
                 }
             }
@@ -338,6 +356,42 @@ impl Session {
             }
             _ => {}
         }
+    }
+
+    /// Returns the row of the announced stream that was at the electrodes at an event, which
+    /// happened directly before ADC sample `sample`. If its time is not `is_possible`, returns the
+    /// next row.
+    fn row_of_event(&mut self, sample: u64, at: MessageTimes, is_possible: bool) -> Option<u64> {
+        if !is_possible {
+            return Some(self.next_row(None)?.index);
+        }
+        let rate_hz = self.codes.as_ref()?.device().adc_rate_hz;
+        let event_us = self.clock.host_us(at.device_us.into());
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let [read_us, sample_us] = [at.read.monotonic_us as f64, sample as f64 * 1e6];
+        let run_us = event_us.unwrap_or(read_us) - sample_us / f64::from(rate_hz);
+        Some(self.next_row(Some(run_us))?.row_of(sample))
+    }
+
+    /// Returns the next row of the announced stream's topic; `None` before a device has introduced
+    /// itself. `run_us` is the host time of the present run's ADC sample 0, microseconds, if an
+    /// event of this run tells it.
+    fn next_row(&mut self, run_us: Option<f64>) -> Option<NextRow> {
+        let (codes, packed) = (self.codes.as_mut()?, self.packed.as_mut()?);
+        let rate_hz = codes.device().adc_rate_hz;
+        let samples = match self.settings.announced {
+            AnnouncedStream::Encoded => return Some(codes.next_row(run_us)),
+            AnnouncedStream::Reconstructed => {
+                let decoded = codes.passed + packed.passed;
+                return Some(match self.decoding.stream {
+                    DecodedStream::Codes => codes.next_decoded_row(decoded, run_us),
+                    DecodedStream::Packed => packed.next_row(decoded, run_us),
+                });
+            }
+            AnnouncedStream::Raw => &mut self.side.raw,
+            AnnouncedStream::Filtered => &mut self.side.filtered,
+        };
+        Some(samples.as_mut()?.next_row(rate_hz, run_us))
     }
 
     /// Restarts all streams, because the device counts windows, samples and steps from 0 again.
@@ -445,6 +499,13 @@ impl Session {
             AckEffect::Refused(ToDevice::SetRate { rate }, result) => {
                 self.report_refused_rate(rate, result);
             }
+            AckEffect::Refused(ToDevice::SetExclusion(_), result) => {
+                tracing::warn!(
+                    "the device excludes no electrodes: {}; its model has no table to fill them, or its firmware \
+                     is older than this bridge; `trainer substitution` adds one",
+                    words::reason(result)
+                );
+            }
             AckEffect::Refused(command, result) => {
                 tracing::error!("{}", words::refusal(&command, result));
                 if matches!(command, ToDevice::Start(_)) {
@@ -530,8 +591,9 @@ impl Session {
     }
 
     /// Publishes an event for each stretch of data that is missing in the announced stream, the one
-    /// that a recorder records. Losses in other streams cause no event.
-    fn report_missing(&mut self, read: HostTime, effects: &mut dyn Effects) {
+    /// that a recorder records. Its fillers begin at the row `row`. Losses in other streams cause
+    /// no event.
+    fn report_missing(&mut self, row: Option<u64>, read: HostTime, effects: &mut dyn Effects) {
         let [codes, packed] = [
             self.codes.as_mut().map(|codes| &mut codes.timeline),
             self.packed.as_mut().map(|packed| &mut packed.timeline),
@@ -553,7 +615,38 @@ impl Session {
             BusEvent::DataLost(missing.seconds)
         };
         let wall_ns = self.clock.wall_ns(missing.start_us).unwrap_or(read.wall_ns);
-        self.side.bus.publish(&event, wall_ns, effects);
+        self.side.bus.publish(&event, wall_ns, row, effects);
+    }
+
+    /// Stores which electrodes the device excludes, and publishes an event if they have changed.
+    /// Reports about a run that another program has started are of no concern.
+    fn handle_exclusion(&mut self, report: Exclusion, at: MessageTimes, effects: &mut dyn Effects) {
+        self.commands.exclusion_reported(report.policy);
+        let Some(codes) = &self.codes else { return };
+        if !self.accepts_codes() {
+            return;
+        }
+        let labels = exclusion::labels(report.excluded, &codes.device().labels);
+        self.exclusion = Some(report);
+        let wall_ns = self.clock.wall_ns(at.device_us.into());
+        let wall_ns = wall_ns.unwrap_or(at.read.wall_ns);
+        self.publish_exclusion(report.excluded, labels, wall_ns, effects);
+    }
+
+    /// Publishes an event if the excluded electrodes have changed.
+    fn publish_exclusion(
+        &mut self,
+        excluded: u64,
+        labels: Vec<String>,
+        wall_ns: i64,
+        effects: &mut dyn Effects,
+    ) {
+        if std::mem::replace(&mut self.excluded, excluded) == excluded {
+            return;
+        }
+        let event = BusEvent::ElectrodesExcluded(labels);
+        let row = self.next_row(None).map(|next| next.index);
+        self.side.bus.publish(&event, wall_ns, row, effects);
     }
 
     /// Publishes an event if, since the report `before`, an electrode has lost or regained contact.
@@ -580,6 +673,7 @@ impl Session {
         };
         let wall_ns = self.clock.wall_ns(at.device_us.into());
         let wall_ns = wall_ns.unwrap_or(at.read.wall_ns);
-        self.side.bus.publish(&event, wall_ns, effects);
+        let row = self.next_row(None).map(|next| next.index);
+        self.side.bus.publish(&event, wall_ns, row, effects);
     }
 }

@@ -63,8 +63,9 @@ choice! {
     /// Moment that the stamp of an event on `/events/bus` refers to.
     EventStamps {
         Recorder = "recorder":
-            "The place of the event in a recording of the announced stream by \
-             `rosneuro_recorder`.",
+            "For a node that has called `get_info`, such as `rosneuro_recorder`: the place of the \
+             event in a recording that it starts then. For others: the event, plus the delay of \
+             the announced stream.",
         Scalp = "scalp": "The event itself, on the time scale of the frames' stamps.",
     }
 }

@@ -6,6 +6,7 @@ pub(crate) mod hop_timeline;
 pub(crate) mod ledger;
 pub(crate) mod neuro_frames;
 pub(crate) mod packed;
+pub(crate) mod rows;
 pub(crate) mod sample;
 pub(crate) mod side;
 pub(crate) mod stamps;

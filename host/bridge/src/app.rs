@@ -13,6 +13,7 @@ mod outlets;
 pub(crate) mod parameters;
 mod ports;
 mod record;
+mod recorders;
 mod replay;
 pub(crate) mod ros_node;
 mod ros_status;

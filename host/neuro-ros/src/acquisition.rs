@@ -142,7 +142,7 @@ pub struct AcquisitionServices {
 
 impl AcquisitionServices {
     /// Provides `get_info` (by default [`GET_INFO_SERVICE`]) with the announcement that `on_info`
-    /// returns, and the services `~start`, `~stop` and `~quit`.
+    /// returns for the calling node's name, and the services `~start`, `~stop` and `~quit`.
     ///
     /// `on_info` and `on_command` are called for each call and must not block. If they return an
     /// error message, the call fails and the caller of the service receives the message. Without an
@@ -155,15 +155,15 @@ impl AcquisitionServices {
     pub async fn serve(
         node: &Node,
         get_info: &str,
-        on_info: impl Fn() -> Result<AcquisitionInfo, String> + Send + Sync + 'static,
+        on_info: impl Fn(&str) -> Result<AcquisitionInfo, String> + Send + Sync + 'static,
         on_command: impl Fn(AcquisitionCommand) -> Result<(), String> + Send + Sync + 'static,
     ) -> Result<AcquisitionServices, NodeError> {
         let on_command = Arc::new(on_command);
         let command = |command: AcquisitionCommand| {
             let on_command = Arc::clone(&on_command);
-            move |_request: &[u8]| on_command(command).map(|()| Vec::new())
+            move |_caller: &str, _request: &[u8]| on_command(command).map(|()| Vec::new())
         };
-        let info = move |_request: &[u8]| on_info().map(|info| info.to_response());
+        let info = move |caller: &str, _: &[u8]| on_info(caller).map(|info| info.to_response());
         let mut services = vec![node.serve(get_info, &GET_ACQUISITION_INFO, info).await?];
         for (name, request) in [
             ("~start", AcquisitionCommand::Start),

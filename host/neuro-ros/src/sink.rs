@@ -92,6 +92,15 @@ impl<M: RosMessage> RosSink<M> {
     pub fn publisher(&self) -> &Publisher {
         &self.publisher
     }
+
+    /// Queues `message` for every subscriber, but another message for each subscriber for whose
+    /// name `own` returns one.
+    pub fn publish_each(&mut self, message: &M, mut own: impl FnMut(&str) -> Option<M>) {
+        self.body.clear();
+        message.write(&mut self.body);
+        let own = |subscriber: &str| Some(own(subscriber)?.to_bytes());
+        self.publisher.publish_each(&self.body, own);
+    }
 }
 
 #[cfg(feature = "ros1")]

@@ -59,6 +59,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         ros,
         topic_prefix: options.topic_prefix.clone(),
         get_info: "~get_info",
+        exclusions: options.exclusion.exclusions(),
         exit_at_end: false,
     };
     let mains = options.mains();

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bridge::choice;
+use bridge::{ExclusionOptions, choice};
 use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, CommandFactory, Parser};
@@ -48,6 +48,8 @@ pub(crate) struct Options {
     /// Point of a frame that its stamp refers to
     #[arg(long, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,
+    #[command(flatten)]
+    pub(crate) exclusion: ExclusionOptions,
     /// Replacement of a lost code
     #[arg(long, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,

@@ -89,12 +89,18 @@ impl EncoderDevice {
     pub fn receive(&mut self, bytes: &[u8], now_us: u64) {
         let counts = self.counts();
         let mut started = None;
-        self.session
-            .receive(bytes, now_us, counts, &mut self.sender, |order| {
-                if let Order::Start(run) = order {
-                    started = Some(run);
-                }
-            });
+        let producer = &mut self.producer;
+        self.session.receive(
+            bytes,
+            now_us,
+            counts,
+            &mut self.sender,
+            |order| match order {
+                Order::Start(run) => started = Some(run),
+                Order::SetExclusion(policy) => producer.set_exclusion(policy),
+                _ => {}
+            },
+        );
         if let Some(run) = started {
             self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
             self.acquisition = Acquisition::new(run.mains);

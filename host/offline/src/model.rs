@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ::model::artifact_files::{CALIBRATION, MODEL_TOML, PACKED, WEIGHTS};
+use ::model::artifact_files::FILES;
 use artifact::reconstruction::WindowDecoder;
 use artifact::{Artifact, ArtifactError, Description, ModelId, PackedModel};
 
@@ -25,7 +25,7 @@ impl Model {
     /// # Errors
     /// [`OfflineError::Model`] if its decoder needs more input than the code.
     pub fn embedded() -> Result<Self, OfflineError> {
-        Artifact::from_bytes(MODEL_TOML, WEIGHTS, CALIBRATION, PACKED)
+        Artifact::from_files(FILES)
             .and_then(|artifact| Self::new(&artifact))
             .map_err(|error| OfflineError::Model(PathBuf::from("this program"), error))
     }

@@ -199,9 +199,9 @@ impl Node {
         })
     }
 
-    /// Provides a service. `handler` computes the body of the response from the body of the
-    /// request, or returns an error message for the caller. The handler runs on a separate thread
-    /// and can block.
+    /// Provides a service. `handler` computes the body of the response from the name of the calling
+    /// node and the body of its request, or returns an error message for the caller. The handler
+    /// runs on a separate thread and can block.
     ///
     /// # Errors
     /// [`NodeError`], under the same conditions as [`Node::advertise`].
@@ -209,7 +209,7 @@ impl Node {
         &self,
         name: &str,
         service_type: &'static ServiceType,
-        handler: impl Fn(&[u8]) -> Result<Vec<u8>, String> + Send + Sync + 'static,
+        handler: impl Fn(&str, &[u8]) -> Result<Vec<u8>, String> + Send + Sync + 'static,
     ) -> Result<Service, NodeError> {
         let name = self.names.resolve(name)?;
         let key = Key::Service(name.clone());

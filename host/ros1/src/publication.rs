@@ -87,9 +87,14 @@ impl Publication {
         }
     }
 
-    /// Queues a message body for every subscriber and returns their number. Drops a body longer
-    /// than [`MAX_MESSAGE`] and returns 0.
-    pub(crate) fn publish(&self, message: &[u8]) -> u32 {
+    /// Queues a message body for every subscriber and returns their number. For some subscribers,
+    /// `own` returns another body from the subscriber's name. Drops a body longer than
+    /// [`MAX_MESSAGE`] and returns 0.
+    pub(crate) fn publish(
+        &self,
+        message: &[u8],
+        mut own: impl FnMut(&str) -> Option<Vec<u8>>,
+    ) -> u32 {
         if message.len() > MAX_MESSAGE {
             self.dropped.fetch_add(1, Relaxed);
             return 0;
@@ -101,7 +106,8 @@ impl Publication {
         let shared: Arc<[u8]> = Arc::from(message);
         let mut reached = 0;
         for link in &state.links {
-            match link.queue.push(Arc::clone(&shared)) {
+            let body = own(&link.caller).map_or_else(|| Arc::clone(&shared), Arc::from);
+            match link.queue.push(body) {
                 Push::Queued => reached += 1,
                 Push::DroppedOldest => {
                     reached += 1;

@@ -25,9 +25,9 @@ const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest time to receive the body of a request; the same limit applies to sending the response.
 const TRANSFER_TIMEOUT: Duration = Duration::from_mins(1);
 
-/// Computes the body of a response from the body of a request, or returns the error message for
-/// the caller.
-type Handler = dyn Fn(&[u8]) -> Result<Vec<u8>, String> + Send + Sync;
+/// Computes the body of a response from the name of the calling node and the body of its request,
+/// or returns the error message for the caller.
+type Handler = dyn Fn(&str, &[u8]) -> Result<Vec<u8>, String> + Send + Sync;
 
 pub(crate) struct Provider {
     /// Full name of the service.
@@ -92,6 +92,7 @@ impl Provider {
             return Ok(stream.shutdown().await?);
         }
         let persistent = header.get("persistent") == Some("1");
+        let caller = header.get("callerid").unwrap_or("unknown");
         let mut closed = self.closed.subscribe();
         loop {
             let request = tokio::select! {
@@ -102,7 +103,7 @@ impl Provider {
                 },
                 () = async { let _ = closed.wait_for(|closed| *closed).await; } => return Ok(()),
             };
-            let (flag, body) = match self.run_handler(request).await {
+            let (flag, body) = match self.run_handler(caller, request).await {
                 Ok(response) => (1, response),
                 Err(reason) => (0, reason.into_bytes()),
             };
@@ -120,9 +121,14 @@ impl Provider {
     }
 
     /// Runs the handler on the thread pool for blocking work, because a handler can block.
-    async fn run_handler(self: &Arc<Self>, request: Vec<u8>) -> Result<Vec<u8>, String> {
-        let provider = Arc::clone(self);
-        match tokio::task::spawn_blocking(move || (provider.handler)(&request)).await {
+    async fn run_handler(
+        self: &Arc<Self>,
+        caller: &str,
+        request: Vec<u8>,
+    ) -> Result<Vec<u8>, String> {
+        let (provider, caller) = (Arc::clone(self), caller.to_owned());
+        let handled = tokio::task::spawn_blocking(move || (provider.handler)(&caller, &request));
+        match handled.await {
             Ok(outcome) => outcome,
             Err(error) => {
                 tracing::error!(service = self.name, %error, "the service's handler failed");

@@ -122,6 +122,22 @@ impl Linear<'_> {
             *both = both.with(lane, shared);
         }
     }
+
+    /// Returns the weight from an input to an output, as given to [`Self::pack_weights`]; 0 outside
+    /// the matrix.
+    #[inline]
+    pub fn weight(&self, input: usize, output: usize) -> i8 {
+        let (pair, lane) = (input / 2, input % 2);
+        if pair >= self.inputs || output >= self.outputs {
+            return 0;
+        }
+        let at = weight_index(self.inputs, pair, output);
+        let shared = self.weights.get(at).map_or(0, |both| both.get()[lane]);
+        // The low byte is the even weight; without it, the high byte is the odd one.
+        let [even, _] = shared.to_le_bytes();
+        let [_, odd] = shared.wrapping_sub(even.cast_signed().into()).to_le_bytes();
+        if output.is_multiple_of(2) { even } else { odd }.cast_signed()
+    }
 }
 
 /// Inputs, weights and accumulators for [`Linear::accumulate`] with octets.

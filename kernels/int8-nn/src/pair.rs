@@ -59,6 +59,36 @@ impl Pair {
         Self(self.0 << 2)
     }
 
+    /// Returns `sum` plus the product of the first numbers and that of the second numbers (SMLAD);
+    /// wraps.
+    #[inline(always)]
+    pub fn multiply_add(self, other: Self, sum: i32) -> i32 {
+        #[cfg(smlad)]
+        {
+            let result;
+            // SAFETY: SMLAD (ARMv7-M ARM, A7.7, DSP extension) reads three registers, and writes one
+            // register and the Q flag of the APSR, which no code here reads.
+            #[expect(unsafe_code, reason = "the instruction has no safe name in Rust")]
+            unsafe {
+                core::arch::asm!(
+                    "smlad {result}, {a}, {b}, {sum}",
+                    result = lateout(reg) result,
+                    a = in(reg) self.0,
+                    b = in(reg) other.0,
+                    sum = in(reg) sum,
+                    options(pure, nomem, nostack),
+                );
+            }
+            result
+        }
+        #[cfg(not(smlad))]
+        {
+            let ([a, b], [c, d]) = (self.get(), other.get());
+            let product = |x: i16, y: i16| i32::from(x) * i32::from(y);
+            sum.wrapping_add(product(a, c)).wrapping_add(product(b, d))
+        }
+    }
+
     /// Applies `operation` to the first numbers of both pairs and to their second numbers.
     #[cfg(not(smlad))]
     #[inline(always)]
@@ -125,5 +155,9 @@ mod tests {
         assert_eq!((a + b).get(), [0, i16::MIN]);
         assert_eq!((b - a).get(), [2, i16::MIN + 2]);
         assert_eq!(Pair::new([255, 3]).quadrupled().get(), [1020, 12]);
+        assert_eq!(
+            Pair::new([-3, 5]).multiply_add(Pair::new([7, -11]), 100),
+            24
+        );
     }
 }

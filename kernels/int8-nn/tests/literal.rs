@@ -283,7 +283,7 @@ proptest! {
     }
 
     #[test]
-    fn a_linear_layer_adds_the_matrix_product_to_its_accumulators(
+    fn a_linear_layer_adds_the_matrix_product_and_reads_its_weights_back(
         (eights, fours, missing, weights, x) in (1_usize..17, 1_usize..9, 0_usize..16)
             .prop_flat_map(|(eights, fours, missing)| {
                 let weights = weights((16 * eights - missing) * 4 * fours);
@@ -302,6 +302,13 @@ proptest! {
             let expected: i32 = (0..16 * eights - missing).map(product).sum();
             prop_assert_eq!(sum, 11 + expected);
         }
+        for input in 0..16 * eights {
+            for output in 0..outputs {
+                let expected = weights.get(input * outputs + output).copied().unwrap_or(0);
+                prop_assert_eq!(layer.weight(input, output), expected);
+            }
+        }
+        prop_assert_eq!((layer.weight(2 * pairs, 0), layer.weight(0, outputs)), (0, 0));
     }
 
     #[test]

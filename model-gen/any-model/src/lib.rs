@@ -25,6 +25,7 @@
 
 mod packed;
 mod stress;
+mod substitution;
 
 use std::{
     fs,
@@ -39,6 +40,7 @@ use model_gen::IntegerModel;
 
 pub use packed::any_packed;
 pub use stress::Stress;
+use substitution::any_substitution;
 
 /// Folder of the built-in model; the random models start from its description.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact");
@@ -86,7 +88,8 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
 /// Returns a network in which every weight matters: dense random tensors, and batch norms with
 /// negative, zero and positive factors and different offsets. The rest of the description is that
 /// of the built-in model. Its value ranges are measured on [`windows`] of another seed, so that
-/// most values of the codes of other windows are neither clipped nor zero.
+/// most values of the codes of other windows are neither clipped nor zero. With an odd seed the
+/// model has a random table of substitutions.
 ///
 /// # Errors
 /// When the built-in model cannot be read, or a model cannot have this shape.
@@ -121,7 +124,14 @@ pub fn any_artifact_with(
     let encoder = FloatEncoder::new(&artifact)?;
     let traced: Vec<TracedCode> = windows.iter().map(|w| encoder.encode_traced(w)).collect();
     let calibration = calibration(&artifact, &windows, &traced);
-    Artifact::new(artifact.description, artifact.weights, calibration)
+    let artifact = Artifact::new(artifact.description, artifact.weights, calibration)?;
+    with_any_substitution(seed, artifact)
+}
+
+/// Returns the model with a random table of substitutions if the seed is odd.
+fn with_any_substitution(seed: u32, artifact: Artifact) -> Result<Artifact, ArtifactError> {
+    let table = (seed % 2 == 1).then(|| any_substitution(seed, &artifact.description));
+    artifact.with_substitution(table)
 }
 
 /// Size of a model: scalp grid, electrodes, window, hop and code.
@@ -229,7 +239,10 @@ pub fn any_packed_alone(seed: u32, montage: &MontageFile) -> Result<Artifact, Ar
     description.mode = Mode::Packed;
     description.code.numbers = 0;
     let packed = any_packed(seed, &description);
-    Artifact::without_network(description, LARGEST_UV, packed)
+    with_any_substitution(
+        seed,
+        Artifact::without_network(description, LARGEST_UV, packed)?,
+    )
 }
 
 /// Writes the grid, the electrodes and the converters of a montage into a description, and selects

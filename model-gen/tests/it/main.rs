@@ -1,4 +1,5 @@
-//! Integration tests: filters against scipy, code formats, and models for other amplifiers.
+//! Integration tests: filters against scipy, code formats, tables of substitutions, and models
+//! for other amplifiers.
 #![forbid(unsafe_code)]
 
 mod chain;
@@ -6,3 +7,4 @@ mod code_formats;
 mod rates;
 mod resampler;
 mod scipy_response;
+mod substitution;

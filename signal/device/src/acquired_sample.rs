@@ -62,7 +62,11 @@ pub struct Counts {
     pub clipped: u32,
 }
 
-/// Faults of a sample or a window that are detected outside the pipeline.
+/// Faults of a sample or a window that are detected outside the acquisition.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each of them can be true with any other"
+)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Marks {
     /// A status word of the ADC chain was wrong.
@@ -71,6 +75,8 @@ pub struct Marks {
     pub lead_off: bool,
     /// A sample was lost: it was not read in time, or a queue was full.
     pub overrun: bool,
+    /// An electrode was excluded, and its values were filled from the others.
+    pub substituted: bool,
 }
 
 impl Marks {
@@ -79,6 +85,7 @@ impl Marks {
         adc_status_bad: false,
         lead_off: false,
         overrun: false,
+        substituted: false,
     };
 
     /// Returns the faults that at least one of the two operands has.
@@ -88,6 +95,7 @@ impl Marks {
             adc_status_bad: self.adc_status_bad | other.adc_status_bad,
             lead_off: self.lead_off | other.lead_off,
             overrun: self.overrun | other.overrun,
+            substituted: self.substituted | other.substituted,
         }
     }
 
@@ -97,6 +105,7 @@ impl Marks {
             (self.adc_status_bad, Flags::ADC_STATUS_BAD),
             (self.lead_off, Flags::LEAD_OFF),
             (self.overrun, Flags::OVERRUN),
+            (self.substituted, Flags::SUBSTITUTED),
         ]
         .into_iter()
         .filter(|(set, _)| *set)

@@ -1,6 +1,6 @@
 //! What a session needs from its board: identity, abilities, and the orders it carries out.
 
-use link::{ResetCause, ResetInto, Streams};
+use link::{ExclusionPolicy, ResetCause, ResetInto, Streams};
 use pipeline::{Mains, Rate};
 
 /// Identity of the device, constant from its start to its next reset.
@@ -80,6 +80,9 @@ pub enum Order {
     /// Use this quantiser rate for the packed code from now on; see
     /// [`Producer::set_rate`](crate::Producer::set_rate).
     SetRate(Rate),
+    /// Exclude electrodes by this policy from now on; see
+    /// [`Producer::set_exclusion`](crate::Producer::set_exclusion).
+    SetExclusion(ExclusionPolicy),
     /// Restart the board 0.1 s later, so that queued frames can still be sent.
     Reset(ResetInto),
 }

@@ -3,7 +3,10 @@
 use core::hint::black_box;
 
 use link::Streams;
-use model::{HAS_NETWORK, NETWORK, NETWORK_CHECKSUM, PACKED, PACKED_CHECKSUM};
+use model::{
+    HAS_NETWORK, NETWORK, NETWORK_CHECKSUM, PACKED, PACKED_CHECKSUM, SUBSTITUTION,
+    SUBSTITUTION_CHECKSUM,
+};
 use pipeline::{Code, EncoderMemory, PackedCode, PackedMemory, Rate, Step};
 
 /// The encoders that a device has. An image contains the weights of these encoders only.
@@ -58,8 +61,14 @@ impl Encoders for EncoderMemory {
 
     fn model_is_sound() -> bool {
         // Without `black_box`, the compiler would evaluate the comparison at build time.
-        black_box(&NETWORK).checksum() == NETWORK_CHECKSUM
+        black_box(&NETWORK).checksum() == NETWORK_CHECKSUM && table_is_sound()
     }
+}
+
+/// Returns whether the table of substitutions, if there is one, matches its checksum.
+fn table_is_sound() -> bool {
+    let table = black_box(&SUBSTITUTION).as_ref();
+    table.map(model::Substitution::checksum) == SUBSTITUTION_CHECKSUM
 }
 
 /// Encoder of a device that has only the packed code; the device's audits contain no code.
@@ -83,7 +92,7 @@ impl Encoders for PackedMemory {
 
     fn model_is_sound() -> bool {
         let packed = black_box(&PACKED).as_ref();
-        packed.map(model::Packed::checksum) == PACKED_CHECKSUM
+        packed.map(model::Packed::checksum) == PACKED_CHECKSUM && table_is_sound()
     }
 }
 

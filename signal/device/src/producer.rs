@@ -1,7 +1,8 @@
 //! Computes codes and the other requested streams from samples and steps, for the session to send.
 
-use link::{Event, EventKind, Streams};
-use pipeline::{Code, PackedCode, PackedEncoder, Quality, Rate, SignalQuality, Step};
+use link::{Event, EventKind, Exclusion, ExclusionPolicy, Streams};
+use model::SUBSTITUTION;
+use pipeline::{Code, PackedCode, PackedEncoder, Quality, Rate, SignalQuality, Step, Substitution};
 
 use crate::acquired_sample::{AcquiredSample, Marks, WindowMarks};
 use crate::audited_window::AuditedWindow;
@@ -26,6 +27,12 @@ pub struct Producer<E> {
     /// Quantiser rate of the packed blocks, which the host can change.
     rate: Rate,
     quality: SignalQuality,
+    /// Finds and fills bad electrodes; empty for a model without a table.
+    substitution: [Substitution; SUBSTITUTION.is_some() as usize],
+    /// What the host has decided about the exclusion of electrodes.
+    policy: ExclusionPolicy,
+    /// Newest change of the excluded electrodes; `None` before the first step of a run.
+    exclusion: Option<ExclusionChange>,
     windows: WindowMarks,
     /// Faults of the samples after the newest step.
     since_step: Marks,
@@ -75,6 +82,9 @@ pub enum Payload<'p> {
     PackedCode(&'p PackedCode, Marks),
     /// An edge at the trigger input. [`Output::at_us`] is the time of the edge.
     Event(Event),
+    /// The excluded electrodes, when they change and once a second. [`Output::at_us`] is the time
+    /// of the step.
+    Exclusion(Exclusion),
     /// Signal quality of each electrode over the last second. [`Output::at_us`] is the time of the
     /// second's last sample.
     Quality(&'p Quality),
@@ -101,6 +111,13 @@ pub struct CapturedEvent {
     pub at_us: u64,
 }
 
+/// From which step on which electrodes are excluded.
+#[derive(Clone, Copy, Debug)]
+struct ExclusionChange {
+    first_step: u64,
+    excluded: u64,
+}
+
 impl<E: Encoders> Producer<E> {
     /// Creates a producer that waits for its first run; `encoders` must not have encoded a step
     /// yet, as [`BothEncoders::EMPTY`](crate::BothEncoders::EMPTY).
@@ -110,6 +127,9 @@ impl<E: Encoders> Producer<E> {
             encoders,
             rate: PackedEncoder::DEFAULT_RATE,
             quality: SignalQuality::new(Run::NONE.mains),
+            substitution: [const { Substitution::NEW }; SUBSTITUTION.is_some() as usize],
+            policy: ExclusionPolicy::AUTOMATIC,
+            exclusion: None,
             windows: WindowMarks::NONE,
             since_step: Marks::NONE,
             last: Step::SILENCE,
@@ -126,6 +146,11 @@ impl<E: Encoders> Producer<E> {
         self.rate = rate;
     }
 
+    /// Sets which electrodes are excluded, from the next window of the detection on.
+    pub const fn set_exclusion(&mut self, policy: ExclusionPolicy) {
+        self.policy = policy;
+    }
+
     /// Processes a sample, and passes each output that it completes to `emit`.
     pub fn process(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output<'_>)) {
         if let Some(run) = acquired.new_run {
@@ -136,6 +161,9 @@ impl<E: Encoders> Producer<E> {
         let marks = acquired.marks.union(acquired.lost);
         self.windows.mark(marks);
         self.since_step = self.since_step.union(marks);
+        for substitution in &mut self.substitution {
+            substitution.observe_sample(&acquired.sample);
+        }
         if self.wants(Streams::RAW) || self.wants(Streams::COMPRESSED_RAW) {
             self.collect_raw(acquired, marks, emit);
         }
@@ -150,6 +178,7 @@ impl<E: Encoders> Producer<E> {
         }
         if let Some(quality) = (self.quality).observe(&acquired.sample, acquired.step.as_ref()) {
             self.emit(acquired.drdy_us, Payload::Quality(&quality), emit);
+            self.emit_exclusion(acquired.drdy_us, emit);
         }
     }
 
@@ -208,6 +237,10 @@ impl<E: Encoders> Producer<E> {
         self.run = run;
         self.encoders.restart();
         self.quality.restart(run.mains);
+        for substitution in &mut self.substitution {
+            substitution.restart(run.mains);
+        }
+        self.exclusion = None;
         self.windows = WindowMarks::NONE;
         self.since_step = Marks::NONE;
         // This step replaces steps that are missing at the start of the run: it has no signal and
@@ -229,6 +262,7 @@ impl<E: Encoders> Producer<E> {
     /// and an image should contain the encoders only once.
     #[inline(never)]
     fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) {
+        let step = &self.fill(step, drdy_us, emit);
         if self.wants(Streams::PACKED) {
             let marks = self.windows.newest_hop();
             if let Some(code) = self.encoders.encode_block(step, self.rate) {
@@ -257,6 +291,59 @@ impl<E: Encoders> Producer<E> {
             (self.audited).complete(window, code.as_ref().map(|code| &code.values));
             self.emit(at_us, Payload::Audit(&self.audited), emit);
         }
+    }
+
+    /// Returns the step with its bad electrodes filled. Reports the excluded electrodes at the first
+    /// step of a run, and at each change before the codes that contain it.
+    fn fill(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) -> Step {
+        let (Some(table), [substitution]) = (&SUBSTITUTION, &mut self.substitution[..]) else {
+            return *step;
+        };
+        let ExclusionPolicy {
+            always,
+            never,
+            automatic,
+        } = self.policy;
+        let policy = pipeline::ExclusionPolicy {
+            always,
+            never,
+            automatic,
+        };
+        let filled = substitution.fill_step(step, policy, table);
+        let excluded = filled.excluded;
+        self.windows.mark(Marks {
+            substituted: excluded != 0,
+            ..Marks::NONE
+        });
+        if self
+            .exclusion
+            .is_none_or(|newest| newest.excluded != excluded)
+        {
+            let first_step = self.windows.steps();
+            self.exclusion = Some(ExclusionChange {
+                first_step,
+                excluded,
+            });
+            self.emit_exclusion(drdy_us, emit);
+        }
+        filled
+    }
+
+    /// Emits the newest change of the excluded electrodes.
+    fn emit_exclusion(&self, at_us: u64, emit: &mut impl FnMut(Output<'_>)) {
+        let Some(ExclusionChange {
+            first_step,
+            excluded,
+        }) = self.exclusion
+        else {
+            return;
+        };
+        let exclusion = Exclusion {
+            first_step,
+            excluded,
+            policy: self.policy,
+        };
+        self.emit(at_us, Payload::Exclusion(exclusion), emit);
     }
 
     fn collect_raw(

@@ -146,6 +146,12 @@ impl<'i> Session<'i> {
             }
             ToDevice::Reset(into) => return self.reset(into),
             ToDevice::SetRate { rate } => return self.set_rate(rate),
+            ToDevice::SetExclusion(_) if model::SUBSTITUTION.is_none() => {
+                return (AckResult::NotSupported, None);
+            }
+            ToDevice::SetExclusion(policy) => {
+                return (AckResult::Done, Some(Order::SetExclusion(policy)));
+            }
         }
         (AckResult::Done, None)
     }
@@ -251,6 +257,7 @@ impl<'i> Session<'i> {
                 ToHost::PackedCode(message::packed_code(code, marks))
             }
             Payload::Event(event) => ToHost::Event(event),
+            Payload::Exclusion(exclusion) => ToHost::Exclusion(exclusion),
             Payload::Quality(quality) => ToHost::Quality(message::quality(quality)),
             Payload::Raw(samples) => ToHost::Raw(samples.message()),
             Payload::CompressedRaw(samples) => ToHost::CompressedRaw(samples.message()),

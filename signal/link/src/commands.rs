@@ -15,6 +15,27 @@ pub struct Start {
     pub mains_hz: u8,
 }
 
+/// What the host decides about the exclusion of bad electrodes: argument of `SetExclusion`. In both
+/// bit sets, bit n is electrode n of [`Capabilities::labels`](crate::Capabilities::labels).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExclusionPolicy {
+    /// Electrodes that are always excluded.
+    pub always: u64,
+    /// Electrodes that are never excluded, but for those in `always`.
+    pub never: u64,
+    /// Whether the device itself finds bad electrodes and excludes them.
+    pub automatic: bool,
+}
+
+impl ExclusionPolicy {
+    /// Policy of a device until its host sets another: it finds bad electrodes itself.
+    pub const AUTOMATIC: Self = Self {
+        always: 0,
+        never: 0,
+        automatic: true,
+    };
+}
+
 bit_set! {
     /// Set of streams, one bit for each.
     pub struct Streams {

@@ -29,6 +29,9 @@ bit_set! {
         const MISFIT = 7;
         /// Bit 8: the packed block was too long and has no content; the host predicts its signals.
         const BLANK = 8;
+        /// Bit 9: at least one electrode was excluded, and its values were filled from the others;
+        /// [`Exclusion`](crate::Exclusion) names it.
+        const SUBSTITUTED = 9;
         /// Bit 14: a loss nearby makes the error of decoded signals larger. Packed blocks were lost
         /// before this one, and the state of the host's decoder still differs from the device's; or
         /// a code whose window contains the steps is missing. Never set on the wire.
@@ -41,7 +44,7 @@ bit_set! {
 
 impl Flags {
     /// Names of the flags, in the order of their bits.
-    pub const NAMES: [(Flags, &'static str); 11] = [
+    pub const NAMES: [(Flags, &'static str); 12] = [
         (Flags::ADC_STATUS_BAD, "adc_status_bad"),
         (Flags::SATURATED, "saturated"),
         (Flags::LEAD_OFF, "lead_off"),
@@ -51,6 +54,7 @@ impl Flags {
         (Flags::CODE_CLIPPED, "code_clipped"),
         (Flags::MISFIT, "misfit"),
         (Flags::BLANK, "blank"),
+        (Flags::SUBSTITUTED, "substituted"),
         (Flags::HEALING, "healing"),
         (Flags::FILLER, "filler"),
     ];

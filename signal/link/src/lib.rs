@@ -66,7 +66,7 @@ mod signal;
 pub use code::{
     Audit, Code, CodeFormat, CodeValues, MAX_EXPONENT, MAX_NUMBERS, MAX_RATE, PackedCode,
 };
-pub use commands::{Ack, AckResult, ClockReading, ResetInto, Start, Streams};
+pub use commands::{Ack, AckResult, ClockReading, ExclusionPolicy, ResetInto, Start, Streams};
 pub use converters::{ChannelFault, ChannelTest, ChipTest, Converters, MAX_CHIPS, SelfTest};
 pub use decoder::{Counters, Decoder, Frame, FrameError};
 pub use encoder::{EncodeError, Encoder, encode};
@@ -77,7 +77,8 @@ pub use introduction::{
 };
 pub use message::{Message, ToDevice, ToHost};
 pub use reports::{
-    ElectrodeQuality, MAX_ELECTRODES, MAX_STAGES, Quality, Stage, StageTiming, Stats, Timing,
+    ElectrodeQuality, Exclusion, MAX_ELECTRODES, MAX_STAGES, Quality, Stage, StageTiming, Stats,
+    Timing,
 };
 pub use signal::{
     BlockForm, COUNT_BYTES, CompressedRaw, Event, EventKind, FILTERED_STEPS, Filtered, RAW_SAMPLES,

@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::code::{Audit, Code, PackedCode};
-use crate::commands::{Ack, ClockReading, ResetInto, Start};
+use crate::commands::{Ack, ClockReading, ExclusionPolicy, ResetInto, Start};
 use crate::converters::{Converters, SelfTest};
 use crate::introduction::{Capabilities, Hello, Substitutes};
-use crate::reports::{Quality, Stats, Timing};
+use crate::reports::{Exclusion, Quality, Stats, Timing};
 use crate::signal::{CompressedRaw, Event, Filtered, Raw};
 
 /// The set of messages of one direction: [`ToHost`] or [`ToDevice`].
@@ -81,10 +81,12 @@ pub enum ToHost<'a> {
     CompressedRaw(CompressedRaw<'a>),
     /// 16: a block of the packed code.
     PackedCode(PackedCode<'a>),
+    /// 17: electrodes that are excluded from codes and filled from the others.
+    Exclusion(Exclusion),
 }
 
 impl<'a> Message<'a> for ToHost<'a> {
-    const KINDS: u32 = 17;
+    const KINDS: u32 = 18;
     const DIRECTION: u8 = b'H';
 
     fn tail(&self) -> &[u8] {
@@ -141,9 +143,12 @@ pub enum ToDevice {
         /// Each step up quantises 3 dB more coarsely.
         rate: u8,
     },
+    /// 8: set which electrodes are excluded, from the next half second on; kept until the device
+    /// restarts. Refused with `NotSupported` by a device whose model cannot fill electrodes.
+    SetExclusion(ExclusionPolicy),
 }
 
 impl Message<'_> for ToDevice {
-    const KINDS: u32 = 8;
+    const KINDS: u32 = 9;
     const DIRECTION: u8 = b'D';
 }

@@ -5,7 +5,7 @@ use core::fmt;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::commands::Streams;
+use crate::commands::{ExclusionPolicy, Streams};
 
 /// Counters of the device since boot; sent every second while streaming, and after `Stop`.
 ///
@@ -130,4 +130,18 @@ impl fmt::Display for Stage {
             Stage::Newer(number) => write!(formatter, "stage {number}"),
         }
     }
+}
+
+/// Electrodes that the device excludes from its codes, because they are bad or because the host
+/// excludes them; it fills their values from the others. Sent when they change, before the first
+/// code or packed block that contains the change, and every second while streaming.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Exclusion {
+    /// Index since `Start` of the step from which on these electrodes are excluded.
+    pub first_step: u64,
+    /// Excluded electrodes; bit n is electrode n of
+    /// [`Capabilities::labels`](crate::Capabilities::labels).
+    pub excluded: u64,
+    /// What the host has decided.
+    pub policy: ExclusionPolicy,
 }

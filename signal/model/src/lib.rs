@@ -1,5 +1,6 @@
 //! The trained model as constants: filters, montage, scales, the int8 encoder and the packed code.
-//! A model has the network, the packed code or both ([`HAS_NETWORK`], [`PACKED`]).
+//! A model has the network, the packed code or both ([`HAS_NETWORK`], [`PACKED`]), and can have the
+//! table from which a device substitutes bad electrodes ([`SUBSTITUTION`]).
 //!
 //! model-gen generates the constants and weights at build time from the artifact in `artifact/`, or
 //! in the folder that the environment variable `CORTICODE_ARTIFACT` names, and proves their ranges.
@@ -35,6 +36,7 @@ mod network;
 mod packed;
 mod shapes;
 mod statics;
+mod substitution;
 
 pub use constants::{
     ADC_RATE_HZ, CHANNELS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, CodeFormat, ConvKernel,
@@ -47,13 +49,15 @@ pub use network::{ConvWeights, Network};
 pub use packed::{Packed, Slice};
 pub use shapes::{
     CELL_PLANE, CELLS, CONV1_OUTPUTS, CONV1_PAIRS, CONV2_OUTPUTS, CONV2_PAIRS, Conv2, EDGE_STEPS,
-    ELECTRODE_PAIRS, FC_PAIRS, HAS_NETWORK, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, INNER_STEPS,
-    MARGIN, OPEN_WINDOWS, POOLED, POOLED_PAIRS, POOLED_STEPS, SHORTCUT_PAIRS, SHORTCUT_STEPS,
+    ELECTRODE_OUTPUTS, ELECTRODE_PAIRS, FC_PAIRS, HAS_NETWORK, HIDDEN, HIDDEN_INTERIOR,
+    HIDDEN_PAIRS, INNER_STEPS, MARGIN, OPEN_WINDOWS, POOLED, POOLED_PAIRS, POOLED_STEPS,
+    SHORTCUT_PAIRS, SHORTCUT_STEPS,
 };
 pub use statics::{
     CODE_FORMAT, CODE_SCALE, CODE_ZERO_POINT, GRID_CELL, MAINS_50, MAINS_60, Mains50, Mains60,
-    NETWORK, PACKED, RESAMPLER,
+    NETWORK, PACKED, RESAMPLER, SUBSTITUTION,
 };
+pub use substitution::Substitution;
 
 /// Checksum of the network, computed at compile time; compare with [`Network::checksum`].
 #[allow(
@@ -73,9 +77,19 @@ pub const PACKED_CHECKSUM: Option<u32> = match &PACKED {
     None => None,
 };
 
+/// Checksum of the table of substitutions, computed at compile time; compare with
+/// [`Substitution::checksum`]. `None` without a table.
+pub const SUBSTITUTION_CHECKSUM: Option<u32> = match &SUBSTITUTION {
+    Some(substitution) => Some(substitution.checksum()),
+    None => None,
+};
+
 const _: () = {
     if let Some(packed) = &PACKED {
         assert!(packed.is_consistent());
+    }
+    if let Some(substitution) = &SUBSTITUTION {
+        assert!(substitution.is_consistent());
     }
     assert!(RESAMPLER.is_consistent());
     assert!(NETWORK.is_consistent());

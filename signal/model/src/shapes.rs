@@ -78,6 +78,9 @@ pub const HAS_NETWORK: bool = HAS_CONVOLUTIONS || HAS_SHORTCUT;
 pub const SHORTCUT_STEPS: usize = if HAS_SHORTCUT { STEPS } else { 0 };
 /// Number of pairs of electrodes in a time step; zeros fill it up to a multiple of eight.
 pub const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
+/// Number of outputs of a matrix with one output for each electrode; unused ones fill it up to a
+/// multiple of four.
+pub const ELECTRODE_OUTPUTS: usize = ELECTRODES.next_multiple_of(4);
 
 const fn smaller(a: usize, b: usize) -> usize {
     if a < b { a } else { b }

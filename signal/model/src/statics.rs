@@ -7,6 +7,7 @@ use crate::{
     constants::{CODE, CodeFormat, ELECTRODES, HOP, MainsFilter, PHASES, SECTIONS, TAPS},
     network::{ConvWeights, Network},
     packed::Packed,
+    substitution::Substitution,
 };
 
 include!(concat!(env!("OUT_DIR"), "/statics.rs"));

@@ -59,6 +59,7 @@ impl Acquisition {
             clipped,
             saturated: core::mem::take(&mut self.saturated),
             settling: index < self.settling_samples,
+            excluded: 0,
         })
     }
 

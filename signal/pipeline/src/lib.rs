@@ -38,6 +38,7 @@ mod front_end;
 mod packed_encoder;
 mod quality;
 mod sample;
+mod substitution;
 
 pub use acquisition::{Acquisition, Pipeline};
 pub use code::{Code, CodeValues};
@@ -48,3 +49,4 @@ pub use packed::Rate;
 pub use packed_encoder::{MAX_PACKED_BYTES, PackedCode, PackedEncoder, PackedMemory};
 pub use quality::{ElectrodeQuality, FLAT_BELOW_UV, Quality, SignalQuality};
 pub use sample::{Plane, Sample, Step, quantise};
+pub use substitution::{ExclusionPolicy, Substitution};

@@ -70,6 +70,9 @@ pub struct Step {
     pub saturated: u64,
     /// True if the filters have not settled yet after the start.
     pub settling: bool,
+    /// Electrodes that were excluded, and whose values were filled from the others; bit n is
+    /// electrode n. 0 in a step from [`Acquisition`](crate::Acquisition).
+    pub excluded: u64,
 }
 
 impl Step {
@@ -82,6 +85,7 @@ impl Step {
         clipped: 0,
         saturated: 0,
         settling: false,
+        excluded: 0,
     };
 }
 

@@ -22,6 +22,7 @@ use acceptance::lossy_cable::LossyCable;
 use acceptance::port::free_port;
 use acceptance::process::Process;
 use acceptance::programs::programs;
+use acceptance::ros::{Ros, TIMEOUT};
 use acceptance::workspace;
 use emulator::skip::skip_unless_required;
 use recordings::{Block, EventLabel, Recording};
@@ -37,56 +38,52 @@ const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
 /// Event code that marks a rising edge of the trigger input in the GDF file.
 const TRIGGER_HIGH: u16 = 1;
 
-/// A running board, a bridge, and a recorder of the bridge's topic `/neurodata`.
+/// A running board, a bridge, a ROS master, and a recorder of the bridge's topic `/neurodata`.
 struct Session<'a> {
     folder: &'a Path,
+    _ros: Ros<'a>,
     board: Process,
     bridge: Process,
     recorder: Process,
 }
 
 impl<'a> Session<'a> {
-    fn start(folder: &'a Path) -> Self {
+    /// Starts a board whose clock is fast by `ppm` parts per million, and all other programs.
+    fn start(folder: &'a Path, ppm: i32) -> Self {
         let port = folder.join("port").display().to_string();
-        let board = board(folder, &format!("pty:{port}"), 0);
+        let board = board(folder, &format!("pty:{port}"), 0, ppm);
         Self::with_board(folder, board, &port)
     }
 
     /// Starts the bridge, which reaches `board` at the address `port`, and the recorder.
     fn with_board(folder: &'a Path, board: Process, port: &str) -> Self {
+        let ros = Ros::start_master_of(&programs().bridge, folder).expect("the master starts");
         let mut bridge = Command::new(&programs().bridge);
         bridge.args([
-            "--sink=ndjson",
             "--streams=codes,raw,events",
             "--announce=raw",
             "--port",
+            port,
         ]);
-        bridge.arg(port);
-        bridge.env("CORTICODE_CONFIG", "/dev/null");
-        // A named pipe takes to the recorder what the bridge prints.
-        let pipe = folder.join("lines");
-        let made = Command::new("mkfifo")
-            .arg(&pipe)
-            .status()
-            .expect("mkfifo starts");
-        assert!(made.success());
+        bridge.args(["--ros-master-uri", &ros.master_uri()]);
+        bridge
+            .env("CORTICODE_CONFIG", "/dev/null")
+            .env("ROS_HOSTNAME", "127.0.0.1");
+        let bridge = Process::start("bridge", &mut bridge, folder).expect("the bridge starts");
         let script = workspace::root().join("tests/acceptance/ros/record_gdf.py");
-        let line = "exec /usr/bin/python3 \"$0\" /neurodata \"$1\" < \"$2\"";
-        let mut python = Command::new("sh");
+        let script = script.canonicalize().expect("the script exists");
+        let mut python = ros.command("python3");
         python
-            .args(["-c", line])
             .arg(script)
-            .arg(folder.join("run.gdf"))
-            .arg(&pipe);
-        let recorder = Process::start("recorder", &mut python, folder).expect("sh starts");
-        let mut shell = Command::new("sh");
-        shell
-            .args(["-c", "exec \"$0\" \"$@\" > \"$LINES_PIPE\""])
-            .env("LINES_PIPE", &pipe);
-        shell.arg(bridge.get_program()).args(bridge.get_args());
-        let bridge = Process::start("bridge", &mut shell, folder).expect("sh starts");
+            .arg("/neurodata")
+            .arg(folder.join("run.gdf"));
+        let mut recorder = Process::start("recorder", &mut python, folder).expect("python3 starts");
+        recorder.wait_until("the recorder records", TIMEOUT, |recorder| {
+            recorder.output().contains("recording")
+        });
         Self {
             folder,
+            _ros: ros,
             board,
             bridge,
             recorder,
@@ -98,7 +95,7 @@ impl<'a> Session<'a> {
         self.board.kill();
         sleep(outage);
         let port = self.folder.join("port");
-        self.board = board(self.folder, &format!("pty:{}", port.display()), 1);
+        self.board = board(self.folder, &format!("pty:{}", port.display()), 1, 0);
     }
 
     /// Ends the recording, and returns it together with what the bridge has logged.
@@ -106,12 +103,9 @@ impl<'a> Session<'a> {
         let log = self.bridge.errors();
         let exit = self.bridge.stop(Signal::TERM, EXIT_TIMEOUT);
         assert!(exit.success(), "the bridge: {exit}\n{log}");
-        let exit = self.recorder.wait(EXIT_TIMEOUT);
-        assert!(
-            exit.success(),
-            "the recorder: {exit}\n{}",
-            self.recorder.errors()
-        );
+        let errors = self.recorder.errors();
+        let exit = self.recorder.stop(Signal::TERM, EXIT_TIMEOUT);
+        assert!(exit.success(), "the recorder: {exit}\n{errors}");
         self.board.kill();
         (
             Recording::open(self.folder.join("run.gdf")).expect("a GDF file"),
@@ -120,8 +114,9 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Starts host-sim as the test's board number `number`; it sends to `output`.
-fn board(folder: &Path, output: &str, number: u32) -> Process {
+/// Starts host-sim as the test's board number `number`; it sends to `output`, and its clock is fast
+/// by `ppm` parts per million.
+fn board(folder: &Path, output: &str, number: u32, ppm: i32) -> Process {
     let mut board = Command::new(&programs().host_sim);
     board.args([
         "run",
@@ -131,6 +126,7 @@ fn board(folder: &Path, output: &str, number: u32) -> Process {
         "--trigger-every=0.7",
     ]);
     board.arg(format!("--output={output}"));
+    board.arg(format!("--clock-ppm={ppm}"));
     Process::start(&format!("board{number}"), &mut board, folder).expect("host-sim starts")
 }
 
@@ -164,7 +160,7 @@ impl Recorded {
             }
         }
         // The recorder's library fills the last record of 1 s with zeros. Cut them off: only the
-        // first frame has sequence number 0.
+        // bridge's first frame has sequence number 0.
         let written = values[1]
             .iter()
             .zip(&values[2])
@@ -198,7 +194,8 @@ impl Recorded {
     /// has an event. Returns the largest distance of such an event from its edge, in seconds.
     fn largest_error_s(&self) -> f64 {
         for (sample, frame) in self.frames.iter().enumerate() {
-            assert_eq!(*frame as usize, sample / 32, "sample {sample}");
+            let since_start = frame - self.frames[0];
+            assert_eq!(since_start as usize, sample / 32, "sample {sample}");
         }
         let pairs = self.trigger.windows(2).enumerate();
         let rises = pairs
@@ -245,9 +242,10 @@ fn half() -> Duration {
     Duration::from_secs(seconds) / 2
 }
 
-/// Returns whether Python and libxdffileio are installed; reports the test as skipped if not.
+/// Returns whether Python, rospy and libxdffileio are installed; reports the test as skipped if
+/// not.
 fn available() -> bool {
-    let load = "import ctypes; ctypes.CDLL('libxdffileio.so.0')";
+    let load = "import ctypes, genpy, rospy; ctypes.CDLL('libxdffileio.so.0')";
     let python = Command::new("/usr/bin/python3")
         .args(["-c", load])
         .stderr(Stdio::null())
@@ -257,7 +255,7 @@ fn available() -> bool {
     }
     skip_unless_required(
         "events in a recording of ROS-Neuro's format",
-        "/usr/bin/python3 does not load libxdffileio; `apt-get install libxdffileio0`",
+        "/usr/bin/python3 does not load rospy and libxdffileio; `apt-get install ros-core libxdffileio0`",
     );
     false
 }
@@ -268,7 +266,7 @@ fn events_are_at_their_samples_after_a_restart_of_the_board() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
-    let mut session = Session::start(folder.path());
+    let mut session = Session::start(folder.path(), 0);
     sleep(half());
     session.restart_board(Duration::from_secs(2));
     sleep(half());
@@ -286,12 +284,37 @@ fn events_are_at_their_samples_after_a_restart_of_the_board() {
 }
 
 #[test]
+fn events_are_at_their_samples_whatever_the_clock_of_the_board() {
+    if !available() {
+        return;
+    }
+    let rates = [0, 300, -3_000, 10_000];
+    let folders = rates.map(|_| tempfile::tempdir().expect("a folder"));
+    let sessions = rates.iter().zip(&folders);
+    let sessions: Vec<_> = sessions
+        .map(|(ppm, folder)| (ppm, Session::start(folder.path(), *ppm)))
+        .collect();
+    sleep(2 * half());
+    for (ppm, session) in sessions {
+        let (recording, _) = session.stop();
+        let recorded = Recorded::read(recording);
+        let error_s = recorded.largest_error_s();
+        println!(
+            "{ppm} ppm: largest error of an event {:.1} samples in {:.1} s",
+            error_s * RATE,
+            recorded.flags.len() as f64 / RATE
+        );
+        assert!(error_s < TOLERANCE_S, "{ppm} ppm: {error_s} s");
+    }
+}
+
+#[test]
 fn events_are_at_their_samples_after_the_bridge_stood_still() {
     if !available() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
-    let session = Session::start(folder.path());
+    let session = Session::start(folder.path(), 0);
     sleep(half());
     session.bridge.signal(Signal::STOP);
     sleep(Duration::from_secs(13));
@@ -355,7 +378,7 @@ fn with_cable(
     }
     let folder = tempfile::tempdir().expect("a folder");
     let port = free_port().expect("a free port");
-    let board = board(folder.path(), &format!("tcp:127.0.0.1:{port}"), 0);
+    let board = board(folder.path(), &format!("tcp:127.0.0.1:{port}"), 0, 0);
     let cable = LossyCable::new(port, percent).expect("the board opens its port");
     let session = Session::with_board(folder.path(), board, &cable.port);
     scenario(&cable);

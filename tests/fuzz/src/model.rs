@@ -8,15 +8,6 @@ use artifact::{Artifact, Mode, NetworkShape, Padding};
 
 use crate::Outcome;
 
-/// Names of the files, in the order of the parts of an input.
-const FILES: [&str; 5] = [
-    "model.toml",
-    "weights.safetensors",
-    "calibration.safetensors",
-    "packed.toml",
-    "packed.safetensors",
-];
-
 /// Size of a model whose files are small. The network reads its single row of electrodes with
 /// padding.
 const SMALL: Size = Size {
@@ -54,7 +45,7 @@ fn seed(mode: Mode, packed: bool) -> Vec<u8> {
     let artifact = artifact.with_packed(packed).expect("a packed model");
     let folder = tempfile::tempdir().expect("a folder");
     artifact.write(folder.path()).expect("written");
-    let files = FILES.map(|name| fs::read(folder.path().join(name)).unwrap_or_default());
+    let files = Artifact::FILES.map(|name| fs::read(folder.path().join(name)).unwrap_or_default());
     let part = |file: &Vec<u8>| {
         let length = u32::try_from(file.len()).expect("a small file");
         [&length.to_le_bytes()[..], file].concat()
@@ -65,15 +56,15 @@ fn seed(mode: Mode, packed: bool) -> Vec<u8> {
 /// Reads a model and makes integers of it. A model that is accepted must have the same id when it
 /// is read again.
 pub(crate) fn artifact(mut bytes: &[u8]) -> Outcome {
-    let [toml, weights, calibration, packed_toml, packed_tensors] = FILES.map(|_| part(&mut bytes));
-    let (Ok(toml), Ok(packed_toml)) = (str::from_utf8(toml), str::from_utf8(packed_toml)) else {
+    let files = Artifact::FILES.map(|name| (name, part(&mut bytes)));
+    let files: Vec<_> = files
+        .into_iter()
+        .filter(|(_, file)| !file.is_empty())
+        .collect();
+    let Ok(artifact) = Artifact::from_files(&files) else {
         return Outcome::Refused;
     };
-    let packed = (!packed_toml.is_empty()).then_some((packed_toml, packed_tensors));
-    let Ok(artifact) = Artifact::from_bytes(toml, weights, calibration, packed) else {
-        return Outcome::Refused;
-    };
-    let again = Artifact::from_bytes(toml, weights, calibration, packed).expect("as before");
+    let again = Artifact::from_files(&files).expect("as before");
     assert_eq!(artifact.id, again.id);
     Outcome::accepted_if(model_gen::quantise(&artifact).is_ok())
 }

@@ -135,7 +135,7 @@ impl Effects for Host {
         self.check(frame);
     }
 
-    fn publish_event(&mut self, _: &NeuroEvent) {
+    fn publish_event(&mut self, _: &NeuroEvent, _: Option<u64>) {
         self.published += 1;
     }
 

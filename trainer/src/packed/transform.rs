@@ -143,7 +143,7 @@ impl Transform {
 }
 
 /// Returns the mean, over all columns, of the outer product of a column with itself.
-fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
+pub(crate) fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
     let rows = sequences.first().map_or(0, DMatrix::nrows);
     let mut moment = DMatrix::zeros(rows, rows);
     for columns in sequences {

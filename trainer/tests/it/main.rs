@@ -10,6 +10,7 @@ mod models;
 mod montage;
 mod packed;
 mod report;
+mod substitution;
 mod train;
 
 use rand::{RngExt, SeedableRng};

@@ -71,7 +71,7 @@ fn the_error_of_a_misspelt_field_names_it() {
     let files = testing::pca().to_files().unwrap();
     let text = std::str::from_utf8(&files[0].1).unwrap();
     let misspelt = text.replace("notch_q", "notch_Q");
-    let error = Artifact::from_bytes(&misspelt, &files[1].1, &files[2].1, None).unwrap_err();
+    let error = Artifact::from_files(&[(DESCRIPTION, misspelt.as_bytes())]).unwrap_err();
     let ArtifactError::Toml { source, .. } = error else {
         panic!("{error}")
     };

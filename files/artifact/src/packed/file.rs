@@ -7,7 +7,6 @@ use crate::error::{ArtifactError, TensorProblem};
 use crate::tensor_file::{self, NamedTensor, TensorFile};
 use packed::{LEVELS, MAGNITUDES, RATES, Starts};
 use safetensors::tensor::Dtype;
-use std::path::Path;
 
 /// Name of the file with the dimensions, units and test results of a packed model.
 pub(crate) const DESCRIPTION: &str = "packed.toml";
@@ -28,37 +27,14 @@ const NAMES: [&str; 9] = [
 ];
 
 impl PackedModel {
-    /// Reads the text of `packed.toml` and the bytes of `packed.safetensors` from a folder; `None`
-    /// if the folder has neither.
-    ///
-    /// # Errors
-    /// If the folder has only one of the files, or one cannot be read.
-    pub(crate) fn read_files(folder: &Path) -> Result<Option<(String, Vec<u8>)>, ArtifactError> {
-        let [toml, tensors] = [DESCRIPTION, TENSORS].map(|name| folder.join(name));
-        let (missing, other) = match (toml.exists(), tensors.exists()) {
-            (false, false) => return Ok(None),
-            (true, true) => {
-                let text = std::fs::read_to_string(&toml).map_err(ArtifactError::file(&toml))?;
-                let bytes = std::fs::read(&tensors).map_err(ArtifactError::file(&tensors))?;
-                return Ok(Some((text, bytes)));
-            }
-            (false, true) => (toml, TENSORS),
-            (true, false) => (tensors, DESCRIPTION),
-        };
-        Err(ArtifactError::PackedHalf { missing, other })
-    }
-
     /// Parses the two files and checks that they are a packed model that fits `description`.
     pub(crate) fn parse(
-        toml: &str,
+        toml: &[u8],
         tensors: &[u8],
         description: &Description,
     ) -> Result<Self, ArtifactError> {
         let packed: PackedDescription =
-            toml::from_str(toml).map_err(|source| ArtifactError::Toml {
-                file: DESCRIPTION,
-                source: Box::new(source),
-            })?;
+            toml::from_slice(toml).map_err(ArtifactError::toml(DESCRIPTION))?;
         let file = TensorFile::parse(TENSORS, tensors)?;
         if let Some(name) = file.names().iter().find(|name| !NAMES.contains(name)) {
             return Err(TensorProblem::Unknown.of(TENSORS, name));

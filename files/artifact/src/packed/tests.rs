@@ -162,7 +162,6 @@ fn a_part_of_another_length_is_refused_by_name() {
 #[test]
 fn a_tensor_that_no_packed_model_has_is_refused_by_name() {
     let [(_, toml), (_, mut tensors)] = packed().to_files().unwrap();
-    let toml = String::from_utf8(toml).unwrap();
     // A name as long as the old one keeps the tensors at their offsets in the file.
     let at = tensors
         .windows(6)

@@ -9,6 +9,9 @@ use artifact::{
 
 use crate::device::Device;
 
+/// Names and contents of the files of the model that is embedded in this program.
+const EMBEDDED: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/embedded_model.rs"));
+
 /// The float network of one model, and its packed code if it has one. Decodes the codes of devices
 /// with this model, and computes the code that a correct device returns for a window. The codes of
 /// a model without a network have no values.
@@ -37,14 +40,7 @@ impl Model {
     ///
     /// [`ArtifactError`] if the model's decoder needs more input than the code.
     pub fn embedded() -> Result<Model, ArtifactError> {
-        let toml = include_str!(env!("EMBEDDED_PACKED_TOML"));
-        let tensors: &[u8] = include_bytes!(env!("EMBEDDED_PACKED_TENSORS"));
-        Model::new(&Artifact::from_bytes(
-            include_str!(concat!(env!("EMBEDDED_MODEL"), "/model.toml")),
-            include_bytes!(env!("EMBEDDED_WEIGHTS")),
-            include_bytes!(concat!(env!("EMBEDDED_MODEL"), "/calibration.safetensors")),
-            (!toml.is_empty()).then_some((toml, tensors)),
-        )?)
+        Model::new(&Artifact::from_files(EMBEDDED)?)
     }
 
     /// Reads the model in `folder`, from `model.toml` and the weights; `None`: the embedded model.

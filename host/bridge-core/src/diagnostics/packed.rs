@@ -40,7 +40,11 @@ pub(crate) struct PackedReport {
 impl PackedReport {
     /// Returns the number of blocks of `stream` that are missing since the last report.
     pub(crate) fn missing_since(&self, stream: &PackedStream) -> u64 {
-        stream.timeline.counts().missing() - self.missing
+        stream
+            .timeline
+            .counts()
+            .missing()
+            .saturating_sub(self.missing)
     }
 
     /// Returns the status `packed code` at the host time `now_us`; `None` before the first block.

@@ -4,6 +4,7 @@ use link::{Counters, Streams};
 use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, Header, KeyValue, Stamp};
 
 use crate::diagnostics::{new_status, signal_quality_status, timing_status};
+use crate::exclusion;
 use crate::session::Session;
 use crate::settings::{AnnouncedStream, RawForm, StreamKind};
 use crate::streams::code::CodeStream;
@@ -38,6 +39,9 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
     if let Some((report, codes)) = session.converters.as_mut().zip(session.codes.as_ref()) {
         let device = codes.device();
         status.push(report.status(device.adc_rate_hz, &device.labels));
+    }
+    if let Some((report, codes)) = session.exclusion.as_ref().zip(session.codes.as_ref()) {
+        status.push(exclusion::status(report, codes.device()));
     }
     if let Some((quality, codes)) = session.quality.take().zip(session.codes.as_ref()) {
         status.push(signal_quality_status(&quality, &codes.device().labels));
@@ -161,7 +165,10 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
         .map(|codes| codes.timeline.counts().clone())
         .unwrap_or_default();
     let ledger = &hops.ledger;
-    let since = hops.missing() - session.counts.missing_reported;
+    // What an event has counted before a run is counted again if another restart follows.
+    let since = hops
+        .missing()
+        .saturating_sub(session.counts.missing_reported);
     session.counts.missing_reported = hops.missing();
     let mut losses = vec![(since, "codes")];
     if let Some(packed) = &session.packed {

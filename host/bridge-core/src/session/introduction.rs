@@ -30,6 +30,7 @@ impl Session {
         self.quality = None;
         self.timing = None;
         self.converters = None;
+        self.exclusion = None;
         self.substitutes = Substitutes::NONE;
         self.round_trips.clear();
         self.logged.refused_streams = false;
@@ -87,9 +88,21 @@ impl Session {
         self.announced.get_or_insert_with(|| Arc::clone(&device));
         self.commands.device_introduced(true);
         self.objection = objection;
+        if self.exclusion.is_none() {
+            self.publish_exclusion(0, Vec::new(), read.wall_ns, effects);
+        }
+        let (policy, unknown) = self.exclusions.policy(&device.labels);
+        self.commands.set_exclusion(policy);
         let known = self.codes.as_ref().map(CodeStream::device);
         if known.is_some_and(|known| **known == *device) {
             return;
+        }
+        if !unknown.is_empty() {
+            tracing::warn!(
+                "the device has no electrode {}, so it can be neither excluded nor protected; its electrodes are {}",
+                unknown.join(" "),
+                device.labels.join(" ")
+            );
         }
         if let Some(objection) = &self.objection {
             tracing::error!("{objection}");
@@ -229,7 +242,8 @@ impl Session {
         tracing::error!("{why}");
         if self.announced.is_some() {
             let event = BusEvent::DeviceRefused(why.clone());
-            self.side.bus.publish(&event, read.wall_ns, effects);
+            let row = self.next_row(None).map(|next| next.index);
+            self.side.bus.publish(&event, read.wall_ns, row, effects);
         }
         self.objection = Some(why);
         self.commands.device_introduced(false);

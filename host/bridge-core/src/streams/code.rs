@@ -11,6 +11,7 @@ use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
 use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::ledger::CodeCounts;
+use crate::streams::rows::NextRow;
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
 /// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Replaces lost codes
@@ -30,6 +31,8 @@ pub(crate) struct CodeStream {
     pub(crate) counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
     window_stamps: MonotoneStamps,
+    /// Number of codes passed to the decoder so far, received or missing.
+    pub(crate) passed: u64,
 }
 
 impl CodeStream {
@@ -43,6 +46,7 @@ impl CodeStream {
             counts: CodeCounts::default(),
             encoded_stamps: MonotoneStamps::default(),
             window_stamps: MonotoneStamps::default(),
+            passed: 0,
         }
     }
 
@@ -79,6 +83,24 @@ impl CodeStream {
     /// than the stamp before.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.encoded_stamps.moved + self.window_stamps.moved
+    }
+
+    /// Returns the next row of `/encoded`, as [`HopTimeline::next_row`] does.
+    pub(crate) fn next_row(&mut self, run_us: Option<f64>) -> NextRow {
+        let last = u32::from(self.device().window_steps) - 1;
+        let published = self.frame.neuroheader.seq.into();
+        self.timeline.next_row([published, 1], [0, last], run_us)
+    }
+
+    /// Returns the next row of `/neurodata_reconstructed`, which has had `published` frames, if
+    /// they are decoded from codes.
+    pub(crate) fn next_decoded_row(&mut self, published: u64, run_us: Option<f64>) -> NextRow {
+        let device = self.device();
+        let (rows, last) = (device.hop_steps.into(), u32::from(device.window_steps) - 1);
+        let low_latency = self.timeline.settings.low_latency;
+        let first = last - Reconstruction::lookback_steps(device, low_latency);
+        self.timeline
+            .next_row([published, rows], [first, last], run_us)
     }
 
     /// Publishes a code, after fillers for the codes lost before it. The device made the code at
@@ -176,6 +198,7 @@ impl CodeStream {
             let time = self.timeline.frame_time_ns(place, steps, reception);
             let stamp = self.window_stamps.next(time, steps_back);
             let z = received.then(|| self.z.clone());
+            self.passed += 1;
             effects.decode(TimedCode { z, stamp, words });
         }
     }

@@ -32,14 +32,16 @@ impl EventStream {
         self.ledger.lost - reported
     }
 
-    /// Publishes an event that happened at `reception.device_us` and returns the trigger's new
-    /// level. If that time is `None`, the stamp is the time at which the event was read.
+    /// Publishes an event that happened at `reception.device_us`, at the row `row` of the announced
+    /// stream, and returns the trigger's new level. If that time is `None`, the stamp is the time
+    /// at which the event was read.
     ///
     /// Returns `None` for an event with an old number or of an unknown kind; it is not published.
     pub(crate) fn receive(
         &mut self,
         event: Event,
         reception: Reception<'_>,
+        row: Option<u64>,
         bus: &mut EventBus,
         effects: &mut dyn Effects,
     ) -> Option<u16> {
@@ -51,7 +53,7 @@ impl EventStream {
         let wall_ns = time.unwrap_or(reception.read.wall_ns);
         if lost > 0 {
             tracing::debug!(lost, before = event.number, "events lost");
-            bus.publish(&BusEvent::EdgesLost(lost), wall_ns, effects);
+            bus.publish(&BusEvent::EdgesLost(lost), wall_ns, row, effects);
         }
         let (edge, level) = match event.kind {
             EventKind::TriggerRise => (BusEvent::TriggerHigh, 1),
@@ -67,7 +69,7 @@ impl EventStream {
                 return None;
             }
         };
-        bus.publish(&edge, wall_ns, effects);
+        bus.publish(&edge, wall_ns, row, effects);
         Some(level)
     }
 }
@@ -131,6 +133,9 @@ pub(crate) enum BusEvent {
     ElectrodesOff(Vec<String>),
     /// All electrodes have regained contact.
     ElectrodesOn,
+    /// The device excludes electrodes from its codes and fills them. Holds the labels of all of
+    /// them; none if it excludes none any more.
+    ElectrodesExcluded(Vec<String>),
     /// The device made data that the bridge did not receive. Holds the duration, in seconds.
     DataLost(f32),
     /// The bridge did not receive some edges of the trigger input. Holds their number.
@@ -151,6 +156,8 @@ impl BusEvent {
             // GDF's table of events names this code "artifact, failing electrode".
             BusEvent::ElectrodesOff(_) => 0x0105,
             BusEvent::ElectrodesOn => 0x0105 | NeuroEvent::END,
+            BusEvent::ElectrodesExcluded(labels) if labels.is_empty() => 0x7f04 | NeuroEvent::END,
+            BusEvent::ElectrodesExcluded(_) => 0x7f04,
             BusEvent::DataLost(_) => 0x7f01,
             BusEvent::EdgesLost(_) => 0x7f02,
             BusEvent::DeviceRefused(_) => 0x7f03,
@@ -173,6 +180,12 @@ impl BusEvent {
             BusEvent::TriggerLow => NeuroEvent::trigger_edge(false).1.to_owned(),
             BusEvent::ElectrodesOff(labels) => format!("electrodes off: {}", labels.join(" ")),
             BusEvent::ElectrodesOn => "electrodes have contact".to_owned(),
+            BusEvent::ElectrodesExcluded(labels) if labels.is_empty() => {
+                "no electrode excluded".to_owned()
+            }
+            BusEvent::ElectrodesExcluded(labels) => {
+                format!("electrodes excluded: {}", labels.join(" "))
+            }
             BusEvent::DataLost(seconds) => format!("data lost: {seconds:.3} s"),
             BusEvent::EdgesLost(edges) => format!("trigger edges lost: {edges}"),
             BusEvent::DeviceRefused(why) => format!("device refused: {why}"),
@@ -181,7 +194,7 @@ impl BusEvent {
     }
 }
 
-/// Publishes events, numbers them, and moves their stamps to where a recorder expects them.
+/// Publishes events, numbers them, and moves their stamps by the delay of the announced stream.
 #[derive(Debug)]
 pub(crate) struct EventBus {
     message: NeuroEvent,
@@ -204,8 +217,15 @@ impl EventBus {
         self.shift_us = shift_us;
     }
 
-    /// Publishes an event that happened at the wall-clock time `wall_ns`, nanoseconds since 1970.
-    pub(crate) fn publish(&mut self, event: &BusEvent, wall_ns: i64, effects: &mut dyn Effects) {
+    /// Publishes an event that happened at the wall-clock time `wall_ns`, nanoseconds since 1970,
+    /// and at the row `row` of the announced stream; `None` before a device has introduced itself.
+    pub(crate) fn publish(
+        &mut self,
+        event: &BusEvent,
+        wall_ns: i64,
+        row: Option<u64>,
+        effects: &mut dyn Effects,
+    ) {
         if !self.enabled {
             return;
         }
@@ -217,7 +237,7 @@ impl EventBus {
         message.event = event.code();
         message.duration = event.duration_s();
         message.description = event.description();
-        effects.publish_event(message);
+        effects.publish_event(message, row);
     }
 }
 

@@ -8,6 +8,7 @@ use neuro_ros::TriWords;
 use crate::device::Device;
 use crate::settings::Settings;
 use crate::streams::ledger::{Arrival, HopCounts};
+use crate::streams::rows::NextRow;
 use crate::streams::stamps::{Decoding, FrameSteps, Reception, frame_time_ns};
 
 /// Index, time and counts of the items of one stream, which are codes or packed blocks. Finds the
@@ -27,9 +28,14 @@ pub(crate) struct HopTimeline {
     running: bool,
     /// Device time of the newest code or packed block, received or missing, microseconds.
     last_device_us: Option<u64>,
+    /// Device time of the first code or packed block of the present run, microseconds.
+    run_us: i128,
     /// Index of the newest code or packed block, received or filled.
     last_index: u32,
     continuity: Continuity,
+    /// Number of items missing between two runs that are counted but not filled yet, because the
+    /// newer run has begun with an event.
+    unfilled: u64,
     /// Newest stretch of missing codes or packed blocks, until it is reported as an event.
     missing: Option<MissingStretch>,
     counts: HopCounts,
@@ -91,8 +97,10 @@ impl HopTimeline {
             decoding,
             running: false,
             last_device_us: None,
+            run_us: 0,
             last_index: 0,
             continuity: Continuity::default(),
+            unfilled: 0,
             missing: None,
             counts: HopCounts::default(),
         }
@@ -130,6 +138,7 @@ impl HopTimeline {
         self.counts.ledger.expect_next(0);
         self.running = false;
         self.last_device_us = None;
+        self.counts.between_runs -= std::mem::take(&mut self.unfilled);
         self.continuity.end_run();
     }
 
@@ -191,6 +200,7 @@ impl HopTimeline {
         let device_us = reception.device_us;
         let host_us = device_us.and_then(|us| reception.clock.host_us(us.into()));
         let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0));
+        self.record_start(device_us, lost);
         let gap = Gap {
             lost,
             between_runs: self.missing_between_runs(host_us, lost, reception),
@@ -223,6 +233,7 @@ impl HopTimeline {
         // Before the first item of a stream, only the time of the `Stats` message is known. The
         // device made its last item at most one hop earlier.
         let next_us = self.time_of_next(lost, reception.device_us.unwrap_or_default());
+        self.record_start(next_us, lost);
         let host_us = reception.clock.host_us(next_us.into());
         let gap = Gap {
             lost,
@@ -238,7 +249,16 @@ impl HopTimeline {
         #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
         let read_us = reception.read.monotonic_us as f64;
         let host_us = reception.clock.host_us(place.device_us);
-        self.continuity.record(host_us.unwrap_or(read_us));
+        let run_us = reception.clock.host_us(self.run_us);
+        self.continuity.record(host_us.unwrap_or(read_us), run_us);
+    }
+
+    /// Records when the present run began, if the item of device time `device_us`, before which
+    /// `lost` items of this run were lost, is the first that is known.
+    fn record_start(&mut self, device_us: u64, lost: u32) {
+        if self.last_device_us.is_none() {
+            self.run_us = i128::from(device_us) - i128::from(lost) * i128::from(self.hop_us());
+        }
     }
 
     /// Returns the number of items missing between two runs; 0 within a run. `host_us` is the host
@@ -252,10 +272,46 @@ impl HopTimeline {
         let read_us = reception.read.monotonic_us;
         #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
         let [read_us, hop_us] = [read_us, self.hop_us()].map(|us| us as f64);
-        let first_us = host_us.unwrap_or(read_us) - f64::from(lost) * hop_us;
+        self.begin_run(host_us.unwrap_or(read_us) - f64::from(lost) * hop_us);
+        std::mem::take(&mut self.unfilled)
+    }
+
+    /// Counts the items that are missing before the present run; none if it has begun already. The
+    /// run's first item is at the host time `first_us`, microseconds.
+    fn begin_run(&mut self, first_us: f64) {
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let hop_us = self.hop_us() as f64;
         let missing = self.continuity.missing_before(first_us, hop_us);
         self.counts.between_runs += missing;
-        missing
+        self.unfilled += missing;
+    }
+
+    /// Returns the next row of a topic with one frame for each item: `published` frames of `rows`
+    /// rows so far. The first item of a run ends with step `last`, its frame begins with step
+    /// `first`. `run_us` is the host time of the present run's ADC sample 0, microseconds, if an
+    /// event of this run tells it: it begins the run if no item has.
+    pub(crate) fn next_row(
+        &mut self,
+        [published, rows]: [u64; 2],
+        [first, last]: [u32; 2],
+        run_us: Option<f64>,
+    ) -> NextRow {
+        let hop = f64::from(self.device.hop_steps);
+        let step_rate = f64::from(self.device.step_rate_hz);
+        if let Some(run_us) = run_us {
+            self.begin_run(run_us + f64::from(last) / step_rate * 1e6);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "below 2^53 (10^7 years)")]
+        let [unfilled, per_frame] = [self.unfilled, rows].map(|number| number as f64);
+        let item = f64::from(self.counts.ledger.next_number()) - unfilled;
+        let step = f64::from(first) + item * hop;
+        let delay_s = f64::from(self.device.group_delay_us) * 1e-6;
+        let adc_rate = f64::from(self.device.adc_rate_hz);
+        NextRow {
+            index: published * rows,
+            sample: (step / step_rate - delay_s) * adc_rate,
+            samples_per_row: hop / per_frame / step_rate * adc_rate,
+        }
     }
 
     /// Returns the device time of the item that arrives after `lost` lost items, microseconds. If
@@ -333,6 +389,10 @@ impl HopTimeline {
     }
 }
 
+/// Time after the start of a run in which the fit still shows better when it began, microseconds.
+/// Later fits follow the drift of the clock, and say less about the start.
+const IMPROVES_US: f64 = 60e6;
+
 /// Host time of a topic's newest item: a code, packed block, ADC sample or filtered step. When the
 /// device restarts, its own clock starts at 0 again, but the host's clock goes on and shows how
 /// many items are missing between the two runs.
@@ -342,15 +402,25 @@ pub(crate) struct Continuity {
     newest_us: Option<f64>,
     /// Whether the device has restarted since the newest code, packed block or sample.
     run_ended: bool,
+    /// Host time of the present run's first item, microseconds: as it was when the gap before it
+    /// was filled, and by the newest fit. `None` in a recording's first run.
+    run_us: Option<[f64; 2]>,
     /// Duration of the last gap minus that of the items counted for it, microseconds. It is added
     /// to the next gap, so the errors of many restarts never add up to more than half an item.
     left_over_us: f64,
 }
 
 impl Continuity {
-    /// Records the host time of an item that is being published, microseconds.
-    pub(crate) fn record(&mut self, host_us: f64) {
+    /// Records the host time of an item that is being published, and by the same fit that of its
+    /// run's first item, microseconds. Of a run, the first frame shows the time no better than its
+    /// delay; later ones improve the fit.
+    pub(crate) fn record(&mut self, host_us: f64, run_us: Option<f64>) {
         self.newest_us = Some(host_us);
+        if let (Some([filled_us, newest_us]), Some(run_us)) = (&mut self.run_us, run_us)
+            && host_us - *filled_us < IMPROVES_US
+        {
+            *newest_us = run_us;
+        }
     }
 
     /// Records that the device has restarted: the next item belongs to another run.
@@ -366,6 +436,9 @@ impl Continuity {
             return 0;
         };
         self.run_ended = false;
+        if let Some([filled_us, newest_us]) = self.run_us.replace([first_us; 2]) {
+            self.left_over_us += newest_us - filled_us;
+        }
         let gap_us = first_us - newest_us + self.left_over_us;
         let periods = (gap_us / period_us).round().max(1.0);
         // If the next run seems to begin before the previous one ended, one of the times is wrong.
@@ -402,7 +475,7 @@ mod tests {
         continuity.end_run();
         assert_eq!(continuity.missing_before(5e6, 62_500.0), 0, "no run before");
         let (mut now_us, mut items) = (0.0, 0);
-        continuity.record(now_us);
+        continuity.record(now_us, None);
         for _ in 0..1000 {
             continuity.end_run();
             // The next run begins 2.4 periods later; the 1 that is added is its first item.
@@ -413,18 +486,33 @@ mod tests {
                 0,
                 "asked twice"
             );
-            continuity.record(now_us);
+            continuity.record(now_us, None);
         }
         assert_eq!(items, 2400);
     }
 
     #[test]
+    fn the_delays_of_the_first_frames_of_many_runs_do_not_add_up() {
+        let mut continuity = Continuity::default();
+        continuity.record(0.0, None);
+        let (mut now_us, mut items) = (0.0, 0);
+        for _ in 0..1000 {
+            continuity.end_run();
+            // The first item is read 0.3 periods late, which the fit shows with the next one.
+            now_us += 3.0 * 62_500.0;
+            items += continuity.missing_before(now_us + 0.3 * 62_500.0, 62_500.0) + 1;
+            continuity.record(now_us, Some(now_us));
+        }
+        assert_eq!(items, 3000);
+    }
+
+    #[test]
     fn a_run_that_starts_before_the_last_one_ended_has_no_gap() {
         let mut continuity = Continuity::default();
-        continuity.record(10e6);
+        continuity.record(10e6, None);
         continuity.end_run();
         assert_eq!(continuity.missing_before(4e6, 1000.0), 0);
-        continuity.record(4e6);
+        continuity.record(4e6, None);
         continuity.end_run();
         assert_eq!(continuity.missing_before(4e6 + 11_000.0, 1000.0), 9);
     }

@@ -43,6 +43,11 @@ impl Ledger {
         self.expected = None;
     }
 
+    /// Returns the next expected number; 0 if any number is.
+    pub(crate) fn next_number(&self) -> u32 {
+        self.expected.unwrap_or(0)
+    }
+
     /// Returns whether `number` is below the next expected number, modulo 2^32.
     pub(crate) fn is_old(&self, number: u32) -> bool {
         self.missing_before(number) >= 1 << 31

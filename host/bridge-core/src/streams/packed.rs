@@ -11,6 +11,7 @@ use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
 use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::ledger::PackedCounts;
+use crate::streams::rows::NextRow;
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
 /// Places packed blocks in time, and passes them and placeholders for missing ones to the decoder.
@@ -25,6 +26,8 @@ pub(crate) struct PackedStream {
     /// Whether the next block will be the first of a recording.
     is_first: bool,
     pub(crate) stamps: MonotoneStamps,
+    /// Number of blocks passed to the decoder so far, received or missing.
+    pub(crate) passed: u64,
 }
 
 impl PackedStream {
@@ -35,6 +38,7 @@ impl PackedStream {
             rate: None,
             is_first: true,
             stamps: MonotoneStamps::default(),
+            passed: 0,
         }
     }
 
@@ -51,6 +55,15 @@ impl PackedStream {
     pub(crate) fn end_recording(&mut self) {
         self.timeline.end_recording();
         self.is_first = true;
+    }
+
+    /// Returns the next row of `/neurodata_reconstructed`, as [`HopTimeline::next_row`] does.
+    /// `published` is the number of frames so far, with that of the newest block, which may still
+    /// wait to be corrected by the next block.
+    pub(crate) fn next_row(&mut self, published: u64, run_us: Option<f64>) -> NextRow {
+        let hop = self.timeline.device.hop_steps;
+        self.timeline
+            .next_row([published, hop.into()], [0, u32::from(hop) - 1], run_us)
     }
 
     /// Passes a block to the decoder, after placeholders for the blocks lost before it. The device
@@ -118,6 +131,7 @@ impl PackedStream {
         let steps = [hop - 1, hop];
         let time = self.timeline.frame_time_ns(place, steps, reception);
         let steps_back = reception.clock.wall_steps_back();
+        self.passed += 1;
         effects.decode_block(TimedPackedBlock {
             block,
             is_first,

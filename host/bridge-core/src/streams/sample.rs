@@ -7,6 +7,7 @@ use neuro_ros::{NeuroFrame, TriWords};
 use crate::settings::{FillerPolicy, Settings, StampPoint};
 use crate::streams::hop_timeline::{Continuity, MissingStretch};
 use crate::streams::ledger::SampleCounts;
+use crate::streams::rows::NextRow;
 use crate::streams::stamps::{MonotoneStamps, Reception};
 
 /// Largest part of a gap that is filled, seconds. At 16 frames per second this takes 1,920 frames,
@@ -48,6 +49,8 @@ pub(crate) struct SampleStream {
     /// Index, within the topic, of the present run's first sample; `None` from a restart of the
     /// device until its next message.
     run_start: Option<u64>,
+    /// Device time of the present run's first sample, microseconds.
+    run_us: i128,
     continuity: Continuity,
     /// Newest stretch of missing samples, until it is reported as an event.
     missing: Option<MissingStretch>,
@@ -103,6 +106,7 @@ impl SampleStream {
             first_host_us: None,
             next: 0,
             run_start: Some(0),
+            run_us: 0,
             continuity: Continuity::default(),
             missing: None,
             counts: SampleCounts::default(),
@@ -123,7 +127,9 @@ impl SampleStream {
     /// Starts another run. Call this when the device counts samples from 0 again. When the first
     /// sample of the new run arrives, the gap since the previous run is filled.
     pub(crate) fn restart(&mut self) {
-        self.run_start = None;
+        // The gap before a run that an event has begun, but no sample, is counted again.
+        let begun = self.run_start.take().unwrap_or(0);
+        self.counts.between_runs -= begun.saturating_sub(self.next);
         self.timeline = None;
         self.continuity.end_run();
     }
@@ -160,7 +166,7 @@ impl SampleStream {
     /// Returns the number of samples that are missing since the last call of this method.
     pub(crate) fn missing_since_report(&mut self) -> u64 {
         let missing = self.counts.missing();
-        missing - std::mem::replace(&mut self.counts.reported, missing)
+        missing.saturating_sub(std::mem::replace(&mut self.counts.reported, missing))
     }
 
     /// Counts a message that does not match the device, for the reason `why`. Its samples count as
@@ -208,10 +214,13 @@ impl SampleStream {
         let host_us = reception.clock.host_us(us.into());
         #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
         let host_us = host_us.unwrap_or(reception.read.monotonic_us as f64);
-        let start = match self.run_start {
-            Some(start) => start,
-            None => self.begin_run(host_us, end - 1),
-        };
+        if self.timeline.is_none() {
+            let since_us = i128::from(end - 1) * 1_000_000 / i128::from(self.frame.sr.max(1));
+            self.run_us = i128::from(us) - since_us;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "below 2^53 (500,000 years)")]
+        let first_us = host_us - (end - 1) as f64 * self.period_us();
+        let start = self.begin_run(first_us);
         let Some(next) = start.checked_add(end) else {
             return self.reject("their index is impossible");
         };
@@ -234,15 +243,42 @@ impl SampleStream {
         }
         self.counts.received += count;
         self.timeline = Some(timeline);
-        self.continuity.record(host_us);
+        let run_us = reception.clock.host_us(self.run_us);
+        self.continuity.record(host_us, run_us);
     }
 
-    /// Begins the device's next run and returns the index of its first sample within the topic. The
-    /// run's sample number `index` was made at the host time `host_us`, microseconds.
-    fn begin_run(&mut self, host_us: f64, index: u64) -> u64 {
-        let period_us = 1e6 / f64::from(self.frame.sr.max(1));
+    /// Returns the time from one sample to the next, microseconds.
+    fn period_us(&self) -> f64 {
+        1e6 / f64::from(self.frame.sr.max(1))
+    }
+
+    /// Returns the next row of the topic. `adc_rate_hz` is the rate of the ADC. `run_us` is the
+    /// host time of the present run's ADC sample 0, microseconds, if an event of this run tells it:
+    /// it begins the run if no sample has.
+    pub(crate) fn next_row(&mut self, adc_rate_hz: u16, run_us: Option<f64>) -> NextRow {
+        if let Some(first_us) = run_us {
+            self.begin_run(first_us);
+        }
+        let start = self.run_start.unwrap_or(self.next);
         #[expect(clippy::cast_precision_loss, reason = "below 2^53 (500,000 years)")]
-        let first_us = host_us - index as f64 * period_us;
+        let since_start = self.next as f64 - start as f64;
+        let since_start_us = since_start * self.period_us() - f64::from(self.delay_us);
+        let rate = f64::from(adc_rate_hz);
+        let frames = u64::from(self.frame.neuroheader.seq);
+        NextRow {
+            index: frames * self.nsamples as u64 + self.filled as u64,
+            sample: since_start_us * 1e-6 * rate,
+            samples_per_row: rate * 1e-6 * self.period_us(),
+        }
+    }
+
+    /// Begins the device's next run, if it has not begun yet. Its first sample was made at the host
+    /// time `first_us`, microseconds. Returns the index of this sample within the topic.
+    fn begin_run(&mut self, first_us: f64) -> u64 {
+        if let Some(start) = self.run_start {
+            return start;
+        }
+        let period_us = self.period_us();
         let missing = self.continuity.missing_before(first_us, period_us);
         self.counts.between_runs += missing;
         let start = self.next.saturating_add(missing);

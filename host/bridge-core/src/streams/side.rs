@@ -188,19 +188,21 @@ impl SideStreams {
         stream.receive(samples, of_step, at, publish);
     }
 
-    /// Publishes an event and returns the trigger's new level; `None` if the event is not
-    /// published, because it was not requested, has an old number or has an unknown kind.
+    /// Publishes an event, which is at the row `row` of the announced stream, and returns the
+    /// trigger's new level; `None` if the event is not published, because it was not requested, has
+    /// an old number or has an unknown kind.
     pub(crate) fn receive_event(
         &mut self,
         event: Event,
         at: Reception<'_>,
+        row: Option<u64>,
         effects: &mut dyn Effects,
     ) -> Option<u16> {
         if !self.settings.streams.contains(Streams::EVENTS) {
             self.unused += 1;
             return None;
         }
-        self.events.receive(event, at, &mut self.bus, effects)
+        self.events.receive(event, at, row, &mut self.bus, effects)
     }
 
     /// Requests the evaluation of an audit from the decoder thread. `model` is the device's model;

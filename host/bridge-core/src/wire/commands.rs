@@ -1,6 +1,6 @@
 //! Decides which command to the device is due, and when it must be repeated.
 
-use link::{AckResult, Start, Streams, ToDevice};
+use link::{AckResult, ExclusionPolicy, Start, Streams, ToDevice};
 
 use crate::wire::wanted::{ClockQuery, WantedStreams};
 use crate::wire::words;
@@ -26,6 +26,12 @@ pub(crate) struct Commands {
     rate: Option<u8>,
     /// Newest rate for which the device has answered the command to set it, with any result.
     answered_rate: Option<u8>,
+    /// What the user wants to be excluded.
+    exclusion: ExclusionPolicy,
+    /// The policy that the device has, by its newest report or answer.
+    known_exclusion: ExclusionPolicy,
+    /// The policy that the device has refused.
+    refused_exclusion: Option<ExclusionPolicy>,
     streams: WantedStreams,
     streaming_wanted: bool,
     device: Introduction,
@@ -87,6 +93,9 @@ impl Commands {
             mains_hz,
             rate,
             answered_rate: None,
+            exclusion: ExclusionPolicy::AUTOMATIC,
+            known_exclusion: ExclusionPolicy::AUTOMATIC,
+            refused_exclusion: None,
             streams: WantedStreams::new(streams),
             streaming_wanted: true,
             device: Introduction::Missing,
@@ -135,6 +144,16 @@ impl Commands {
         self.answered_rate = None;
     }
 
+    /// Sets which electrodes the device excludes. [`Self::next_command`] then gives the command.
+    pub(crate) fn set_exclusion(&mut self, policy: ExclusionPolicy) {
+        self.exclusion = policy;
+    }
+
+    /// Records the policy that the device reports. Another program may have set it.
+    pub(crate) fn exclusion_reported(&mut self, policy: ExclusionPolicy) {
+        self.known_exclusion = policy;
+    }
+
     /// Records that the device has introduced itself. `usable`: its codes can be published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
@@ -151,6 +170,8 @@ impl Commands {
         self.owns_stream = false;
         self.streams.ask_for_all();
         self.answered_rate = None;
+        self.known_exclusion = ExclusionPolicy::AUTOMATIC;
+        self.refused_exclusion = None;
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.refused_start = None;
@@ -286,6 +307,12 @@ impl Commands {
                 Some(ToDevice::Stop)
             }
             (true, _) if let Some(rate) = self.due_rate() => Some(ToDevice::SetRate { rate }),
+            (true, _)
+                if self.known_exclusion != self.exclusion
+                    && self.refused_exclusion != Some(self.exclusion) =>
+            {
+                Some(ToDevice::SetExclusion(self.exclusion))
+            }
             (true, StreamState::Stopped | StreamState::Unconfirmed) if !refused => {
                 Some(ToDevice::Start(Start {
                     streams: self.streams.asked(),
@@ -368,6 +395,14 @@ impl Commands {
             }
             (ToDevice::SetRate { rate }, _) => {
                 self.answered_rate = Some(rate);
+                self.pending = None;
+            }
+            (ToDevice::SetExclusion(policy), result) => {
+                if result == AckResult::Done {
+                    self.known_exclusion = policy;
+                } else {
+                    self.refused_exclusion = Some(policy);
+                }
                 self.pending = None;
             }
             // The device did not restart, so another program may have stopped its stream. If the

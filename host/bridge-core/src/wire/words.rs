@@ -13,6 +13,7 @@ pub(crate) fn command(command: &ToDevice) -> &'static str {
         ToDevice::SyncTime { .. } => "SyncTime",
         ToDevice::Reset(_) => "Reset",
         ToDevice::SetRate { .. } => "SetRate",
+        ToDevice::SetExclusion(_) => "SetExclusion",
     }
 }
 

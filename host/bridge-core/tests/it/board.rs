@@ -48,6 +48,7 @@ pub(crate) struct Board {
     pub(crate) model_id: [u8; 8],
     pub(crate) session_id: u32,
     pub(crate) labels: String,
+    pub(crate) channels: u8,
     pub(crate) hop_steps: u8,
     /// Electrodes whose signal the board reports as interpolated or zero.
     pub(crate) substitutes: Substitutes,
@@ -66,7 +67,8 @@ pub(crate) struct Board {
     /// Streams that the simulated firmware supports. The board refuses a `Start` with any other
     /// stream as `BadArgument`.
     pub(crate) supported: Streams,
-    /// Result in the acknowledgements of the commands for self-test, clock query and reset.
+    /// Result in the acknowledgements of the commands for self-test, clock query, reset and
+    /// exclusion.
     pub(crate) ack_result: AckResult,
     /// Self-test result that the board sends at once after a self-test command; with `None` it
     /// sends no result.
@@ -90,6 +92,7 @@ impl Board {
             model_id: model.id(),
             session_id: 1,
             labels: model.electrodes().join(" "),
+            channels: 64,
             hop_steps: 8,
             substitutes: Substitutes::NONE,
             code_format: CodeFormat::Int8,
@@ -170,7 +173,7 @@ impl Board {
                 step_rate_hz: self.step_rate_hz,
                 window_steps: 16,
                 hop_steps: self.hop_steps,
-                channels: 64,
+                channels: self.channels,
                 lsb_nv: 22.351_742,
                 mains_hz: 50,
                 group_delay_us: 10_000,
@@ -213,7 +216,10 @@ impl Board {
                     answers.extend(self.stats(Streams::empty()));
                 }
                 ToDevice::Ping => {}
-                ToDevice::SelfTest | ToDevice::SyncTime { .. } | ToDevice::Reset(_) => {
+                ToDevice::SelfTest
+                | ToDevice::SyncTime { .. }
+                | ToDevice::Reset(_)
+                | ToDevice::SetExclusion(_) => {
                     result = self.ack_result;
                 }
                 ToDevice::SetRate { rate } => {

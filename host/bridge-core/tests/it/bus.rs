@@ -1,5 +1,4 @@
-//! Events on the bus: the place in a recording where `rosneuro_recorder` puts them, and what they
-//! state about missing data.
+//! Events on the bus, and what they state about missing data.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
@@ -7,9 +6,9 @@
     reason = "times of seconds"
 )]
 
-use bridge_core::{AnnouncedStream, EventStamps, Settings};
+use bridge_core::{EventStamps, Settings};
 use link::{Converters, Event, EventKind, Flags, Streams, ToHost};
-use neuro_ros::{NeuroEvent, NeuroFrame};
+use neuro_ros::NeuroEvent;
 
 use crate::board::{Board, WALL_START_NS};
 use crate::recorder::{Harness, SETTINGS};
@@ -20,73 +19,6 @@ const EVENTS: Settings = Settings {
     event_stamps: EventStamps::Recorder,
     ..SETTINGS
 };
-
-/// Returns the sample at which a reader of GDF finds an event with this stamp. `rosneuro_recorder`
-/// assumes that its first sample was taken one frame's duration before the first frame arrived. Its
-/// library rounds the place of an event down and counts from 0, but readers count from 1.
-fn recorded_at(first: &NeuroFrame, first_arrival_us: i64, event_ns: i64) -> f64 {
-    let rate = f64::from(first.sr);
-    let start_us = first_arrival_us as f64 - f64::from(first.eeg.info.nsamples) / rate * 1e6;
-    let event_us = (event_ns - WALL_START_NS) as f64 / 1000.0;
-    let position = ((event_us - start_us) / 1e6 * rate).floor();
-    position - 1.0
-}
-
-#[test]
-fn an_event_is_recorded_at_the_sample_that_was_at_the_electrodes() {
-    for (announced, expected) in [
-        // The group delay is 10 ms. The first window begins at the electrodes at 0 s, and the edge
-        // is at 0.5 s: at sample 256 of 512 per second, or at code 8 of 16 per second.
-        (AnnouncedStream::Raw, 256.0),
-        (AnnouncedStream::Encoded, 8.0),
-    ] {
-        let mut harness = Harness::streaming(
-            Settings {
-                announced,
-                ..EVENTS
-            },
-            Board::new(),
-        );
-        let start_us = harness.now_us;
-        let (mut raw_us, mut code_us) = (None, None);
-        for hop in 0..4_u64 {
-            for message in 0..4 {
-                let first = hop * 32 + message * 8;
-                let device_us = (first + 7) * 1_000_000 / 512;
-                harness.now_us = start_us + device_us.cast_signed();
-                send_samples_at(&mut harness, device_us, first, Flags::empty());
-                if !harness.recorder.raw.is_empty() {
-                    raw_us.get_or_insert(harness.now_us);
-                }
-            }
-            // The last step of the window of code n is step 15 + 8 n. It leaves the filters 10 ms
-            // after it was at the electrodes.
-            let device_us = 10_000 + 117_187 + hop * 62_500;
-            harness.now_us = start_us + device_us.cast_signed();
-            let code = harness.board.code(device_us, 1);
-            harness.receive(&code);
-            code_us.get_or_insert(harness.now_us);
-        }
-        let edge = Event {
-            kind: EventKind::TriggerRise,
-            number: 0,
-            sample: 256,
-        };
-        harness.now_us = start_us + 520_000;
-        harness.send(500_000, &ToHost::Event(edge));
-        let event = &harness.recorder.events[0];
-        let (frames, arrival_us) = match announced {
-            AnnouncedStream::Raw => (&harness.recorder.raw, raw_us),
-            _ => (&harness.recorder.encoded, code_us),
-        };
-        let arrival_us = arrival_us.unwrap();
-        let sample = recorded_at(&frames[0], arrival_us, event.header.stamp.nanoseconds());
-        assert!(
-            (sample - expected).abs() < 0.01,
-            "{announced:?}: {sample}, not {expected}"
-        );
-    }
-}
 
 #[test]
 fn the_shift_of_each_topic_is_in_the_diagnostics() {

@@ -34,7 +34,7 @@ impl Effects for Counter {
         self.published += 1;
     }
 
-    fn publish_event(&mut self, _: &NeuroEvent) {
+    fn publish_event(&mut self, _: &NeuroEvent, _: Option<u64>) {
         self.published += 1;
     }
 

@@ -96,18 +96,6 @@ fn fillers_repeat_the_last_code_are_zeros_or_are_not_published() {
 }
 
 #[test]
-fn a_frame_that_arrives_twice_is_published_once() {
-    let mut harness = Harness::streaming(SETTINGS, Board::new());
-    harness.now_us += 62_500;
-    let bytes = harness.board.code(2_000_000, 1);
-    harness.receive(&bytes);
-    harness.receive(&bytes);
-    assert_eq!(harness.recorder.encoded.len(), 1);
-    let summary = harness.core.summary();
-    assert_eq!((summary.received, summary.lost), (1, 0));
-}
-
-#[test]
 fn a_damaged_byte_costs_one_frame_and_is_counted() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);

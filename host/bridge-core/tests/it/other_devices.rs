@@ -186,11 +186,12 @@ enum LaterToHost {
     Substitutes,
     CompressedRaw,
     PackedCode,
+    Exclusion,
     Later { channel: u8, device_time_us: u64 },
 }
 
 impl link::Message<'_> for LaterToHost {
-    const KINDS: u32 = 18;
+    const KINDS: u32 = 19;
     const DIRECTION: u8 = link::ToHost::DIRECTION;
 }
 

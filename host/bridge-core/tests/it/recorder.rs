@@ -72,7 +72,7 @@ impl Effects for Recorder {
         keep(&mut self.filtered, frame);
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent) {
+    fn publish_event(&mut self, event: &NeuroEvent, _row: Option<u64>) {
         assert_eq!(event.neuroheader.seq as usize, self.events.len() + 1);
         assert_eq!(event.header.seq, event.neuroheader.seq);
         self.events.push(event.clone());
@@ -281,6 +281,7 @@ pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
         ToDevice::SyncTime { .. } => "sync time",
         ToDevice::Reset(_) => "reset",
         ToDevice::SetRate { .. } => "set rate",
+        ToDevice::SetExclusion(_) => "set exclusion",
     };
     harness.board.received.iter().map(name).collect()
 }

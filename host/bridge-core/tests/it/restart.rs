@@ -196,25 +196,6 @@ fn after_a_restart_at_any_phase_of_a_frame_all_stamps_are_on_one_line() {
 }
 
 #[test]
-fn forty_nine_restarts_leave_all_topics_as_long_as_the_time_that_has_passed() {
-    let mut recording = Recording::new(SAMPLES);
-    let start_us = recording.harness.now_us;
-    for restart in 0..49 {
-        (0..3).for_each(|_| recording.hop());
-        recording.restart(150_000 + restart * 31_417);
-    }
-    (0..3).for_each(|_| recording.hop());
-    let passed = (recording.harness.now_us - start_us) as f64 / 1e6;
-    for seconds in recording.seconds() {
-        assert!(
-            (passed - seconds).abs() < 0.0625,
-            "{seconds} s of {passed} s"
-        );
-    }
-    assert_eq!(recording.harness.core.summary().resets, 49);
-}
-
-#[test]
 fn the_time_in_which_another_device_is_refused_is_filled() {
     let mut recording = Recording::new(SAMPLES);
     (0..16).for_each(|_| recording.hop());

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use bridge_core::{Core, HostTime, Model, Settings, Summary};
+use bridge_core::{Core, Exclusions, HostTime, Model, Settings, Summary};
 use link::Streams;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
@@ -14,6 +14,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 use crate::app::command_line::{Options, SinkKind};
 use crate::app::log::SilenceLog;
 use crate::app::outlets::{Outlets, Sinks};
+use crate::app::recorders::Recorders;
 use crate::app::ros_node::{Namespace, NodeCommand, RosNode};
 use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
@@ -21,12 +22,8 @@ use crate::app::whole_lines::WholeLines;
 use crate::error::BridgeError;
 use crate::wire::connection::{Connection, Event, Feed};
 
-/// Time between two calls of [`Core::tick`].
-const TICK: Duration = Duration::from_millis(100);
 /// Time without a frame from the device after which the log reports the silence.
 const SILENCE: Duration = Duration::from_secs(5);
-/// Number of ticks between two reports to `/diagnostics`: one report per second.
-const TICKS_PER_REPORT: u32 = 10;
 /// Timeout of each of the two waits at shutdown: until the device has stopped, and until queued
 /// JSON lines are written.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
@@ -48,6 +45,8 @@ pub struct Publication {
     pub topic_prefix: String,
     /// Name of the service that tells recorders and other subscribers the shape and rate of frames.
     pub get_info: &'static str,
+    /// What the user decides about the exclusion of bad electrodes.
+    pub exclusions: Exclusions,
     /// Whether the program ends when a device that has sent frames disconnects.
     pub exit_at_end: bool,
 }
@@ -102,13 +101,22 @@ impl Publication {
         if settings.streams.contains(Streams::PACKED) {
             ros.subscribe_rate(command_sender.clone());
         }
-        ros.serve(&namespace, self.get_info, announced, command_sender);
+        let recorders = Arc::new(Recorders::default());
+        let callers = Arc::clone(&recorders);
+        ros.serve(
+            &namespace,
+            self.get_info,
+            announced,
+            callers,
+            command_sender,
+        );
         let feed = connect(&ros.node, &namespace).await?;
-        let sinks = Sinks::ros(&ros, settings.streams, &namespace).await?;
+        let sinks = Sinks::ros(&ros, settings, &namespace, recorders).await?;
         let announcements = Some(announcement_sender);
         let outlets = Outlets::new(sinks, settings, Arc::clone(&model), announcements);
         shutdown.watch_node(Arc::clone(&ros.node));
         let (summary, _, outcome) = Bridge::new(settings, model, feed, commands, outlets)
+            .with_exclusions(self.exclusions)
             .exiting_at_end(self.exit_at_end)
             .run_to_end(&mut shutdown)
             .await;
@@ -142,6 +150,7 @@ pub(super) async fn stream(
         ros,
         topic_prefix: options.ros.topic_prefix,
         get_info: GET_INFO_SERVICE,
+        exclusions: options.asked.exclusion.exclusions(),
         exit_at_end: options.exit_at_end,
     };
     match options.ros.sink {
@@ -168,6 +177,7 @@ async fn print_lines(
     let sinks = Sinks::ndjson(&lines, settings.streams, &namespace)?;
     let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None);
     let (summary, has_ended, outcome) = Bridge::new(settings, model, connection, commands, outlets)
+        .with_exclusions(publication.exclusions)
         .exiting_at_end(publication.exit_at_end)
         .run_to_end(&mut shutdown)
         .await;
@@ -221,6 +231,12 @@ impl<F: Feed> Bridge<F> {
         }
     }
 
+    /// Sets what the user decides about the exclusion of electrodes.
+    fn with_exclusions(mut self, exclusions: Exclusions) -> Bridge<F> {
+        self.core.set_exclusions(exclusions);
+        self
+    }
+
     /// Sets whether the bridge ends when a device that has sent frames disconnects.
     fn exiting_at_end(mut self, exit_at_end: bool) -> Bridge<F> {
         self.exit_at_end = exit_at_end;
@@ -245,9 +261,9 @@ impl<F: Feed> Bridge<F> {
 
     async fn run(&mut self, shutdown: &mut Shutdown) -> Result<(), BridgeError> {
         let mut buffer = vec![0; 4096];
-        let mut ticks = interval(TICK);
+        let mut ticks = interval(Core::TICK);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
-        let mut until_report = TICKS_PER_REPORT;
+        let mut until_report = Core::TICKS_PER_REPORT;
         let mut deadline: Option<Instant> = None;
         let mut failure = None;
         loop {
@@ -281,7 +297,7 @@ impl<F: Feed> Bridge<F> {
                     self.core.tick(now, &mut self.outlets);
                     until_report -= 1;
                     if until_report == 0 {
-                        until_report = TICKS_PER_REPORT;
+                        until_report = Core::TICKS_PER_REPORT;
                         self.report(now);
                     }
                     let limit = self.connection.silence_limit();

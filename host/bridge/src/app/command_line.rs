@@ -4,8 +4,8 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use bridge_core::{
-    AnnouncedStream, Choice, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
-    with_codes,
+    AnnouncedStream, Choice, EventStamps, Exclusions, FillerPolicy, RawForm, Settings, StampPoint,
+    StreamKind, with_codes,
 };
 use clap::builder::{
     BoolishValueParser, PossibleValue, PossibleValuesParser, Resettable, TypedValueParser,
@@ -76,8 +76,8 @@ pub(crate) struct Options {
         value_parser = BoolishValueParser::new()
     )]
     pub(crate) low_latency: bool,
-    /// Time that the stamp of an event gives: that of its place in a recording of the announced
-    /// stream by rosneuro_recorder, or that of the event itself
+    /// Time that the stamp of an event gives: for each rosneuro_recorder, that of its place in this
+    /// recorder's file of the announced stream; or that of the event itself
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
     /// End with status 0 when a port that has sent frames closes, after everything is published:
@@ -130,6 +130,40 @@ impl Options {
             event_stamps: self.event_stamps,
             streams,
             packed_rate: self.asked.packed_rate,
+        }
+    }
+}
+
+/// Options that say which electrodes are excluded from the codes and filled from the others.
+#[derive(Args, Clone, Debug)]
+pub struct ExclusionOptions {
+    /// Electrodes that the device always excludes from its codes and fills from the others, such as
+    /// Fp1,Fp2
+    #[arg(long, help_heading = DEVICE, env = "CORTICODE_EXCLUDE", value_name = "LABELS", value_delimiter = ',')]
+    pub(crate) exclude: Vec<String>,
+    /// Electrodes that the device never excludes, even if it finds them bad
+    #[arg(long, help_heading = DEVICE, env = "CORTICODE_NEVER_EXCLUDE", value_name = "LABELS", value_delimiter = ',')]
+    pub(crate) never_exclude: Vec<String>,
+    /// Whether the device excludes electrodes that it finds bad: at the rail, flat, with mains or
+    /// noise, or unlike what the others predict
+    #[arg(
+        long,
+        help_heading = DEVICE,
+        env = "CORTICODE_FIND_BAD",
+        action = ArgAction::Set,
+        default_value = "true",
+        value_parser = BoolishValueParser::new()
+    )]
+    pub(crate) find_bad: bool,
+}
+
+impl ExclusionOptions {
+    /// Returns the decision that these options describe, for `bridge_core::Core`.
+    pub fn exclusions(&self) -> Exclusions {
+        Exclusions {
+            always: self.exclude.clone(),
+            never: self.never_exclude.clone(),
+            automatic: self.find_bad,
         }
     }
 }
@@ -387,6 +421,8 @@ pub(crate) struct StreamOptions {
     /// frames
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_RAW_FORM", default_value = "any", value_parser = choice::<RawForm>())]
     pub(crate) raw_form: RawForm,
+    #[command(flatten)]
+    pub(crate) exclusion: ExclusionOptions,
 }
 
 impl StreamOptions {

@@ -5,18 +5,19 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bridge_core::{
-    Announcement, AuditedWindow, BackPressure, DecoderCounts, DecoderThread, Effects, HostTime,
-    Model, PackedReconstruction, RawForm, Reconstruction, Settings, TimedCode, TimedPackedBlock,
-    report_malformed,
+    AnnouncedStream, Announcement, AuditedWindow, BackPressure, DecoderCounts, DecoderThread,
+    Effects, EventStamps, HostTime, Model, PackedReconstruction, RawForm, Reconstruction, Settings,
+    TimedCode, TimedPackedBlock, report_malformed,
 };
 use link::Streams;
 use neuro_ros::ros1::NodeError;
 use neuro_ros::{
     AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, FrameSink, KeyValue,
-    NdjsonWriter, NeuroEvent, NeuroFrame, Sink, SinkError,
+    NdjsonSink, NdjsonWriter, NeuroEvent, NeuroFrame, Sink, SinkError,
 };
 use tokio::sync::watch::Sender;
 
+use crate::app::recorders::{EventTopic, Recorders};
 use crate::app::ros_node::{Namespace, RosNode};
 use crate::app::ros_status::RosStatus;
 use crate::app::ros_topics::RosTopics;
@@ -145,10 +146,7 @@ impl Outlets {
             ("windows not decoded", Some(decoder.not_decoded)),
             ("raw frames dropped", dropped(&sinks.raw)),
             ("filtered frames dropped", dropped(&sinks.filtered)),
-            (
-                "events dropped",
-                sinks.events.as_ref().map(|sink| sink.dropped()),
-            ),
+            ("events dropped", sinks.events.as_ref().map(Events::dropped)),
         ];
         let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
         let lost = now > std::mem::replace(&mut self.reported, now);
@@ -176,12 +174,16 @@ impl Outlets {
             KeyValue::new("windows not needed", &decoder.not_needed),
         ];
         let topics = sinks.topics.iter().flat_map(|topics| topics.values());
+        let recorders = match &sinks.events {
+            Some(Events::Topic(topic)) => Some(topic.recorders()),
+            _ => None,
+        };
         DiagnosticStatus {
             level,
             name: "corticode: outlets".to_owned(),
             message,
             hardware_id: String::new(),
-            values: values.chain(work).chain(topics).collect(),
+            values: values.chain(work).chain(topics).chain(recorders).collect(),
         }
     }
 
@@ -266,9 +268,15 @@ impl Effects for Outlets {
         self.record_error(published.unwrap_or(Ok(())));
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent) {
-        let published = self.sinks.events.as_mut().map(|sink| sink.publish(event));
-        self.record_error(published.unwrap_or(Ok(())));
+    fn publish_event(&mut self, event: &NeuroEvent, row: Option<u64>) {
+        match &mut self.sinks.events {
+            Some(Events::Topic(topic)) => topic.publish(event, row),
+            Some(Events::Lines(sink)) => {
+                let published = sink.publish(event);
+                self.record_error(published);
+            }
+            None => {}
+        }
     }
 
     fn audit(&mut self, window: AuditedWindow) {
@@ -299,13 +307,28 @@ pub(crate) struct Sinks {
     decoder: DecoderThread,
     raw: Option<Box<dyn FrameSink>>,
     filtered: Option<Box<dyn FrameSink>>,
-    events: Option<Box<dyn Sink<NeuroEvent>>>,
+    events: Option<Events>,
     diagnostics: Box<dyn Sink<DiagnosticArray>>,
     /// The ROS topics on which the sinks publish; `None` if frames go to stdout.
     topics: Option<Arc<RosTopics>>,
     /// The state of the ROS node; `None` if frames go to stdout.
     ros: Option<Arc<RosStatus>>,
     namespace: Namespace,
+}
+
+/// Destination of events.
+enum Events {
+    Topic(EventTopic),
+    Lines(NdjsonSink<NeuroEvent>),
+}
+
+impl Events {
+    fn dropped(&self) -> u64 {
+        match self {
+            Events::Topic(topic) => topic.dropped(),
+            Events::Lines(sink) => sink.dropped(),
+        }
+    }
 }
 
 /// Full names of the topics, each `None` if its stream is not requested.
@@ -336,26 +359,34 @@ impl Names {
 }
 
 impl Sinks {
-    /// Advertises the topics of `streams` at a ROS node and creates their sinks.
+    /// Advertises the topics of `settings` at a ROS node and creates their sinks. `recorders` is
+    /// told each frame of the announced stream, if events are stamped for recorders.
     pub(crate) async fn ros(
         ros: &RosNode,
-        streams: Streams,
+        settings: Settings,
         namespace: &Namespace,
+        recorders: Arc<Recorders>,
     ) -> Result<Sinks, BridgeError> {
-        let names = Names::new(streams, namespace);
+        let names = Names::new(settings.streams, namespace);
         let topics = Arc::new(RosTopics::new(Arc::clone(&ros.node)));
-        let frames = |name: &str, queue| -> Result<Box<dyn FrameSink>, NodeError> {
-            Ok(Box::new(topics.frames(name, queue)?))
+        let frames = |name: &str, queue, stream| -> Result<Box<dyn FrameSink>, NodeError> {
+            let is_recorded =
+                settings.announced == stream && settings.event_stamps == EventStamps::Recorder;
+            let recorders = is_recorded.then(|| Arc::clone(&recorders));
+            Ok(Box::new(topics.frames(name, queue, recorders)?))
         };
-        let optional = |name: &Option<String>| {
+        let optional = |name: &Option<String>, stream| {
             let name = name.as_ref();
-            name.map(|name| frames(name, QUEUE_SAMPLES)).transpose()
+            name.map(|name| frames(name, QUEUE_SAMPLES, stream))
+                .transpose()
         };
+        let (encoded, decoded) = (AnnouncedStream::Encoded, AnnouncedStream::Reconstructed);
+        let decoded = frames(&names.reconstructed, QUEUE_FRAMES, decoded)?;
         let mut sinks = Sinks {
-            encoded: frames(&names.encoded, QUEUE_FRAMES)?,
-            decoder: DecoderThread::start(frames(&names.reconstructed, QUEUE_FRAMES)?)?,
-            raw: optional(&names.raw)?,
-            filtered: optional(&names.filtered)?,
+            encoded: frames(&names.encoded, QUEUE_FRAMES, encoded)?,
+            decoder: DecoderThread::start(decoded)?,
+            raw: optional(&names.raw, AnnouncedStream::Raw)?,
+            filtered: optional(&names.filtered, AnnouncedStream::Filtered)?,
             events: None,
             diagnostics: Box::new(topics.shared(names.diagnostics, QUEUE_EVENTS).await?),
             topics: Some(Arc::clone(&topics)),
@@ -363,7 +394,8 @@ impl Sinks {
             namespace: namespace.clone(),
         };
         if let Some(events) = names.events {
-            sinks.events = Some(Box::new(topics.shared(&events, QUEUE_EVENTS).await?));
+            let sink = topics.shared(&events, QUEUE_EVENTS).await?;
+            sinks.events = Some(Events::Topic(EventTopic::new(sink, recorders)));
         }
         topics.start().await?;
         Ok(sinks)
@@ -377,13 +409,12 @@ impl Sinks {
     ) -> io::Result<Sinks> {
         let names = Names::new(streams, namespace);
         let frames = |name: String| Box::new(lines.sink(&name)) as Box<dyn FrameSink>;
-        let events = |name: String| Box::new(lines.sink(&name)) as Box<dyn Sink<NeuroEvent>>;
         Ok(Sinks {
             encoded: frames(names.encoded),
             decoder: DecoderThread::start(frames(names.reconstructed))?,
             raw: names.raw.map(frames),
             filtered: names.filtered.map(frames),
-            events: names.events.map(events),
+            events: names.events.map(|name| Events::Lines(lines.sink(&name))),
             diagnostics: Box::new(lines.sink(names.diagnostics)),
             topics: None,
             ros: None,

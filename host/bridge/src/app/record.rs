@@ -70,8 +70,10 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
         mains_hz: settings.mains_hz,
     };
     let model_rate = ModelRate::new(settings)?;
+    let mut core = Core::new(settings, None);
+    core.set_exclusions(options.asked.exclusion.exclusions());
     let mut recording = Recording {
-        core: Core::new(settings, None),
+        core,
         connection: Connection::new(options.at.port, options.at.baud),
         port: RecordedPort {
             recorder: Recorder::new(header),

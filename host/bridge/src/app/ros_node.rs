@@ -10,6 +10,7 @@ use neuro_ros::{
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch::Receiver;
 
+use crate::app::recorders::Recorders;
 use crate::app::ros_status::RosStatus;
 
 /// Topic on which an experiment sets the rate of the packed code.
@@ -44,9 +45,9 @@ impl RosNode {
         tokio::spawn(receive_rates(Arc::clone(&self.node), commands));
     }
 
-    /// Serves the newest announcement as `get_info` in `namespace`, and passes calls of `~start`,
-    /// `~stop` and `~quit` to `commands`. Runs in a task of its own, because registration at the
-    /// master can take long.
+    /// Serves the newest announcement as `get_info` in `namespace` and notes its callers in
+    /// `recorders`, and passes calls of `~start`, `~stop` and `~quit` to `commands`. Runs in a task
+    /// of its own, because registration at the master can take long.
     ///
     /// Before the first announcement a call of `get_info` fails: rosneuro_recorder repeats a failed
     /// call, but would accept an answer that describes no frame.
@@ -55,6 +56,7 @@ impl RosNode {
         namespace: &Namespace,
         get_info: &str,
         announced: Receiver<Option<AcquisitionInfo>>,
+        recorders: Arc<Recorders>,
         commands: UnboundedSender<NodeCommand>,
     ) {
         let node = Arc::clone(&self.node);
@@ -64,13 +66,15 @@ impl RosNode {
             namespace.resolve(get_info)
         };
         tokio::spawn(async move {
-            let on_info = move || {
+            let on_info = move |caller: &str| {
                 let info = announced.borrow().clone();
-                info.ok_or_else(|| {
+                let info = info.ok_or_else(|| {
                     "no device has introduced itself yet, or what --announce names is not published; see the log of \
                      the bridge, and try again"
                         .to_owned()
-                })
+                })?;
+                recorders.note_call(caller);
+                Ok(info)
             };
             let on_command = move |command| {
                 tracing::info!("{} was called", command_name(command));

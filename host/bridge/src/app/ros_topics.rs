@@ -9,6 +9,8 @@ use neuro_ros::{
     DiagnosticLevel, KeyValue, NeuroFrame, RosMessage, RosSink, Sink, SinkError, Wire,
 };
 
+use crate::app::recorders::Recorders;
+
 /// Time between two checks whether another node publishes one of the topics too.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
 
@@ -24,6 +26,8 @@ pub(crate) struct RosTopics {
 /// A topic of NeuroFrames, which the bridge must be the only one to publish.
 #[derive(Debug)]
 struct FrameTopic {
+    /// Nodes that wait for the next frame of this topic; `None` if it is not the announced one.
+    recorders: Option<Arc<Recorders>>,
     /// Full name of the topic, after ROS's remapping.
     name: String,
     queue: usize,
@@ -49,15 +53,22 @@ impl RosTopics {
         }
     }
 
-    /// Adds a topic of frames with a queue of `queue` messages for each subscriber. Does not
-    /// advertise it; [`RosTopics::check`] does.
-    pub(crate) fn frames(&self, name: &str, queue: usize) -> Result<FrameTopicSink, NodeError> {
+    /// Adds a topic of frames with a queue of `queue` messages for each subscriber. If it is the
+    /// announced one, its frames are noted in `recorders`. Does not advertise it;
+    /// [`RosTopics::check`] does.
+    pub(crate) fn frames(
+        &self,
+        name: &str,
+        queue: usize,
+        recorders: Option<Arc<Recorders>>,
+    ) -> Result<FrameTopicSink, NodeError> {
         let name = self.node.resolve(name)?;
         let mut frames = lock(&self.frames);
         if frames.iter().any(|topic| topic.name == name) {
             return Err(NodeError::Duplicate(format!("publisher of {name}")));
         }
         let topic = Arc::new(FrameTopic {
+            recorders,
             name,
             queue,
             state: Mutex::default(),
@@ -230,6 +241,9 @@ impl Sink<NeuroFrame> for FrameTopicSink {
             self.body.clear();
             frame.write(&mut self.body);
             publisher.publish(&self.body);
+            if let Some(recorders) = &self.topic.recorders {
+                recorders.note_frame(frame);
+            }
         } else if !state.claim.others().is_empty() {
             state.withheld += 1;
         }

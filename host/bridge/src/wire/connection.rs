@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-use bridge_core::HostTime;
+use bridge_core::{Core, HostTime};
 use neuro_ros::DiagnosticStatus;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep_until};
@@ -11,18 +11,6 @@ use tokio::time::{Instant, sleep_until};
 use crate::error::BridgeError;
 use crate::wire::opener::{OpenError, PortOpener};
 use crate::wire::port::{PORT_TIMEOUT, Port, PortAddress, Transfer};
-
-/// Time between two attempts to open the port: several attempts fit into the 1 s within which the
-/// bridge shall reconnect to a replugged device.
-const RETRY: Duration = Duration::from_millis(250);
-
-/// Silence after which a serial port is reopened. A board sends `Stats` every second and keeps at
-/// most 4 s of frames, so after a longer silence either the board or its port has stopped.
-const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
-
-/// Silence after which a TCP port is reopened. TCP itself detects a broken connection earlier. An
-/// intact one may hold bytes of a suspended device, which reopening would lose.
-const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
 
 /// A port that is opened again whenever it is lost.
 #[derive(Debug)]
@@ -77,10 +65,10 @@ impl Connection {
         }
     }
 
-    /// Closes the port. The next attempt to open it follows after [`RETRY`].
+    /// Closes the port. The next attempt to open it follows after [`Core::REOPEN_AFTER`].
     pub(crate) fn close(&mut self) {
         self.state = State::Closed {
-            retry_at: Instant::now() + RETRY,
+            retry_at: Instant::now() + Core::REOPEN_AFTER,
         };
     }
 
@@ -112,8 +100,8 @@ impl Feed for Connection {
     /// Returns the silence of the device after which the port should be reopened.
     fn silence_limit(&self) -> Duration {
         match self.opener.address() {
-            PortAddress::Tty(_) | PortAddress::Auto(_) => TTY_SILENCE_LIMIT,
-            PortAddress::Tcp(_) => TCP_SILENCE_LIMIT,
+            PortAddress::Tty(_) | PortAddress::Auto(_) => Core::TTY_SILENCE_LIMIT,
+            PortAddress::Tcp(_) => Core::TCP_SILENCE_LIMIT,
         }
     }
 

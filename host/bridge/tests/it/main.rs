@@ -24,6 +24,7 @@ mod packed_recording;
 mod process;
 mod query;
 mod record;
+mod recorders;
 mod replay;
 mod replug;
 #[path = "../../src/ports/simulated_machine.rs"]

@@ -288,7 +288,7 @@ impl<L: Listener> Effects for Collector<L> {
         self.publish(Stream::Filtered, frame, delay_us.into());
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent) {
+    fn publish_event(&mut self, event: &NeuroEvent, _row: Option<u64>) {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

@@ -192,7 +192,8 @@ impl<R: Read + Seek> Replayer<R> {
             ToDevice::SelfTest
             | ToDevice::SyncTime { .. }
             | ToDevice::Reset(_)
-            | ToDevice::SetRate { .. } => AckResult::NotSupported,
+            | ToDevice::SetRate { .. }
+            | ToDevice::SetExclusion(_) => AckResult::NotSupported,
         })
     }
 

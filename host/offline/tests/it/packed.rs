@@ -42,12 +42,7 @@ fn blocks(fixture: &Fixture) -> Vec<PackedCode> {
 /// it, and `None` stands for a lost block.
 fn expected(blocks: &[Option<&PackedCode>]) -> Vec<f32> {
     let model = offline::Model::embedded().expect("a model");
-    let artifact = artifact::Artifact::from_bytes(
-        model::artifact_files::MODEL_TOML,
-        model::artifact_files::WEIGHTS,
-        model::artifact_files::CALIBRATION,
-        model::artifact_files::PACKED,
-    );
+    let artifact = artifact::Artifact::from_files(model::artifact_files::FILES);
     let artifact = artifact.expect("the built-in model");
     assert_eq!(artifact.id, model.id);
     let mut decoder = PackedDecoder::new(artifact.packed.as_ref().expect("a packed model"));

@@ -42,7 +42,13 @@ impl Publisher {
     /// [`MAX_MESSAGE`](crate::tcpros::MAX_MESSAGE) is dropped for all subscribers.
     /// [`Publisher::dropped`] counts the messages dropped for either reason.
     pub fn publish(&self, message: &[u8]) -> u32 {
-        self.publication.publish(message)
+        self.publication.publish(message, |_| None)
+    }
+
+    /// Queues one message body for every subscriber, as [`Publisher::publish`] does, but another
+    /// one for each subscriber for whose name `own` returns one.
+    pub fn publish_each(&self, message: &[u8], own: impl FnMut(&str) -> Option<Vec<u8>>) -> u32 {
+        self.publication.publish(message, own)
     }
 
     /// Number of subscribers with an open connection.

@@ -116,7 +116,7 @@ pub(crate) async fn node_at(name: &str, master: &str) -> Node {
 
 /// Provides a service that answers every call with `answer`.
 pub(crate) async fn serve(node: &Node, name: &str, answer: &'static [u8]) -> Service {
-    let handler = |_: &[u8]| Ok(answer.to_vec());
+    let handler = |_: &str, _: &[u8]| Ok(answer.to_vec());
     node.serve(name, &SET_BOOL, handler).await.unwrap()
 }
 

@@ -136,7 +136,7 @@ async fn rostopic_rosservice_and_rosnode_work_with_our_node() {
     let publisher = ours.advertise("chatter", &STRING, LATCH).await.unwrap();
     publisher.publish(&string("hello"));
     let _service = ours
-        .serve("~negate", &SET_BOOL, |request| match request {
+        .serve("~negate", &SET_BOOL, |_, request| match request {
             [0] => Ok([&[1][..], &string("was false")].concat()),
             [1] => Err("true is not allowed".to_owned()),
             other => Err(format!("{} bytes are no SetBool", other.len())),

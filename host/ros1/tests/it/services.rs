@@ -33,7 +33,7 @@ async fn a_service_keeps_serving_after_errors_panics_and_invalid_requests() {
     let master = start_master().await;
     let server = start_node("server", &master).await;
     let _service = server
-        .serve("/negate", &SET_BOOL, |request| match request {
+        .serve("/negate", &SET_BOOL, |_, request| match request {
             [0] => Ok(vec![1, 0, 0, 0, 0]),
             [1] => Err("not this".to_owned()),
             _ => panic!("a handler's bug"),

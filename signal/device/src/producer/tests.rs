@@ -3,7 +3,8 @@
 use std::{boxed::Box, vec, vec::Vec};
 
 use link::{BlockForm, Flags, RAW_SAMPLES};
-use model::{CELLS, HOP, STEPS};
+use model::{ADC_RATE_HZ, CELLS, HOP, STEP_RATE_HZ, STEPS};
+use pipeline::{Acquisition, Mains, Sample};
 
 use super::*;
 use crate::encoders::BothEncoders;
@@ -79,6 +80,7 @@ fn keep(output: Output<'_>) -> Output<'static> {
             Payload::Code(code, marks) => Payload::Code(leak(code), marks),
             Payload::PackedCode(code, marks) => Payload::PackedCode(leak(code), marks),
             Payload::Event(event) => Payload::Event(event),
+            Payload::Exclusion(exclusion) => Payload::Exclusion(exclusion),
             Payload::Quality(quality) => Payload::Quality(leak(quality)),
             Payload::Raw(samples) => Payload::Raw(leak(samples)),
             Payload::CompressedRaw(samples) => Payload::CompressedRaw(leak(samples)),
@@ -410,4 +412,77 @@ fn an_event_that_waits_for_its_sample_is_kept_if_it_happened_in_the_new_run() {
     assert_eq!(event_before_a_new_run(1_999), None);
     assert_eq!(event_before_a_new_run(2_000), Some((2, 0)));
     assert_eq!(event_before_a_new_run(2_500), Some((2, 1)));
+}
+
+/// An electrode that reaches the rail is excluded with that very step: the report comes before the
+/// first output without it, and filtered steps stay as measured. `packed_alone.rs` runs this test
+/// with a model that has a table.
+#[test]
+fn a_railed_electrode_is_reported_and_filled() {
+    if SUBSTITUTION.is_none() {
+        std::eprintln!("SKIPPED: the model has no table of substitutions");
+        return;
+    }
+    let streams = Streams::ALL.without(Streams::RAW | Streams::COMPRESSED_RAW | Streams::EVENTS);
+    let mut acquisition = Acquisition::new(Mains::Hz50);
+    let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
+    let mut outputs = Vec::new();
+    let mut steps = 0;
+    let railed = u64::from(ADC_RATE_HZ) * 3 / 5;
+    for index in 0..u64::from(ADC_RATE_HZ) {
+        let mut sample = Sample::default();
+        for (channel, count) in sample.counts.iter_mut().enumerate() {
+            *count = i32::try_from((index * 7 + channel as u64 * 13) % 101).expect("small");
+        }
+        if index >= railed {
+            sample.counts[2] = Sample::MAX;
+        }
+        let step = acquisition.process_sample(&sample);
+        let acquired = AcquiredSample {
+            new_run: (index == 0).then(|| run(1, streams)),
+            sample,
+            index,
+            step_index: steps,
+            step,
+            ..AcquiredSample::default()
+        };
+        steps += u64::from(step.is_some());
+        producer.process(&acquired, &mut |output| outputs.push(keep(output)));
+    }
+    let excluded_at = outputs.iter().position(|output| {
+        matches!(output.payload, Payload::Exclusion(exclusion) if exclusion.excluded == 1 << 2)
+    });
+    let excluded_at = excluded_at.expect("a report");
+    let Payload::Exclusion(report) = outputs[excluded_at].payload else {
+        unreachable!("found above");
+    };
+    let step_hz = u64::from(STEP_RATE_HZ);
+    let first = (railed * step_hz).div_ceil(u64::from(ADC_RATE_HZ));
+    assert_eq!(report.first_step, first);
+    // At the first step, nothing is excluded.
+    assert!(outputs.iter().any(|output| {
+        matches!(output.payload, Payload::Exclusion(exclusion) if exclusion.first_step == 0)
+    }));
+    let mut blocks = 0;
+    for (place, output) in outputs.iter().enumerate() {
+        let (saturated, marks) = match output.payload {
+            Payload::Code(code, marks) => (code.saturated, marks),
+            Payload::PackedCode(code, marks) => (code.saturated, marks),
+            _ => continue,
+        };
+        assert_eq!(saturated, 0, "the rail is not in a code");
+        assert_eq!(marks.substituted, place > excluded_at);
+        blocks += usize::from(marks.substituted);
+    }
+    assert!(blocks > 3);
+    // Once a second the report is repeated, and the filtered steps show the rail.
+    assert!(matches!(
+        outputs.last().map(|output| output.payload),
+        Some(Payload::Exclusion(_))
+    ));
+    let measured = outputs.iter().any(|output| match output.payload {
+        Payload::Filtered(chunk) => chunk.message().flags.contains(link::Flags::SATURATED),
+        _ => false,
+    });
+    assert!(measured);
 }

@@ -1,8 +1,8 @@
 //! Frames from peers of other releases, and echoes, are refused and never misread.
 
 use link::{
-    Ack, AckResult, CodeValues, Decoder, Encoder, FrameError, Header, MAX_FRAME, Message,
-    ResetCause, Stage, ToDevice, ToHost, VERSION, encode,
+    Ack, AckResult, CodeValues, Decoder, Encoder, ExclusionPolicy, FrameError, Header, MAX_FRAME,
+    Message, ResetCause, Stage, ToDevice, ToHost, VERSION, encode,
 };
 use serde::{Deserialize, Serialize};
 
@@ -19,11 +19,12 @@ enum LaterToDevice {
     SyncTime { host_time_us: u64 },
     Reset(u8),
     SetRate { rate: u8 },
+    SetExclusion(ExclusionPolicy),
     Later { pattern: u8, value: u32 },
 }
 
 impl Message<'_> for LaterToDevice {
-    const KINDS: u32 = 9;
+    const KINDS: u32 = 10;
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
@@ -51,7 +52,7 @@ fn a_newer_message_is_an_intact_frame_that_is_ignored() {
     };
     assert_eq!(
         first(&mut decoder, bytes),
-        Some(Err(FrameError::Unknown { header, kind: 8 }))
+        Some(Err(FrameError::Unknown { header, kind: 9 }))
     );
     let bytes = encoder
         .encode(6, &LaterToDevice::Ping, &mut buffer)

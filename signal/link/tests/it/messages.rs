@@ -3,8 +3,8 @@
 use link::{
     Audit, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code,
     CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event, EventKind,
-    Filtered, Flags, Hello, PackedCode, Quality, Raw, ResetCause, SelfTest, Stage, StageTiming,
-    Stats, Streams, Substitutes, Timing, ToHost,
+    Exclusion, ExclusionPolicy, Filtered, Flags, Hello, PackedCode, Quality, Raw, ResetCause,
+    SelfTest, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
 };
 
 pub(crate) fn hello() -> ToHost<'static> {
@@ -269,6 +269,21 @@ pub(crate) fn compressed_continuing() -> ToHost<'static> {
             0x48, 0xe9, 0xd2, 0x6a, 0x4c, 0x85, 0x00, 0xff, 0xe8, 0x90, 0x00, 0xff, 0xe8, 0x9a,
             0xab, 0x48,
         ],
+    })
+}
+
+/// What a host decides that always excludes electrode 3 and never electrode 60.
+pub(crate) const POLICY: ExclusionPolicy = ExclusionPolicy {
+    always: 1 << 3,
+    never: 1 << 60,
+    automatic: true,
+};
+
+pub(crate) fn exclusion() -> ToHost<'static> {
+    ToHost::Exclusion(Exclusion {
+        first_step: 2_496,
+        excluded: 1 << 3 | 1 << 20,
+        policy: POLICY,
     })
 }
 

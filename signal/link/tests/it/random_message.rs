@@ -2,9 +2,9 @@
 
 use link::{
     Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeValues, CompressedRaw,
-    ElectrodeQuality, Event, EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT,
-    MAX_NUMBERS, MAX_STAGES, PackedCode, Quality, Raw, ResetCause, Stage, StageTiming, Stats,
-    Streams, Substitutes, Timing, ToHost,
+    ElectrodeQuality, Event, EventKind, Exclusion, ExclusionPolicy, Filtered, Flags, Hello,
+    MAX_ELECTRODES, MAX_EXPONENT, MAX_NUMBERS, MAX_STAGES, PackedCode, Quality, Raw, ResetCause,
+    Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
 };
 use proptest::prelude::*;
 
@@ -115,6 +115,19 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
     });
     let substitutes = any::<[u64; 2]>()
         .prop_map(|[interpolated, zero]| ToHost::Substitutes(Substitutes { interpolated, zero }));
+    let exclusion =
+        any::<([u64; 4], bool)>().prop_map(|([first_step, excluded, always, never], automatic)| {
+            let policy = ExclusionPolicy {
+                always,
+                never,
+                automatic,
+            };
+            ToHost::Exclusion(Exclusion {
+                first_step,
+                excluded,
+                policy,
+            })
+        });
     prop_oneof![
         raw,
         compressed,
@@ -123,7 +136,8 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
         audit,
         event,
         reading,
-        substitutes
+        substitutes,
+        exclusion
     ]
 }
 

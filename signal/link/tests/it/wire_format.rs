@@ -7,9 +7,9 @@ use link::{
 };
 
 use crate::messages::{
-    audit, capabilities, clock_reading, code, code_of_16_bits, code_with_exponent,
-    compressed_continuing, compressed_key, converters, event, filtered, hello, packed_code,
-    quality, raw, self_test, stats, substitutes, timing,
+    POLICY, audit, capabilities, clock_reading, code, code_of_16_bits, code_with_exponent,
+    compressed_continuing, compressed_key, converters, event, exclusion, filtered, hello,
+    packed_code, quality, raw, self_test, stats, substitutes, timing,
 };
 
 const DOCUMENT: &str = include_str!("../../../../docs/wire-format.md");
@@ -91,6 +91,7 @@ fn every_dump_equals_the_encoders_output() {
         ("sync-time", (5, 0), sync_time),
         ("reset", (6, 0), ToDevice::Reset(ResetInto::Bootloader)),
         ("set-rate", (7, 0), ToDevice::SetRate { rate: 6 }),
+        ("set-exclusion", (8, 0), ToDevice::SetExclusion(POLICY)),
     ];
     let code_at = (304, 19_871_093);
     let second = (316, 19_916_015);
@@ -115,6 +116,7 @@ fn every_dump_equals_the_encoders_output() {
         ("compressed-raw-key", (315, 19_900_390), compressed_key()),
         ("compressed-raw-continuing", second, compressed_continuing()),
         ("packed-code", (317, 19_929_687), packed_code()),
+        ("exclusion", (318, 19_937_500), exclusion()),
     ];
     let compared = commands.len() + messages.len();
     for command in commands {

@@ -49,12 +49,7 @@ fn blocks() -> Vec<Vec<u8>> {
 
 /// Decodes blocks with the library; `None` stands for a lost block.
 fn decode(blocks: &[Option<&Vec<u8>>]) -> Vec<PackedBlock> {
-    let artifact = Artifact::from_bytes(
-        model::artifact_files::MODEL_TOML,
-        model::artifact_files::WEIGHTS,
-        model::artifact_files::CALIBRATION,
-        model::artifact_files::PACKED,
-    );
+    let artifact = Artifact::from_files(model::artifact_files::FILES);
     let artifact = artifact.expect("the built-in model");
     let mut decoder = PackedDecoder::new(artifact.packed.as_ref().expect("a packed model"));
     let rate = Rate::new(RATE).expect("a rate");

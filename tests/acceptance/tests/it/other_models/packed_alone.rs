@@ -19,6 +19,10 @@ fn model() -> Artifact {
 #[test]
 fn a_model_without_a_network_encodes_and_decodes_recordings() {
     let model = model();
+    assert!(
+        model.substitution.is_some(),
+        "a table, for the test of the device"
+    );
     let folder = tempfile::tempdir().expect("a folder");
     let artifact = folder.path().join("model");
     model.write(&artifact).expect("a folder to write to");
@@ -30,6 +34,7 @@ fn a_model_without_a_network_encodes_and_decodes_recordings() {
         "a_device_offers",
         "audits_reach_the_host",
         "blocks_of_repeated_steps",
+        "a_railed_electrode_is_reported_and_filled",
     ] {
         device.test("device", test);
     }

@@ -1,0 +1,80 @@
+//! Rows of a topic, and the stamps that place events at them in a recording.
+
+use neuro_ros::{NeuroFrame, Stamp};
+
+use crate::time::HostTime;
+
+/// Number of ADC samples by which an event can be behind the next row, because messages arrive in
+/// the order in which the device made them: 8 s at 512 Hz. An event further behind belongs to a run
+/// whose start the bridge has not noticed yet.
+const MOST_BEHIND: f64 = 4096.0;
+
+/// The next row that the bridge will publish on a topic. A row is a code, an ADC sample or a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NextRow {
+    /// Number of rows published on the topic so far.
+    pub(crate) index: u64,
+    /// ADC sample, counted since `Start`, that was taken when the row was at the electrodes. It has
+    /// a fraction where filters delay the row, and is negative for a row before the present run.
+    pub(crate) sample: f64,
+    pub(crate) samples_per_row: f64,
+}
+
+impl NextRow {
+    /// Returns the row at which a recording has an event that happened directly before ADC sample
+    /// `sample`, or together with it: the first one after the sample before, so within one row.
+    pub(crate) fn row_of(self, sample: u64) -> u64 {
+        #[expect(clippy::cast_precision_loss, reason = "below 2^53 (500,000 years)")]
+        let ahead = sample as f64 - 1.0 - self.sample;
+        if ahead < -MOST_BEHIND {
+            return self.index;
+        }
+        // A millionth of a row is more than the rounding error of the difference.
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let rows = (ahead / self.samples_per_row + 1e-6).floor() as i64;
+        self.index.saturating_add_signed(rows.saturating_add(1))
+    }
+}
+
+/// Start of a recording by `rosneuro_recorder`: the first frame that it takes, and when.
+///
+/// The recorder writes every frame, and counts its rows at the rate that the frame states. It
+/// places an event by its stamp minus the arrival of the first frame, at the same rate. A device's
+/// clock never has exactly that rate. So the stamp that places an event at a row is not the time of
+/// that row, but follows from the number of rows since the start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RecordingStart {
+    /// Index of the first row among all rows published on the topic.
+    first_row: u64,
+    /// Time that the recorder takes for that of its first row, nanoseconds since 1970.
+    start_ns: i64,
+    rate_hz: u16,
+}
+
+impl RecordingStart {
+    /// Returns the start of a recording whose first frame is `frame`, published at `now`. Frames of
+    /// a topic are numbered from 1 without a gap.
+    pub fn new(frame: &NeuroFrame, now: HostTime) -> RecordingStart {
+        let rows = frame.eeg.info.nsamples;
+        let rate_hz = frame.sr.max(1);
+        let frames = frame.neuroheader.seq.saturating_sub(1);
+        RecordingStart {
+            first_row: u64::from(frames) * u64::from(rows),
+            start_ns: now.wall_ns - i64::from(rows) * 1_000_000_000 / i64::from(rate_hz),
+            rate_hz,
+        }
+    }
+
+    /// Returns the stamp with which the recorder places an event at the row of index `row`; at its
+    /// first row if `row` is before that.
+    ///
+    /// The recorder's library, libxdffileio, rounds the place down and counts rows from 0, where
+    /// GDF and its readers count from 1. Half a row keeps the place when the first frame arrives up
+    /// to half a row after its publication, and one row corrects the counting.
+    pub fn stamp(&self, row: u64) -> Stamp {
+        let half_rows = 2 * i128::from(row.saturating_sub(self.first_row)) + 3;
+        let since_ns = half_rows * 500_000_000 / i128::from(self.rate_hz);
+        let since_ns = i64::try_from(since_ns).unwrap_or(i64::MAX);
+        Stamp::from_nanoseconds(self.start_ns.saturating_add(since_ns))
+    }
+}

@@ -1,0 +1,85 @@
+//! The recorders of the announced stream, and the events that each of them receives.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use bridge_core::{HostTime, RecordingStart};
+use neuro_ros::{KeyValue, NeuroEvent, NeuroFrame, RosSink, Sink};
+
+/// Number of nodes from which those that do not subscribe to events are forgotten.
+const MAX_CALLERS: usize = 64;
+
+/// Nodes that have called `get_info`, by their names, each with the start of the recording that it
+/// makes if it is a recorder; `None` from the call until the next frame.
+///
+/// `rosneuro_recorder` calls `get_info` once, and takes the next frame as its first one. Viewers
+/// and filters call it too, which has no effect, because they do not subscribe to events.
+#[derive(Debug, Default)]
+pub(crate) struct Recorders(Mutex<BTreeMap<String, Option<RecordingStart>>>);
+
+impl Recorders {
+    /// Notes that the node `caller` has called `get_info`: its recording starts with the next
+    /// frame.
+    pub(crate) fn note_call(&self, caller: &str) {
+        self.lock().insert(caller.to_owned(), None);
+    }
+
+    /// Notes that `frame` of the announced stream is being published.
+    pub(crate) fn note_frame(&self, frame: &NeuroFrame) {
+        for (caller, start) in &mut *self.lock() {
+            if start.is_none() {
+                tracing::debug!(caller, frame = frame.neuroheader.seq, "recording starts");
+                *start = Some(RecordingStart::new(frame, HostTime::now()));
+            }
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Option<RecordingStart>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The topic of events. A recorder receives each event with the stamp that places it at its row in
+/// this recorder's file; other subscribers receive it as the core has stamped it.
+pub(crate) struct EventTopic {
+    sink: RosSink<NeuroEvent>,
+    recorders: Arc<Recorders>,
+}
+
+impl EventTopic {
+    pub(crate) fn new(sink: RosSink<NeuroEvent>, recorders: Arc<Recorders>) -> EventTopic {
+        EventTopic { sink, recorders }
+    }
+
+    /// Publishes `event`, which is at the row `row` of the announced stream.
+    pub(crate) fn publish(&mut self, event: &NeuroEvent, row: Option<u64>) {
+        let starts = self.recorders.lock();
+        self.sink.publish_each(event, |subscriber| {
+            let start = starts.get(subscriber)?.as_ref()?;
+            let mut event = event.clone();
+            event.header.stamp = start.stamp(row?);
+            Some(event)
+        });
+    }
+
+    /// Returns the number of events dropped because a subscriber was too slow.
+    pub(crate) fn dropped(&self) -> u64 {
+        self.sink.dropped()
+    }
+
+    /// Returns the names of the recorders that subscribe to events, as a value for `/diagnostics`.
+    pub(crate) fn recorders(&self) -> KeyValue {
+        let lags = self.sink.publisher().lags();
+        let subscribes = |name: &String| lags.iter().any(|lag| lag.subscriber == *name);
+        let mut starts = self.recorders.lock();
+        if starts.len() > MAX_CALLERS {
+            starts.retain(|name, _| subscribes(name));
+        }
+        let started = starts.iter().filter(|(_, start)| start.is_some());
+        let names = started
+            .map(|(name, _)| name)
+            .filter(|name| subscribes(name));
+        let names: Vec<&str> = names.map(String::as_str).collect();
+        KeyValue::new("events placed for", &names.join(" "))
+    }
+}

@@ -1,0 +1,180 @@
+//! Substitution of bad electrodes: finds them, and fills them from the others before the encoder.
+//!
+//! One electrode at the rail, with noise or without contact spoils the code of all others, because
+//! every number of a code depends on every electrode. The model can have a table of weights from
+//! which each electrode is predicted by the others. The table serves twice: an electrode whose
+//! signal differs too much from its prediction is excluded, and an excluded electrode is replaced
+//! by its prediction from the rest.
+//!
+//! ```text
+//! Step --> quarters of 1 uV --> Fill: excluded electrodes from the others --> Step for the encoders
+//!                                 |
+//!                                 +--> Evidence over 64 steps --> Judge: exclude, readmit
+//! ```
+
+mod evidence;
+mod fill;
+mod judge;
+
+use model::{ELECTRODES, HOP, STEP_RATE_HZ, Substitution as Table};
+
+use crate::front_end::Mains;
+use crate::sample::{Sample, Step, quantise};
+use evidence::Evidence;
+use fill::Fill;
+use judge::Judge;
+
+/// Largest number of electrodes that are excluded at the same time.
+const MAX_EXCLUDED: usize = 12;
+
+/// Number of steps from one judgement to the next: up to 0.5 s, in whole hops, so that the excluded
+/// electrodes change between two hops.
+const WINDOW: usize = STEP_RATE_HZ as usize / 2 / HOP * HOP;
+
+const _: () = assert!(ELECTRODES <= 64, "a mask of electrodes has 64 bits");
+
+/// Electrodes as a mask; bit n is electrode n of the montage.
+type ElectrodeMask = u64;
+
+/// What the host decides about the exclusion of electrodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExclusionPolicy {
+    /// Electrodes that are always excluded.
+    pub always: ElectrodeMask,
+    /// Electrodes that are never excluded; `always` takes precedence.
+    pub never: ElectrodeMask,
+    /// Whether the device itself finds bad electrodes.
+    pub automatic: bool,
+}
+
+impl ExclusionPolicy {
+    /// The device finds bad electrodes, and the host excludes and protects none.
+    pub const AUTOMATIC: Self = Self {
+        always: 0,
+        never: 0,
+        automatic: true,
+    };
+}
+
+/// Finds bad electrodes and fills them from the others, step by step.
+///
+/// Excluded electrodes change only between two windows of [`WINDOW`] steps, but an electrode at the
+/// ADC's rail is excluded with that very step. While no electrode is excluded, steps pass unchanged.
+///
+/// # Timing
+/// Every step takes one product of the table with all electrodes, [`fill::SWEEPS`] sweeps over all
+/// slots, and the sums of the evidence: 20,000 instructions on an emulated Cortex-M4F with 61
+/// electrodes. A step that excludes an electrode gathers its weights, and one with excluded
+/// electrodes is quantised again; the last step of a window takes one judgement more. The worst
+/// step took 49,000.
+#[derive(Clone, Debug)]
+pub struct Substitution {
+    fill: Fill,
+    evidence: Evidence,
+    judge: Judge,
+    /// Number of steps of the window so far.
+    steps: u16,
+    /// Whether the filters had not settled at a step of the window.
+    settling: bool,
+}
+
+impl Substitution {
+    /// State before the first step of a run at 50 Hz, with nothing excluded; all zeros.
+    pub const NEW: Self = Self {
+        fill: Fill::NONE,
+        evidence: Evidence::NONE,
+        judge: Judge::NEW,
+        steps: 0,
+        settling: false,
+    };
+
+    /// Starts a run in place, with nothing excluded.
+    pub fn restart(&mut self, mains: Mains) {
+        *self = Self::NEW;
+        self.evidence.restart(mains);
+    }
+
+    /// Adds a sample, from which flat electrodes are found. Call this once for each sample, before
+    /// [`Self::fill_step`] with the step that the sample completes.
+    #[inline]
+    pub fn observe_sample(&mut self, sample: &Sample) {
+        self.evidence.add_sample(sample);
+    }
+
+    /// Returns the step with excluded electrodes replaced by their prediction, quantised again. A
+    /// new policy takes effect with the next window.
+    pub fn fill_step(&mut self, step: &Step, policy: ExclusionPolicy, table: &Table<'_>) -> Step {
+        if self.steps == 0 {
+            self.fill.readmit(policy.never & !policy.always);
+            self.fill.exclude_first(policy.always, table);
+        }
+        let railed = step.saturated & ALL;
+        if policy.automatic {
+            self.exclude(railed & !policy.never, table);
+        }
+        let measured = fill::quarters(&step.electrodes);
+        let predicted = self.fill.predict(&measured, table);
+        self.evidence.add_step(&measured, &predicted, railed);
+        let filled = self.filled(step, &predicted);
+        self.settling |= step.settling;
+        self.steps += 1;
+        if usize::from(self.steps) == WINDOW {
+            self.end_window(policy, table);
+        }
+        filled
+    }
+
+    /// Returns `step` with the excluded electrodes replaced by `predicted`.
+    fn filled(&self, step: &Step, predicted: &fill::Quarters) -> Step {
+        let excluded = self.fill.excluded();
+        if excluded == 0 {
+            return *step;
+        }
+        let mut electrodes = step.electrodes;
+        for (index, (x, &value)) in electrodes.iter_mut().zip(predicted).enumerate() {
+            if excluded >> index & 1 != 0 {
+                *x = fill::filtered(value);
+            }
+        }
+        let (plane, clipped) = quantise(&electrodes);
+        Step {
+            electrodes,
+            plane,
+            clipped,
+            saturated: step.saturated & !excluded,
+            excluded,
+            ..*step
+        }
+    }
+
+    /// Judges the electrodes at the end of a window, and begins the next window. While the filters
+    /// settle, their transient would look like a fault of every electrode.
+    fn end_window(&mut self, policy: ExclusionPolicy, table: &Table<'_>) {
+        if policy.automatic && !self.settling {
+            let excluded = self.fill.excluded();
+            let verdict = self
+                .judge
+                .judge(&self.evidence, excluded, policy.never, table);
+            self.fill.readmit(verdict.recovered & !policy.always);
+            self.exclude(verdict.bad, table);
+        }
+        if !policy.automatic {
+            self.fill.readmit(!policy.always);
+        }
+        self.evidence.restart(self.evidence.mains());
+        self.steps = 0;
+        self.settling = false;
+    }
+
+    /// Excludes electrodes that are bad.
+    fn exclude(&mut self, bad: ElectrodeMask, table: &Table<'_>) {
+        self.judge.forget(bad);
+        self.fill.exclude(bad, table);
+    }
+}
+
+/// All electrodes of the montage.
+const ALL: ElectrodeMask = u64::MAX >> (64 - ELECTRODES);
+
+#[cfg(test)]
+mod tests;

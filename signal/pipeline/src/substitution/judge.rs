@@ -1,0 +1,153 @@
+//! Decides at the end of a window which electrodes are bad, and which are good again.
+
+use model::{ELECTRODES, STEP_RATE_HZ};
+
+use super::evidence::{Evidence, Sums};
+use super::{ElectrodeMask, MAX_EXCLUDED, Table, WINDOW};
+
+/// Innovation energy that excludes an electrode, in units of its typical energy. Added to it is the
+/// energy of the prediction, because a larger signal is predicted with a larger error.
+const EXCLUDING: u64 = 50;
+/// Number that stands for the excluding innovation.
+const EXCESS_ONE: u32 = 256;
+/// Innovation below which an electrode counts as good again.
+const GOOD_BELOW: u32 = EXCESS_ONE / 4;
+/// Largest number of electrodes that one window excludes for their innovation alone.
+const MOST_AT_ONCE: usize = 8;
+/// An electrode is quiet if its energy is below this part of the prediction's.
+const QUIET_PART: u64 = 16;
+
+/// Number of windows for which an electrode must be good until it is recovered: 10 s.
+pub(super) const HOLD: u8 = windows(10);
+/// Number of windows for which an electrode must be quiet until it is excluded: 3 s.
+const QUIET: u8 = windows(3);
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a window takes 0.5 s or more"
+)]
+const fn windows(seconds: usize) -> u8 {
+    (seconds * STEP_RATE_HZ as usize / WINDOW) as u8
+}
+
+/// How long each electrode has been good or quiet.
+#[derive(Clone, Debug)]
+pub(super) struct Judge {
+    /// Number of windows since the electrode was last not good.
+    good: [u8; ELECTRODES],
+    /// Number of windows since the electrode was last not quiet.
+    quiet: [u8; ELECTRODES],
+}
+
+/// Result of a judgement.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Verdict {
+    /// Electrodes to exclude.
+    pub(super) bad: ElectrodeMask,
+    /// Excluded electrodes that have been good for long enough.
+    pub(super) recovered: ElectrodeMask,
+}
+
+impl Judge {
+    /// State before the first window of a run.
+    pub(super) const NEW: Self = Self {
+        good: [0; ELECTRODES],
+        quiet: [0; ELECTRODES],
+    };
+
+    /// Judges a window in which the electrodes `excluded` were excluded. Those in `never` are not
+    /// found bad.
+    #[inline(never)]
+    pub(super) fn judge(
+        &mut self,
+        evidence: &Evidence,
+        excluded: ElectrodeMask,
+        never: ElectrodeMask,
+        table: &Table<'_>,
+    ) -> Verdict {
+        let flat = evidence.flat();
+        let mut certain = 0;
+        let mut recovered = 0;
+        let mut excess = [0; ELECTRODES];
+        for (electrode, sums) in evidence.electrodes.iter().enumerate() {
+            let mask = 1 << electrode;
+            let typical = typical_energy(table, electrode);
+            excess[electrode] = sums.excess(typical);
+            let [measured, predicted] = [sums.measured, sums.predicted].map(u64::from);
+            let is_quiet = measured * QUIET_PART < predicted && predicted > typical;
+            self.quiet[electrode] = counted(self.quiet[electrode], is_quiet);
+            let is_certain = (flat | evidence.railed) & mask != 0
+                || sums.is_tonal()
+                || self.quiet[electrode] >= QUIET;
+            if is_certain {
+                certain |= mask;
+            }
+            let is_good = !is_certain && !is_quiet && excess[electrode] < GOOD_BELOW;
+            self.good[electrode] = counted(self.good[electrode], is_good);
+            if excluded & mask != 0 && self.good[electrode] >= HOLD {
+                recovered |= mask;
+            }
+        }
+        let certain = certain & !excluded & !never;
+        // Certainly bad electrodes spoil the prediction of others, so exclude them first, and judge
+        // the others without them.
+        let bad = if certain == 0 {
+            let free = MAX_EXCLUDED.saturating_sub(excluded.count_ones() as usize);
+            largest(&excess, excluded | never, MOST_AT_ONCE.min(free))
+        } else {
+            certain
+        };
+        Verdict { bad, recovered }
+    }
+
+    /// Forgets how long an electrode was good; call this when it is excluded.
+    pub(super) fn forget(&mut self, excluded: ElectrodeMask) {
+        for (electrode, good) in self.good.iter_mut().enumerate() {
+            if excluded >> electrode & 1 != 0 {
+                *good = 0;
+            }
+        }
+    }
+}
+
+/// Returns up to `most` electrodes with an excluding innovation of at least half the largest one:
+/// electrodes that are predicted from a bad one have an innovation too, but a smaller one.
+fn largest(excess: &[u32; ELECTRODES], excluded: ElectrodeMask, most: usize) -> ElectrodeMask {
+    let mut bad = 0;
+    let mut least = EXCESS_ONE;
+    for _ in 0..most {
+        let mut found = (least, None);
+        for (electrode, &excess) in excess.iter().enumerate() {
+            if (excluded | bad) >> electrode & 1 == 0 && excess > found.0 {
+                found = (excess, Some(electrode));
+            }
+        }
+        let (excess, Some(electrode)) = found else {
+            break;
+        };
+        least = least.max(excess / 2);
+        bad |= 1 << electrode;
+    }
+    bad
+}
+
+/// Returns the number of windows in a row after a window in which the condition holds or not.
+const fn counted(count: u8, holds: bool) -> u8 {
+    if holds { count.saturating_add(1) } else { 0 }
+}
+
+/// Returns the energy that the innovation of an electrode typically has in a window, in squares of
+/// a quarter microvolt. The table states its mean square in squares of a sixteenth of a microvolt.
+fn typical_energy(table: &Table<'_>, electrode: usize) -> u64 {
+    let square = table.innovation.get(electrode).copied().unwrap_or(i32::MAX);
+    u64::from(square.unsigned_abs()) * WINDOW as u64 / 16
+}
+
+impl Sums {
+    /// Returns the innovation in units of the excluding innovation, times [`EXCESS_ONE`], saturated.
+    fn excess(&self, typical: u64) -> u32 {
+        let limit = EXCLUDING * typical + u64::from(self.predicted);
+        let excess = u64::from(self.innovation) * u64::from(EXCESS_ONE) / limit.max(1);
+        u32::try_from(excess).unwrap_or(u32::MAX)
+    }
+}

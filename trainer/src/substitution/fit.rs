@@ -1,0 +1,251 @@
+//! Fit of a table of substitutions to filtered recordings, and its errors on recordings.
+
+use crate::card::interpolated;
+use crate::error::TrainerError;
+use crate::packed::second_moment;
+use crate::track::Track;
+use artifact::{SubstitutionFigures, SubstitutionTable};
+use nalgebra::DMatrix;
+
+/// Penalty that is added to the diagonal of the second moment, in units of its mean.
+const RIDGE: f64 = 0.01;
+
+/// Weight that stands for 1: weights are Q7.
+const ONE: f64 = 128.0;
+
+/// Number of time steps over which the energy of an innovation is averaged: one second.
+const SECOND: usize = 128;
+
+/// Smallest and largest typical energy of an innovation, in units of the median electrode's. An
+/// electrode that was bad in training is thus judged nearly as strictly as the others.
+const SPREAD: [f64; 2] = [0.25, 9.0];
+
+/// Units of an innovation's energy, (1/16 uV)^2, in 1 uV^2.
+const UNITS_PER_UV2: f64 = 256.0;
+
+/// RMS below which an electrode has no signal, uV. An ADS1299 with shorted input has 0.14 uV of
+/// noise at gain 24 (SBAS499C, table 1).
+const SILENT_UV: f64 = 0.1;
+
+/// Refuses a recording with an electrode that has no signal.
+///
+/// # Errors
+/// [`TrainerError::SilentElectrodes`].
+pub(super) fn refuse_silent(track: &Track, electrodes: &[String]) -> Result<(), TrainerError> {
+    let steps = columns(track);
+    let labels = steps.row_iter().zip(electrodes).filter(|(row, _)| {
+        let squares = row.iter().map(|&uv| f64::from(uv).powi(2));
+        squares.sum::<f64>() < SILENT_UV.powi(2) * row.len() as f64
+    });
+    let labels: Vec<String> = labels.map(|(_, label)| label.clone()).collect();
+    if labels.is_empty() {
+        return Ok(());
+    }
+    Err(TrainerError::SilentElectrodes {
+        name: track.name.clone(),
+        labels,
+    })
+}
+
+/// Returns the weights with which the linear prediction of each electrode from the others has the
+/// least mean squared error, plus a penalty: `w_ei = -P_ei / P_ee`, where `P` is the inverse of the
+/// second moment with [`RIDGE`]. Q7, -127..=127, `[electrode][other electrode]`.
+///
+/// # Errors
+/// If the recordings have fewer seconds than electrodes.
+pub(super) fn weights(tracks: &[Track], electrodes: usize) -> Result<Vec<i8>, TrainerError> {
+    let seconds = tracks.iter().map(|track| track.steps() / SECOND).sum();
+    if seconds < electrodes {
+        return Err(TrainerError::TooFewSeconds {
+            seconds,
+            electrodes,
+        });
+    }
+    let mut moment = second_moment(&tracks.iter().map(columns).collect::<Vec<_>>());
+    let penalty = RIDGE * moment.diagonal().mean();
+    for electrode in 0..electrodes {
+        moment[(electrode, electrode)] += penalty;
+    }
+    let inverse = moment.cholesky().ok_or(TrainerError::Silent)?.inverse();
+    let weight = |index: usize| {
+        let (electrode, other) = (index / electrodes, index % electrodes);
+        if electrode == other {
+            return 0;
+        }
+        let weight = -inverse[(electrode, other)] / inverse[(electrode, electrode)];
+        #[expect(clippy::cast_possible_truncation, reason = "clamped to 8 bits")]
+        let weight = (weight * ONE).round().clamp(-127.0, 127.0) as i8;
+        weight
+    };
+    Ok((0..electrodes * electrodes).map(weight).collect())
+}
+
+/// Returns the typical mean square of each electrode's innovation: the median over all seconds,
+/// held within [`SPREAD`], (1/16 uV)^2, at least 1.
+pub(super) fn innovation(weights: &[i8], tracks: &[Track]) -> Vec<i32> {
+    let electrodes = weights.len().isqrt();
+    let mut energies = vec![Vec::new(); electrodes];
+    for track in tracks {
+        let innovations = innovations(weights, track);
+        for (row, energies) in innovations.row_iter().zip(&mut energies) {
+            let squares: Vec<f64> = row.iter().map(|value| value.powi(2)).collect();
+            let seconds = squares.chunks_exact(SECOND);
+            energies.extend(seconds.map(|second| second.iter().sum::<f64>() / SECOND as f64));
+        }
+    }
+    let medians: Vec<f64> = energies.into_iter().map(median).collect();
+    let [least, most] = SPREAD.map(|factor| factor * median(medians.clone()));
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "saturates above the largest value that an artifact accepts"
+    )]
+    let units = |uv2: f64| ((uv2.clamp(least, most) * UNITS_PER_UV2).round() as i32).max(1);
+    medians.into_iter().map(units).collect()
+}
+
+/// Returns the errors of a table on recordings, over the electrodes that all of them have; `None`
+/// if there is no such electrode.
+pub(super) fn figures(
+    table: &SubstitutionTable,
+    tracks: &[Track],
+    electrodes: &[String],
+) -> Option<SubstitutionFigures> {
+    let mut energies = vec![[0.0; 2]; electrodes.len()];
+    for track in tracks {
+        let (innovations, steps) = (innovations(&table.weights, track), columns(track));
+        let rows = innovations.row_iter().zip(steps.row_iter());
+        for ((innovations, row), energies) in rows.zip(&mut energies) {
+            energies[0] += innovations.norm_squared();
+            energies[1] += row.map(f64::from).norm_squared();
+        }
+    }
+    let interpolated = interpolated(electrodes, tracks);
+    let errors = electrodes
+        .iter()
+        .zip(energies)
+        .filter(|(label, _)| !interpolated.contains(label));
+    let errors = errors.map(|(label, [innovation, signal])| (innovation / signal, label));
+    let errors: Vec<(f64, &String)> = errors.collect();
+    let (worst, label) = errors.iter().max_by(|(a, _), (b, _)| a.total_cmp(b))?;
+    let rounded = |error: f64| (error * 1e6).round() / 1e6;
+    Some(SubstitutionFigures {
+        median_nmse: rounded(median(errors.iter().map(|(error, _)| *error).collect())),
+        worst_nmse: rounded(*worst),
+        worst_electrode: (*label).clone(),
+    })
+}
+
+/// Returns the difference between electrodes and their predictions, uV, `[electrode, step]`.
+fn innovations(weights: &[i8], track: &Track) -> DMatrix<f64> {
+    let weights = weights.iter().map(|&weight| f64::from(weight) / ONE);
+    let weights = DMatrix::from_row_iterator(track.electrodes, track.electrodes, weights);
+    let mut innovations = columns(track).map(f64::from);
+    let steps = innovations.clone();
+    innovations.gemm(-1.0, &weights, &steps, 1.0);
+    innovations
+}
+
+/// Returns the time steps of a track as the columns of a matrix, uV.
+fn columns(track: &Track) -> DMatrix<f32> {
+    DMatrix::from_column_slice(track.electrodes, track.steps(), &track.values)
+}
+
+/// Returns the median of numbers: the mean of the two middle ones if their count is even.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let count = values.len();
+    f64::midpoint(values[(count - 1) / 2], values[count / 2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+    use artifact::SubstitutionDescription;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use std::io::Write as _;
+    use std::process::Command;
+
+    const LABELS: [&str; 8] = ["A", "B", "C", "D", "E", "F", "G", "H"];
+
+    /// Returns tracks of mixed sources. Electrode H has much noise of its own, A hardly any, and B
+    /// is large; every other second is three times as large.
+    fn tracks() -> [Track; 3] {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        [700, 1500, 999].map(|steps| {
+            let values = (0..steps).flat_map(|step| {
+                let gain = [10.0, 30.0][step / SECOND % 2];
+                let sources: [f32; 3] = std::array::from_fn(|_| rng.random_range(-gain..gain));
+                let mut electrodes: [f32; 8] = std::array::from_fn(|at| {
+                    let noise = [0.1, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 20.0][at];
+                    sources[at % 3] - sources[at / 3] / 2.0 + rng.random_range(-noise..noise)
+                });
+                electrodes[1] *= 4.0;
+                electrodes
+            });
+            testing::track("mixed", 8, values.collect())
+        })
+    }
+
+    /// Returns what `reference.py` prints for the tracks; `None` without numpy.
+    fn numpy(tracks: &[Track]) -> Option<serde_json::Value> {
+        let folder = tempfile::tempdir().unwrap();
+        // Debian's Python, because another one on the PATH can lack numpy.
+        let mut python = Command::new("/usr/bin/python3");
+        python.args(["-c", include_str!("reference.py"), "8"]);
+        for (index, track) in tracks.iter().enumerate() {
+            let path = folder.path().join(index.to_string());
+            let values = track.values.iter().flat_map(|uv| uv.to_le_bytes());
+            std::fs::write(&path, values.collect::<Vec<u8>>()).unwrap();
+            python.arg(path);
+        }
+        let output = python.output().ok()?;
+        let errors = String::from_utf8_lossy(&output.stderr);
+        if errors.contains("No module named 'numpy'") {
+            return None;
+        }
+        assert!(output.status.success(), "{errors}");
+        Some(serde_json::from_slice(&output.stdout).unwrap())
+    }
+
+    #[test]
+    fn numpy_computes_the_same_table_and_errors() {
+        let tracks = tracks();
+        let Some(numpy) = numpy(&tracks) else {
+            let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
+            assert!(!required, "python3-numpy is not installed");
+            // The test harness captures what a macro prints.
+            let line = b"SKIPPED: table of substitutions against numpy: no python3-numpy\n";
+            std::io::stderr().write_all(line).unwrap();
+            return;
+        };
+        let number = |value: &serde_json::Value| value.as_f64().unwrap();
+        let weights = weights(&tracks, 8).unwrap();
+        assert_eq!(serde_json::json!(weights), numpy["weights"]);
+        assert!(weights.contains(&127), "{weights:?}");
+        let innovation = innovation(&weights, &tracks);
+        for (index, units) in innovation.iter().enumerate() {
+            let difference = f64::from(*units) - number(&numpy["innovation"][index]);
+            assert!(difference.abs() < 0.501, "{innovation:?} {numpy}");
+        }
+        // H is at the upper end of the range, A at the lower one.
+        assert!((f64::from(innovation[7]) / f64::from(innovation[0]) - 36.0).abs() < 0.5);
+        let table = SubstitutionTable {
+            description: SubstitutionDescription::default(),
+            weights,
+            innovation,
+        };
+        let figures = figures(&table, &tracks, &LABELS.map(str::to_owned)).unwrap();
+        let [median, worst] = [0, 1].map(|index| number(&numpy["figures"][index]));
+        assert!(
+            (figures.median_nmse - median).abs() < 1e-6,
+            "{figures:?} {numpy}"
+        );
+        assert!(
+            (figures.worst_nmse - worst).abs() < 1e-6,
+            "{figures:?} {numpy}"
+        );
+        assert_eq!(numpy["figures"][2], figures.worst_electrode.as_str());
+    }
+}

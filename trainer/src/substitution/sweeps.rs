@@ -1,0 +1,141 @@
+//! The sweeps with which a device substitutes several bad electrodes at once.
+//!
+//! A sweep replaces each bad electrode in turn by its prediction, in which the other bad electrodes
+//! have their latest values (Gauss-Seidel). Sweeps with the exact weights converge for every set of
+//! bad electrodes, because the inverse of a covariance is positive definite; rounding and clipping
+//! of the weights can end that.
+
+use crate::error::TrainerError;
+use artifact::{Description, ScalpGrid, SubstitutionTable};
+use nalgebra::DMatrix;
+use rand::SeedableRng;
+use rand::seq::SliceRandom as _;
+use rand_chacha::ChaCha8Rng;
+
+/// Number of electrodes that a device substitutes at the same time.
+const MOST: usize = 12;
+
+/// Number of times that a sweep's matrix is squared to find its spectral radius.
+const SQUARINGS: u32 = 10;
+
+/// Returns the largest spectral radius of a sweep over 12 electrodes, or over all but one if there
+/// are fewer: the factor by which the last sweeps reduce the distance to their limit. Sets of
+/// neighbours on the scalp grid, one around each electrode, and twice as many random sets are
+/// checked.
+///
+/// # Errors
+/// If the sweeps over a set do not converge; the error names its electrodes.
+pub(crate) fn largest_radius(
+    table: &SubstitutionTable,
+    description: &Description,
+) -> Result<f64, TrainerError> {
+    let labels = &description.montage.electrodes;
+    let columns = description.dimensions().columns;
+    let grid = ScalpGrid::new(description);
+    let place = |electrode: usize| {
+        let cell = grid.cell_of_electrode()[electrode];
+        [cell / columns, cell % columns]
+    };
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let mut largest = 0.0_f64;
+    for index in 0..3 * labels.len() {
+        let mut set: Vec<usize> = (0..labels.len()).collect();
+        if index < labels.len() {
+            let [row, column] = place(index);
+            set.sort_by_key(|&other| {
+                let [other_row, other_column] = place(other);
+                row.abs_diff(other_row).pow(2) + column.abs_diff(other_column).pow(2)
+            });
+        } else {
+            set.shuffle(&mut rng);
+        }
+        set.truncate(MOST.min(labels.len() - 1));
+        set.sort_unstable();
+        let radius = spectral_radius(&table.weights, labels.len(), &set);
+        if radius >= 1.0 {
+            let labels = set.iter().map(|&electrode| labels[electrode].clone());
+            return Err(TrainerError::NoConvergence {
+                labels: labels.collect(),
+                radius,
+            });
+        }
+        largest = largest.max(radius);
+    }
+    Ok(largest)
+}
+
+/// Returns the spectral radius of a sweep over a set of electrodes.
+///
+/// With the weights `L + U` between the electrodes of the set (below and above the diagonal), a
+/// sweep multiplies the distance to the limit by `M = (I - L)^-1 U`. The radius is the limit of
+/// `|M^n|^(1/n)` (Gelfand), here with n = 2^10.
+fn spectral_radius(weights: &[i8], electrodes: usize, set: &[usize]) -> f64 {
+    let size = set.len();
+    let weight = |row: usize, column: usize| weights[set[row] * electrodes + set[column]];
+    let coupling = DMatrix::from_fn(size, size, |row, column| {
+        f64::from(weight(row, column)) / 128.0
+    });
+    let above = coupling.upper_triangle();
+    // Ones on the diagonal of the triangle, so that there is always a solution.
+    let triangle = DMatrix::identity(size, size) - coupling.lower_triangle();
+    let mut power = triangle.solve_lower_triangular(&above).unwrap_or(above);
+    let mut logarithm = power.norm().ln();
+    for squaring in 1..=SQUARINGS {
+        power /= power.norm().max(f64::MIN_POSITIVE);
+        power = &power * &power;
+        logarithm += power.norm().ln() / f64::from(1 << squaring);
+    }
+    logarithm.exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_radius_is_that_of_the_sweep_s_eigenvalues() {
+        // Of the five electrodes, 1 and 4 are swept. With the weights a and b between them, M has
+        // the eigenvalues 0 and a * b: the second value comes from the first one.
+        let mut weights = vec![1; 25];
+        for electrode in 0..5 {
+            weights[electrode * 6] = 0;
+        }
+        for [a, b] in [[127, 127], [-64, 64], [3, -127], [0, 5]] {
+            (weights[5 + 4], weights[4 * 5 + 1]) = (a, b);
+            let expected = (f64::from(a) * f64::from(b)).abs() / 128.0_f64.powi(2);
+            let radius = spectral_radius(&weights, 5, &[1, 4]);
+            assert!((radius - expected).abs() <= 2e-3 * expected, "{radius}");
+        }
+    }
+
+    #[test]
+    fn a_table_that_does_not_converge_is_refused_with_its_electrodes() {
+        let description = crate::testing::description();
+        let mut table = any_model::any_artifact(
+            1,
+            artifact::Mode::Pca,
+            artifact::Padding::None,
+            [2, 2, 2],
+            8,
+        )
+        .unwrap()
+        .substitution
+        .unwrap();
+        let radius = largest_radius(&table, &description).unwrap();
+        assert!((0.1..1.0).contains(&radius), "{radius}");
+        // Electrodes 17, 18 and 19 are neighbours, and predict each other with weights of nearly 1.
+        for (electrode, other) in [(17, 18), (18, 17), (17, 19), (19, 17), (18, 19), (19, 18)] {
+            table.weights[electrode * 61 + other] = 127;
+        }
+        let error = largest_radius(&table, &description).unwrap_err();
+        let TrainerError::NoConvergence { labels, radius } = &error else {
+            panic!("{error}")
+        };
+        let near = [17, 18, 19].map(|electrode| &description.montage.electrodes[electrode]);
+        assert!(
+            near.iter().filter(|label| labels.contains(label)).count() > 1,
+            "{error}"
+        );
+        assert!(labels.len() == 12 && *radius > 1.0, "{error}");
+    }
+}
