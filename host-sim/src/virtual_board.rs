@@ -179,7 +179,7 @@ impl VirtualBoard {
         }
     }
 
-    /// Restarts the board, for the reason `cause`, as a reset does; the converters keep their state.
+    /// Restarts the board as a reset does, for the reason `cause`. The converters keep their state.
     /// Frames in the outbox are still sent.
     pub fn restart(&mut self, cause: ResetCause, now_us: u64) {
         let outbox = self.sender.queue().clone();

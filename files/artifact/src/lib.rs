@@ -48,7 +48,6 @@
 
 mod convolution;
 mod description;
-mod embedding;
 mod error;
 mod float_decoder;
 mod float_encoder;
@@ -76,11 +75,10 @@ pub use description::{
     Adc, CodeFormat, CodeQuantisation, Decimation, Description, EMPTY, Figures, Filters, Grid,
     Input, Mode, Montage, NetworkShape, Padding, TrainingCard, Window,
 };
-pub use embedding::embedding;
 pub use error::{ArtifactError, List, TensorProblem};
 pub use float_decoder::FloatDecoder;
 pub use float_encoder::{FloatEncoder, TracedCode};
-pub use folder::{Artifact, HEAD_ROOM};
+pub use folder::{Artifact, HEAD_ROOM, embedding};
 pub use geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, Geometry, KERNEL};
 pub use golden::Golden;
 pub use integer_code::IntegerCode;

@@ -17,8 +17,8 @@ const INNOVATION: &str = "innovation";
 /// Largest mean square of an innovation that a table may state, (1/16 uV)^2: that of 512 uV.
 pub const LARGEST_INNOVATION: i32 = 1 << 26;
 
-/// Largest sum of the magnitudes of a row's weights. With inputs of 4,095 at most, a prediction then
-/// fits the 24 bits in which a device adds it up. Trained tables reach about 1,200.
+/// Largest sum of the magnitudes of a row's weights. With inputs of 4,095 at most, a prediction
+/// then fits the 24 bits in which a device adds it up. Trained tables reach about 1,200.
 const LARGEST_ROW: u32 = 2_048;
 
 /// How a table was trained: the contents of `substitution.toml`.

@@ -14,8 +14,10 @@
 //!
 //! The crate is pure and synchronous. The path to the code uses integers only, so the same samples
 //! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal,
-//! and it counts every value that it clips. The range coder of the packed code is the exception:
-//! its time depends on the block, within a bound that `docs/figures.md` states.
+//! and it counts every value that it clips. There are two exceptions. The time of the packed code's
+//! range coder depends on the block, within a bound that `docs/figures.md` states. With a model that
+//! has a table, [`Substitution`] replaces bad electrodes before the encoders, and branches where it
+//! excludes an electrode and where it judges half a second.
 //!
 //! ```
 //! use pipeline::{Mains, Pipeline, Sample};

@@ -36,7 +36,8 @@ const _: () = assert!(ELECTRODES <= 64, "a mask of electrodes has 64 bits");
 /// Electrodes as a mask; bit n is electrode n of the montage.
 type ElectrodeMask = u64;
 
-/// What the host decides about the exclusion of electrodes.
+/// What the host decides about the exclusion of electrodes. `link` has this type a second time, for
+/// the wire: the pipeline knows no link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExclusionPolicy {
     /// Electrodes that are always excluded.
@@ -63,10 +64,9 @@ impl ExclusionPolicy {
 ///
 /// # Timing
 /// Every step takes one product of the table with all electrodes, [`fill::SWEEPS`] sweeps over all
-/// slots, and the sums of the evidence: 20,000 instructions on an emulated Cortex-M4F with 61
-/// electrodes. A step that excludes an electrode gathers its weights, and one with excluded
-/// electrodes is quantised again; the last step of a window takes one judgement more. The worst
-/// step took 49,000.
+/// slots, and the sums of the evidence. A step that excludes an electrode also gathers its weights,
+/// and one with excluded electrodes is quantised again; the last step of a window takes one
+/// judgement more. No benchmark counts its instructions yet.
 #[derive(Clone, Debug)]
 pub struct Substitution {
     fill: Fill,

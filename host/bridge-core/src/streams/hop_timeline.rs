@@ -402,8 +402,8 @@ pub(crate) struct Continuity {
     newest_us: Option<f64>,
     /// Whether the device has restarted since the newest code, packed block or sample.
     run_ended: bool,
-    /// Host time of the present run's first item, microseconds: as it was when the gap before it
-    /// was filled, and by the newest fit. `None` in a recording's first run.
+    /// Two estimates of the host time of the present run's first item, microseconds: the one that
+    /// was used to fill the gap before it, and the newest. `None` in a recording's first run.
     run_us: Option<[f64; 2]>,
     /// Duration of the last gap minus that of the items counted for it, microseconds. It is added
     /// to the next gap, so the errors of many restarts never add up to more than half an item.

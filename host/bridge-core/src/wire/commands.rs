@@ -144,7 +144,7 @@ impl Commands {
         self.answered_rate = None;
     }
 
-    /// Sets which electrodes the device excludes. [`Self::next_command`] then gives the command.
+    /// Sets which electrodes the device excludes. [`Self::next_command`] then returns the command.
     pub(crate) fn set_exclusion(&mut self, policy: ExclusionPolicy) {
         self.exclusion = policy;
     }

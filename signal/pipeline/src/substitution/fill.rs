@@ -44,8 +44,8 @@ pub(super) fn filtered(quarters: i16) -> i32 {
     ((i64::from(quarters) * FROM_QUARTERS + 128) >> 8) as i32
 }
 
-/// Number of sweeps over the excluded electrodes. Eight leave less than 0.1 uV for every set that
-/// was tried.
+/// Number of sweeps over the excluded electrodes. With eight, twelve excluded electrodes are within
+/// 6 % (RMS) of their conditional mean in the tests.
 pub(super) const SWEEPS: usize = 8;
 /// Fractional bits of the table's weights.
 const WEIGHT_BITS: u32 = 7;
