@@ -25,6 +25,10 @@ pub(crate) fn rehearse_all(options: &ScenarioOptions) -> Result<(), Box<dyn Erro
         .iter()
         .map(|file| Scenario::read(file))
         .collect();
+    let existing = Existing::from_force(options.force);
+    let junit_file = options.junit.as_ref();
+    let junit_file = junit_file.map(|path| NewFile::create(path, existing, &options.files));
+    let junit_file = junit_file.transpose()?;
     let mut reports: Vec<Report> = Vec::new();
     for scenario in scenarios? {
         #[expect(
@@ -45,9 +49,7 @@ pub(crate) fn rehearse_all(options: &ScenarioOptions) -> Result<(), Box<dyn Erro
         new_file::print(format_args!("{line}\n"))?;
         reports.push(report);
     }
-    if let Some(path) = &options.junit {
-        let existing = Existing::from_force(options.force);
-        let mut file = NewFile::create(path, existing, &options.files)?;
+    if let Some(mut file) = junit_file {
         file.write_all(&junit(&reports)?)?;
         file.finish()?;
     }

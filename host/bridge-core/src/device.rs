@@ -327,6 +327,11 @@ impl Identity {
         }
     }
 
+    /// Returns whether `hello` is from the same device, by the unique id of its microcontroller.
+    pub(crate) fn is_same_device(&self, hello: &Hello) -> bool {
+        self.chip_uid == hello.chip_uid
+    }
+
     /// Returns whether `hello` comes from the same device, which has not restarted since it sent
     /// this identity.
     pub fn is_same_session(&self, hello: &Hello) -> bool {

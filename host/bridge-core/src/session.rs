@@ -314,7 +314,7 @@ impl Session {
                 *reading,
                 header.device_time_us,
                 read,
-                &self.clock,
+                &mut self.clock,
             ),
         }
     }

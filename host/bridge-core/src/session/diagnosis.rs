@@ -331,10 +331,9 @@ fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
             "offset known to +- us",
             &format!("{half:.0}"),
         ));
-        if let Some([least, most]) = trip.late_us {
-            let late = format!("{:.0} to {:.0}", least.max(0.0), most.max(0.0));
-            values.push(KeyValue::new("stamps late by us", &late));
-        }
+        let [least, most] = trip.late_us.map(|us| us.max(0.0));
+        let late = format!("{least:.0} to {most:.0}");
+        values.push(KeyValue::new("stamps late by us", &late));
     }
     new_status("clock", state, values)
 }

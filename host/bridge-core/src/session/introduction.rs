@@ -23,6 +23,7 @@ impl Session {
             return;
         }
         let reset = known.is_some();
+        let is_same_device = known.is_some_and(|known| known.is_same_device(hello));
         let identity = Identity::new(hello);
         self.frames.expect_next(header.seq);
         self.clock.restart();
@@ -32,13 +33,16 @@ impl Session {
         self.converters = None;
         self.exclusion = None;
         self.substitutes = Substitutes::NONE;
-        self.round_trips.clear();
+        self.round_trips.restart(is_same_device);
         self.logged.refused_streams = false;
         if reset {
             tracing::warn!("the device was reset or replaced: {identity}");
             self.counts.resets += 1;
             // Codes after the restart cannot be interpreted until `Capabilities` arrive.
             self.commands.device_restarted();
+            if self.round_trips.can_anchor() {
+                self.commands.query_clock_before_start();
+            }
             self.restart_streams();
         } else {
             tracing::info!("device: {identity}");

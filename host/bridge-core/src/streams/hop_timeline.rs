@@ -408,6 +408,8 @@ pub(crate) struct Continuity {
     /// Duration of the last gap minus that of the items counted for it, microseconds. It is added
     /// to the next gap, so the errors of many restarts never add up to more than half an item.
     left_over_us: f64,
+    /// `run_us` and `left_over_us` before the present run began; `None` from its first item on.
+    before: Option<(Option<[f64; 2]>, f64)>,
 }
 
 impl Continuity {
@@ -416,6 +418,7 @@ impl Continuity {
     /// delay; later ones improve the fit.
     pub(crate) fn record(&mut self, host_us: f64, run_us: Option<f64>) {
         self.newest_us = Some(host_us);
+        self.before = None;
         if let (Some([filled_us, newest_us]), Some(run_us)) = (&mut self.run_us, run_us)
             && host_us - *filled_us < IMPROVES_US
         {
@@ -423,9 +426,13 @@ impl Continuity {
         }
     }
 
-    /// Records that the device has restarted: the next item belongs to another run.
+    /// Records that the device has restarted: the next item belongs to another run. Takes back a
+    /// gap whose run has no item, because the gap goes on.
     pub(crate) fn end_run(&mut self) {
         self.run_ended = self.newest_us.is_some();
+        if let Some(before) = self.before.take() {
+            (self.run_us, self.left_over_us) = before;
+        }
     }
 
     /// Returns the number of items missing between the newest item and the first item of the next
@@ -436,6 +443,7 @@ impl Continuity {
             return 0;
         };
         self.run_ended = false;
+        self.before = Some((self.run_us, self.left_over_us));
         if let Some([filled_us, newest_us]) = self.run_us.replace([first_us; 2]) {
             self.left_over_us += newest_us - filled_us;
         }
@@ -504,6 +512,18 @@ mod tests {
             continuity.record(now_us, Some(now_us));
         }
         assert_eq!(items, 3000);
+    }
+
+    #[test]
+    fn the_rounding_of_a_gap_whose_run_has_no_item_is_taken_back() {
+        let mut continuity = Continuity::default();
+        continuity.record(0.0, None);
+        for periods in [2.4, 4.4, 6.4] {
+            continuity.end_run();
+            continuity.missing_before(periods * 62_500.0, 62_500.0);
+        }
+        continuity.end_run();
+        assert_eq!(continuity.missing_before(8.4 * 62_500.0, 62_500.0), 7);
     }
 
     #[test]

@@ -137,11 +137,11 @@ impl SampleStream {
     /// Ends the recording, because the user has stopped the stream. The samples of an unfinished
     /// frame are not published, and until the next start nothing is filled.
     pub(crate) fn end_recording(&mut self) {
+        self.restart();
         self.count_unpublished(self.filled as u64);
         self.next = 0;
         self.filled = 0;
         self.run_start = Some(0);
-        self.timeline = None;
         self.continuity = Continuity::default();
         self.newest.fill(0.0);
     }

@@ -44,6 +44,9 @@ pub struct Clock {
     /// Device time and host time of the first frame, microseconds. All points are relative to them,
     /// so that they are small enough to be exact in f64.
     origin: Option<(u64, i64)>,
+    /// Device time, and host time at which a frame made then is read unless it is delayed,
+    /// microseconds: a point of the fit from before the first frame.
+    anchor: Option<(u64, i64)>,
     fit: Fit,
     /// Latest device time of all frames so far, microseconds relative to `origin`.
     newest: f64,
@@ -107,6 +110,19 @@ impl Clock {
         Some(self.fit.line().lag_us(Point { device, host }))
     }
 
+    /// Gives the fit a first point, before any observation: a frame made at `device_us` is read no
+    /// later than `late_us` microseconds after `host_us`, unless it is delayed. Of several such
+    /// points, the one with the least delay counts.
+    pub(crate) fn anchor(&mut self, device_us: u64, host_us: i64, late_us: f64) {
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let host_us = host_us.saturating_add(late_us.round() as i64);
+        let delay = |(device, host): (u64, i64)| i128::from(host) - i128::from(device);
+        let new = (device_us, host_us);
+        if self.anchor.is_none_or(|known| delay(new) < delay(known)) {
+            self.anchor = Some(new);
+        }
+    }
+
     /// Adds a frame to the fit, by its device time and the host time `read` at which it was read.
     /// If the device time is impossible, ignores the frame and returns false. The eighth
     /// consecutive impossible time restarts the fit instead.
@@ -122,12 +138,17 @@ impl Clock {
             self.restart();
         }
         self.refused_in_a_row = 0;
-        let (device_origin, host_origin) =
-            *self.origin.get_or_insert((device_us, read.monotonic_us));
-        let point = Point {
-            device: difference(device_us, device_origin),
-            host: to_f64(read.monotonic_us.saturating_sub(host_origin)),
+        let origin = *self.origin.get_or_insert((device_us, read.monotonic_us));
+        let point_at = |(device_us, host_us): (u64, i64)| Point {
+            device: difference(device_us, origin.0),
+            host: to_f64(host_us.saturating_sub(origin.1)),
         };
+        let point = point_at((device_us, read.monotonic_us));
+        if let Some(anchor) = self.anchor.take().map(point_at)
+            && anchor.device < point.device
+        {
+            self.fit.add(anchor);
+        }
         self.newest = self.newest.max(point.device);
         self.newest_frame = Some(point);
         self.fit.add(point);

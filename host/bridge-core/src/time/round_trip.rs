@@ -12,6 +12,13 @@
 //!
 //! The difference between the two bounds is the round-trip time less the time inside the device.
 //! Half of that difference is the uncertainty of the offset between the clocks.
+//!
+//! After a restart of the device the first code can be read much later than the others, and shows
+//! the start of the new run no better. Queries before the stream starts do: a frame that is made
+//! together with an answer is read no later than that answer and the upper bound above, unless it
+//! is delayed more than the earliest codes are. This bound is the first point of the new fit. It is
+//! too late by at most the transfer times of two round trips: the shortest before the restart, and
+//! the shortest before the start.
 
 use std::collections::VecDeque;
 
@@ -27,6 +34,9 @@ const RETENTION_US: i64 = 60_000_000;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RoundTrips {
     recent: VecDeque<RoundTrip>,
+    /// Upper bound of the time by which stamps were late before the device was restarted,
+    /// microseconds; `None` if no round trip showed it.
+    late_before_us: Option<f64>,
     /// Number of answers that match no clock query or contain impossible times.
     pub(crate) impossible: u64,
 }
@@ -37,26 +47,34 @@ pub(crate) struct RoundTrip {
     read: HostTime,
     /// Transfer times of query and answer together, microseconds; excludes the time in the device.
     pub(crate) transit_us: f64,
-    /// Lower and upper bound of the time by which stamps are late, microseconds; `None` if the
-    /// clock had no fit yet.
-    pub(crate) late_us: Option<[f64; 2]>,
+    /// Lower and upper bound of the time by which stamps are late, microseconds.
+    pub(crate) late_us: [f64; 2],
 }
 
 impl RoundTrips {
-    /// Discards all round trips, because the device was reset or another one was connected.
-    pub(crate) fn clear(&mut self) {
+    /// Discards all round trips, because the device was reset or another one was connected. If it
+    /// `is_same_device`, keeps the bound of the time by which its stamps are late.
+    pub(crate) fn restart(&mut self, is_same_device: bool) {
+        let shortest = shortest(self.recent.iter()).map(|trip| trip.late_us[1]);
+        self.late_before_us = shortest.or(self.late_before_us).filter(|_| is_same_device);
         self.recent.clear();
     }
 
+    /// Returns whether answers before the stream starts can show when the new run begins.
+    pub(crate) fn can_anchor(&self) -> bool {
+        self.late_before_us.is_some()
+    }
+
     /// Records the answer `reading`, which the device made at its time `made_us` and the host read
-    /// at `read`. `sent_us` is the host time of the newest query; `None` if none was sent.
+    /// at `read`. `sent_us` is the host time of the newest query; `None` if none was sent. An
+    /// answer before the clock's first observation becomes an anchor of `clock`.
     pub(crate) fn record(
         &mut self,
         sent_us: Option<i64>,
         reading: ClockReading,
         made_us: u64,
         read: HostTime,
-        clock: &Clock,
+        clock: &mut Clock,
     ) {
         let matches_query = |sent: &i64| u64::try_from(*sent) == Ok(reading.host_time_us);
         let answer = sent_us
@@ -74,10 +92,16 @@ impl RoundTrips {
         };
         let least = clock.lag_us(made_us, read.monotonic_us);
         let most = clock.lag_us(reading.received_us, sent_us);
+        let Some((least, most)) = least.zip(most) else {
+            if let Some(late_us) = self.late_before_us {
+                clock.anchor(made_us, read.monotonic_us, late_us);
+            }
+            return;
+        };
         self.recent.push_back(RoundTrip {
             read,
             transit_us,
-            late_us: least.zip(most).map(|(least, most)| [-least, -most]),
+            late_us: [-least, -most],
         });
         let old = |trip: &RoundTrip| trip.read.monotonic_us < read.monotonic_us - RETENTION_US;
         while self.recent.front().is_some_and(old) {
@@ -89,7 +113,10 @@ impl RoundTrips {
     /// `None` if there is none.
     pub(crate) fn shortest(&self, now: HostTime) -> Option<RoundTrip> {
         let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - RETENTION_US;
-        let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.transit_us.total_cmp(&b.transit_us);
-        self.recent.iter().filter(fresh).min_by(by_length).copied()
+        shortest(self.recent.iter().filter(fresh)).copied()
     }
+}
+
+fn shortest<'a>(trips: impl Iterator<Item = &'a RoundTrip>) -> Option<&'a RoundTrip> {
+    trips.min_by(|a, b| a.transit_us.total_cmp(&b.transit_us))
 }

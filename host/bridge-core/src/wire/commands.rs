@@ -18,7 +18,8 @@ const STARVED_AFTER_US: i64 = 2_000_000;
 const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
 
 /// Decides which command is due: first `Identify`, then `Stop` if a stream runs that this bridge
-/// did not start, then `Start`. Every command is repeated until the device acknowledges it.
+/// did not start, then clock queries if a recording goes on after a restart, then `Start`. Every
+/// command but a clock query is repeated until the device acknowledges it.
 #[derive(Clone, Debug)]
 pub(crate) struct Commands {
     mains_hz: u8,
@@ -161,6 +162,11 @@ impl Commands {
         } else {
             Introduction::Unusable
         };
+    }
+
+    /// Asks for clock queries before the next `Start`, which continues a recording.
+    pub(crate) fn query_clock_before_start(&mut self) {
+        self.clock_query.query_before_start();
     }
 
     /// Records that the device restarted or another device was connected. It must be identified and
@@ -313,6 +319,7 @@ impl Commands {
             {
                 Some(ToDevice::SetExclusion(self.exclusion))
             }
+            (true, StreamState::Stopped) if self.clock_query.precedes_start(now_us) => None,
             (true, StreamState::Stopped | StreamState::Unconfirmed) if !refused => {
                 Some(ToDevice::Start(Start {
                     streams: self.streams.asked(),
@@ -341,9 +348,12 @@ impl Commands {
         self.rate.filter(is_due)
     }
 
-    /// Returns the clock query if it is due. It is due only while codes arrive, because the answer
-    /// is compared with the clock's fit, which needs codes.
+    /// Returns the clock query if it is due: before a stream that continues a recording starts, and
+    /// while codes arrive, because the answer is then compared with the clock's fit.
     fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        if self.wants_stream() && self.stream == StreamState::Stopped {
+            return self.clock_query.next_before_start(now_us, seq);
+        }
         let last_us = self.last_stream_us?;
         let codes_arrive = now_us - last_us < RETRY_US && self.stream == StreamState::Running;
         codes_arrive.then(|| self.clock_query.next(now_us, seq))?

@@ -108,6 +108,11 @@ fn sample_choices(wanted: Streams) -> [Streams; 4] {
 const FIRST_US: i64 = 2_000_000;
 /// Time between two clock queries, microseconds.
 const INTERVAL_US: i64 = 10_000_000;
+/// Number of clock queries before a restarted device streams again.
+const BEFORE_START: u8 = 5;
+/// Time after which a clock query before `Start` counts as lost, microseconds. This is longer than
+/// a round trip over a USB serial converter, which can hold bytes back for 16 ms.
+const LOST_AFTER_US: i64 = 100_000;
 
 /// Schedule of the clock queries. A lost query is not repeated; the next one follows after 10 s.
 #[derive(Clone, Copy, Debug, Default)]
@@ -118,6 +123,10 @@ pub(crate) struct ClockQuery {
     sent: Option<(u32, i64)>,
     /// Whether the device, with older firmware, has refused a clock query; then no more are sent.
     refused: bool,
+    /// Number of clock queries still to be sent before the stream starts.
+    before_start: u8,
+    /// Whether the newest clock query is unanswered.
+    unanswered: bool,
 }
 
 impl ClockQuery {
@@ -126,15 +135,46 @@ impl ClockQuery {
         self.due_us.get_or_insert(now_us + FIRST_US);
     }
 
-    /// Returns the clock query if it is due. The caller must send it in frame number `seq`.
+    /// Asks for clock queries before the next stream starts.
+    pub(crate) fn query_before_start(&mut self) {
+        self.before_start = BEFORE_START;
+    }
+
+    /// Returns whether the stream must wait for a clock query that is due or unanswered.
+    pub(crate) fn precedes_start(&self, now_us: i64) -> bool {
+        !self.refused && (self.before_start > 0 || self.is_awaited(now_us))
+    }
+
+    fn is_awaited(&self, now_us: i64) -> bool {
+        let is_recent = |(_, sent_us): (u32, i64)| now_us < sent_us + LOST_AFTER_US;
+        self.unanswered && self.sent.is_some_and(is_recent)
+    }
+
+    /// Returns the next clock query before the stream starts, unless one is unanswered. The caller
+    /// must send it in frame number `seq`.
+    pub(crate) fn next_before_start(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        if self.refused || self.is_awaited(now_us) {
+            return None;
+        }
+        self.before_start = self.before_start.checked_sub(1)?;
+        Some(self.query(now_us, seq))
+    }
+
+    /// Returns the clock query of a running stream if it is due. The caller must send it in frame
+    /// number `seq`.
     pub(crate) fn next(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         if self.refused || self.due_us? > now_us {
             return None;
         }
         self.due_us = Some(now_us + INTERVAL_US);
+        Some(self.query(now_us, seq))
+    }
+
+    fn query(&mut self, now_us: i64, seq: u32) -> ToDevice {
         self.sent = Some((seq, now_us));
+        self.unanswered = true;
         let host_time_us = now_us.unsigned_abs();
-        Some(ToDevice::SyncTime { host_time_us })
+        ToDevice::SyncTime { host_time_us }
     }
 
     /// Returns the host time of the newest clock query, microseconds; `None` if none was sent.
@@ -147,6 +187,7 @@ impl ClockQuery {
     pub(crate) fn handle_ack(&mut self, of: u32, result: AckResult) -> bool {
         let is_query = self.sent.is_some_and(|(seq, _)| seq == of);
         self.refused |= is_query && !matches!(result, AckResult::Done | AckResult::Busy);
+        self.unanswered &= !is_query;
         is_query
     }
 }

@@ -4,8 +4,8 @@ use std::sync::{Arc, LazyLock};
 
 use bridge_core::{HostTime, Model};
 use link::{
-    Ack, AckResult, Capabilities, Code, CodeFormat, CodeValues, Decoder, Encoder, Flags, Hello,
-    MAX_FRAME, ResetCause, SelfTest, Stats, Streams, Substitutes, ToDevice, ToHost,
+    Ack, AckResult, Capabilities, ClockReading, Code, CodeFormat, CodeValues, Decoder, Encoder,
+    Flags, Hello, MAX_FRAME, ResetCause, SelfTest, Stats, Streams, Substitutes, ToDevice, ToHost,
 };
 
 /// Wall-clock time at the start of every test, nanoseconds since 1970.
@@ -64,6 +64,9 @@ pub(crate) struct Board {
     pub(crate) chip_uid: [u8; 12],
     /// Device time of the newest code, microseconds.
     pub(crate) now_us: u64,
+    /// Host time at which the board's clock was at 0, microseconds. With it, the board answers
+    /// clock queries, at once.
+    pub(crate) zero_us: Option<i64>,
     /// Streams that the simulated firmware supports. The board refuses a `Start` with any other
     /// stream as `BadArgument`.
     pub(crate) supported: Streams,
@@ -104,6 +107,7 @@ impl Board {
             streaming: false,
             chip_uid: [7; 12],
             now_us: 0,
+            zero_us: None,
             supported: Streams::ALL,
             ack_result: AckResult::Done,
             self_test: None,
@@ -216,6 +220,14 @@ impl Board {
                     answers.extend(self.stats(Streams::empty()));
                 }
                 ToDevice::Ping => {}
+                ToDevice::SyncTime { host_time_us } if let Some(zero_us) = self.zero_us => {
+                    let received_us = host_time_us - zero_us.cast_unsigned();
+                    let reading = ToHost::ClockReading(ClockReading {
+                        host_time_us,
+                        received_us,
+                    });
+                    answers.extend(self.frame(received_us, &reading));
+                }
                 ToDevice::SelfTest
                 | ToDevice::SyncTime { .. }
                 | ToDevice::Reset(_)

@@ -7,8 +7,8 @@
     reason = "times of minutes; numbers of samples are whole"
 )]
 
-use bridge_core::{FillerPolicy, Settings, StampPoint};
-use link::{Filtered, Flags, Streams, ToHost};
+use bridge_core::{AnnouncedStream, FillerPolicy, Settings, StampPoint};
+use link::{Event, EventKind, Filtered, Flags, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::{Board, assert_has};
@@ -240,6 +240,28 @@ fn a_pause_by_the_user_is_not_filled() {
         (0, 0, 0)
     );
     assert_eq!(harness.recorder.encoded.len(), 6);
+}
+
+#[test]
+fn a_gap_that_only_an_event_has_shown_is_not_counted_when_the_user_stops() {
+    let mut recording = Recording::new(Settings {
+        announced: AnnouncedStream::Raw,
+        streams: SAMPLES.streams | Streams::EVENTS,
+        ..SAMPLES
+    });
+    (0..4).for_each(|_| recording.hop());
+    recording.restart(1_000_000);
+    let harness = &mut recording.harness;
+    let edge = ToHost::Event(Event {
+        kind: EventKind::TriggerRise,
+        number: 0,
+        sample: 0,
+    });
+    harness.send(0, &edge);
+    let missing = "raw samples missing between runs";
+    assert_eq!(harness.figure("loss", missing), "512");
+    harness.set_streaming(false);
+    assert_eq!(harness.figure("loss", missing), "0");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use link::{AckResult, ClockReading, ToDevice, ToHost};
 
 use crate::board::Board;
-use crate::recorder::{Harness, SETTINGS, commands};
+use crate::recorder::{Harness, SETTINGS, commands, stamps};
 
 /// Delivers codes for `seconds` seconds, and lets the board answer the core's commands.
 fn run(harness: &mut Harness, seconds: u32) {
@@ -87,6 +87,79 @@ fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
     // After a minute the round trips are discarded.
     run(&mut harness, 61);
     assert_no_round_trip(&mut harness);
+}
+
+/// Delivers `count` codes of the board, whose run began at the host time `run_us`. Each is read
+/// 4 ms after it was made, the first one of them `late_us` later still.
+fn run_of_codes(harness: &mut Harness, run_us: i64, count: i64, mut late_us: i64) {
+    let zero_us = harness.board.zero_us.unwrap();
+    for hop in 1..=count {
+        let made_us = run_us + hop * 62_500;
+        harness.now_us = made_us + 4_000 + std::mem::take(&mut late_us);
+        let code = harness.board.code((made_us - zero_us).cast_unsigned(), 1);
+        harness.receive(&code);
+        harness.exchange();
+    }
+}
+
+#[test]
+fn after_a_restart_queries_before_the_start_show_when_the_run_begins() {
+    // Without an answer before the restart, the delay of the first code adds a filler.
+    for (answers, asked, fillers) in [(true, 5, 32), (false, 0, 33)] {
+        let mut harness = Harness::streaming(SETTINGS, Board::new());
+        harness.board.zero_us = Some(harness.now_us);
+        let run_us = harness.now_us;
+        // The first query is due 2 s after the start.
+        run_of_codes(&mut harness, run_us, if answers { 48 } else { 16 }, 0);
+        let before = harness.board.received.len();
+        let frames = harness.recorder.encoded.len();
+        // The outage and the first hop are 33 hops.
+        let run_us = harness.now_us - 4_000 + 32 * 62_500;
+        harness.board.zero_us = Some(run_us);
+        harness.reboot(run_us - harness.now_us);
+        let restarted = harness.board.received[before..].iter();
+        let restarted: Vec<ToDevice> = restarted.map(|(_, command)| *command).collect();
+        let is_query = |command: &&ToDevice| matches!(command, ToDevice::SyncTime { .. });
+        assert_eq!(restarted.iter().filter(is_query).count(), asked);
+        assert!(matches!(restarted.last(), Some(ToDevice::Start(_))));
+        run_of_codes(&mut harness, run_us, 4, 66_000);
+        assert_eq!(harness.recorder.encoded.len(), frames + fillers + 4);
+        if answers {
+            let stamps = stamps(&harness.recorder.encoded);
+            let rows = i64::try_from(frames + fillers).unwrap();
+            let off_ns = stamps[frames + fillers] - (stamps[0] + rows * 62_500_000);
+            assert!(off_ns.abs() < 1_000_000, "{off_ns} ns");
+        }
+    }
+}
+
+#[test]
+fn unanswered_queries_delay_the_start_by_half_a_second_at_most() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.board.zero_us = Some(harness.now_us);
+    let run_us = harness.now_us;
+    run_of_codes(&mut harness, run_us, 48, 0);
+    harness.board.zero_us = None;
+    harness.board.reboot();
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    let restarted_us = harness.now_us;
+    while !harness.board.streaming {
+        let commands = std::mem::take(&mut harness.recorder.sent);
+        let lost = harness.board.received.len();
+        let answers = harness.board.answer(&commands);
+        let queried = harness.board.received[lost..].iter();
+        if queried
+            .clone()
+            .all(|(_, command)| !matches!(command, ToDevice::SyncTime { .. }))
+        {
+            harness.receive(&answers);
+        }
+        harness.now_us += 10_000;
+        harness.tick();
+    }
+    let waited_us = harness.now_us - restarted_us;
+    assert!((500_000..600_000).contains(&waited_us), "{waited_us}");
 }
 
 #[test]

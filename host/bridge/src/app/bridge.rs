@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use bridge_core::{Core, Exclusions, HostTime, Model, Settings, Summary};
+use bridge_core::{Core, EventStamps, Exclusions, HostTime, Model, Settings, Summary};
 use link::Streams;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
@@ -101,13 +101,14 @@ impl Publication {
         if settings.streams.contains(Streams::PACKED) {
             ros.subscribe_rate(command_sender.clone());
         }
-        let recorders = Arc::new(Recorders::default());
-        let callers = Arc::clone(&recorders);
+        let places_events = settings.streams.contains(Streams::EVENTS)
+            && settings.event_stamps == EventStamps::Recorder;
+        let recorders = places_events.then(|| Arc::new(Recorders::default()));
         ros.serve(
             &namespace,
             self.get_info,
             announced,
-            callers,
+            recorders.clone(),
             command_sender,
         );
         let feed = connect(&ros.node, &namespace).await?;

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use bridge_core::{
     AnnouncedStream, Announcement, AuditedWindow, BackPressure, DecoderCounts, DecoderThread,
-    Effects, EventStamps, HostTime, Model, PackedReconstruction, RawForm, Reconstruction, Settings,
-    TimedCode, TimedPackedBlock, report_malformed,
+    Effects, HostTime, Model, PackedReconstruction, RawForm, Reconstruction, Settings, TimedCode,
+    TimedPackedBlock, report_malformed,
 };
 use link::Streams;
 use neuro_ros::ros1::NodeError;
@@ -175,7 +175,7 @@ impl Outlets {
         ];
         let topics = sinks.topics.iter().flat_map(|topics| topics.values());
         let recorders = match &sinks.events {
-            Some(Events::Topic(topic)) => Some(topic.recorders()),
+            Some(Events::Topic(topic)) => topic.recorders(),
             _ => None,
         };
         DiagnosticStatus {
@@ -360,19 +360,18 @@ impl Names {
 
 impl Sinks {
     /// Advertises the topics of `settings` at a ROS node and creates their sinks. `recorders` is
-    /// told each frame of the announced stream, if events are stamped for recorders.
+    /// told each frame of the announced stream; `None` if events are not stamped for recorders.
     pub(crate) async fn ros(
         ros: &RosNode,
         settings: Settings,
         namespace: &Namespace,
-        recorders: Arc<Recorders>,
+        recorders: Option<Arc<Recorders>>,
     ) -> Result<Sinks, BridgeError> {
         let names = Names::new(settings.streams, namespace);
         let topics = Arc::new(RosTopics::new(Arc::clone(&ros.node)));
         let frames = |name: &str, queue, stream| -> Result<Box<dyn FrameSink>, NodeError> {
-            let is_recorded =
-                settings.announced == stream && settings.event_stamps == EventStamps::Recorder;
-            let recorders = is_recorded.then(|| Arc::clone(&recorders));
+            let is_recorded = settings.announced == stream;
+            let recorders = recorders.clone().filter(|_| is_recorded);
             Ok(Box::new(topics.frames(name, queue, recorders)?))
         };
         let optional = |name: &Option<String>, stream| {

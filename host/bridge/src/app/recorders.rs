@@ -43,19 +43,20 @@ impl Recorders {
 /// this recorder's file; other subscribers receive it as the core has stamped it.
 pub(crate) struct EventTopic {
     sink: RosSink<NeuroEvent>,
-    recorders: Arc<Recorders>,
+    /// `None` if every subscriber receives events as the core has stamped them.
+    recorders: Option<Arc<Recorders>>,
 }
 
 impl EventTopic {
-    pub(crate) fn new(sink: RosSink<NeuroEvent>, recorders: Arc<Recorders>) -> EventTopic {
+    pub(crate) fn new(sink: RosSink<NeuroEvent>, recorders: Option<Arc<Recorders>>) -> EventTopic {
         EventTopic { sink, recorders }
     }
 
     /// Publishes `event`, which is at the row `row` of the announced stream.
     pub(crate) fn publish(&mut self, event: &NeuroEvent, row: Option<u64>) {
-        let starts = self.recorders.lock();
+        let starts = self.recorders.as_ref().map(|recorders| recorders.lock());
         self.sink.publish_each(event, |subscriber| {
-            let start = starts.get(subscriber)?.as_ref()?;
+            let start = starts.as_ref()?.get(subscriber)?.as_ref()?;
             let mut event = event.clone();
             event.header.stamp = start.stamp(row?);
             Some(event)
@@ -67,11 +68,12 @@ impl EventTopic {
         self.sink.dropped()
     }
 
-    /// Returns the names of the recorders that subscribe to events, as a value for `/diagnostics`.
-    pub(crate) fn recorders(&self) -> KeyValue {
+    /// Returns the names of the recorders that subscribe to events, as a value for `/diagnostics`;
+    /// `None` if events are not stamped for recorders.
+    pub(crate) fn recorders(&self) -> Option<KeyValue> {
         let lags = self.sink.publisher().lags();
         let subscribes = |name: &String| lags.iter().any(|lag| lag.subscriber == *name);
-        let mut starts = self.recorders.lock();
+        let mut starts = self.recorders.as_ref()?.lock();
         if starts.len() > MAX_CALLERS {
             starts.retain(|name, _| subscribes(name));
         }
@@ -80,6 +82,6 @@ impl EventTopic {
             .map(|(name, _)| name)
             .filter(|name| subscribes(name));
         let names: Vec<&str> = names.map(String::as_str).collect();
-        KeyValue::new("events placed for", &names.join(" "))
+        Some(KeyValue::new("events placed for", &names.join(" ")))
     }
 }

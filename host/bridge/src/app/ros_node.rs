@@ -56,7 +56,7 @@ impl RosNode {
         namespace: &Namespace,
         get_info: &str,
         announced: Receiver<Option<AcquisitionInfo>>,
-        recorders: Arc<Recorders>,
+        recorders: Option<Arc<Recorders>>,
         commands: UnboundedSender<NodeCommand>,
     ) {
         let node = Arc::clone(&self.node);
@@ -73,7 +73,9 @@ impl RosNode {
                      the bridge, and try again"
                         .to_owned()
                 })?;
-                recorders.note_call(caller);
+                if let Some(recorders) = &recorders {
+                    recorders.note_call(caller);
+                }
                 Ok(info)
             };
             let on_command = move |command| {
