@@ -195,7 +195,7 @@ fn cores() -> usize {
 
 fn benchmarks() -> Result<(), Failure> {
     let next = "compare with `git log` of the crates that it names";
-    for benchmark in ["filters", "encoder", "packed", "lossless"] {
+    for benchmark in ["filters", "encoder", "packed", "lossless", "substitution"] {
         let mut report = Command::new(target_folder().join("debug/report"));
         docs::attach(&mut report, &format!("bench {benchmark}"))?;
         run(report.arg(benchmark), next)?;

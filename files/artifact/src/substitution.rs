@@ -17,9 +17,9 @@ const INNOVATION: &str = "innovation";
 /// Largest mean square of an innovation that a table may state, (1/16 uV)^2: that of 512 uV.
 pub const LARGEST_INNOVATION: i32 = 1 << 26;
 
-/// Largest sum of the magnitudes of a row's weights. With inputs of 4,095 at most, a prediction
+/// Largest sum of the magnitudes of a row's weights. With inputs of 4,096 at most, a prediction
 /// then fits the 24 bits in which a device adds it up. Trained tables reach about 1,200.
-const LARGEST_ROW: u32 = 2_048;
+const LARGEST_ROW: u32 = 2_047;
 
 /// How a table was trained: the contents of `substitution.toml`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -159,7 +159,7 @@ impl SubstitutionTable {
         let mut rows = self.weights.chunks(electrodes.max(1)).enumerate();
         let magnitude = |row: &[i8]| row.iter().map(|w| u32::from(w.unsigned_abs())).sum::<u32>();
         if let Some((row, _)) = rows.find(|(_, row)| magnitude(row) > LARGEST_ROW) {
-            let problem = "the magnitudes of the row's weights sum to more than 2,048";
+            let problem = "the magnitudes of the row's weights sum to more than 2,047";
             return range(WEIGHTS, row * electrodes, problem);
         }
         let is_outside = |value: &i32| !(1..=LARGEST_INNOVATION).contains(value);

@@ -123,20 +123,45 @@ impl Linear<'_> {
         }
     }
 
-    /// Returns the weight from an input to an output, as given to [`Self::pack_weights`]; 0 outside
-    /// the matrix.
+    /// Returns the weights from both inputs of a pair to an output, as given to
+    /// [`Self::pack_weights`]; 0 outside the matrix.
     #[inline]
-    pub fn weight(&self, input: usize, output: usize) -> i8 {
-        let (pair, lane) = (input / 2, input % 2);
+    pub fn weights_from(&self, pair: usize, output: usize) -> Pair {
         if pair >= self.inputs || output >= self.outputs {
-            return 0;
+            return Pair::ZERO;
         }
-        let at = weight_index(self.inputs, pair, output);
-        let shared = self.weights.get(at).map_or(0, |both| both.get()[lane]);
+        let shared = self.weights.get(weight_index(self.inputs, pair, output));
         // The low byte is the even weight; without it, the high byte is the odd one.
-        let [even, _] = shared.to_le_bytes();
-        let [_, odd] = shared.wrapping_sub(even.cast_signed().into()).to_le_bytes();
-        if output.is_multiple_of(2) { even } else { odd }.cast_signed()
+        let weight = |shared: i16| {
+            let even = i16::from(shared.to_le_bytes()[0].cast_signed());
+            if output.is_multiple_of(2) {
+                even
+            } else {
+                shared.wrapping_sub(even) >> 8
+            }
+        };
+        Pair::new(shared.map_or([0; 2], |shared| shared.get().map(weight)))
+    }
+
+    /// Copies the weights from input `from` to all outputs into `packed`, the packed weights of a
+    /// matrix from `inputs` pairs of inputs to as many outputs, as those of its input `to`. Inputs
+    /// outside a matrix have no weights: nothing is copied.
+    pub fn copy_input(&self, from: usize, packed: &mut [Pair], inputs: usize, to: usize) {
+        if from / 2 >= self.inputs || to / 2 >= inputs {
+            return;
+        }
+        for output in [0, 2] {
+            let mut source = weight_index(self.inputs, from / 2, output);
+            let mut target = weight_index(inputs, to / 2, output);
+            while let (Some(weights), Some(place)) =
+                (self.weights.get(source), packed.get_mut(target))
+            {
+                *place = place.with(to % 2, weights.get()[from % 2]);
+                // The next four outputs follow after all inputs.
+                source += self.inputs * OUTPUTS / 2;
+                target += inputs * OUTPUTS / 2;
+            }
+        }
     }
 }
 

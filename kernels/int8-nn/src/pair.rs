@@ -37,10 +37,12 @@ impl Pair {
 
     /// Returns this pair with number `index` (0 or 1) replaced.
     #[must_use]
+    #[inline]
+    #[expect(clippy::cast_sign_loss, reason = "the bits are kept")]
     pub const fn with(self, index: usize, number: i16) -> Self {
-        let mut both = self.get();
-        both[index] = number;
-        Self::new(both)
+        // Not by an array: an index that is known only when this runs would put it on the stack.
+        let shift = if index == 0 { 0 } else { 16 };
+        Self(self.0 & !(0xffff << shift) | (number as u16 as u32) << shift)
     }
 
     /// Returns a pair of the first number of `self` and the first number of `other` (PKHBT).
@@ -66,8 +68,8 @@ impl Pair {
         #[cfg(smlad)]
         {
             let result;
-            // SAFETY: SMLAD (ARMv7-M ARM, A7.7, DSP extension) reads three registers, and writes one
-            // register and the Q flag of the APSR, which no code here reads.
+            // SAFETY: SMLAD (ARMv7-M ARM, A7.7, DSP extension) reads three registers, and writes
+            // one register and the Q flag of the APSR, which no code here reads.
             #[expect(unsafe_code, reason = "the instruction has no safe name in Rust")]
             unsafe {
                 core::arch::asm!(

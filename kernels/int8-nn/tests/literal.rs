@@ -302,13 +302,21 @@ proptest! {
             let expected: i32 = (0..16 * eights - missing).map(product).sum();
             prop_assert_eq!(sum, 11 + expected);
         }
-        for input in 0..16 * eights {
-            for output in 0..outputs {
-                let expected = weights.get(input * outputs + output).copied().unwrap_or(0);
-                prop_assert_eq!(layer.weight(input, output), expected);
+        // The same weights, with input 3 in place of input 12 as well.
+        let mut copied = packed.clone();
+        layer.copy_input(3, &mut copied, pairs, 12);
+        let copied = Linear { weights: &copied, ..layer };
+        for (pair, output) in (0..pairs).flat_map(|pair| (0..outputs).map(move |o| (pair, o))) {
+            let weight = |input| weights.get(input * outputs + output).copied().unwrap_or(0).into();
+            let mut expected: [i16; 2] = [2 * pair, 2 * pair + 1].map(weight);
+            prop_assert_eq!(layer.weights_from(pair, output).get(), expected);
+            if pair == 6 {
+                expected[0] = weight(3);
             }
+            prop_assert_eq!(copied.weights_from(pair, output).get(), expected);
         }
-        prop_assert_eq!((layer.weight(2 * pairs, 0), layer.weight(0, outputs)), (0, 0));
+        let outside = [layer.weights_from(pairs, 0), layer.weights_from(0, outputs)];
+        prop_assert_eq!(outside, [Pair::ZERO; 2]);
     }
 
     #[test]

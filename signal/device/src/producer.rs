@@ -262,7 +262,9 @@ impl<E: Encoders> Producer<E> {
     /// and an image should contain the encoders only once.
     #[inline(never)]
     fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) {
-        let step = &self.fill(step, drdy_us, emit);
+        let mut step = *step;
+        self.fill(&mut step, drdy_us, emit);
+        let step = &step;
         if self.wants(Streams::PACKED) {
             let marks = self.windows.newest_hop();
             if let Some(code) = self.encoders.encode_block(step, self.rate) {
@@ -293,11 +295,11 @@ impl<E: Encoders> Producer<E> {
         }
     }
 
-    /// Returns the step with its bad electrodes filled. Reports the excluded electrodes at the first
-    /// step of a run, and at each change before the codes that contain it.
-    fn fill(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) -> Step {
+    /// Fills the bad electrodes of a step. Reports the excluded electrodes at the first step of a
+    /// run, and at each change before the codes that contain it.
+    fn fill(&mut self, step: &mut Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) {
         let (Some(table), [substitution]) = (&SUBSTITUTION, &mut self.substitution[..]) else {
-            return *step;
+            return;
         };
         let ExclusionPolicy {
             always,
@@ -309,8 +311,8 @@ impl<E: Encoders> Producer<E> {
             never,
             automatic,
         };
-        let filled = substitution.fill_step(step, policy, table);
-        let excluded = filled.excluded;
+        substitution.fill_step(step, policy, table);
+        let excluded = step.excluded;
         self.windows.mark(Marks {
             substituted: excluded != 0,
             ..Marks::NONE
@@ -326,7 +328,6 @@ impl<E: Encoders> Producer<E> {
             });
             self.emit_exclusion(drdy_us, emit);
         }
-        filled
     }
 
     /// Emits the newest change of the excluded electrodes.

@@ -106,9 +106,8 @@ pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
     let mut plane = [0; CELLS];
     let mut clipped = 0;
     for (&x, &cell) in electrodes.iter().zip(&GRID_CELL) {
-        let level = requantise(x, INPUT_MULTIPLIER);
-        let q = saturate_i8(level);
-        clipped += u16::from(i32::from(q) != level);
+        let (q, is_clipped) = quantise_electrode(x);
+        clipped += u16::from(is_clipped);
         // Every index is on the grid; `get_mut` avoids a panic path that the compiler cannot
         // exclude.
         if let Some(place) = plane.get_mut(usize::from(cell)) {
@@ -116,6 +115,30 @@ pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
         }
     }
     (plane, clipped)
+}
+
+/// Quantises one filtered electrode; returns whether it was clipped, too.
+#[inline]
+fn quantise_electrode(x: i32) -> (i8, bool) {
+    let level = requantise(x, INPUT_MULTIPLIER);
+    let q = saturate_i8(level);
+    (q, i32::from(q) != level)
+}
+
+impl Step {
+    /// Replaces the value of an electrode, quantises it, and corrects the count of clipped
+    /// electrodes.
+    #[inline]
+    pub(crate) fn replace(&mut self, electrode: usize, filtered: i32) {
+        let place = self.electrodes.get_mut(electrode);
+        let cell = GRID_CELL.get(electrode).copied().map(usize::from);
+        if let (Some(x), Some(cell)) = (place, cell.and_then(|cell| self.plane.get_mut(cell))) {
+            let (_, was_clipped) = quantise_electrode(core::mem::replace(x, filtered));
+            let (q, is_clipped) = quantise_electrode(filtered);
+            *cell = q;
+            self.clipped = self.clipped.saturating_sub(was_clipped.into()) + u16::from(is_clipped);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ mod judge;
 use model::{ELECTRODES, HOP, STEP_RATE_HZ, Substitution as Table};
 
 use crate::front_end::Mains;
-use crate::sample::{Sample, Step, quantise};
+use crate::sample::{Sample, Step};
 use evidence::Evidence;
 use fill::Fill;
 use judge::Judge;
@@ -60,13 +60,14 @@ impl ExclusionPolicy {
 /// Finds bad electrodes and fills them from the others, step by step.
 ///
 /// Excluded electrodes change only between two windows of [`WINDOW`] steps, but an electrode at the
-/// ADC's rail is excluded with that very step. While no electrode is excluded, steps pass unchanged.
+/// ADC's rail is excluded with that very step. While no electrode is excluded, steps pass
+/// unchanged.
 ///
 /// # Timing
 /// Every step takes one product of the table with all electrodes, [`fill::SWEEPS`] sweeps over all
-/// slots, and the sums of the evidence. A step that excludes an electrode also gathers its weights,
-/// and one with excluded electrodes is quantised again; the last step of a window takes one
-/// judgement more. No benchmark counts its instructions yet.
+/// slots, and the sums of the evidence, whatever the signal. Each excluded electrode is quantised
+/// again. A step that excludes an electrode also gathers its weights, and the last step of a window
+/// takes one judgement more. `cargo xtask bench substitution` counts the instructions.
 #[derive(Clone, Debug)]
 pub struct Substitution {
     fill: Fill,
@@ -101,9 +102,9 @@ impl Substitution {
         self.evidence.add_sample(sample);
     }
 
-    /// Returns the step with excluded electrodes replaced by their prediction, quantised again. A
+    /// Replaces the excluded electrodes of a step by their prediction, and quantises them again. A
     /// new policy takes effect with the next window.
-    pub fn fill_step(&mut self, step: &Step, policy: ExclusionPolicy, table: &Table<'_>) -> Step {
+    pub fn fill_step(&mut self, step: &mut Step, policy: ExclusionPolicy, table: &Table<'_>) {
         if self.steps == 0 {
             self.fill.readmit(policy.never & !policy.always);
             self.fill.exclude_first(policy.always, table);
@@ -115,35 +116,17 @@ impl Substitution {
         let measured = fill::quarters(&step.electrodes);
         let predicted = self.fill.predict(&measured, table);
         self.evidence.add_step(&measured, &predicted, railed);
-        let filled = self.filled(step, &predicted);
+        step.excluded = self.fill.excluded();
+        step.saturated &= !step.excluded;
+        for electrode in self.fill.indices() {
+            if let Some(&value) = predicted.get(electrode) {
+                step.replace(electrode, fill::filtered(value));
+            }
+        }
         self.settling |= step.settling;
         self.steps += 1;
         if usize::from(self.steps) == WINDOW {
             self.end_window(policy, table);
-        }
-        filled
-    }
-
-    /// Returns `step` with the excluded electrodes replaced by `predicted`.
-    fn filled(&self, step: &Step, predicted: &fill::Quarters) -> Step {
-        let excluded = self.fill.excluded();
-        if excluded == 0 {
-            return *step;
-        }
-        let mut electrodes = step.electrodes;
-        for (index, (x, &value)) in electrodes.iter_mut().zip(predicted).enumerate() {
-            if excluded >> index & 1 != 0 {
-                *x = fill::filtered(value);
-            }
-        }
-        let (plane, clipped) = quantise(&electrodes);
-        Step {
-            electrodes,
-            plane,
-            clipped,
-            saturated: step.saturated & !excluded,
-            excluded,
-            ..*step
         }
     }
 
@@ -168,8 +151,11 @@ impl Substitution {
 
     /// Excludes electrodes that are bad.
     fn exclude(&mut self, bad: ElectrodeMask, table: &Table<'_>) {
-        self.judge.forget(bad);
-        self.fill.exclude(bad, table);
+        let excluded = self.fill.excluded();
+        if bad & !excluded != 0 && (excluded.count_ones() as usize) < MAX_EXCLUDED {
+            self.judge.forget(bad);
+            self.fill.exclude(bad, table);
+        }
     }
 }
 

@@ -16,7 +16,7 @@
 //! The image `filters` passes every [`Block`](block::Block) through every
 //! [`Contender`](contenders::Contender); `encoder` takes one [`Plane`](pipeline::Plane) per time
 //! step and counts each time step of a [`hop`]; `lossless` compresses the [blocks of
-//! samples](compression).
+//! samples](compression); `substitution` fills the [steps](substituted) of each input.
 //!
 //! ```
 //! use bench::{contenders::with_contenders, block::SILENCE};
@@ -45,6 +45,7 @@ pub mod machine;
 mod random;
 #[cfg(not(target_os = "none"))]
 pub mod report;
+pub mod substituted;
 pub mod tally;
 
 /// Adds what a program needs as an image: a panic handler, and for a PC a `main` that prints where

@@ -15,6 +15,7 @@ mod nodes;
 mod offline;
 mod packed;
 mod programs;
+mod substitution;
 mod table;
 mod training;
 
@@ -64,6 +65,9 @@ enum Benchmark {
     },
     /// Lossless compression: bits per channel sample; instructions on emulated microcontrollers.
     Lossless,
+    /// Bad electrodes: instructions of finding and filling them on emulated microcontrollers, steps
+    /// compared with this PC's.
+    Substitution,
     /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM
     /// of the boards' images. Fails when a code differs from the batch reference's, or an image
     /// does not fit its board.
@@ -136,6 +140,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         Benchmark::Encoder { windows } => encoder::measure(*windows as usize)?,
         Benchmark::Packed { hops } => packed::measure(*hops as usize)?,
         Benchmark::Lossless => lossless::measure()?,
+        Benchmark::Substitution => substitution::measure()?,
         Benchmark::Model { folder, windows } => models::measure_folder(folder, *windows as usize)?,
         Benchmark::Montages {
             montage,

@@ -56,7 +56,7 @@ fn a_table_out_of_range_or_of_another_montage_is_refused_by_name() {
         ),
         (
             |t| t.weights[125..142].fill(127),
-            "weights, element 122: the magnitudes of the row's weights sum to more than 2,048",
+            "weights, element 122: the magnitudes of the row's weights sum to more than 2,047",
         ),
         (
             |t| t.innovation[3] = 0,

@@ -60,12 +60,12 @@ impl Evidence {
         steps: 0,
     };
 
-    /// Starts the next window in place. The mains frequency is `mains`.
+    /// Starts the next window in place. The mains frequency is `mains`. The first sample sets the
+    /// ranges.
     pub(super) fn restart(&mut self, mains: Mains) {
-        *self = Self {
-            mains,
-            ..Self::NONE
-        };
+        self.electrodes = [Sums::ZERO; ELECTRODES];
+        (self.samples, self.steps) = (0, 0);
+        (self.railed, self.mains) = (0, mains);
     }
 
     /// Returns the mains frequency.
@@ -75,15 +75,15 @@ impl Evidence {
 
     /// Adds a sample.
     pub(super) fn add_sample(&mut self, sample: &Sample) {
-        let is_first = self.samples == 0;
-        self.samples = self.samples.saturating_add(1);
-        for (range, &count) in self.ranges.iter_mut().zip(&sample.counts) {
-            if is_first {
-                *range = [count; 2];
-            }
-            let [smallest, largest] = *range;
-            *range = [count.min(smallest), count.max(largest)];
+        let ranges = self.ranges.iter_mut().zip(&sample.counts);
+        if self.samples == 0 {
+            ranges.for_each(|(range, &count)| *range = [count; 2]);
+        } else {
+            ranges.for_each(|(range, &count)| {
+                *range = [count.min(range[0]), count.max(range[1])];
+            });
         }
+        self.samples = self.samples.saturating_add(1);
     }
 
     /// Adds a step: what was measured, what the other electrodes predict, and which electrodes were
@@ -101,7 +101,11 @@ impl Evidence {
         self.railed |= railed;
         let values = measured.iter().zip(predicted);
         for (sums, (&measured, &predicted)) in self.electrodes.iter_mut().zip(values) {
-            sums.add(measured, predicted, weights);
+            sums.add_energies(measured.into(), predicted.into());
+        }
+        // In a loop of its own: the sums of both together exceed a microcontroller's registers.
+        for (sums, &measured) in self.electrodes.iter_mut().zip(measured) {
+            sums.add_mains(measured.into(), weights);
         }
     }
 
@@ -127,13 +131,15 @@ impl Sums {
         mains: [0; 2],
     };
 
-    fn add(&mut self, measured: i16, predicted: i16, weights: [i16; 2]) {
-        let [measured, predicted] = [measured, predicted].map(i32::from);
+    fn add_energies(&mut self, measured: i32, predicted: i32) {
         self.innovation += square(measured - predicted);
         self.predicted += square(predicted);
         self.measured += square(measured);
+    }
+
+    fn add_mains(&mut self, measured: i32, weights: [i16; 2]) {
         for (sum, weight) in self.mains.iter_mut().zip(weights) {
-            // At most 64 times 4,095 * 2,048: below 2^30.
+            // At most 64 times 4,096 * 2,048: 2^29.
             *sum += measured * i32::from(weight);
         }
     }
@@ -155,7 +161,7 @@ const fn square(x: i32) -> u32 {
 }
 
 const _: () = assert!(
-    square(2 * fill::LARGEST) as u64 * WINDOW as u64 <= u32::MAX as u64,
+    square(2 * fill::LARGEST - 1) as u64 * WINDOW as u64 <= u32::MAX as u64,
     "the energies of a window must fit 32 bits"
 );
 

@@ -8,8 +8,9 @@ use super::{ElectrodeMask, MAX_EXCLUDED, Table, WINDOW};
 /// Innovation energy that excludes an electrode, in units of its typical energy. Added to it is the
 /// energy of the prediction, because a larger signal is predicted with a larger error.
 const EXCLUDING: u64 = 50;
-/// Number that stands for the excluding innovation.
-const EXCESS_ONE: u32 = 256;
+/// Number that stands for the excluding innovation: 2^8.
+const EXCESS_ONE: u32 = 1 << EXCESS_BITS;
+const EXCESS_BITS: u32 = 8;
 /// Innovation below which an electrode counts as good again.
 const GOOD_BELOW: u32 = EXCESS_ONE / 4;
 /// Largest number of electrodes that one window excludes for their innovation alone.
@@ -65,68 +66,67 @@ impl Judge {
         never: ElectrodeMask,
         table: &Table<'_>,
     ) -> Verdict {
-        let flat = evidence.flat();
-        let mut certain = 0;
-        let mut recovered = 0;
+        let (mut sure, mut out) = (evidence.flat() | evidence.railed, excluded);
+        let (mut certain, mut recovered) = ([false; ELECTRODES], [false; ELECTRODES]);
         let mut excess = [0; ELECTRODES];
         for (electrode, sums) in evidence.electrodes.iter().enumerate() {
-            let mask = 1 << electrode;
             let typical = typical_energy(table, electrode);
             excess[electrode] = sums.excess(typical);
             let [measured, predicted] = [sums.measured, sums.predicted].map(u64::from);
-            let is_quiet = measured * QUIET_PART < predicted && predicted > typical;
+            let is_quiet = measured * QUIET_PART < predicted && predicted > typical.into();
             self.quiet[electrode] = counted(self.quiet[electrode], is_quiet);
-            let is_certain = (flat | evidence.railed) & mask != 0
-                || sums.is_tonal()
-                || self.quiet[electrode] >= QUIET;
-            if is_certain {
-                certain |= mask;
-            }
-            let is_good = !is_certain && !is_quiet && excess[electrode] < GOOD_BELOW;
+            certain[electrode] = sure & 1 != 0 || sums.is_tonal() || self.quiet[electrode] >= QUIET;
+            let is_good = !certain[electrode] && !is_quiet && excess[electrode] < GOOD_BELOW;
             self.good[electrode] = counted(self.good[electrode], is_good);
-            if excluded & mask != 0 && self.good[electrode] >= HOLD {
-                recovered |= mask;
-            }
+            recovered[electrode] = out & 1 != 0 && self.good[electrode] >= HOLD;
+            // Shifts by one: a microcontroller needs several instructions to select a bit of 64.
+            (sure, out) = (sure >> 1, out >> 1);
         }
+        let [certain, recovered] = [certain, recovered].map(mask);
         let certain = certain & !excluded & !never;
         // Certainly bad electrodes spoil the prediction of others, so exclude them first, and judge
         // the others without them.
         let bad = if certain == 0 {
             let free = MAX_EXCLUDED.saturating_sub(excluded.count_ones() as usize);
-            largest(&excess, excluded | never, MOST_AT_ONCE.min(free))
+            largest(excess, excluded | never, MOST_AT_ONCE.min(free))
         } else {
             certain
         };
         Verdict { bad, recovered }
     }
 
-    /// Forgets how long an electrode was good; call this when it is excluded.
-    pub(super) fn forget(&mut self, excluded: ElectrodeMask) {
-        for (electrode, good) in self.good.iter_mut().enumerate() {
-            if excluded >> electrode & 1 != 0 {
-                *good = 0;
-            }
+    /// Forgets how long electrodes were good; call this when they are excluded.
+    pub(super) fn forget(&mut self, mut excluded: ElectrodeMask) {
+        while let Some(good) = self.good.get_mut(excluded.trailing_zeros() as usize) {
+            *good = 0;
+            excluded &= excluded - 1;
         }
     }
 }
 
 /// Returns up to `most` electrodes with an excluding innovation of at least half the largest one:
 /// electrodes that are predicted from a bad one have an innovation too, but a smaller one.
-fn largest(excess: &[u32; ELECTRODES], excluded: ElectrodeMask, most: usize) -> ElectrodeMask {
+fn largest(mut excess: [u32; ELECTRODES], others: ElectrodeMask, most: usize) -> ElectrodeMask {
+    let mut rest = others;
+    for excess in &mut excess {
+        if rest & 1 != 0 {
+            *excess = 0;
+        }
+        rest >>= 1;
+    }
     let mut bad = 0;
     let mut least = EXCESS_ONE;
     for _ in 0..most {
-        let mut found = (least, None);
-        for (electrode, &excess) in excess.iter().enumerate() {
-            if (excluded | bad) >> electrode & 1 == 0 && excess > found.0 {
-                found = (excess, Some(electrode));
-            }
-        }
-        let (excess, Some(electrode)) = found else {
+        let largest = excess.iter().copied().max().unwrap_or(0);
+        let place = excess.iter().position(|&excess| excess == largest);
+        let Some(electrode) = place.filter(|_| largest > least) else {
             break;
         };
-        least = least.max(excess / 2);
+        least = least.max(largest / 2);
         bad |= 1 << electrode;
+        if let Some(excess) = excess.get_mut(electrode) {
+            *excess = 0;
+        }
     }
     bad
 }
@@ -136,18 +136,27 @@ const fn counted(count: u8, holds: bool) -> u8 {
     if holds { count.saturating_add(1) } else { 0 }
 }
 
+/// Returns the mask of the electrodes that are true.
+fn mask(electrodes: [bool; ELECTRODES]) -> ElectrodeMask {
+    let bits = electrodes.into_iter().rev();
+    bits.fold(0, |mask, bit| mask << 1 | ElectrodeMask::from(bit))
+}
+
 /// Returns the energy that the innovation of an electrode typically has in a window, in squares of
-/// a quarter microvolt. The table states its mean square in squares of a sixteenth of a microvolt.
-fn typical_energy(table: &Table<'_>, electrode: usize) -> u64 {
+/// a quarter microvolt, saturated. The table states its mean square in squares of a sixteenth of a
+/// microvolt.
+fn typical_energy(table: &Table<'_>, electrode: usize) -> u32 {
     let square = table.innovation.get(electrode).copied().unwrap_or(i32::MAX);
-    u64::from(square.unsigned_abs()) * WINDOW as u64 / 16
+    let energy = u64::from(square.cast_unsigned()) * WINDOW as u64 / 16;
+    u32::try_from(energy).unwrap_or(u32::MAX)
 }
 
 impl Sums {
-    /// Returns the innovation in units of the excluding innovation, times [`EXCESS_ONE`], saturated.
-    fn excess(&self, typical: u64) -> u32 {
-        let limit = EXCLUDING * typical + u64::from(self.predicted);
-        let excess = u64::from(self.innovation) * u64::from(EXCESS_ONE) / limit.max(1);
-        u32::try_from(excess).unwrap_or(u32::MAX)
+    /// Returns the innovation in units of the excluding innovation, times [`EXCESS_ONE`]. The unit
+    /// is rounded down to a multiple of [`EXCESS_ONE`] energies, so that one division of 32 bits
+    /// will do; of a trained table it has some ten thousands.
+    fn excess(&self, typical: u32) -> u32 {
+        let limit = (EXCLUDING * u64::from(typical) + u64::from(self.predicted)) >> EXCESS_BITS;
+        self.innovation / u32::try_from(limit).unwrap_or(u32::MAX).max(1)
     }
 }

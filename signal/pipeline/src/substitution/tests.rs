@@ -14,7 +14,7 @@ use model::{
 };
 
 use super::*;
-use crate::Electrodes;
+use crate::{Electrodes, quantise};
 
 type Matrix = Vec<[f64; ELECTRODES]>;
 
@@ -141,8 +141,12 @@ fn signal(count: usize) -> Vec<[f64; ELECTRODES]> {
 }
 
 fn step(uv: &[f64; ELECTRODES]) -> Step {
+    let electrodes = uv.map(|x| (x * counts_per_uv()) as i32);
+    let (plane, clipped) = quantise(&electrodes);
     Step {
-        electrodes: uv.map(|x| (x * counts_per_uv()) as i32),
+        electrodes,
+        plane,
+        clipped,
         ..Step::SILENCE
     }
 }
@@ -167,7 +171,8 @@ fn run(
             };
         }
         substitution.observe_sample(&sample);
-        let filled = substitution.fill_step(step, policy, table);
+        let mut filled = *step;
+        substitution.fill_step(&mut filled, policy, table);
         outputs.push((filled.excluded, filled));
     }
     outputs
@@ -212,6 +217,8 @@ fn excluded_electrodes_are_their_conditional_mean_given_the_others() {
         let mut expected = Vec::new();
         for (uv, (excluded, filled)) in uv.iter().zip(&outputs) {
             assert_eq!(*excluded, always);
+            let quantised = quantise(&filled.electrodes);
+            assert_eq!((filled.plane, filled.clipped), quantised);
             for electrode in 0..ELECTRODES {
                 let value = f64::from(filled.electrodes[electrode]) / counts_per_uv();
                 if let Some(place) = bad.iter().position(|&bad| bad == electrode) {

@@ -1,0 +1,77 @@
+//! Bytes of the table and of the steps in the files of the image `substitution`.
+
+use int8_nn::{Linear, Pair};
+use model::{ELECTRODE_OUTPUTS, ELECTRODE_PAIRS, ELECTRODES, Substitution};
+use pipeline::Step;
+
+/// A table of substitutions, which stands at the start of the input file.
+#[derive(Debug)]
+pub struct OwnedTable {
+    /// Weights, packed by [`Linear::pack_weights`].
+    pub weights: [Pair; ELECTRODE_PAIRS * ELECTRODE_OUTPUTS / 2],
+    /// Typical innovation of each electrode, as the artifact states it.
+    pub innovation: [i32; ELECTRODES],
+}
+
+/// Length of a table in the input file, bytes.
+pub const TABLE_BYTES: usize = 4 * (ELECTRODE_PAIRS * ELECTRODE_OUTPUTS / 2 + ELECTRODES);
+
+/// Length of a step in both files, bytes: the electrodes (4 bytes each), then a mask of 8 bytes, of
+/// the channels at the rail in the input file and of the excluded electrodes in the output file.
+pub const STEP_BYTES: usize = 4 * ELECTRODES + 8;
+
+/// Samples for each step: 512 Hz over 128 Hz.
+pub const SAMPLES_PER_STEP: usize = model::ADC_RATE_HZ as usize / model::STEP_RATE_HZ as usize;
+
+impl OwnedTable {
+    /// Returns the table as the pipeline takes it.
+    pub const fn borrow(&self) -> Substitution<'_> {
+        Substitution {
+            prediction: Linear {
+                inputs: ELECTRODE_PAIRS,
+                outputs: ELECTRODE_OUTPUTS,
+                weights: &self.weights,
+            },
+            innovation: &self.innovation,
+        }
+    }
+
+    /// Reads a table from the bytes of the input file.
+    pub fn from_bytes(bytes: &[u8; TABLE_BYTES]) -> Self {
+        let (weights, innovation) = bytes
+            .as_chunks()
+            .0
+            .split_at(ELECTRODE_PAIRS * ELECTRODE_OUTPUTS / 2);
+        Self {
+            weights: core::array::from_fn(|at| Pair(u32::from_le_bytes(weights[at]))),
+            innovation: core::array::from_fn(|at| i32::from_le_bytes(innovation[at])),
+        }
+    }
+}
+
+/// Returns a step with the electrodes and the mask of rails in the input file.
+pub fn from_bytes(bytes: &[u8; STEP_BYTES]) -> Step {
+    let (electrodes, mask) = bytes.split_at(4 * ELECTRODES);
+    let electrodes = electrodes.as_chunks().0;
+    let mut saturated = [0; 8];
+    saturated.copy_from_slice(mask);
+    let electrodes = core::array::from_fn(|at| i32::from_le_bytes(electrodes[at]));
+    let (plane, clipped) = pipeline::quantise(&electrodes);
+    Step {
+        electrodes,
+        plane,
+        clipped,
+        saturated: u64::from_le_bytes(saturated),
+        ..Step::SILENCE
+    }
+}
+
+/// Returns the bytes of a step with `mask`.
+pub fn to_bytes(step: &Step, mask: u64) -> [u8; STEP_BYTES] {
+    let mut bytes = [0; STEP_BYTES];
+    let electrodes = step.electrodes.map(i32::to_le_bytes);
+    let (values, end) = bytes.split_at_mut(4 * ELECTRODES);
+    values.copy_from_slice(electrodes.as_flattened());
+    end.copy_from_slice(&mask.to_le_bytes());
+    bytes
+}
