@@ -24,13 +24,14 @@ use crate::card::{ModelOptions, description_to_compare};
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
 use crate::selection::{self, mains_hz};
+use crate::subject::group;
 use crate::track::{Track, read_tracks};
 use crate::training::Settings;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
 pub(crate) use outcome::Outcome;
-use plan::{Fold, Shard, group};
+use plan::{Fold, Shard};
 pub(crate) use table::Table;
 pub(crate) use table::columns;
 

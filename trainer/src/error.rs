@@ -147,13 +147,11 @@ pub enum TrainerError {
         "the training recordings are 0 in all electrodes; check the physical unit in the files"
     )]
     Silent,
-    /// Electrodes of a recording have no signal.
     #[error(
-        "{name} has no signal at {}: the electrode was not connected, or its unit in the file is wrong; \
-         leave the recording out, or remove these signals from it, so that they are interpolated",
-        labels.join(", ")
+        "{0} has no signal at any electrode: the unit in the file is wrong, or no electrode was connected; \
+         leave the recording out"
     )]
-    SilentElectrodes { name: String, labels: Vec<String> },
+    SilentRecording(String),
     #[error(
         "the training recordings have {seconds} s after the filters have settled, which do not \
          determine how {electrodes} electrodes depend on each other; train on at least {electrodes} s, \

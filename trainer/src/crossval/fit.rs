@@ -26,7 +26,7 @@ pub(super) fn test_fold(
     let mut description = description.clone();
     let dimensions = description.dimensions();
     let training = parts(tracks, fold, dimensions.steps, false);
-    let training_set = TrainingSet::new(&training, dimensions)?;
+    let training_set = TrainingSet::new(&training, &training, dimensions)?;
     let TrainingSet {
         split,
         whole,
