@@ -107,6 +107,11 @@ pub enum TrainerError {
         blocks: usize,
         folds: usize,
     },
+    #[error(
+        "all recordings are of one person, {0}, so there are no others to train on; name recordings of \
+         several people, whose names precede the run: S001R03.edf is of S001"
+    )]
+    OnePerson(String),
     /// A folder has an outcome of another cross-validation. The texts are the settings of this
     /// outcome and the expected ones.
     #[error(
@@ -274,6 +279,7 @@ impl TrainerError {
                 | Self::OtherTraining(..)
                 | Self::OtherEpochs { .. }
                 | Self::TooFewBlocks { .. }
+                | Self::OnePerson(_)
                 | Self::OtherCrossval(..)
                 | Self::Report(_)
                 | Self::NothingToReport

@@ -156,6 +156,30 @@ impl People {
         }
     }
 
+    /// Returns the other people, and the recordings of `subject`.
+    pub(crate) fn leave_out(&self, subject: &str) -> (Self, Vec<Track>) {
+        let mut others = self.clone();
+        let is_left_out = |of: &usize| self.cards[*of].subject == subject;
+        let (mut left_out, mut kept) = (Vec::new(), Vec::new());
+        for (track, of) in others.tracks.drain(..).zip(&self.of) {
+            if is_left_out(of) {
+                left_out.push(track);
+            } else {
+                kept.push(track);
+            }
+        }
+        others.tracks = kept;
+        others.of.retain(|of| !is_left_out(of));
+        let place = self.cards.iter().position(|card| card.subject == subject);
+        if let Some(place) = place {
+            others.cards.remove(place);
+            for of in &mut others.of {
+                *of -= usize::from(*of > place);
+            }
+        }
+        (others, left_out)
+    }
+
     pub(crate) fn count(&self) -> usize {
         self.cards.len()
     }

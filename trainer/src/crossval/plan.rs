@@ -24,6 +24,9 @@ pub(crate) struct Fold {
     pub(crate) test: Vec<Block>,
     /// File names of the subject's recordings.
     pub(crate) recordings: Vec<String>,
+    /// Number of blocks that the model is trained on, to which the time for the fold is about
+    /// proportional.
+    pub(crate) trained_on: usize,
 }
 
 /// A contiguous part of a recording.
@@ -67,15 +70,54 @@ impl Fold {
     }
 }
 
+/// Returns the folds of all subjects; one for each subject if one is left out at a time.
+///
+/// # Errors
+/// Those of [`folds`], and [`TrainerError::OnePerson`].
+pub(super) fn plan(
+    subjects: &[Subject],
+    options: &CrossvalOptions,
+) -> Result<Vec<Fold>, TrainerError> {
+    if !options.leave_one_person_out {
+        let folds = subjects.iter().map(|subject| folds(subject, options));
+        return Ok(folds.collect::<Result<Vec<_>, _>>()?.concat());
+    }
+    if let [subject] = subjects {
+        return Err(TrainerError::OnePerson(subject.name.clone()));
+    }
+    let runs = subjects.iter().map(|subject| subject.recordings.len());
+    let all: usize = runs.sum();
+    let fold = |subject: &Subject| Fold {
+        subject: subject.name.clone(),
+        repetition: 1,
+        number: 1,
+        blocks: 1,
+        test: blocks(subject, 1),
+        recordings: file_names(subject),
+        trained_on: all - subject.recordings.len(),
+    };
+    Ok(subjects.iter().map(fold).collect())
+}
+
+/// Returns all blocks of a subject's recordings, each of which has `blocks`.
+fn blocks(subject: &Subject, blocks: usize) -> Vec<Block> {
+    let recordings = 0..subject.recordings.len();
+    recordings
+        .flat_map(|recording| (0..blocks).map(move |block| Block { recording, block }))
+        .collect()
+}
+
+fn file_names(subject: &Subject) -> Vec<String> {
+    let files = subject.recordings.iter();
+    files.map(|file| file_name(file)).collect()
+}
+
 /// Returns the folds of all repetitions of a subject. In each repetition the blocks are dealt to
 /// the folds in a random order, which depends on seed and repetition alone.
 ///
 /// # Errors
 /// If there are fewer blocks than folds, or a single fold.
-pub(super) fn folds(
-    subject: &Subject,
-    options: &CrossvalOptions,
-) -> Result<Vec<Fold>, TrainerError> {
+fn folds(subject: &Subject, options: &CrossvalOptions) -> Result<Vec<Fold>, TrainerError> {
     let runs = subject.recordings.len();
     let enough = (2 * options.folds).div_ceil(runs.max(1));
     let default = if runs >= options.folds { 1 } else { enough };
@@ -87,11 +129,7 @@ pub(super) fn folds(
             folds: options.folds,
         });
     }
-    let all: Vec<Block> = (0..runs)
-        .flat_map(|recording| (0..blocks).map(move |block| Block { recording, block }))
-        .collect();
-    let recordings = subject.recordings.iter();
-    let recordings: Vec<String> = recordings.map(|file| file_name(file)).collect();
+    let all = self::blocks(subject, blocks);
     let mut folds = Vec::new();
     for repetition in 1..=options.repetitions {
         let mut rng = ChaCha8Rng::seed_from_u64(options.settings.seed);
@@ -107,8 +145,9 @@ pub(super) fn folds(
                 repetition,
                 number: fold + 1,
                 blocks,
+                trained_on: all.len() - test.len(),
                 test,
-                recordings: recordings.clone(),
+                recordings: file_names(subject),
             });
         }
     }

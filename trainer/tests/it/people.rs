@@ -23,7 +23,7 @@ fn write(folder: &Folder, (subject, run): (&str, u64), gain: f32, noise: f32) {
 
 /// Returns a folder with recordings of three people: B is eight times as loud as A and otherwise
 /// equal, and so is C, whose C4 is bad.
-fn three() -> Folder {
+pub(super) fn three() -> Folder {
     let folder = Folder::new();
     for run in [1, 2, 3] {
         write(&folder, ("A1", run), 1.0, 0.0);
