@@ -7,7 +7,8 @@
 //!                                     shard K of N              merge: Table as Markdown, CSV, JSON
 //! ```
 //!
-//! Each fold is tested with a model that was trained on the other folds of the same subject. No
+//! Each fold is tested with a model that was trained on the other folds of the same subject; or each
+//! subject with a model of all other subjects. Bad electrodes are interpolated ([`People`]). No
 //! window of a test fold overlaps a window of the training: folds consist of whole runs or of
 //! blocks with a window left out between them, never of shuffled windows.
 //!
@@ -22,15 +23,18 @@ mod table;
 
 use crate::card::{ModelOptions, description_to_compare};
 use crate::error::TrainerError;
+use crate::people::People;
 use crate::progress::ProgressObserver;
 use crate::selection::{self, mains_hz};
-use crate::track::{Track, read_tracks};
+use crate::subject::group;
+use crate::track::read_tracks;
 use crate::training::Settings;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
+use fit::Data;
 pub(crate) use outcome::Outcome;
-use plan::{Fold, Shard, group};
+use plan::{Fold, Shard};
 pub(crate) use table::Table;
 pub(crate) use table::columns;
 
@@ -55,6 +59,9 @@ pub(crate) struct CrossvalOptions {
     mains_hz: u32,
     #[command(flatten)]
     settings: Settings,
+    /// Test each subject once, on all recordings, with a model of all other subjects.
+    #[arg(long, conflicts_with_all = ["folds", "repetitions", "blocks", "subject"])]
+    leave_one_person_out: bool,
     /// Number of folds of each repetition.
     #[arg(long, default_value_t = 3)]
     folds: usize,
@@ -90,50 +97,62 @@ pub(crate) fn run(
     };
     let montage = options.model.montage()?;
     let description = description_to_compare(&montage, options.model.shape)?;
-    let identity = |fold: &Fold| identity(options, &montage.name, fold);
     let subjects = group(&recordings, options.subject.as_deref());
+    let names: Vec<&str> = subjects.iter().map(|s| s.name.as_str()).collect();
+    let identity = |fold: &Fold| identity(options, &montage.name, &names.join(" "), fold);
     outcome::prepare(&options.out)?;
-    let mut plan = Vec::new();
-    for subject in &subjects {
-        for fold in plan::folds(subject, options)? {
-            plan.push((subject, fold));
-        }
-    }
-    let own = plan.iter().enumerate();
-    let own = own.filter(|(index, _)| options.shard.contains(*index));
-    let own: Vec<_> = own.map(|(_, fold)| fold).collect();
-    let mut tracks: Option<(&str, Vec<Track>)> = None;
-    for (number, (subject, fold)) in own.iter().enumerate() {
-        let settings = identity(fold);
-        if outcome::read(&options.out, fold, &settings)?.is_some() {
-            observer.message(&format!("{}: done before", fold.name()));
+    let plan = plan::plan(&subjects, options)?;
+    let mut missing = Vec::new();
+    for (index, fold) in plan.iter().enumerate() {
+        if !options.shard.contains(index) {
             continue;
         }
-        // Only the recordings of one subject are in memory at the same time.
-        if tracks
-            .as_ref()
-            .is_none_or(|(name, _)| *name != subject.name)
-        {
-            drop(tracks.take());
-            let read = read_tracks(
-                &subject.recordings,
-                &description,
-                options.mains_hz,
-                observer,
-            )?;
-            tracks = Some((&subject.name, read));
-        }
-        observer.fold_started(&fold.name(), number + 1, own.len());
-        if let Some((_, tracks)) = &tracks {
-            let mut outcome =
-                fit::test_fold(tracks, fold, &description, options.settings, observer)?;
-            outcome.settings = settings;
-            outcome.write(&options.out)?;
-            observer.fold_finished(&outcome);
+        if outcome::read(&options.out, fold, &identity(fold))?.is_some() {
+            observer.message(&format!("{}: done before", fold.name()));
+        } else {
+            missing.push(fold);
         }
     }
+    observer.folds_planned(missing.iter().map(|fold| fold.trained_on).sum());
+    let mut loaded: Option<(&str, People)> = None;
+    for (number, fold) in missing.iter().enumerate() {
+        // Unless other people are trained on, only one subject's recordings are in memory.
+        let (name, files) = if options.leave_one_person_out {
+            ("", &recordings)
+        } else {
+            let mut subjects = subjects.iter();
+            let own = subjects.find(|subject| subject.name == fold.subject);
+            let own = own.expect("the plan's folds are those of the subjects");
+            (own.name.as_str(), &own.recordings)
+        };
+        let people = if let Some((_, people)) = loaded.take().filter(|(loaded, _)| *loaded == name)
+        {
+            people
+        } else {
+            let tracks = read_tracks(files, &description, options.mains_hz, observer)?;
+            let electrodes = &description.montage.electrodes;
+            let subject = Some(name).filter(|name| !name.is_empty());
+            People::new(tracks, electrodes, subject, observer)?
+        };
+        observer.fold_started(&fold.name(), number + 1, missing.len());
+        let data = if options.leave_one_person_out {
+            let (others, test) = people.leave_out(&fold.subject);
+            Data {
+                training: others.at_equal_power(observer),
+                recorded: others.tracks,
+                test,
+            }
+        } else {
+            Data::of_fold(&people.tracks, fold, description.window.steps)
+        };
+        let mut outcome = fit::test_fold(&data, fold, &description, options.settings, observer)?;
+        outcome.settings = identity(fold);
+        outcome.write(&options.out)?;
+        observer.fold_finished(&outcome, fold.trained_on);
+        loaded = Some((name, people));
+    }
     let mut outcomes = Vec::new();
-    for (_, fold) in &plan {
+    for fold in &plan {
         match outcome::read(&options.out, fold, &identity(fold))? {
             Some(outcome) => outcomes.push(outcome),
             None => return Ok(None),
@@ -160,16 +179,23 @@ pub(crate) fn merge(folders: &[PathBuf], out: &Path) -> Result<Table, TrainerErr
 
 /// Returns as text all settings that determine an outcome, except the number of the fold. All
 /// outcomes of a subject in a table have the same text.
-fn identity(options: &CrossvalOptions, montage: &str, fold: &Fold) -> String {
+fn identity(options: &CrossvalOptions, montage: &str, people: &str, fold: &Fold) -> String {
+    let test = if options.leave_one_person_out {
+        format!("each of {people} with a model of the others")
+    } else {
+        format!(
+            "{} folds of {} in {} repetitions",
+            options.folds,
+            fold.kind(),
+            options.repetitions
+        )
+    };
     format!(
-        "montage {montage}, {}, codes {}, mains {} Hz; {} epochs in {}; {} folds of {} in {} repetitions",
+        "montage {montage}, {}, codes {}, mains {} Hz; {} epochs in {}; {test}",
         options.model.shape,
         options.model.shape.format,
         options.mains_hz,
         options.settings.epochs,
         options.settings,
-        options.folds,
-        fold.kind(),
-        options.repetitions
     )
 }

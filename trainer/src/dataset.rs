@@ -167,7 +167,7 @@ impl Dataset {
 pub(crate) struct TrainingSet {
     /// Training part and validation part.
     pub(crate) split: Split,
-    /// Complete tracks, for calibration.
+    /// Complete tracks with their amplitude, for calibration.
     pub(crate) whole: Dataset,
     /// Standard deviation of the training part, uV.
     pub(crate) sd_uv: f64,
@@ -175,13 +175,18 @@ pub(crate) struct TrainingSet {
 
 impl TrainingSet {
     /// Splits tracks into training and validation part, and scales them to units of the training
-    /// part's standard deviation.
+    /// part's standard deviation. `recorded` are the same tracks with their amplitude, in which
+    /// people can differ; the ranges of a device's input and codes are those of `recorded`.
     ///
     /// # Errors
     /// If a track is too short, or all values of the training part are 0.
-    pub(crate) fn new(tracks: &[Track], dimensions: Dimensions) -> Result<Self, TrainerError> {
+    pub(crate) fn new(
+        tracks: &[Track],
+        recorded: &[Track],
+        dimensions: Dimensions,
+    ) -> Result<Self, TrainerError> {
         let mut split = Dataset::split(tracks, dimensions)?;
-        let mut whole = Dataset::from_tracks(tracks, dimensions)?;
+        let mut whole = Dataset::from_tracks(recorded, dimensions)?;
         let sd_uv = split.training.deviation();
         if sd_uv <= 0.0 {
             return Err(TrainerError::Silent);
@@ -251,7 +256,7 @@ mod tests {
         assert!((first - last - 17.0).abs() < f32::EPSILON, "{last} {first}");
         assert_eq!(split.validation.disjoint_windows(), 100 / 16);
         let tracks = [ramp(800)];
-        let scaled = TrainingSet::new(&tracks, dimensions()).unwrap();
+        let scaled = TrainingSet::new(&tracks, &tracks, dimensions()).unwrap();
         assert!((scaled.split.training.deviation() - 1.0).abs() < 1e-6);
     }
 

@@ -107,6 +107,11 @@ pub enum TrainerError {
         blocks: usize,
         folds: usize,
     },
+    #[error(
+        "all recordings are of one person, {0}, so there are no others to train on; name recordings of \
+         several people, whose names precede the run: S001R03.edf is of S001"
+    )]
+    OnePerson(String),
     /// A folder has an outcome of another cross-validation. The texts are the settings of this
     /// outcome and the expected ones.
     #[error(
@@ -147,13 +152,11 @@ pub enum TrainerError {
         "the training recordings are 0 in all electrodes; check the physical unit in the files"
     )]
     Silent,
-    /// Electrodes of a recording have no signal.
     #[error(
-        "{name} has no signal at {}: the electrode was not connected, or its unit in the file is wrong; \
-         leave the recording out, or remove these signals from it, so that they are interpolated",
-        labels.join(", ")
+        "{0} has no signal at any electrode: the unit in the file is wrong, or no electrode was connected; \
+         leave the recording out"
     )]
-    SilentElectrodes { name: String, labels: Vec<String> },
+    SilentRecording(String),
     #[error(
         "the training recordings have {seconds} s after the filters have settled, which do not \
          determine how {electrodes} electrodes depend on each other; train on at least {electrodes} s, \
@@ -276,6 +279,7 @@ impl TrainerError {
                 | Self::OtherTraining(..)
                 | Self::OtherEpochs { .. }
                 | Self::TooFewBlocks { .. }
+                | Self::OnePerson(_)
                 | Self::OtherCrossval(..)
                 | Self::Report(_)
                 | Self::NothingToReport

@@ -17,9 +17,10 @@ mod transform;
 use crate::card::{self, Shape};
 use crate::dataset::Dataset;
 use crate::error::TrainerError;
+use crate::people::People;
 use crate::progress::ProgressObserver;
 use crate::selection::{Selected, TrainingFiles, check_writable, refuse_model};
-use crate::track::{Track, read_tracks, settling_steps};
+use crate::track::{Track, settling_steps};
 use artifact::{Artifact, CodeFormat, Description, Mode, MontageFile, Padding};
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
@@ -129,16 +130,21 @@ pub(crate) fn train(
     let count = fit::coefficients(options.fit.coefficients, &description)?;
     let selected = options.files.find()?;
     check_writable(folder)?;
-    let mains_hz = options.files.mains_hz;
+    let read =
+        |files, observer: &mut _| People::read(files, &options.files, &description, observer);
+    let (train, test) = (
+        read(&selected.train, observer)?,
+        read(&selected.test, observer)?,
+    );
     let tracks = Tracks {
-        train: read_tracks(&selected.train, &description, mains_hz, observer)?,
-        test: read_tracks(&selected.test, &description, mains_hz, observer)?,
+        train: train.at_equal_power(observer),
+        test: test.tracks,
     };
     let mut largest = 0.0;
     if joined.is_none() {
-        let whole = Dataset::from_tracks(&tracks.train, description.dimensions())?;
-        largest = whole.max_abs();
-        let sd_uv = whole.deviation();
+        let whole = |tracks| Dataset::from_tracks(tracks, description.dimensions());
+        largest = whole(&train.tracks)?.max_abs();
+        let sd_uv = whole(&tracks.train)?.deviation();
         if sd_uv <= 0.0 {
             return Err(TrainerError::Silent);
         }
@@ -151,10 +157,11 @@ pub(crate) fn train(
     let (mut model, trained) = fit::fit(&tracks, &description, count, target_mse, observer)?;
     let card = &mut model.description.training;
     [card.train_files, card.test_files] = selected.names();
+    card.people = train.card();
     let artifact = if let Some(artifact) = joined {
         artifact.with_packed(Some(model))?
     } else {
-        fill_card(&mut description, options, &selected, &tracks.train)?;
+        fill_card(&mut description, options, &selected, &train)?;
         Artifact::without_network(description, largest, model)?
     };
     let id = artifact.write(folder)?;
@@ -183,12 +190,13 @@ fn fill_card(
     description: &mut Description,
     options: &PackedOptions,
     selected: &Selected,
-    tracks: &[Track],
+    people: &People,
 ) -> Result<(), TrainerError> {
     let mains_hz = options.files.mains_hz;
     let settling = settling_steps(description, mains_hz)?;
     let card = &mut description.training;
-    card::fill_electrodes(card, &description.montage.electrodes, tracks);
+    card::fill_electrodes(card, &description.montage.electrodes, &people.tracks);
+    card.people = people.card();
     let or_not_stated = |text: &Option<String>| text.clone().unwrap_or("not stated".to_owned());
     card.dataset = or_not_stated(&options.alone.dataset);
     card.citation = or_not_stated(&options.alone.citation);

@@ -24,10 +24,14 @@ pub trait ProgressObserver {
         false
     }
 
-    /// Reports the start of a fold of a cross-validation, and its number among the `folds` folds of
-    /// this shard.
+    /// Reports the work of all folds of a cross-validation that are not done yet.
+    fn folds_planned(&mut self, _work: usize) {}
+
+    /// Reports the start of a fold of a cross-validation, and its number among the `folds` folds that
+    /// were not done.
     fn fold_started(&mut self, _name: &str, _number: usize, _folds: usize) {}
 
-    /// Reports the outcome of a finished fold.
-    fn fold_finished(&mut self, _outcome: &Outcome) {}
+    /// Reports the outcome of a finished fold, and its work in the unit of
+    /// [`folds_planned`](Self::folds_planned).
+    fn fold_finished(&mut self, _outcome: &Outcome, _work: usize) {}
 }

@@ -11,7 +11,7 @@ const EXTENSIONS: [&str; 3] = ["edf", "bdf", "gdf"];
 /// Names of recordings to train on and to test with.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct TrainingFiles {
-    /// Folder in which names of recordings are searched.
+    /// Folder in which names of recordings are searched, or a pattern of folders such as 'data/S0*'.
     #[arg(long, default_value = ".")]
     data: PathBuf,
     /// Recordings (EDF, BDF, GDF) to train on: files, folders, patterns such as 'S001*.edf', ends
@@ -22,6 +22,10 @@ pub(crate) struct TrainingFiles {
     /// model has no test figures.
     #[arg(long, value_delimiter = ',')]
     test: Vec<String>,
+    /// Name of the only person [default: what precedes the number of the run in the files' names]. In
+    /// training, each person's recordings are scaled to the same power.
+    #[arg(long)]
+    pub(crate) subject: Option<String>,
     /// Mains frequency of the recordings, Hz: 50 or 60.
     #[arg(long = "mains", value_name = "MAINS", value_parser = mains_hz)]
     pub(crate) mains_hz: u32,
@@ -30,7 +34,8 @@ pub(crate) struct TrainingFiles {
 /// Names of recordings to evaluate a trained model on.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct TestFiles {
-    /// Folder in which names of recordings are searched [default: .].
+    /// Folder in which names of recordings are searched, or a pattern of folders such as 'data/S0*'
+    /// [default: .].
     #[arg(long)]
     pub(crate) data: Option<PathBuf>,
     /// Recordings to test with: files, folders, patterns, ends of the names of files in --data, or
@@ -120,8 +125,8 @@ pub(crate) fn refuse_model(folder: &Path, force: bool) -> Result<(), TrainerErro
 ///
 /// * the path of a recording, or of a folder, which selects all recordings in it;
 /// * a pattern of paths with `*`, `?` or `[...]`;
-/// * the end of the file names of recordings in `folder`, with or without extension; `R03..R10`
-///   means R03, R04, ... R10.
+/// * the end of the file names of recordings in `folder`, which may be a pattern of folders, with or
+///   without extension; `R03..R10` means R03, R04, ... R10, each of which some folder must have.
 ///
 /// # Errors
 /// If a folder cannot be read, a range cannot be expanded or a name selects no recording.
@@ -133,7 +138,7 @@ pub(crate) fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>
             selected.push(path.to_owned());
         } else if path.is_dir() {
             selected.extend(all_in(path)?);
-        } else if name.contains(['*', '?', '[']) {
+        } else if is_pattern(name) {
             selected.extend(matching(name)?);
         } else {
             selected.extend(named(folder, name)?);
@@ -151,10 +156,10 @@ fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }
 
-/// Returns all recordings in a folder, sorted by name.
+/// Returns all recordings in a folder, or in all folders that match a pattern, sorted by path.
 ///
 /// # Errors
-/// If the folder cannot be read or has no recording.
+/// If a folder cannot be read or there is no recording.
 pub(crate) fn all_in(folder: &Path) -> Result<Vec<PathBuf>, TrainerError> {
     let files = list(folder)?;
     if files.is_empty() {
@@ -163,13 +168,24 @@ pub(crate) fn all_in(folder: &Path) -> Result<Vec<PathBuf>, TrainerError> {
     Ok(files)
 }
 
+/// Returns the recordings in a folder, or in all folders that match a pattern.
 fn list(folder: &Path) -> Result<Vec<PathBuf>, TrainerError> {
-    let error = TrainerError::file(folder);
+    let name = folder.to_string_lossy();
+    let folders = if !folder.is_dir() && is_pattern(&name) {
+        let mut folders = paths(&name)?;
+        folders.retain(|path| path.is_dir());
+        folders
+    } else {
+        vec![folder.to_owned()]
+    };
     let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(error)? {
-        let path = entry.map_err(error)?.path();
-        if is_recording(&path) {
-            files.push(path);
+    for folder in folders {
+        let error = TrainerError::file(&folder);
+        for entry in std::fs::read_dir(&folder).map_err(error)? {
+            let path = entry.map_err(error)?.path();
+            if is_recording(&path) {
+                files.push(path);
+            }
         }
     }
     files.sort();
@@ -178,20 +194,25 @@ fn list(folder: &Path) -> Result<Vec<PathBuf>, TrainerError> {
 
 /// Returns the recordings whose path matches a pattern.
 fn matching(pattern: &str) -> Result<Vec<PathBuf>, TrainerError> {
-    let paths = glob::glob(pattern)
-        .map_err(|source| TrainerError::BadPattern(pattern.to_owned(), source))?;
-    let mut files = Vec::new();
-    for path in paths {
-        let path =
-            path.map_err(|error| TrainerError::File(error.path().to_owned(), error.into()))?;
-        if is_recording(&path) {
-            files.push(path);
-        }
-    }
+    let mut files = paths(pattern)?;
+    files.retain(|path| is_recording(path));
     if files.is_empty() {
         return Err(TrainerError::NothingMatches(pattern.to_owned()));
     }
     Ok(files)
+}
+
+/// Returns all paths that match a pattern, sorted.
+fn paths(pattern: &str) -> Result<Vec<PathBuf>, TrainerError> {
+    let paths = glob::glob(pattern)
+        .map_err(|source| TrainerError::BadPattern(pattern.to_owned(), source))?;
+    paths
+        .map(|path| path.map_err(|error| TrainerError::File(error.path().to_owned(), error.into())))
+        .collect()
+}
+
+fn is_pattern(name: &str) -> bool {
+    name.contains(['*', '?', '['])
 }
 
 /// Returns the recordings in a folder whose file name, with or without extension, ends with `name`

@@ -8,12 +8,13 @@ use crate::error::TrainerError;
 use crate::golden::golden_windows;
 use crate::network::Network;
 use crate::parameters::Parameters;
+use crate::people::People;
 use crate::progress::ProgressObserver;
 use crate::selection::{Selected, TrainingFiles, check_writable, refuse_model};
-use crate::track::{read_tracks, settling_steps};
+use crate::track::settling_steps;
 use crate::training::{Learning, Settings, Training, validation_windows};
 use crate::{card, checkpoint, report};
-use artifact::{Description, Geometry, Mode, Pca};
+use artifact::{Artifact, Description, Geometry, Mode, Pca, TestedPerson};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
@@ -77,12 +78,13 @@ pub(crate) fn train(
     ) {
         check_writable(folder)?;
     }
-    let mains_hz = options.files.mains_hz;
-    let tracks = read_tracks(&selected.train, &description, mains_hz, observer)?;
-    let training_set = TrainingSet::new(&tracks, description.dimensions())?;
+    let people = People::read(&selected.train, &options.files, &description, observer)?;
+    let scaled = people.at_equal_power(observer);
+    let training_set = TrainingSet::new(&scaled, &people.tracks, description.dimensions())?;
     let electrodes = &description.montage.electrodes;
-    card::fill_electrodes(&mut description.training, electrodes, &tracks);
-    drop(tracks);
+    card::fill_electrodes(&mut description.training, electrodes, &people.tracks);
+    description.training.people = people.card();
+    drop((people, scaled));
     let sd_uv = training_set.sd_uv;
     description.input.sd_uv = sd_uv;
     observer.message(&format!(
@@ -121,9 +123,10 @@ pub(crate) fn train(
         observer.message("no test recordings: the training card has no figures");
         None
     } else {
-        let tracks = read_tracks(&selected.test, &model.description, mains_hz, observer)?;
+        let people = People::read(&selected.test, &options.files, &model.description, observer)?;
         observer.message("evaluating on the test recordings ...");
-        Some(Comparison::new(&model, Some(&pca), &tracks)?)
+        model.description.training.tested = test_each(&model, &pca, &people, observer)?;
+        Some(Comparison::new(&model, Some(&pca), &people.tracks)?)
     };
     let figures = comparison.as_ref();
     let card = &mut model.description.training;
@@ -145,6 +148,36 @@ pub(crate) fn train(
         observer.message(&report::message(folder));
     }
     Ok(comparison)
+}
+
+/// Returns and reports the error on each person's test recordings; nothing if they are all of one
+/// person.
+fn test_each(
+    model: &Artifact,
+    pca: &Pca,
+    people: &People,
+    observer: &mut impl ProgressObserver,
+) -> Result<Vec<TestedPerson>, TrainerError> {
+    let mut tested = Vec::new();
+    if people.count() < 2 {
+        return Ok(tested);
+    }
+    for (person, tracks) in people.each() {
+        let comparison = Comparison::new(model, Some(pca), &tracks)?;
+        let Some(prd_percent) = comparison.figures(|error| error.prd_percent) else {
+            continue;
+        };
+        observer.message(&format!(
+            "{}: PRD of integer codes {:.2} %, of PCA's {:.2} %",
+            person.subject, prd_percent.autoencoder_int8, prd_percent.pca_int8
+        ));
+        tested.push(TestedPerson {
+            subject: person.subject.clone(),
+            bad: person.bad.clone(),
+            prd_percent,
+        });
+    }
+    Ok(tested)
 }
 
 /// Runs the remaining epochs of a training run, which begins with the parameters `start` or

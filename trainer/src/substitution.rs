@@ -12,14 +12,15 @@ mod sweeps;
 
 use crate::card;
 use crate::error::TrainerError;
+use crate::people::People;
 use crate::progress::ProgressObserver;
 use crate::selection::{TrainingFiles, check_writable};
-use crate::track::read_tracks;
 use artifact::{
     Artifact, SubstitutionDescription, SubstitutionFigures, SubstitutionTable, SubstitutionTraining,
 };
 use std::path::PathBuf;
 
+pub(crate) use fit::{columns, median, prediction, residual, seconds};
 pub(crate) use sweeps::largest_radius;
 
 /// Options of `trainer substitution`.
@@ -52,13 +53,11 @@ pub(crate) fn train(
     }
     let selected = options.files.find()?;
     check_writable(folder)?;
-    let (description, mains_hz) = (&artifact.description, options.files.mains_hz);
-    let train = read_tracks(&selected.train, description, mains_hz, observer)?;
-    let test = read_tracks(&selected.test, description, mains_hz, observer)?;
+    let description = &artifact.description;
+    let people = People::read(&selected.train, &options.files, description, observer)?;
+    let test = People::read(&selected.test, &options.files, description, observer)?.tracks;
+    let train = people.at_equal_power(observer);
     let electrodes = &description.montage.electrodes;
-    for track in train.iter().chain(&test) {
-        fit::refuse_silent(track, electrodes)?;
-    }
     let interpolated = card::interpolated(electrodes, &train);
     if !interpolated.is_empty() {
         observer.message(&format!(
@@ -87,6 +86,7 @@ pub(crate) fn train(
         train_files,
         test_files,
         interpolated,
+        people: people.card(),
         figures: figures.clone().filter(|_| !test.is_empty()),
     };
     let id = artifact.with_substitution(Some(table))?.write(folder)?;

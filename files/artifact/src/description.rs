@@ -335,6 +335,39 @@ pub struct TrainingCard {
     /// Percent root-mean-square difference on the test files: 100 times the root of the summed
     /// squared error divided by that of the summed squared signal; absent if not measured.
     pub prd_percent: Option<Figures>,
+    /// People on whom the model was trained, if several or with bad electrodes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub people: Vec<Person>,
+    /// Error on the test files of each person, if they are of several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tested: Vec<TestedPerson>,
+}
+
+/// A person on whose recordings a model was trained.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Person {
+    /// Name that precedes the run in the names of the files.
+    pub subject: String,
+    /// Standard deviation of all electrodes, uV. Training scales each person's recordings by one
+    /// factor, so that those of all people have that of the median person.
+    pub sd_uv: f64,
+    /// Electrodes that are bad in at least one recording, and interpolated there from neighbours.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bad: Vec<String>,
+}
+
+/// Error of a model on one person's test files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TestedPerson {
+    /// Name that precedes the run in the names of the files.
+    pub subject: String,
+    /// Electrodes that are bad in at least one recording, and interpolated there before coding.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bad: Vec<String>,
+    /// Percent root-mean-square difference, as in [`TrainingCard::prd_percent`].
+    pub prd_percent: Figures,
 }
 
 /// Reconstruction errors of the model and, for comparison, of PCA.

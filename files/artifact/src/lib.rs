@@ -73,7 +73,7 @@ mod testing;
 
 pub use description::{
     Adc, CodeFormat, CodeQuantisation, Decimation, Description, EMPTY, Figures, Filters, Grid,
-    Input, Mode, Montage, NetworkShape, Padding, TrainingCard, Window,
+    Input, Mode, Montage, NetworkShape, Padding, Person, TestedPerson, TrainingCard, Window,
 };
 pub use error::{ArtifactError, List, TensorProblem};
 pub use float_decoder::FloatDecoder;

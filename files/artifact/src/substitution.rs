@@ -1,6 +1,6 @@
 //! The table with which a device finds and substitutes bad electrodes.
 
-use crate::description::Description;
+use crate::description::{Description, Person};
 use crate::error::{ArtifactError, TensorProblem};
 use crate::tensor_file::{self, TensorFile};
 use safetensors::tensor::Dtype;
@@ -43,6 +43,9 @@ pub struct SubstitutionTraining {
     /// interpolation, not a measurement.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub interpolated: Vec<String>,
+    /// People on whom the table was trained, if several or with bad electrodes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub people: Vec<Person>,
     /// Errors of the predictions on the test recordings; `None` without test recordings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub figures: Option<SubstitutionFigures>,

@@ -4,11 +4,12 @@ use crate::crossval::Outcome;
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
 use crate::training::EpochLosses;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use signal_hook::consts::SIGINT;
+use std::fmt::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Prints progress to standard error: lines, and a bar over all epochs or folds with the time left.
 pub(crate) struct Terminal {
@@ -95,17 +96,28 @@ impl ProgressObserver for Terminal {
         ));
     }
 
-    fn fold_started(&mut self, name: &str, number: usize, folds: usize) {
-        if self.bar.is_hidden() {
-            let style = "{prefix} {bar:30} {pos}/{len} folds, {eta} left, {msg}";
-            self.bar = bar(style, folds as u64);
-        }
-        self.bar.set_position(number as u64 - 1);
-        self.bar.set_prefix(name.to_owned());
+    fn folds_planned(&mut self, work: usize) {
+        let style = ProgressStyle::with_template("{prefix} {bar:30} {left}, {msg}");
+        let style = style.expect("a template with known keys");
+        let style = style.with_key("left", |state: &ProgressState, out: &mut dyn Write| {
+            let done = state.pos() as f64 / state.len().unwrap_or(0).max(1) as f64;
+            let left = remaining(state.elapsed(), done);
+            // Writing to the bar's text cannot fail.
+            let _ = match left {
+                Some(left) => write!(out, "{} left", HumanDuration(left)),
+                None => write!(out, "time left unknown"),
+            };
+        });
+        self.bar = ProgressBar::new(work as u64).with_style(style);
     }
 
-    fn fold_finished(&mut self, outcome: &Outcome) {
-        self.bar.inc(1);
+    fn fold_started(&mut self, name: &str, number: usize, folds: usize) {
+        self.bar
+            .set_prefix(format!("{name}, fold {number} of {folds}"));
+    }
+
+    fn fold_finished(&mut self, outcome: &Outcome, work: usize) {
+        self.bar.inc(work as u64);
         let model = outcome.model_float.map_or(f64::NAN, |errors| errors.mse);
         self.message(&format!(
             "{}: MSE {model:.5}, PCA {:.5}; validation {:.5}, PCA {:.5}; best epoch {}; tested on {}",
@@ -123,6 +135,13 @@ impl ProgressObserver for Terminal {
     }
 }
 
+/// Returns the time that remains after a part of the work, from 0 to 1, has taken `elapsed`; `None`
+/// if nothing is done yet. Folds take minutes, and their times differ, so this is the mean speed so
+/// far, not that of the last seconds.
+fn remaining(elapsed: Duration, done: f64) -> Option<Duration> {
+    (done > 0.0).then(|| elapsed.mul_f64((1.0 - done) / done))
+}
+
 fn bar(style: &str, length: u64) -> ProgressBar {
     let style = ProgressStyle::with_template(style).expect("a template with known keys");
     ProgressBar::new(length).with_style(style)
@@ -131,5 +150,23 @@ fn bar(style: &str, length: u64) -> ProgressBar {
 impl Drop for Terminal {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_holds_for_folds_of_different_size() {
+        // Folds whose work is 1, 7 and 2 take 10 s for each unit.
+        let mut done = 0.0;
+        for work in [1.0, 7.0, 2.0] {
+            done += work;
+            let left = remaining(Duration::from_secs_f64(10.0 * done), done / 10.0);
+            let expected = 100.0 - 10.0 * done;
+            assert!((left.unwrap().as_secs_f64() - expected).abs() < 1e-6);
+        }
+        assert_eq!(remaining(Duration::from_secs(1), 0.0), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Trains on the blocks outside a fold, and tests on the fold.
+//! Trains and tests the model of a fold.
 
 use super::outcome::{Outcome, Validation};
 use super::plan::{Block, Fold};
@@ -14,10 +14,31 @@ use crate::training::{Settings, Training, validation_windows};
 use artifact::{Description, Geometry, Mode};
 use std::ops::ControlFlow;
 
-/// Trains a model on the blocks outside a fold, tests it on the fold, and returns the outcome.
-/// `tracks` are all recordings of the subject.
+/// What a fold's model is trained on and tested with.
+pub(super) struct Data {
+    /// Recordings to train on, every person at equal power.
+    pub(super) training: Vec<Track>,
+    /// The same recordings with their amplitude, for the ranges of input and codes.
+    pub(super) recorded: Vec<Track>,
+    pub(super) test: Vec<Track>,
+}
+
+impl Data {
+    /// Returns the blocks outside a fold for the training, and those of the fold for the test.
+    /// `tracks` are all recordings of the subject.
+    pub(super) fn of_fold(tracks: &[Track], fold: &Fold, gap: usize) -> Self {
+        let training = parts(tracks, fold, gap, false);
+        Self {
+            recorded: training.clone(),
+            training,
+            test: parts(tracks, fold, gap, true),
+        }
+    }
+}
+
+/// Trains and tests a model, and returns the outcome of the fold.
 pub(super) fn test_fold(
-    tracks: &[Track],
+    data: &Data,
     fold: &Fold,
     description: &Description,
     settings: Settings,
@@ -25,14 +46,13 @@ pub(super) fn test_fold(
 ) -> Result<Outcome, TrainerError> {
     let mut description = description.clone();
     let dimensions = description.dimensions();
-    let training = parts(tracks, fold, dimensions.steps, false);
-    let training_set = TrainingSet::new(&training, dimensions)?;
+    let training_set = TrainingSet::new(&data.training, &data.recorded, dimensions)?;
     let TrainingSet {
         split,
         whole,
         sd_uv,
     } = &training_set;
-    let mut test = Dataset::from_tracks(&parts(tracks, fold, dimensions.steps, true), dimensions)?;
+    let mut test = Dataset::from_tracks(&data.test, dimensions)?;
     test.scale(1.0 / sd_uv);
     description.input.sd_uv = *sd_uv;
     let geometry = Geometry::new(&description);
@@ -158,6 +178,7 @@ mod tests {
                 .map(|&(recording, block)| Block { recording, block })
                 .collect(),
             recordings: vec!["run0".to_owned(), "run1".to_owned()],
+            trained_on: 2 * blocks - test.len(),
         }
     }
 

@@ -1,58 +1,14 @@
-//! Plan of a cross-validation: subjects, their folds, and the shards of the folds.
+//! Plan of a cross-validation: the folds of each subject, and the shards of the folds.
 
 use super::CrossvalOptions;
 use crate::error::TrainerError;
 use crate::selection::file_name;
+use crate::subject::Subject;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
 use std::str::FromStr;
-
-/// A subject with its recordings.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Subject {
-    pub(crate) name: String,
-    pub(crate) recordings: Vec<PathBuf>,
-}
-
-/// Groups recordings by subject. If `name` is given, all belong to the subject of this name.
-/// Otherwise the subject's name is that of the file without its ending, the number of the run and
-/// the word before the number: `S001R03.edf` and `S001R04.edf` belong to `S001`,
-/// `motorexecution_subject2_run1.gdf` to `motorexecution_subject2`. A file without a number is a
-/// subject of its own.
-pub(crate) fn group(recordings: &[PathBuf], name: Option<&str>) -> Vec<Subject> {
-    let mut subjects: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
-    for recording in recordings {
-        let subject = name.map_or_else(|| subject_of(recording), str::to_owned);
-        subjects.entry(subject).or_default().push(recording.clone());
-    }
-    let subjects = subjects.into_iter().map(|(name, mut recordings)| {
-        recordings.sort();
-        recordings.dedup();
-        Subject { name, recordings }
-    });
-    subjects.collect()
-}
-
-fn subject_of(recording: &Path) -> String {
-    let stem = recording.file_stem().unwrap_or_default();
-    let stem = stem.to_string_lossy().into_owned();
-    let without_number = stem.trim_end_matches(|c: char| c.is_ascii_digit());
-    if without_number.len() == stem.len() {
-        return stem;
-    }
-    let without_word = without_number.trim_end_matches(|c: char| c.is_ascii_alphabetic());
-    let subject = without_word.trim_end_matches(['_', '-', ' ']);
-    // A file name of one word and a number, such as run3, names no subject.
-    if subject.is_empty() {
-        "all".to_owned()
-    } else {
-        subject.to_owned()
-    }
-}
 
 /// Blocks of a subject on which a model is tested after training on the subject's other blocks.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,6 +24,9 @@ pub(crate) struct Fold {
     pub(crate) test: Vec<Block>,
     /// File names of the subject's recordings.
     pub(crate) recordings: Vec<String>,
+    /// Number of blocks that the model is trained on, to which the time for the fold is about
+    /// proportional.
+    pub(crate) trained_on: usize,
 }
 
 /// A contiguous part of a recording.
@@ -111,15 +70,54 @@ impl Fold {
     }
 }
 
+/// Returns the folds of all subjects; one for each subject if one is left out at a time.
+///
+/// # Errors
+/// Those of [`folds`], and [`TrainerError::OnePerson`].
+pub(super) fn plan(
+    subjects: &[Subject],
+    options: &CrossvalOptions,
+) -> Result<Vec<Fold>, TrainerError> {
+    if !options.leave_one_person_out {
+        let folds = subjects.iter().map(|subject| folds(subject, options));
+        return Ok(folds.collect::<Result<Vec<_>, _>>()?.concat());
+    }
+    if let [subject] = subjects {
+        return Err(TrainerError::OnePerson(subject.name.clone()));
+    }
+    let runs = subjects.iter().map(|subject| subject.recordings.len());
+    let all: usize = runs.sum();
+    let fold = |subject: &Subject| Fold {
+        subject: subject.name.clone(),
+        repetition: 1,
+        number: 1,
+        blocks: 1,
+        test: blocks(subject, 1),
+        recordings: file_names(subject),
+        trained_on: all - subject.recordings.len(),
+    };
+    Ok(subjects.iter().map(fold).collect())
+}
+
+/// Returns all blocks of a subject's recordings, each of which has `blocks`.
+fn blocks(subject: &Subject, blocks: usize) -> Vec<Block> {
+    let recordings = 0..subject.recordings.len();
+    recordings
+        .flat_map(|recording| (0..blocks).map(move |block| Block { recording, block }))
+        .collect()
+}
+
+fn file_names(subject: &Subject) -> Vec<String> {
+    let files = subject.recordings.iter();
+    files.map(|file| file_name(file)).collect()
+}
+
 /// Returns the folds of all repetitions of a subject. In each repetition the blocks are dealt to
 /// the folds in a random order, which depends on seed and repetition alone.
 ///
 /// # Errors
 /// If there are fewer blocks than folds, or a single fold.
-pub(super) fn folds(
-    subject: &Subject,
-    options: &CrossvalOptions,
-) -> Result<Vec<Fold>, TrainerError> {
+fn folds(subject: &Subject, options: &CrossvalOptions) -> Result<Vec<Fold>, TrainerError> {
     let runs = subject.recordings.len();
     let enough = (2 * options.folds).div_ceil(runs.max(1));
     let default = if runs >= options.folds { 1 } else { enough };
@@ -131,11 +129,7 @@ pub(super) fn folds(
             folds: options.folds,
         });
     }
-    let all: Vec<Block> = (0..runs)
-        .flat_map(|recording| (0..blocks).map(move |block| Block { recording, block }))
-        .collect();
-    let recordings = subject.recordings.iter();
-    let recordings: Vec<String> = recordings.map(|file| file_name(file)).collect();
+    let all = self::blocks(subject, blocks);
     let mut folds = Vec::new();
     for repetition in 1..=options.repetitions {
         let mut rng = ChaCha8Rng::seed_from_u64(options.settings.seed);
@@ -151,8 +145,9 @@ pub(super) fn folds(
                 repetition,
                 number: fold + 1,
                 blocks,
+                trained_on: all.len() - test.len(),
                 test,
-                recordings: recordings.clone(),
+                recordings: file_names(subject),
             });
         }
     }
@@ -195,34 +190,6 @@ impl FromStr for Shard {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn runs_are_grouped_by_what_precedes_their_number() {
-        for (file, subject) in [
-            ("data/S001R03.edf", "S001"),
-            (
-                "data/motorexecution_subject2_run10.gdf",
-                "motorexecution_subject2",
-            ),
-            ("A01-3.gdf", "A01"),
-            ("run7.edf", "all"),
-            ("test.bdf", "test"),
-        ] {
-            assert_eq!(subject_of(Path::new(file)), subject, "{file}");
-        }
-    }
-
-    #[test]
-    fn a_name_unites_all_recordings_sorted_and_once() {
-        let files = ["b2.edf", "a1.edf", "b2.edf"].map(PathBuf::from);
-        let subjects = group(&files, Some("me"));
-        assert_eq!(subjects.len(), 1);
-        assert_eq!(
-            subjects[0].recordings,
-            ["a1.edf", "b2.edf"].map(PathBuf::from)
-        );
-        assert_eq!(group(&files, None)[0].name, "all");
-    }
 
     #[test]
     fn each_fold_is_in_one_shard() {

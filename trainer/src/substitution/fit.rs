@@ -23,36 +23,29 @@ const SPREAD: [f64; 2] = [0.25, 9.0];
 /// Units of an innovation's energy, (1/16 uV)^2, in 1 uV^2.
 const UNITS_PER_UV2: f64 = 256.0;
 
-/// RMS below which an electrode has no signal, uV. An ADS1299 with shorted input has 0.14 uV of
-/// noise at gain 24 (SBAS499C, table 1).
-const SILENT_UV: f64 = 0.1;
-
-/// Refuses a recording with an electrode that has no signal.
-///
-/// # Errors
-/// [`TrainerError::SilentElectrodes`].
-pub(super) fn refuse_silent(track: &Track, electrodes: &[String]) -> Result<(), TrainerError> {
-    let steps = columns(track);
-    let labels = steps.row_iter().zip(electrodes).filter(|(row, _)| {
-        let squares = row.iter().map(|&uv| f64::from(uv).powi(2));
-        squares.sum::<f64>() < SILENT_UV.powi(2) * row.len() as f64
-    });
-    let labels: Vec<String> = labels.map(|(_, label)| label.clone()).collect();
-    if labels.is_empty() {
-        return Ok(());
+/// Returns the matrix that predicts each electrode from the others with the least mean squared
+/// error, plus a penalty: `w_ei = -P_ei / P_ee`, where `P` is the inverse of the second moment with
+/// [`RIDGE`], and `w_ee = 0`. `None` if all electrodes are 0.
+pub(crate) fn prediction<'t>(tracks: impl IntoIterator<Item = &'t Track>) -> Option<DMatrix<f64>> {
+    let mut moment = second_moment(&tracks.into_iter().map(columns).collect::<Vec<_>>());
+    let penalty = RIDGE * moment.diagonal().mean();
+    for electrode in 0..moment.nrows() {
+        moment[(electrode, electrode)] += penalty;
     }
-    Err(TrainerError::SilentElectrodes {
-        name: track.name.clone(),
-        labels,
-    })
+    let inverse = moment.cholesky()?.inverse();
+    let weight = |electrode, other| {
+        if electrode == other {
+            return 0.0;
+        }
+        -inverse[(electrode, other)] / inverse[(electrode, electrode)]
+    };
+    Some(DMatrix::from_fn(inverse.nrows(), inverse.ncols(), weight))
 }
 
-/// Returns the weights with which the linear prediction of each electrode from the others has the
-/// least mean squared error, plus a penalty: `w_ei = -P_ei / P_ee`, where `P` is the inverse of the
-/// second moment with [`RIDGE`]. Q7, -127..=127, `[electrode][other electrode]`.
+/// Returns the weights of [`prediction`] in Q7, -127..=127, `[electrode][other electrode]`.
 ///
 /// # Errors
-/// If the recordings have fewer seconds than electrodes.
+/// If the recordings have fewer seconds than electrodes, or all electrodes are 0.
 pub(super) fn weights(tracks: &[Track], electrodes: usize) -> Result<Vec<i8>, TrainerError> {
     let seconds = tracks.iter().map(|track| track.steps() / SECOND).sum();
     if seconds < electrodes {
@@ -61,18 +54,9 @@ pub(super) fn weights(tracks: &[Track], electrodes: usize) -> Result<Vec<i8>, Tr
             electrodes,
         });
     }
-    let mut moment = second_moment(&tracks.iter().map(columns).collect::<Vec<_>>());
-    let penalty = RIDGE * moment.diagonal().mean();
-    for electrode in 0..electrodes {
-        moment[(electrode, electrode)] += penalty;
-    }
-    let inverse = moment.cholesky().ok_or(TrainerError::Silent)?.inverse();
+    let prediction = prediction(tracks).ok_or(TrainerError::Silent)?;
     let weight = |index: usize| {
-        let (electrode, other) = (index / electrodes, index % electrodes);
-        if electrode == other {
-            return 0;
-        }
-        let weight = -inverse[(electrode, other)] / inverse[(electrode, electrode)];
+        let weight = prediction[(index / electrodes, index % electrodes)];
         #[expect(clippy::cast_possible_truncation, reason = "clamped to 8 bits")]
         let weight = (weight * ONE).round().clamp(-127.0, 127.0) as i8;
         weight
@@ -88,9 +72,7 @@ pub(super) fn innovation(weights: &[i8], tracks: &[Track]) -> Vec<i32> {
     for track in tracks {
         let innovations = innovations(weights, track);
         for (row, energies) in innovations.row_iter().zip(&mut energies) {
-            let squares: Vec<f64> = row.iter().map(|value| value.powi(2)).collect();
-            let seconds = squares.chunks_exact(SECOND);
-            energies.extend(seconds.map(|second| second.iter().sum::<f64>() / SECOND as f64));
+            energies.extend(seconds(row.iter()));
         }
     }
     let medians: Vec<f64> = energies.into_iter().map(median).collect();
@@ -135,23 +117,37 @@ pub(super) fn figures(
     })
 }
 
-/// Returns the difference between electrodes and their predictions, uV, `[electrode, step]`.
+/// Returns the mean square of one electrode in each whole second.
+pub(crate) fn seconds<'v>(values: impl Iterator<Item = &'v f64>) -> Vec<f64> {
+    let squares: Vec<f64> = values.map(|value| value.powi(2)).collect();
+    let seconds = squares.chunks_exact(SECOND);
+    let mean = |second: &[f64]| second.iter().sum::<f64>() / SECOND as f64;
+    seconds.map(mean).collect()
+}
+
+/// Returns the difference between electrodes and their predictions with the weights of a table, uV,
+/// `[electrode, step]`.
 fn innovations(weights: &[i8], track: &Track) -> DMatrix<f64> {
     let weights = weights.iter().map(|&weight| f64::from(weight) / ONE);
     let weights = DMatrix::from_row_iterator(track.electrodes, track.electrodes, weights);
-    let mut innovations = columns(track).map(f64::from);
-    let steps = innovations.clone();
-    innovations.gemm(-1.0, &weights, &steps, 1.0);
-    innovations
+    residual(&weights, track)
+}
+
+/// Returns the difference between electrodes and their predictions, uV, `[electrode, step]`.
+pub(crate) fn residual(prediction: &DMatrix<f64>, track: &Track) -> DMatrix<f64> {
+    let mut residual = columns(track).map(f64::from);
+    let steps = residual.clone();
+    residual.gemm(-1.0, prediction, &steps, 1.0);
+    residual
 }
 
 /// Returns the time steps of a track as the columns of a matrix, uV.
-fn columns(track: &Track) -> DMatrix<f32> {
+pub(crate) fn columns(track: &Track) -> DMatrix<f32> {
     DMatrix::from_column_slice(track.electrodes, track.steps(), &track.values)
 }
 
 /// Returns the median of numbers: the mean of the two middle ones if their count is even.
-fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let count = values.len();
     f64::midpoint(values[(count - 1) / 2], values[count / 2])

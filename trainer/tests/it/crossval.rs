@@ -1,7 +1,9 @@
 //! Tests of `trainer crossval` and `trainer merge`.
 
 use super::files::{Values, assert_near, elements, mean, points};
+use super::people::three;
 use super::{Folder, SMALL, assert_has};
+use artifact::Artifact;
 use std::fs;
 
 /// Returns the command of a cross-validation with two folds and two repetitions.
@@ -131,4 +133,46 @@ fn index_unpooling_is_compared_but_not_called_decodable() {
         &["| all | 2 | paper | float | no |", "PCA-16 | integer | yes"],
     );
     assert!(!table.contains("paper | integer"), "{table}");
+}
+
+#[test]
+fn each_person_is_tested_with_a_model_of_the_others() {
+    let folder = three();
+    let small = SMALL.replace("--data=.", "");
+    let table = folder.succeed(&format!(
+        "crossval {small} --mode=pca --data=[A-C]1 --leave-one-person-out --out=out"
+    ));
+    assert_has(
+        &table,
+        &[
+            "| all | 3 | PCA-16 | float | yes |",
+            "each of A1 B1 C1 with a model",
+        ],
+    );
+    // trainer train makes the model of the others, and its card has the error on each person.
+    let table = Values::read(&folder.path("out/table.csv"));
+    for (subject, others) in [("A1", "[BC]1"), ("B1", "[AC]1"), ("C1", "[AB]1")] {
+        folder.succeed(&format!(
+            "train {small} --mode=pca --data={others} --train=R01..R03 --test={subject} --out={subject}-model"
+        ));
+        let model = Artifact::read(&folder.path(&format!("{subject}-model"))).expect("a model");
+        let expected = model.description.training.prd_percent.expect("figures");
+        let rows = table
+            .column("subject")
+            .into_iter()
+            .zip(table.column("codes"));
+        let mut rows = rows.zip(table.numbers("prd_percent_mean"));
+        for (codes, expected) in [
+            ("float", expected.pca_float),
+            ("integer", expected.pca_int8),
+        ] {
+            let row = rows.find(|(row, _)| *row == (subject, codes));
+            assert_near(row.expect("a row").1, expected, 1e-6);
+        }
+    }
+    let error = folder.fail(
+        &format!("crossval {small} --mode=pca --data=A1 --leave-one-person-out --out=one"),
+        2,
+    );
+    assert_has(&error, &["of one person, A1", "several people"]);
 }

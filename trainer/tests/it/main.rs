@@ -9,6 +9,7 @@ mod import;
 mod models;
 mod montage;
 mod packed;
+mod people;
 mod report;
 mod substitution;
 mod train;
@@ -123,7 +124,7 @@ fn write_gdf(
     labels: &[impl AsRef<str>],
     (rate_hz, seconds): (u32, u32),
     (seed, noise): (u64, f32),
-    mix: impl Fn(usize, [f32; 3]) -> f32,
+    mut mix: impl FnMut(usize, [f32; 3]) -> f32,
 ) {
     let signal = |label: &_| SignalToWrite {
         label: AsRef::<str>::as_ref(label).to_owned(),

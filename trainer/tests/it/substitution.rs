@@ -2,6 +2,8 @@
 
 use super::{Folder, LABELS, SMALL, assert_has, write_gdf};
 use artifact::Artifact;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 const JOIN: &str = "substitution --artifact=model --mains=50";
 
@@ -77,34 +79,31 @@ fn a_table_joins_the_artifact_and_other_commands_mention_it() {
 }
 
 #[test]
-fn recordings_that_do_not_determine_a_table_are_refused_and_missing_electrodes_are_named() {
+fn recordings_that_do_not_determine_a_table_are_refused_and_missing_and_silent_electrodes_are_named()
+ {
     let folder = Folder::with_runs(1, 60);
     folder.train("pca", "--train=run1");
-    let refused = |run: &str, words: &[&str]| {
-        let log = folder.fail(&format!("{JOIN} --train={run}"), 1);
-        assert_has(&log, words);
-        assert!(!folder.path("model/substitution.toml").exists());
-    };
     folder.write_recording("short.gdf", &LABELS, 14, 3);
-    refused("short", &["have 4 s", "8 electrodes", "at least 8 s"]);
+    let log = folder.fail(&format!("{JOIN} --train=short"), 1);
+    assert_has(&log, &["have 4 s", "8 electrodes", "at least 8 s"]);
+    assert!(!folder.path("model/substitution.toml").exists());
     let silent = folder.path("silent.gdf");
-    let mix = |at, sources: [f32; 3]| {
-        if at == 3 || at == 5 {
-            0.0
-        } else {
-            sources[at % 3]
-        }
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mix = |at: usize, sources: [f32; 3]| {
+        let is_silent = at == 3 || at == 4;
+        let own = sources[at % 3] + rng.random_range(-5.0..5.0);
+        if is_silent { 0.0 } else { own }
     };
     write_gdf(&silent, &LABELS, (250, 60), (4, 1e-4), mix);
-    refused(
-        "run1,silent",
-        &[
-            "silent.gdf has no signal at C4, P8",
-            "leave the recording out",
-        ],
-    );
+    let [_, log] = folder.run(&format!("{JOIN} --train=run1,silent --subject=me"), 0);
+    for label in ["C4", "P7"] {
+        let warning = format!("warning: me: electrode {label} is bad in 1 of 2 recordings");
+        assert_has(&log, &[&warning]);
+    }
+    let toml = folder.read("model/substitution.toml");
+    assert_has(&toml, &["subject = \"me\"", "bad = [\"C4\", \"P7\"]"]);
     folder.write_recording("seven.gdf", &LABELS[..7], 60, 5);
-    let [printed, log] = folder.run(&format!("{JOIN} --train=run1,seven"), 0);
+    let [printed, log] = folder.run(&format!("{JOIN} --train=run1,seven --force"), 0);
     assert_has(&log, &["warning: training recordings lack O2"]);
     assert!(!printed.contains("(O2)"), "{printed}");
     assert_has(

@@ -1,5 +1,6 @@
 //! The integers that encoder and decoder of the packed code share, with reference computations.
 
+use crate::description::Person;
 use packed::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, RATES, Starts};
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +37,9 @@ pub struct PackedTraining {
     pub train_files: Vec<String>,
     /// File names of the test recordings.
     pub test_files: Vec<String>,
+    /// People on whom the packed model was trained, if several or with bad electrodes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub people: Vec<Person>,
     /// Figures (length and error) on the test recordings, one entry for each measured rate.
     pub figures: Vec<PackedFigures>,
     /// Figures of a Karhunen-Loeve transform of each block, for comparison. It has as many
