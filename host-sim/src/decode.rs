@@ -178,7 +178,7 @@ fn summary(job: &Job, decoded: &Decoded) -> String {
             "{text}; PRD {:.2} % over all electrodes, {:.2} % over the measured ones; MSE {:.2} uV^2",
             total.prd_percent(),
             comparison.total_measured().prd_percent(),
-            comparison.mse_uv2(total, comparison.electrodes.len())
+            total.mse_uv2()
         );
     }
     text

@@ -3,12 +3,14 @@
 use std::io;
 
 use artifact::reconstruction::{code_range, dequantise};
-use link::{Capabilities, Code, Decoder, Event, EventKind, PackedCode, Substitutes, ToHost};
+use link::{
+    Capabilities, Code, Decoder, Event, EventKind, Exclusion, PackedCode, Substitutes, ToHost,
+};
 use neuro_ros::{JsonLine, NeuroDataInfo, NeuroEvent, NeuroFrame, TriWords};
 use serde::Serialize;
 
-/// Turns the frames of a device into lines of JSON: codes, packed blocks, trigger edges and signal
-/// quality. Other messages have no line.
+/// Turns the frames of a device into lines of JSON: codes, packed blocks, trigger edges, excluded
+/// electrodes and signal quality. Other messages have no line.
 ///
 /// Lines of codes and edges have the fields of the bridge's messages, except `header.stamp`: the
 /// device has no time of day, so every line has the device time instead. Lines of packed blocks and
@@ -17,6 +19,8 @@ use serde::Serialize;
 pub(crate) struct JsonLines {
     decoder: Decoder,
     substitutes: Substitutes,
+    /// Labels of the electrodes.
+    labels: Vec<String>,
     codes: Option<CodeFrames>,
     events: u32,
     /// Level of the trigger input according to the edges so far, 0 or 1.
@@ -37,6 +41,17 @@ struct PackedBlock<'a> {
     #[serde(flatten)]
     fields: PackedCode<'a>,
     bytes: &'a [u8],
+}
+
+/// Fields of an `Exclusion`, with labels in place of bits, because many readers of JSON keep 53
+/// bits of a number.
+#[derive(Serialize)]
+struct ExcludedElectrodes<'a> {
+    first_step: u64,
+    excluded: Vec<&'a str>,
+    always: Vec<&'a str>,
+    never: Vec<&'a str>,
+    automatic: bool,
 }
 
 impl JsonLines {
@@ -60,7 +75,10 @@ impl JsonLines {
         let time = device_time_us;
         match message {
             ToHost::Substitutes(substitutes) => self.substitutes = substitutes,
-            ToHost::Capabilities(about) => self.codes = CodeFrames::new(&about, self.substitutes),
+            ToHost::Capabilities(about) => {
+                self.labels = about.labels.split(' ').map(str::to_owned).collect();
+                self.codes = CodeFrames::new(&about, self.substitutes);
+            }
             ToHost::Code(code) => {
                 let codes = self.codes.as_mut();
                 let codes = codes.ok_or_else(|| io::Error::other("a code before Capabilities"))?;
@@ -71,10 +89,26 @@ impl JsonLines {
                 let bytes = fields.bytes;
                 return line("/packed", time, &PackedBlock { fields, bytes });
             }
+            ToHost::Exclusion(report) => return line("/exclusion", time, &self.exclusion(&report)),
             ToHost::Quality(quality) => return line("/quality", time, &quality),
             _ => {}
         }
         Ok(None)
+    }
+
+    fn exclusion(&self, report: &Exclusion) -> ExcludedElectrodes<'_> {
+        let labels = |mask: u64| {
+            let labels = self.labels.iter().take(64).enumerate();
+            let labels = labels.filter(|(electrode, _)| mask >> electrode & 1 == 1);
+            labels.map(|(_, label)| label.as_str()).collect()
+        };
+        ExcludedElectrodes {
+            first_step: report.first_step,
+            excluded: labels(report.excluded),
+            always: labels(report.policy.always),
+            never: labels(report.policy.never),
+            automatic: report.policy.automatic,
+        }
     }
 
     fn edge(&mut self, event: Event) -> NeuroEvent {
@@ -145,4 +179,44 @@ fn line(topic: &str, time_us: u64, message: &impl Serialize) -> io::Result<Optio
         message,
     };
     line.to_bytes().map(Some)
+}
+
+#[cfg(test)]
+mod tests {
+    use link::ExclusionPolicy;
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn excluded_electrodes_have_labels_in_place_of_bits() {
+        let labels = (0..64).map(|electrode| format!("E{electrode}"));
+        let mut lines = JsonLines {
+            labels: labels.collect(),
+            ..JsonLines::default()
+        };
+        let report = ToHost::Exclusion(Exclusion {
+            first_step: 640,
+            excluded: 1 << 63 | 1 << 2,
+            policy: ExclusionPolicy {
+                always: 1 << 2,
+                never: 0,
+                automatic: true,
+            },
+        });
+        let line = lines.message(report, 5_000_000).expect("writable");
+        let line = serde_json::from_slice::<serde_json::Value>(&line.expect("a line"));
+        let expected = json!({
+            "topic": "/exclusion",
+            "device_time_us": 5_000_000,
+            "message": {
+                "first_step": 640,
+                "excluded": ["E2", "E63"],
+                "always": ["E2"],
+                "never": [],
+                "automatic": true,
+            },
+        });
+        assert_eq!(line.expect("JSON"), expected);
+    }
 }

@@ -7,6 +7,8 @@ use artifact::ModelId;
 use link::{Capabilities, CodeFormat, Decoder, Flags, FrameError, Substitutes, ToHost};
 use thiserror::Error;
 
+use crate::exclusions::Exclusions;
+
 /// First bytes of a recording made by corticode-bridge, which holds the frames that host and board
 /// sent, with times.
 const BRIDGE_RECORDING: &[u8] = b"CORTIREC";
@@ -235,6 +237,7 @@ pub(crate) struct CodeFile<R> {
     unread: std::ops::Range<usize>,
     decoder: Decoder,
     substitutes: Substitutes,
+    exclusions: Exclusions,
     /// Model of the device, from its `Hello`; `None` before it.
     device_model: Option<ModelId>,
     announcement: Option<Announcement>,
@@ -265,6 +268,7 @@ impl<R: Read> CodeFile<R> {
             unread: 0..0,
             decoder: Decoder::new(),
             substitutes: Substitutes::NONE,
+            exclusions: Exclusions::default(),
             device_model: None,
             announcement: None,
             kind,
@@ -278,6 +282,11 @@ impl<R: Read> CodeFile<R> {
     /// Returns what the device has announced about its codes up to the code that was returned last.
     pub(crate) fn announcement(&self) -> Option<&Announcement> {
         self.announcement.as_ref()
+    }
+
+    /// Returns the exclusions that the device has reported so far.
+    pub(crate) fn exclusions(&self) -> &Exclusions {
+        &self.exclusions
     }
 
     /// Returns the number of damaged frames, whose content is lost.
@@ -333,6 +342,9 @@ impl<R: Read> CodeFile<R> {
                 ToHost::Capabilities(capabilities) => {
                     let announcement = Announcement::new(&capabilities, self.substitutes)?;
                     self.announcement = Some(announcement);
+                }
+                ToHost::Exclusion(report) => {
+                    self.exclusions.add(report.first_step, report.excluded);
                 }
                 ToHost::Code(code) => {
                     let code_model = ModelId(code.model_id);

@@ -7,6 +7,7 @@ use pipeline::Mains;
 use recordings::virtual_adc::AdcCounters;
 
 use crate::error::OfflineError;
+use crate::exclusions::Exclusions;
 use crate::hops::DecodedHop;
 use crate::played::Original;
 
@@ -17,6 +18,8 @@ pub struct ElectrodeSums {
     pub signal: f64,
     /// Sum of the squares of the difference between original and decoded signal.
     pub error: f64,
+    /// Number of values.
+    pub steps: u64,
 }
 
 impl ElectrodeSums {
@@ -24,6 +27,12 @@ impl ElectrodeSums {
     /// NaN if the signal is 0.
     pub fn prd_percent(&self) -> f64 {
         100.0 * (self.error / self.signal).sqrt()
+    }
+
+    /// Returns the mean squared error of a value, uV^2.
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 values")]
+    pub fn mse_uv2(&self) -> f64 {
+        self.error / (self.steps as f64).max(1.0)
     }
 }
 
@@ -68,7 +77,8 @@ pub struct Excerpt {
 }
 
 /// Comparison of a recording after the filters with the signal decoded from its codes. Steps before
-/// the filters had settled, and those without a code, are left out.
+/// the filters had settled, and those without a code, are left out; so are those of an electrode
+/// that the device had excluded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// Sums of squares, one entry for each electrode.
@@ -98,15 +108,8 @@ impl Comparison {
     /// Returns the root mean square of the original over all electrodes, uV.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 values")]
     pub fn rms_uv(&self) -> f64 {
-        let values = self.steps as f64 * self.electrodes.len() as f64;
-        (self.total().signal / values.max(1.0)).sqrt()
-    }
-
-    /// Returns the mean squared error of one value, uV^2. `error` has the sums over `electrodes`
-    /// electrodes.
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 values")]
-    pub fn mse_uv2(&self, error: ElectrodeSums, electrodes: usize) -> f64 {
-        error.error / (self.steps as f64 * electrodes as f64).max(1.0)
+        let total = self.total();
+        (total.signal / (total.steps as f64).max(1.0)).sqrt()
     }
 }
 
@@ -114,12 +117,14 @@ fn sum<'e>(errors: impl Iterator<Item = &'e ElectrodeSums>) -> ElectrodeSums {
     errors.fold(ElectrodeSums::default(), |total, of| ElectrodeSums {
         signal: total.signal + of.signal,
         error: total.error + of.error,
+        steps: total.steps + of.steps,
     })
 }
 
 /// Compares the decoded hops with the original, one by one while they are decoded.
 pub(crate) struct Comparing {
     original: Original,
+    exclusions: Exclusions,
     comparison: Comparison,
     /// Range of the rows that the excerpt keeps.
     shown: std::ops::Range<u64>,
@@ -127,7 +132,12 @@ pub(crate) struct Comparing {
 
 impl Comparing {
     /// Creates a comparison that keeps the rows `shown` as an excerpt.
-    pub(crate) fn new(original: Original, electrodes: usize, shown: std::ops::Range<u64>) -> Self {
+    pub(crate) fn new(
+        original: Original,
+        exclusions: Exclusions,
+        electrodes: usize,
+        shown: std::ops::Range<u64>,
+    ) -> Self {
         let substitutes = original.played.substitutes;
         let origins = (0..electrodes).map(|electrode| match electrode {
             of if substitutes.interpolated >> of & 1 == 1 => ElectrodeOrigin::Interpolated,
@@ -145,6 +155,7 @@ impl Comparing {
                 },
             },
             original,
+            exclusions,
             shown,
         }
     }
@@ -169,8 +180,14 @@ impl Comparing {
                 continue;
             }
             self.comparison.steps += 1;
+            let excluded = self.exclusions.at(row);
             let values = original.iter().zip(decoded);
-            for (sums, (original, decoded)) in self.comparison.electrodes.iter_mut().zip(values) {
+            let sums = self.comparison.electrodes.iter_mut().zip(values);
+            for (electrode, (sums, (original, decoded))) in sums.enumerate() {
+                if excluded >> electrode & 1 == 1 {
+                    continue;
+                }
+                sums.steps += 1;
                 sums.signal += f64::from(*original).powi(2);
                 sums.error += f64::from(original - decoded).powi(2);
             }

@@ -139,6 +139,7 @@ impl Decoding<'_> {
             }
         }
         warnings.extend(left_out_warning(&survey));
+        warnings.extend(exclusion_warning(&survey, description));
         warnings.extend(played.and_then(|played| length_warning(played, &survey, description)));
         let signal = self.signal(&survey, events.rows);
         let failed = OfflineError::write(output);
@@ -221,7 +222,7 @@ impl Decoding<'_> {
     }
 
     /// Describes the decoded signal for the file that is written.
-    fn signal(&self, survey: &Survey, events: Vec<RowEvent>) -> Signal<'_> {
+    fn signal<'s>(&'s self, survey: &'s Survey, events: Vec<RowEvent>) -> Signal<'s> {
         let description = &self.model.description;
         Signal {
             labels: &description.montage.electrodes,
@@ -230,6 +231,7 @@ impl Decoding<'_> {
             rows: survey.rows(description),
             group_delay_us: survey.announcement.group_delay_us,
             full_scale_uv: survey.announcement.full_scale_uv,
+            exclusions: &survey.exclusions,
             events,
             description: format!("Corticode model {}", self.model.id),
         }
@@ -281,6 +283,31 @@ fn left_out_warning(survey: &Survey) -> Option<String> {
     })
 }
 
+/// Returns a warning that names the electrodes that the device excluded, if there are any.
+fn exclusion_warning(survey: &Survey, description: &Description) -> Option<String> {
+    let labels = &description.montage.electrodes;
+    let stretches = (survey.exclusions).stretches(labels.len(), survey.rows(description));
+    let rate_hz = f64::from(description.window.rate_hz);
+    let excluded = stretches.chunk_by(|a, b| a.electrode == b.electrode);
+    let excluded = excluded.map(|of| {
+        let rows: u64 = of
+            .iter()
+            .map(|stretch| stretch.rows.end - stretch.rows.start)
+            .sum();
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 rows")]
+        let seconds = rows as f64 / rate_hz;
+        format!("{} for {seconds:.1} s", labels[of[0].electrode])
+    });
+    let excluded: Vec<String> = excluded.collect();
+    (!excluded.is_empty()).then(|| {
+        format!(
+            "the device excluded electrodes and filled them from the others: {}; their error leaves \
+             this time out",
+            excluded.join(", ")
+        )
+    })
+}
+
 /// Returns a warning if a recording is not as long as the signal of its codes.
 fn length_warning(played: &Played, survey: &Survey, description: &Description) -> Option<String> {
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 samples")]
@@ -301,7 +328,8 @@ fn comparing(original: Original, survey: &Survey, description: &Description) -> 
     let excerpt = (EXCERPT_S * u64::from(description.window.rate_hz)).min(rows);
     let first = (rows - excerpt) / 2;
     let electrodes = description.montage.electrodes.len();
-    Comparing::new(original, electrodes, first..first + excerpt)
+    let exclusions = survey.exclusions.clone();
+    Comparing::new(original, exclusions, electrodes, first..first + excerpt)
 }
 
 fn windows_per_hour(description: &Description) -> u32 {

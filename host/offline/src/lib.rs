@@ -19,6 +19,7 @@ mod comparison;
 mod decoding;
 mod encoding;
 mod error;
+mod exclusions;
 mod histogram;
 mod hops;
 mod model;

@@ -90,13 +90,13 @@ fn electrodes(description: &Description, entries: &[Entry]) -> String {
         let labels = description.montage.electrodes.iter();
         let errors = comparison.electrodes.iter().zip(&comparison.origins);
         for (label, (error, origin)) in labels.zip(errors) {
-            let mse_uv2 = comparison.mse_uv2(*error, 1);
+            let mse_uv2 = error.mse_uv2();
             // Writing to a string never fails.
             let _ = writeln!(
                 text,
                 "{},{label},{origin},{},{},{mse_uv2},{}",
                 csv_field(&entry.name),
-                comparison.steps,
+                error.steps,
                 mse_uv2 / unit,
                 error.prd_percent()
             );

@@ -26,7 +26,8 @@ pub(crate) struct RowEvents {
 
 impl RowEvents {
     /// Places the events of a recording, if there is one, at the rows that show them, and an
-    /// additional event at the first row of each gap in the codes.
+    /// additional event at the first row of each gap in the codes, and for the rows at which an
+    /// electrode was excluded.
     pub(crate) fn new(onsets: Option<&Onsets>, survey: &Survey, description: &Description) -> Self {
         let mut events = Self::default();
         if let Some(onsets) = onsets {
@@ -34,7 +35,7 @@ impl RowEvents {
             for (onset_s, label) in onsets.seconds.iter().zip(&onsets.labels) {
                 match row_of(*onset_s, survey, description) {
                     Some(row) => events.rows.push(RowEvent {
-                        row,
+                        rows: row..row,
                         text: label.to_string(),
                         kind: match label {
                             EventLabel::Type(kind) => Some(*kind),
@@ -47,13 +48,28 @@ impl RowEvents {
         }
         let hop = description.window.hop as u64;
         let (items, _) = survey.kind.names();
-        let gaps = survey.gaps.iter().map(|gap| RowEvent {
-            row: u64::from(gap.first) * hop,
+        let gaps = survey
+            .gaps
+            .iter()
+            .map(|gap| (gap, u64::from(gap.first) * hop));
+        let gaps = gaps.map(|(gap, row)| RowEvent {
+            rows: row..row,
             text: format!("{items} missing: {}", gap.windows),
             kind: Some(MISSING_TYPE),
         });
         events.rows.extend(gaps);
-        events.rows.sort_by_key(|event| event.row);
+        let labels = &description.montage.electrodes;
+        let stretches = (survey.exclusions).stretches(labels.len(), survey.rows(description));
+        events
+            .rows
+            .extend(stretches.into_iter().map(|stretch| RowEvent {
+                // The name of a signal after `@@` says that an annotation is about this signal
+                // alone (https://www.edfplus.info/specs/edftexts.html).
+                text: format!("substituted@@{}", labels[stretch.electrode]),
+                rows: stretch.rows,
+                kind: None,
+            }));
+        events.rows.sort_by_key(|event| event.rows.start);
         events
     }
 

@@ -6,8 +6,11 @@ mod record;
 
 use std::fs::File;
 use std::io;
+use std::ops::Range;
 
 use link::Flags;
+
+use crate::exclusions::Exclusions;
 
 /// Format of a file of decoded signals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,10 +40,11 @@ impl SignalFormat {
     }
 }
 
-/// An event at a row of the signal.
+/// An event of the signal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct RowEvent {
-    pub(crate) row: u64,
+    /// Rows at which the event holds; an empty range for an instant, which is before its first row.
+    pub(crate) rows: Range<u64>,
     pub(crate) text: String,
     /// Type of the event in a GDF file; `None` for a text that has no type.
     pub(crate) kind: Option<u16>,
@@ -62,6 +66,8 @@ pub(crate) struct Signal<'a> {
     pub(crate) group_delay_us: u32,
     /// Largest absolute value that a row can have, microvolts.
     pub(crate) full_scale_uv: f32,
+    /// Electrodes that the device excluded.
+    pub(crate) exclusions: &'a Exclusions,
     /// Events in the order of their rows.
     pub(crate) events: Vec<RowEvent>,
     /// Text that identifies the signal.

@@ -5,6 +5,7 @@ use std::io::Read;
 use artifact::Description;
 
 use crate::code_file::{Announcement, CodeFile, CodeFileError, CodeKind};
+use crate::exclusions::Exclusions;
 
 /// Consecutive windows whose codes are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,6 +29,7 @@ pub(crate) struct Survey {
     /// Number of windows from the start of the run to the last code, missing ones included.
     pub(crate) windows: u32,
     pub(crate) gaps: Vec<Gap>,
+    pub(crate) exclusions: Exclusions,
     /// Number of frames whose content is lost because they are damaged.
     pub(crate) damaged: u32,
 }
@@ -68,6 +70,7 @@ impl Survey {
             codes,
             windows,
             gaps,
+            exclusions: file.exclusions().clone(),
             damaged: file.damaged(),
         })
     }

@@ -4,6 +4,7 @@
 
 use std::env;
 use std::io::{self, Seek, SeekFrom, Write};
+use std::ops::Range;
 
 use jiff::tz::TimeZone;
 
@@ -19,8 +20,9 @@ const MAX_RECORDS: u64 = 99_999_999;
 /// a point, and the bytes 0x14, 0x14, 0.
 const TIME_STAMP: usize = 20;
 
-/// An annotation to write: the index of the row it belongs to, and its text.
-pub type RowAnnotation = (u64, String);
+/// An annotation to write: its rows, and its text. An empty range is an instant, without a
+/// duration.
+pub type RowAnnotation = (Range<u64>, String);
 
 /// The properties in which EDF+ and BDF+ differ.
 #[derive(Debug, Clone, Copy)]
@@ -69,7 +71,7 @@ pub struct EdfWriter<W> {
 
 impl<W: Write + Seek> EdfWriter<W> {
     /// Writes the header of an EDF+ file with `rows` rows. `annotations` must be in the order of
-    /// their rows; those after the last row are put into the last record.
+    /// their first rows; those after the last row are put into the last record.
     ///
     /// # Errors
     /// `InvalidInput` if the file does not fit the format; otherwise the operating system's error.
@@ -114,7 +116,7 @@ impl<W: Write + Seek> EdfWriter<W> {
         let rows_per_record = u64::from(file.rows_per_record.max(1));
         let record_of = |row: u64| row.min(rows.saturating_sub(1)) / rows_per_record;
         let annotations = annotations.into_iter();
-        let mut annotations: Vec<_> = annotations.map(|of| (record_of(of.0), of)).collect();
+        let mut annotations: Vec<_> = annotations.map(|of| (record_of(of.0.start), of)).collect();
         let in_record = annotations.chunk_by(|a, b| a.0 == b.0).map(|of| {
             let lists = of.iter().map(|(_, of)| list(of, file.rate_hz).len());
             lists.sum::<usize>()
@@ -233,11 +235,17 @@ fn onset(row: u64, rate_hz: u32) -> String {
 }
 
 /// Encodes an annotation as a time-stamped annotation list.
-fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
+fn list((rows, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
     // The bytes 0x14, 0x15 and 0 separate parts of a list, and MNE and edfio skip a text with a
     // line feed.
     let text = text.replace(char::is_control, " ");
-    format!("+{}\x14{text}\x14\0", onset(*row, rate_hz)).into_bytes()
+    let start = onset(rows.start, rate_hz);
+    let stamp = if rows.is_empty() {
+        start
+    } else {
+        format!("{start}\x15{}", onset(rows.end - rows.start, rate_hz))
+    };
+    format!("+{stamp}\x14{text}\x14\0").into_bytes()
 }
 
 /// Returns the time zone of this machine, that of `TZ` if it is set; UTC if the machine has none.

@@ -42,13 +42,13 @@ fn word(row: u64) -> f32 {
 #[test]
 fn values_rates_and_annotations_are_read_back() {
     let annotations = [
-        (0, "on"),
-        (31, "off"),
-        (31, "on again"),
-        (32, "off"),
-        (400, "late"),
+        (0..0, "on"),
+        (31..31, "off"),
+        (31..159, "on again@@Cz"),
+        (32..32, "off"),
+        (400..400, "late"),
     ];
-    let annotations = annotations.map(|(row, text)| (row, text.to_owned()));
+    let annotations = annotations.map(|(rows, text)| (rows, text.to_owned()));
     let bytes = Cursor::new(Vec::new());
     let mut writer = EdfWriter::bdf(bytes, &file(512, 32), 160, annotations.to_vec()).unwrap();
     for record in 0..5 {
@@ -76,8 +76,10 @@ fn values_rates_and_annotations_are_read_back() {
     }
     let events = recording.events().unwrap();
     assert_eq!(events.len(), annotations.len());
-    for (event, (row, text)) in events.iter().zip(&annotations) {
-        assert!((event.onset_s - *row as f64 / 512.0).abs() < 1e-6);
+    for (event, (rows, text)) in events.iter().zip(&annotations) {
+        assert!((event.onset_s - rows.start as f64 / 512.0).abs() < 1e-6);
+        let duration_s = (!rows.is_empty()).then(|| (rows.end - rows.start) as f64 / 512.0);
+        assert_eq!(event.duration_s, duration_s);
         assert_eq!(event.label, EventLabel::Text(text.clone()));
     }
     let others = recording.warnings().iter().map(ToString::to_string);
@@ -99,7 +101,7 @@ fn an_edf_file_holds_microvolts_in_tenths_and_its_annotations() {
     };
     // The bytes 0x14 and 0 end parts of an annotation, and other programs skip a text with a line
     // feed: both become blanks.
-    let annotations = vec![(5, "T1\r\n\x14\0\u{85}x".to_owned())];
+    let annotations = vec![(5..5, "T1\r\n\x14\0\u{85}x".to_owned())];
     let mut writer = EdfWriter::edf(Cursor::new(Vec::new()), &file, 8, annotations).unwrap();
     writer.write_record(&[0.04, -0.06, 12.34, 4_000.0]).unwrap();
     let last = [-4_000.0, 3_276.7, -3_276.8, 1.0];

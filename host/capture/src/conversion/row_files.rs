@@ -169,7 +169,7 @@ impl RecordRows {
     /// Creates a BDF file and writes its header.
     pub(crate) fn bdf(out: File, file: &StreamFile<'_>) -> io::Result<RecordRows> {
         let events = file.events.iter();
-        let texts = events.map(|(row, event)| (*row, event.description.clone()));
+        let texts = events.map(|(row, event)| (*row..*row, event.description.clone()));
         let (out, to_write) = (BufWriter::new(out), file_to_write(file));
         let writer = EdfWriter::bdf(out, &to_write, file.rows, texts.collect())?;
         Ok(RecordRows {

@@ -27,7 +27,7 @@ pub(super) fn page(description: &Description, entries: &[Entry]) -> String {
     page.push_html(&format!(
         "<p>{size}. Reference: the recording \
          after notch, band-pass and resampling, before it becomes the input of an encoder. Steps in which the filters settle, and \
-         steps without a code or block, are left out. RMS is that of the reference; PRD = 100 sqrt(sum of squared difference / sum of squared \
+         steps without a code or block, are left out; so are those of an electrode that the device excluded and filled from the others. RMS is that of the reference; PRD = 100 sqrt(sum of squared difference / sum of squared \
          reference). MSE is in units of the network's input ({:.2} uV) squared. The numbers of all electrodes: \
          <a href=\"electrodes.csv\">electrodes.csv</a>.</p>\n<table><tr><th>recording</th><th>seconds</th>\
          <th>decoded from</th><th>missing</th><th>RMS, uV</th><th>PRD, all</th><th>PRD, measured</th><th>MSE</th><th>MSE, uV&sup2;</th>\
@@ -49,7 +49,7 @@ fn summary(description: &Description, entry: &Entry) -> String {
     let errors = match entry.compared() {
         Some(comparison) => {
             let total = comparison.total();
-            let mse_uv2 = comparison.mse_uv2(total, comparison.electrodes.len());
+            let mse_uv2 = total.mse_uv2();
             format!(
                 "<td>{:.2}</td><td>{:.2} %</td><td>{:.2} %</td><td>{:.5}</td><td>{mse_uv2:.2}</td>",
                 comparison.rms_uv(),
@@ -118,17 +118,18 @@ fn electrodes(description: &Description, comparison: &Comparison) -> String {
     let labels = description.montage.electrodes.iter();
     let errors = comparison.electrodes.iter().zip(&comparison.origins);
     let rows = labels.zip(errors).map(|(label, (error, origin))| {
-        let mse_uv2 = comparison.mse_uv2(*error, 1);
+        let mse_uv2 = error.mse_uv2();
         format!(
-            "<tr><td>{}</td><td>{origin}</td><td>{:.2} %</td><td>{:.5}</td><td>{mse_uv2:.2}</td></tr>\n",
+            "<tr><td>{}</td><td>{origin}</td><td>{:.2} %</td><td>{:.5}</td><td>{mse_uv2:.2}</td><td>{}</td></tr>\n",
             escaped(label),
             error.prd_percent(),
-            mse_uv2 / unit
+            mse_uv2 / unit,
+            comparison.steps - error.steps
         )
     });
     let rows: String = rows.collect();
     format!(
         "<details><summary>all electrodes</summary><table><tr><th>electrode</th><th>origin</th><th>PRD</th>\
-         <th>MSE</th><th>MSE, uV&sup2;</th></tr>\n{rows}</table></details>\n"
+         <th>MSE</th><th>MSE, uV&sup2;</th><th>steps left out</th></tr>\n{rows}</table></details>\n"
     )
 }

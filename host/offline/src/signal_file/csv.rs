@@ -55,7 +55,7 @@ impl SignalFile for CsvFile {
         for values in uv.chunks_exact(self.electrodes) {
             write!(self.out, "{},{},{},", self.row, self.time_s(), flags.bits())?;
             let mut texts = Vec::new();
-            while let Some(event) = self.events.pop_if(|event| event.row <= self.row) {
+            while let Some(event) = self.events.pop_if(|event| event.rows.start <= self.row) {
                 texts.push(event.text);
             }
             write!(self.out, "{}", csv_field(&texts.join("|")))?;

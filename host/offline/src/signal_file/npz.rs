@@ -9,14 +9,18 @@ use link::Flags;
 use recordings::npz::NpzWriter;
 
 use super::{Signal, SignalFile};
+use crate::exclusions::Exclusions;
 
 /// Writes an NPZ file with the arrays `labels`, `rate_hz`, `group_delay_us`, `event_rows`,
-/// `event_texts`, `uv` (rows x electrodes) and `flags` (rows).
+/// `event_texts`, `uv` (rows x electrodes), `flags` (rows) and `excluded` (rows x electrodes, true
+/// where the device filled the electrode from the others).
 pub(super) struct NpzFile {
     npz: NpzWriter<File>,
     rows_per_hop: usize,
     flags: Vec<Flags>,
     rows: u64,
+    electrodes: usize,
+    exclusions: Exclusions,
 }
 
 impl NpzFile {
@@ -30,7 +34,7 @@ impl NpzFile {
         let events = signal.events.len() as u64;
         npz.start_array("event_rows", "'<u8'", &[events])?;
         for event in &signal.events {
-            npz.write_all(&event.row.to_le_bytes())?;
+            npz.write_all(&event.rows.start.to_le_bytes())?;
         }
         let texts: Vec<&str> = signal
             .events
@@ -44,6 +48,8 @@ impl NpzFile {
             rows_per_hop: signal.rows_per_hop as usize,
             flags: Vec::new(),
             rows: signal.rows,
+            electrodes: signal.labels.len(),
+            exclusions: signal.exclusions.clone(),
         })
     }
 }
@@ -59,6 +65,14 @@ impl SignalFile for NpzFile {
         self.npz.start_array("flags", "'<u2'", &[self.rows])?;
         for flags in &self.flags {
             let bytes = flags.bits().to_le_bytes().repeat(self.rows_per_hop);
+            self.npz.write_all(&bytes)?;
+        }
+        let shape = [self.rows, self.electrodes as u64];
+        self.npz.start_array("excluded", "'|b1'", &shape)?;
+        for row in 0..self.rows {
+            let mask = self.exclusions.at(row);
+            let excluded = (0..self.electrodes).map(|electrode| mask >> electrode & 1 == 1);
+            let bytes: Vec<u8> = excluded.map(u8::from).collect();
             self.npz.write_all(&bytes)?;
         }
         self.npz.finish()?;

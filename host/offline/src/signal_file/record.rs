@@ -13,6 +13,9 @@ use super::{Signal, SignalFile, SignalFormat};
 /// Range of an EDF file, uV: 16 bits of 0.1 uV.
 const EDF_RANGE_UV: [f64; 2] = [-3_276.8, 3_276.7];
 
+/// Bit of the type of the event that ends a stretch (GDF 2.20).
+const GDF_END: u16 = 0x8000;
+
 /// Writes one record for each hop to an EDF or BDF file.
 pub(super) struct EdfFile {
     writer: EdfWriter<BufWriter<File>>,
@@ -29,7 +32,7 @@ impl EdfFile {
         };
         let events = signal.events.iter();
         let annotations = events
-            .map(|event| (event.row, event.text.clone()))
+            .map(|event| (event.rows.clone(), event.text.clone()))
             .collect();
         let to_write = file_to_write(signal, range_uv);
         Ok(Self {
@@ -66,10 +69,16 @@ impl GdfFile {
     pub(super) fn new(file: File, signal: &Signal) -> io::Result<Self> {
         let to_write = file_to_write(signal, signal.range_uv());
         let events = signal.events.iter();
-        let events = events.filter_map(|event| Some((event.row, event.kind?)));
+        let events = events.filter_map(|event| Some((event.rows.clone(), event.kind?)));
+        let events = events.flat_map(|(rows, kind)| {
+            let end = (!rows.is_empty()).then_some((rows.end, kind | GDF_END));
+            [(rows.start, kind)].into_iter().chain(end)
+        });
+        let mut events: Vec<(u64, u16)> = events.collect();
+        events.sort_by_key(|(row, _)| *row);
         Ok(Self {
             writer: GdfWriter::new(BufWriter::new(file), &to_write)?,
-            events: events.collect(),
+            events,
         })
     }
 }

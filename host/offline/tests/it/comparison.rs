@@ -54,7 +54,7 @@ fn a_recording_in_which_the_filters_settle_to_the_end_has_no_error() {
 }
 
 /// Returns the electrodes of all steps after the filters, uV.
-fn filtered(fixture: &Fixture) -> Vec<Vec<f64>> {
+pub(crate) fn filtered(fixture: &Fixture) -> Vec<Vec<f64>> {
     let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
     let steps = fixture.samples().filter_map(|sample| {
         let (electrodes, _) = front_end.filter_sample(&sample)?;

@@ -114,6 +114,7 @@ fn every_text_is_kept_but_a_gdf_file_has_types_for_254_of_them() {
     fixture.encode();
     let texts: Vec<_> = (0..300)
         .map(|number| (500 + 8 * number, format!("trial {number}")))
+        .map(|(row, text)| (row..row, text))
         .collect();
     let original = fixture.path("texts.edf");
     let file = fs::File::create(&original).expect("a file");

@@ -4,6 +4,7 @@
 mod both_kinds;
 mod comparison;
 mod damage;
+mod exclusions;
 mod formats;
 mod packed;
 mod recording;
