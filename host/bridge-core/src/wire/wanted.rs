@@ -127,7 +127,7 @@ impl ClockQuery {
     }
 
     /// Returns the clock query if it is due. The caller must send it in frame number `seq`.
-    pub(crate) fn next(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+    pub(crate) fn next(&mut self, now_us: i64, seq: u32) -> Option<ToDevice<'static>> {
         if self.refused || self.due_us? > now_us {
             return None;
         }
