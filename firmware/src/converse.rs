@@ -125,7 +125,8 @@ impl Conversation<'_, '_> {
         self.skip_lost(frames);
         let counts = self.shared.counts();
         let mut restart = None;
-        session.receive(bytes, now_us(), counts, frames, |order| match order {
+        let slot = &mut &self.shared.slot;
+        session.receive(bytes, now_us(), counts, slot, frames, |order| match order {
             Order::Reset(into) => restart = Some(into),
             Order::SetRate(rate) => self.shared.set_rate(rate),
             Order::SetExclusion(policy) => self.shared.exclusion.signal(policy),

@@ -2,7 +2,7 @@
 
 use core::sync::atomic::Ordering::Relaxed;
 
-use device::{Encoders, Output, Payload, Producer};
+use device::{Encoders, Output, Payload, Producer, Slot};
 use link::Stage;
 use model::SUBSTITUTION;
 
@@ -46,7 +46,13 @@ pub async fn encode(
         } else {
             producer.place_events(&slot.acquired, || shared.inputs.pop_event(), &mut hand_over);
         }
-        producer.process(&slot.acquired, &mut hand_over);
+        let is_uploaded = (&shared.slot).with(|uploaded| {
+            let uploaded = uploaded.packed();
+            producer.process_with(uploaded.as_ref(), &slot.acquired, &mut hand_over);
+        });
+        if is_uploaded.is_none() {
+            producer.process(&slot.acquired, &mut hand_over);
+        }
         if starts_run {
             producer.place_events(&slot.acquired, || shared.inputs.pop_event(), &mut hand_over);
         }

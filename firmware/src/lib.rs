@@ -83,6 +83,7 @@ mod memory;
 mod progress;
 mod queues;
 mod shared;
+mod shared_slot;
 mod stack;
 mod timing;
 
@@ -99,5 +100,6 @@ pub use queues::{
     SampleSlot, output_queue,
 };
 pub use shared::Shared;
+pub use shared_slot::SharedSlot;
 pub use stack::Stack;
 pub use timing::Clock;

@@ -11,6 +11,7 @@ use crate::{
     inputs::Inputs,
     progress::Progress,
     queues::RawMutex,
+    shared_slot::SharedSlot,
     timing::{Clock, Timing},
 };
 
@@ -33,6 +34,8 @@ pub struct Shared {
     rate: AtomicU8,
     /// What the host has decided about the exclusion of electrodes, for the encoder.
     pub(crate) exclusion: Signal<RawMutex, ExclusionPolicy>,
+    /// Memory for a packed model that the host uploads, if the board has some.
+    pub slot: SharedSlot,
     /// Captured events at the board's inputs, for the encoder.
     pub inputs: Inputs,
     /// Latest status of the converters, set by the acquisition.
@@ -56,6 +59,7 @@ impl Shared {
             outputs_lost: AtomicU32::new(0),
             rate: AtomicU8::new(DEFAULT_RATE.index()),
             exclusion: Signal::new(),
+            slot: SharedSlot::new(),
             inputs: Inputs::new(),
             converter_status: Signal::new(),
             self_test_result: Signal::new(),

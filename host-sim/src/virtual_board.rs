@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use ads1299::SelfTestReport;
 use device::{
     Abilities, AcquiredSample, BothEncoders, CHIPS, CapturedEvent, Counts, FrameQueue, Marks,
-    Order, Output, Payload, Producer, Run, Sender, Session,
+    ModelSlot, Order, Output, Payload, Producer, Run, Sender, Session,
 };
 use link::{AckResult, EventKind, ResetCause, Start, Stats, Substitutes};
 use pipeline::{Acquisition, Mains, Sample};
@@ -71,6 +71,8 @@ pub struct VirtualBoard {
     edges: u32,
     acquisition: Acquisition,
     producer: Box<Producer<BothEncoders>>,
+    /// Memory for an uploaded model, which a restart clears.
+    slot: Box<ModelSlot>,
     /// Parameters of a run that starts with the next sample; otherwise `None`.
     new_run: Option<Run>,
     /// Number of samples since boot; `overruns` and `adc_status_bad` also count from boot.
@@ -105,6 +107,7 @@ impl VirtualBoard {
             edges: 0,
             acquisition: Acquisition::new(mains),
             producer: Box::new(Producer::new(BothEncoders::EMPTY)),
+            slot: Box::new(ModelSlot::empty()),
             new_run: None,
             samples: 0,
             overruns: 0,
@@ -139,8 +142,9 @@ impl VirtualBoard {
     pub fn receive(&mut self, bytes: &[u8], now_us: u64) {
         let counts = self.counts();
         let mut orders = Vec::new();
+        let (slot, sender) = (&mut *self.slot, &mut self.sender);
         self.session
-            .receive(bytes, now_us, counts, &mut self.sender, |order| {
+            .receive(bytes, now_us, counts, slot, sender, |order| {
                 orders.push(order);
             });
         for order in orders {
@@ -188,6 +192,7 @@ impl VirtualBoard {
         self.sender = Sender::new(outbox);
         self.acquisition = Acquisition::new(self.mains);
         *self.producer = Producer::new(BothEncoders::EMPTY);
+        *self.slot = ModelSlot::empty();
         self.new_run = None;
         (self.samples, self.overruns, self.adc_status_bad) = (0, 0, 0);
         self.clipped_before = 0;
@@ -281,7 +286,9 @@ impl VirtualBoard {
         if !is_first {
             self.producer.place_events(&acquired, &mut next, &mut emit);
         }
-        self.producer.process(&acquired, &mut emit);
+        let uploaded = self.slot.packed();
+        self.producer
+            .process_with(uploaded.as_ref(), &acquired, &mut emit);
         if is_first {
             self.producer.place_events(&acquired, &mut next, &mut emit);
         }

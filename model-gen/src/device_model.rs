@@ -55,6 +55,9 @@ pub struct MainsFilter {
 pub struct DeviceModel {
     /// Id of the artifact; the device sends it with every code.
     pub id: ModelId,
+    /// Id of the artifact's network, the same for all artifacts that differ in their packed model
+    /// and table of substitutions alone.
+    pub network_id: ModelId,
     /// Contents of the artifact's `model.toml`.
     pub description: Description,
     /// Filters for each frequency of [`MAINS_HZ`], in the same order.
@@ -97,6 +100,7 @@ impl DeviceModel {
             .ok_or(ModelGenError::InputScale(factor))?;
         Ok(Self {
             id: artifact.id,
+            network_id: artifact.network_id()?,
             description,
             filters,
             resampler,

@@ -72,6 +72,10 @@ fn constants(model: &DeviceModel) -> String {
 /// Id of the model: first 8 bytes of the SHA-256 over the artifact.
 pub const MODEL_ID: [u8; 8] = {id:?};
 
+/// Id of the model's network: first 8 bytes of the SHA-256 over the artifact without packed model
+/// and table of substitutions.
+pub const NETWORK_ID: [u8; 8] = {network_id:?};
+
 /// Sampling rate of the ADC, Hz.
 pub const ADC_RATE_HZ: u16 = {rate_hz};
 
@@ -171,6 +175,7 @@ pub const PACKED_INPUT_PAIRS: usize = {packed_input_pairs};
 
 ",
         id = model.id.0,
+        network_id = model.network_id.0,
         rate_hz = adc.rate_hz,
         channels = adc.channels,
         gain = adc.gain,

@@ -42,6 +42,7 @@ mod packed;
 mod quantise;
 pub mod resampler;
 pub mod response;
+mod upload;
 
 use std::path::Path;
 
@@ -55,6 +56,7 @@ pub use manifest::manifest;
 pub use packed::PackedIntegers;
 pub use quantise::quantise;
 pub use resampler::ResamplerTable;
+pub use upload::upload;
 
 /// Reads the artifact in `artifact_dir`, and writes the [`rust_files`], `manifest.txt`, and
 /// `artifact_files.rs`, which embeds the artifact's files in a program, to `out_dir`.

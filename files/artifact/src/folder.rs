@@ -253,6 +253,16 @@ impl Artifact {
         Ok(ModelId::from_files(&files))
     }
 
+    /// Returns the id of the model without packed model and table of substitutions: models with the
+    /// same one have the same network, scalp grid, montage and filters. It is the hash of the files
+    /// that [`Artifact::write`] would write.
+    ///
+    /// # Errors
+    /// If a part cannot be written as a file.
+    pub fn network_id(&self) -> Result<ModelId, ArtifactError> {
+        Ok(ModelId::from_files(&self.network_files()?))
+    }
+
     /// Returns the size in microvolts of one level of the encoder's int8 input, whose zero point is
     /// 0.
     ///
@@ -280,6 +290,18 @@ impl Artifact {
     /// Returns names and contents of the files that the model id covers, in the order in which the
     /// id hashes them.
     fn to_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, ArtifactError> {
+        let mut files = self.network_files()?;
+        if let Some(packed) = &self.packed {
+            files.extend(packed.to_files()?);
+        }
+        if let Some(substitution) = &self.substitution {
+            files.extend(substitution.to_files()?);
+        }
+        Ok(files)
+    }
+
+    /// Returns those of [`Self::to_files`] that a packed model and a table do not change.
+    fn network_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, ArtifactError> {
         // Breaks the line after each row of the grid, so that people can read it.
         let description = toml::to_string(&self.description)?
             .replace("[[\"", "[\n    [\"")
@@ -290,12 +312,6 @@ impl Artifact {
             files.push((WEIGHTS, self.weights.to_bytes()?));
         }
         files.push((CALIBRATION, self.calibration.to_bytes()?));
-        if let Some(packed) = &self.packed {
-            files.extend(packed.to_files()?);
-        }
-        if let Some(substitution) = &self.substitution {
-            files.extend(substitution.to_files()?);
-        }
         Ok(files)
     }
 }

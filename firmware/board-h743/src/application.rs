@@ -58,7 +58,7 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     let reset_cause = reset::take_cause();
     reset::freeze_watchdog_in_debug();
     let core = cortex_m::Peripherals::take().expect("nothing else takes them");
-    let memory = memory::init(core);
+    let (memory, slot) = memory::init(core);
 
     let spi = Spi::new(
         parts.spi,
@@ -120,6 +120,7 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
         wires,
         trigger,
         port,
+        slot,
     })?;
     spawner.spawn(feed_watchdog(parts.watchdog)?);
     Ok(())

@@ -5,6 +5,7 @@ use board_stm32::FRAME_BYTES;
 #[cfg(feature = "uart")]
 use board_stm32::PortMemory;
 use cortex_m::Peripherals;
+use device::ModelSlot;
 use embassy_stm32::pac::RCC;
 use grounded::uninit::GroundedCell;
 
@@ -22,6 +23,11 @@ pub(crate) struct DmaMemory {
 #[unsafe(link_section = ".dma")]
 static DMA_MEMORY: GroundedCell<DmaMemory> = GroundedCell::uninit();
 
+/// Memory for a packed model that the host uploads, in AXI SRAM (domain D1), which always has its
+/// clock. Only the core reads and writes it, through the cache.
+#[unsafe(link_section = ".slot")]
+static MODEL_SLOT: GroundedCell<ModelSlot> = GroundedCell::uninit();
+
 /// Start address of SRAM1 (RM0433, section 2.3).
 const SRAM1: u32 = 0x3000_0000;
 /// Value of the MPU's attribute and size register (RASR) for SRAM1: an enabled region of 2^(16 + 1)
@@ -32,10 +38,10 @@ const SRAM1_UNCACHED: u32 = 1 << 28 | 0b011 << 24 | 0b001 << 19 | 1 << 18 | 16 <
 /// memory outside every region.
 const ON_WITH_DEFAULTS: u32 = 0b101;
 
-/// Enables SRAM1 and the caches, and returns the DMA's buffers. The buffers are not cached, so that
-/// core and DMA always see the same data. Takes the core's peripherals by value, so that it can be
-/// called only once.
-pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
+/// Enables SRAM1 and the caches, and returns the DMA's buffers and the empty model slot. The
+/// buffers are not cached, so that core and DMA always see the same data. Takes the core's
+/// peripherals by value, so that it can be called only once.
+pub(crate) fn init(mut core: Peripherals) -> (&'static mut DmaMemory, &'static mut ModelSlot) {
     RCC.ahb2enr().modify(|enable| enable.set_sram1en(true));
     // The clock of SRAM1 starts with a delay; a read of the clock enable register waits until it
     // runs (RM0433, RCC).
@@ -65,7 +71,15 @@ pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
             port: PortMemory::EMPTY,
         });
     }
+    let slot = MODEL_SLOT.get();
+    // Cleared in place: as a value it would need four times the stack.
+    // SAFETY: `slot` points to AXI SRAM, and no reference to this memory exists yet.
+    unsafe { slot.write_bytes(0, 1) };
     // SAFETY: `memory` is initialised above. This is the only reference to it, because `init`
     // consumes `core`, of which only one value exists.
-    unsafe { &mut *memory }
+    let memory = unsafe { &mut *memory };
+    // SAFETY: all bytes of `slot` are 0, which are a valid slot, because it implements `FromZeros`.
+    // This is the only reference to it, as above.
+    let slot = unsafe { &mut *slot };
+    (memory, slot)
 }

@@ -68,6 +68,9 @@ pub struct Board {
     pub trigger: Trigger,
     /// Port to the host.
     pub port: Port,
+    /// Memory for a packed model that the host uploads.
+    #[cfg(feature = "model-slot")]
+    pub slot: &'static mut device::ModelSlot,
 }
 
 /// Starts the tasks. Returns a spawner for further tasks at the conversation's priority.
@@ -105,6 +108,8 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
     interrupts::init();
     board.trigger.start_capture();
 
+    #[cfg(feature = "model-slot")]
+    SHARED.slot.provide(board.slot);
     let memory = MEMORY.init();
     let adc = converters(board.wires);
     let conversation = CONVERSE.start(interrupt::UART5);

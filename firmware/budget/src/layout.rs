@@ -11,9 +11,9 @@ const RANGES: [(&str, &str); 3] = [
     ("__suninit", "__euninit"),
 ];
 
-/// Section with the DMA's buffers, and the region that must hold it on a board whose DMA cannot
-/// reach all RAM.
-const DMA: (&str, &str) = (".dma", "SRAM1");
+/// Sections with a region of their own, on a board that has the region: the DMA's buffers, where
+/// the DMA cannot reach all RAM, and the memory for an uploaded model.
+const PLACES: [(&str, &str); 2] = [(".dma", "SRAM1"), (".slot", "AXI")];
 
 /// Returns one sentence for each symbol or section that is missing or is not where `regions`
 /// requires it.
@@ -55,12 +55,15 @@ pub(crate) fn faults(image: &Image, regions: &[Region]) -> Vec<String> {
             ));
             continue;
         };
-        if (name == DMA.0) != (region == DMA.1) || ["KEPT", "STACK"].contains(&region) {
+        let is_misplaced = |(section, own)| (name == section) != (region == own);
+        if PLACES.into_iter().any(is_misplaced) || ["KEPT", "STACK"].contains(&region) {
             faults.push(format!("{name} is in {region}"));
         }
     }
-    if place(DMA.1).is_some() && !image.sections.iter().any(|(name, ..)| name == DMA.0) {
-        faults.push(format!("no {} in {}", DMA.0, DMA.1));
+    for (section, region) in PLACES {
+        if place(region).is_some() && !image.sections.iter().any(|(name, ..)| name == section) {
+            faults.push(format!("no {section} in {region}"));
+        }
     }
     faults
 }

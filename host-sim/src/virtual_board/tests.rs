@@ -19,7 +19,7 @@ fn board() -> (VirtualBoard, Outbox) {
     (board, outbox)
 }
 
-fn send(board: &mut VirtualBoard, host: &mut Encoder, command: ToDevice) {
+fn send(board: &mut VirtualBoard, host: &mut Encoder, command: ToDevice<'_>) {
     let mut buffer = [0; MAX_FRAME];
     let bytes = host
         .encode(0, &command, &mut buffer)
@@ -41,14 +41,14 @@ fn frames<T>(outbox: &Outbox, select: impl Fn(ToHost<'_>) -> Option<T>) -> Vec<T
     seen
 }
 
-const fn start(streams: Streams) -> ToDevice {
+const fn start(streams: Streams) -> ToDevice<'static> {
     ToDevice::Start(Start {
         streams,
         mains_hz: 0,
     })
 }
 
-const START: ToDevice = start(Streams::CODES);
+const START: ToDevice<'_> = start(Streams::CODES);
 
 #[test]
 fn codes_are_sent_only_between_start_and_stop_and_start_at_window_0() {
@@ -154,7 +154,7 @@ fn every_second_of_a_stream_the_quality_of_each_electrode_is_sent() {
     }
 }
 
-const START_PACKED: ToDevice = start(Streams::PACKED);
+const START_PACKED: ToDevice<'_> = start(Streams::PACKED);
 
 /// Processes one second of samples, and returns the quantiser rates of the packed blocks made from
 /// them.

@@ -38,7 +38,7 @@ pub(crate) fn connect(address: &str) -> TcpStream {
     eventually(|| TcpStream::connect(address).ok())
 }
 
-pub(crate) const fn start(streams: Streams) -> ToDevice {
+pub(crate) const fn start(streams: Streams) -> ToDevice<'static> {
     ToDevice::Start(Start {
         streams,
         mains_hz: 0,
@@ -46,7 +46,7 @@ pub(crate) const fn start(streams: Streams) -> ToDevice {
 }
 
 /// Sends a command in a frame whose sequence number is `number`.
-pub(crate) fn send(port: &mut impl Write, number: u32, command: ToDevice) {
+pub(crate) fn send(port: &mut impl Write, number: u32, command: ToDevice<'_>) {
     let mut buffer = [0; MAX_FRAME];
     let frame = Encoder::starting_at(number).encode(0, &command, &mut buffer);
     let sent = port.write_all(frame.expect("a command fits"));

@@ -121,7 +121,7 @@ fn read_codes(port: &mut impl Read, count: usize) -> Vec<u32> {
     windows
 }
 
-const START: ToDevice = start(Streams::CODES);
+const START: ToDevice<'_> = start(Streams::CODES);
 
 fn file_of(seconds: u64, path: PathBuf) -> (Vec<u8>, Report) {
     let session = session(Output::File(path.clone()), Pace::Fast, Some(seconds));

@@ -17,6 +17,7 @@ use crate::session::diagnosis::diagnose;
 use crate::session::summary::Summary;
 use crate::settings::Settings;
 use crate::time::HostTime;
+use crate::wire::upload::Upload;
 
 /// The core of the bridge: receives bytes and times, and requests [`Effects`].
 ///
@@ -106,6 +107,13 @@ impl Core {
     /// introduced itself, and again after a restart.
     pub fn set_exclusions(&mut self, exclusions: Exclusions) {
         self.session.exclusions = exclusions;
+    }
+
+    /// Sets the packed model that every device is given before it streams, unless it has it. It
+    /// must be that of the model with which the core was created. A device without a slot for a
+    /// model is used as it is.
+    pub fn set_upload(&mut self, upload: Upload) {
+        self.session.upload = Some(upload);
     }
 
     /// Returns whether the user wants no stream and the device has confirmed that none is running.

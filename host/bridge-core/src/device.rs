@@ -333,11 +333,15 @@ impl Identity {
     }
 
     /// Returns whether `hello` comes from the same device, which has not restarted since it sent
-    /// this identity.
+    /// this identity, and uses the same model.
     pub fn is_same_session(&self, hello: &Hello) -> bool {
-        self.session_id == hello.session_id
-            && self.chip_uid == hello.chip_uid
-            && self.model_id == hello.model_id
+        self.is_same_start(hello) && self.model_id == hello.model_id
+    }
+
+    /// Returns whether `hello` comes from the same device, which has not restarted since it sent
+    /// this identity. It may have been given another model.
+    pub(crate) fn is_same_start(&self, hello: &Hello) -> bool {
+        self.session_id == hello.session_id && self.chip_uid == hello.chip_uid
     }
 }
 

@@ -80,3 +80,4 @@ pub use settings::{
 pub use streams::rows::RecordingStart;
 pub use time::HostTime;
 pub use time::clock::Clock;
+pub use wire::upload::Upload;

@@ -281,7 +281,7 @@ impl Query {
         None
     }
 
-    fn send(&mut self, command: ToDevice, now_us: i64) {
+    fn send(&mut self, command: ToDevice<'static>, now_us: i64) {
         let seq = self.encoder.next_seq();
         self.pending = Some(PendingCommand::sent(self.pending, command, seq, now_us));
         let mut buffer = [0; MAX_FRAME];

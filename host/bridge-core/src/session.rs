@@ -32,6 +32,7 @@ use crate::time::HostTime;
 use crate::time::clock::Clock;
 use crate::time::round_trip::RoundTrips;
 use crate::wire::commands::{AckEffect, Commands};
+use crate::wire::upload::Upload;
 use crate::wire::words;
 
 /// Number of consecutive frames with an old sequence number after which the bridge sends `Identify`
@@ -83,6 +84,8 @@ pub(crate) struct Session {
     substitutes: Substitutes,
     /// What the user decides about the exclusion of electrodes.
     pub(crate) exclusions: Exclusions,
+    /// Packed model that the user wants the device to use.
+    pub(crate) upload: Option<Upload>,
     /// Electrodes that the device excludes and fills; `None` before the first report of a session.
     exclusion: Option<Exclusion>,
     /// Electrodes that are excluded by the newest event on the bus.
@@ -180,6 +183,7 @@ impl Session {
             converters: None,
             substitutes: Substitutes::NONE,
             exclusions: Exclusions::default(),
+            upload: None,
             exclusion: None,
             excluded: 0,
             logged: LoggedOnce::default(),
@@ -309,6 +313,7 @@ impl Session {
                 let before = self.converters.replace(report);
                 self.report_electrodes(before.as_ref(), at, effects);
             }
+            ToHost::ModelReceived(received) => self.commands.model_received(*received),
             ToHost::ClockReading(reading) => self.round_trips.record(
                 self.commands.clock_query_sent_us(),
                 *reading,
@@ -503,6 +508,17 @@ impl Session {
                 tracing::warn!(
                     "the device excludes no electrodes: {}; its model has no table to fill them, or its firmware \
                      is older than this bridge; `trainer substitution` adds one",
+                    words::reason(result)
+                );
+            }
+            AckEffect::Refused(
+                ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd,
+                result,
+            ) => {
+                tracing::error!(
+                    "the device does not take the packed model: {}; it has no memory for one, its own packed model \
+                     has other dimensions or none, or its firmware is older than this bridge; build an image with \
+                     the model (CORTICODE_ARTIFACT), or use a NUCLEO-H743ZI2",
                     words::reason(result)
                 );
             }

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use artifact::ArtifactError;
 use bridge_core::QueryError;
 use capture::{ConvertError, RecordingError};
+use model_gen::ModelGenError;
 use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use new_file::NewFileError;
@@ -51,6 +52,15 @@ pub enum BridgeError {
         "the model cannot be read; --model takes the folder of an artifact, which `trainer train` and `trainer packed` write"
     )]
     Model(#[source] ArtifactError),
+    /// The packed model of `--upload-model` cannot be turned into the device's integers.
+    #[error("the packed model cannot be used on a device; fit it again, with `trainer packed`")]
+    Upload(#[source] ModelGenError),
+    /// The model of `--upload-model` has no packed model.
+    #[error(
+        "the model in {} has no packed code, so there is nothing to upload; `trainer packed` adds one, and --model \
+         decodes with it as it is", .0.display()
+    )]
+    NothingToUpload(PathBuf),
     /// `--announce` needs a stream that is not in `--streams`.
     #[error(
         "--announce names a stream that --streams leaves out; add it to --streams, such as \
@@ -193,6 +203,8 @@ impl BridgeError {
             | BridgeError::Speed { .. }
             | BridgeError::SeveralBoards { .. }
             | BridgeError::Model(_)
+            | BridgeError::Upload(_)
+            | BridgeError::NothingToUpload(_)
             | BridgeError::NoNetwork
             | BridgeError::Log { .. }
             | BridgeError::NewFile(_)

@@ -1,7 +1,7 @@
 //! A device inside this process, which encodes samples and speaks the wire format.
 
 use device::{
-    Abilities, AcquiredSample, Counts, FrameQueue, Identity, Marks, Order, Output, Payload,
+    Abilities, AcquiredSample, Counts, FrameQueue, Identity, Marks, NoSlot, Order, Output, Payload,
     Producer, Run, Sender, Session,
 };
 use link::{ResetCause, Streams, Substitutes};
@@ -94,6 +94,7 @@ impl EncoderDevice {
             bytes,
             now_us,
             counts,
+            &mut NoSlot,
             &mut self.sender,
             |order| match order {
                 Order::Start(run) => started = Some(run),

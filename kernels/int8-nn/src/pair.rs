@@ -1,10 +1,15 @@
 //! Two 16-bit numbers in one word.
 
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
 /// Two `i16` in a 32-bit word, the first in its low half.
 ///
 /// One SIMD instruction of a Cortex-M4 or M7 adds or multiplies both numbers. Planes and weights
 /// are slices of pairs, of which each holds two channels or two inputs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, Immutable, IntoBytes, KnownLayout,
+)]
+#[repr(transparent)]
 pub struct Pair(pub u32);
 
 impl Pair {

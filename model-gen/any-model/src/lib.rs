@@ -38,7 +38,7 @@ use artifact::{
 };
 use model_gen::IntegerModel;
 
-pub use packed::any_packed;
+pub use packed::{any_packed, any_packed_of};
 pub use stress::Stress;
 use substitution::any_substitution;
 

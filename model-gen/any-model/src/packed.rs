@@ -15,10 +15,15 @@ const INPUT_LIMIT: i16 = 4095;
 /// as the description allows. The prediction matrix has a gain of about 0.1, so that the decoder's
 /// state settles after a change.
 pub fn any_packed(seed: u32, description: &Description) -> PackedModel {
+    any_packed_of(256, seed, description)
+}
+
+/// Returns the model of [`any_packed`] with at most `most` coefficients.
+pub fn any_packed_of(most: usize, seed: u32, description: &Description) -> PackedModel {
     let mut noise = Noise(seed);
     let (electrodes, hop) = (description.montage.electrodes.len(), description.window.hop);
     let values = electrodes * hop;
-    let coefficients = (values / 16 * 16).min(256);
+    let coefficients = (values / 16 * 16).min(most);
     let mut matrix = |outputs: usize, inputs: usize, gain: f64| -> Vec<f64> {
         #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
         let scale = gain / (inputs as f64).sqrt();

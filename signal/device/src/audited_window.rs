@@ -58,9 +58,9 @@ impl AuditedWindow {
     }
 
     /// Builds the wire message, which borrows the planes and the bytes of the values.
-    pub(crate) fn message<'b>(&'b self, bytes: &'b mut ValueBytes) -> Audit<'b> {
+    pub(crate) fn message<'b>(&'b self, model_id: [u8; 8], bytes: &'b mut ValueBytes) -> Audit<'b> {
         Audit {
-            model_id: model::MODEL_ID,
+            model_id,
             window: self.window,
             planes: &self.planes,
             values: if self.has_code {

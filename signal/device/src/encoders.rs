@@ -4,7 +4,7 @@ use core::hint::black_box;
 
 use link::Streams;
 use model::{
-    HAS_NETWORK, NETWORK, NETWORK_CHECKSUM, PACKED, PACKED_CHECKSUM, SUBSTITUTION,
+    HAS_NETWORK, NETWORK, NETWORK_CHECKSUM, PACKED, PACKED_CHECKSUM, Packed, SUBSTITUTION,
     SUBSTITUTION_CHECKSUM,
 };
 use pipeline::{Code, EncoderMemory, PackedCode, PackedMemory, Rate, Step};
@@ -24,7 +24,13 @@ pub trait Encoders {
     fn encode_window(&mut self, step: &Step) -> Option<Code>;
 
     /// Encodes a step with the packed code; returns a block at `rate` if the step completes a hop.
-    fn encode_block(&mut self, step: &Step, rate: Rate) -> Option<PackedCode>;
+    /// The model is `uploaded`, or the built-in one without it.
+    fn encode_block(
+        &mut self,
+        step: &Step,
+        rate: Rate,
+        uploaded: Option<&Packed<'_>>,
+    ) -> Option<PackedCode>;
 
     /// Returns whether the weights in flash match their checksums. Reads all of them, which takes
     /// some milliseconds.
@@ -55,7 +61,7 @@ impl Encoders for EncoderMemory {
         self.encode_step(step)
     }
 
-    fn encode_block(&mut self, _: &Step, _: Rate) -> Option<PackedCode> {
+    fn encode_block(&mut self, _: &Step, _: Rate, _: Option<&Packed<'_>>) -> Option<PackedCode> {
         None
     }
 
@@ -86,8 +92,16 @@ impl Encoders for PackedMemory {
         None
     }
 
-    fn encode_block(&mut self, step: &Step, rate: Rate) -> Option<PackedCode> {
-        self.encode_step(step, rate)
+    fn encode_block(
+        &mut self,
+        step: &Step,
+        rate: Rate,
+        uploaded: Option<&Packed<'_>>,
+    ) -> Option<PackedCode> {
+        match uploaded {
+            Some(packed) => self.encode_step_with(step, rate, packed),
+            None => self.encode_step(step, rate),
+        }
     }
 
     fn model_is_sound() -> bool {
@@ -124,8 +138,13 @@ impl Encoders for BothEncoders {
         self.network.encode_window(step)
     }
 
-    fn encode_block(&mut self, step: &Step, rate: Rate) -> Option<PackedCode> {
-        self.packed.encode_block(step, rate)
+    fn encode_block(
+        &mut self,
+        step: &Step,
+        rate: Rate,
+        uploaded: Option<&Packed<'_>>,
+    ) -> Option<PackedCode> {
+        self.packed.encode_block(step, rate, uploaded)
     }
 
     fn model_is_sound() -> bool {
@@ -144,8 +163,13 @@ impl<E: Encoders> Encoders for &mut E {
         (**self).encode_window(step)
     }
 
-    fn encode_block(&mut self, step: &Step, rate: Rate) -> Option<PackedCode> {
-        (**self).encode_block(step, rate)
+    fn encode_block(
+        &mut self,
+        step: &Step,
+        rate: Rate,
+        uploaded: Option<&Packed<'_>>,
+    ) -> Option<PackedCode> {
+        (**self).encode_block(step, rate, uploaded)
     }
 
     fn model_is_sound() -> bool {

@@ -12,7 +12,7 @@
 //! ```
 //!
 //! ```
-//! use device::{Abilities, Counts, FrameRing, Identity, Sender, Session};
+//! use device::{Abilities, Counts, FrameRing, Identity, NoSlot, Sender, Session};
 //! use link::{Decoder, Encoder, MAX_FRAME, ResetCause, ToDevice, ToHost};
 //!
 //! let identity = Identity {
@@ -28,7 +28,7 @@
 //!
 //! let mut command = [0; MAX_FRAME];
 //! let ping = Encoder::starting_at(7).encode(0, &ToDevice::Ping, &mut command)?;
-//! session.receive(ping, 1_000, Counts::default(), &mut sender, |_order| ());
+//! session.receive(ping, 1_000, Counts::default(), &mut NoSlot, &mut sender, |_order| ());
 //!
 //! let mut frame = [0; MAX_FRAME];
 //! let mut answer: &[u8] = sender.queue().pop(&mut frame).expect("an answer waits");
@@ -50,6 +50,7 @@ mod chunk;
 mod converters;
 mod encoders;
 mod message;
+mod model_slot;
 mod producer;
 mod sender;
 mod session;
@@ -63,6 +64,7 @@ pub use converters::{
 };
 pub use encoders::{BothEncoders, Encoders, streams_with};
 pub use message::CODE_FORMAT;
+pub use model_slot::{ModelSlot, NoSlot, Slot};
 pub use producer::{CapturedEvent, Output, Payload, Producer};
 pub use sender::{FrameQueue, FrameRing, MAX_FRAME, Sender};
 pub use session::Session;

@@ -48,7 +48,12 @@ pub(crate) fn capabilities(mains: Mains) -> Capabilities<'static> {
 /// Memory for the values of a code as bytes, which a wire message borrows.
 pub(crate) type ValueBytes = [u8; pipeline::CodeValues::MAX_BYTES];
 
-pub(crate) fn code<'b>(code: &Code, marks: Marks, bytes: &'b mut ValueBytes) -> CodeMessage<'b> {
+pub(crate) fn code<'b>(
+    model_id: [u8; 8],
+    code: &Code,
+    marks: Marks,
+    bytes: &'b mut ValueBytes,
+) -> CodeMessage<'b> {
     let flags = with_flags(
         marks,
         [
@@ -59,7 +64,7 @@ pub(crate) fn code<'b>(code: &Code, marks: Marks, bytes: &'b mut ValueBytes) -> 
         ],
     );
     CodeMessage {
-        model_id: model::MODEL_ID,
+        model_id,
         window: code.window,
         first_sample: code.first_sample,
         flags,

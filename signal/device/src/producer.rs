@@ -1,7 +1,7 @@
 //! Computes codes and the other requested streams from samples and steps, for the session to send.
 
 use link::{Event, EventKind, Exclusion, ExclusionPolicy, Streams};
-use model::SUBSTITUTION;
+use model::{Packed, SUBSTITUTION};
 use pipeline::{Code, PackedCode, PackedEncoder, Quality, Rate, SignalQuality, Step, Substitution};
 
 use crate::acquired_sample::{AcquiredSample, Marks, WindowMarks};
@@ -153,11 +153,22 @@ impl<E: Encoders> Producer<E> {
 
     /// Processes a sample, and passes each output that it completes to `emit`.
     pub fn process(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output<'_>)) {
+        self.process_with(None, acquired, emit);
+    }
+
+    /// Does what [`Self::process`] does, but makes packed blocks with the model `uploaded`, if
+    /// there is one. All samples of a run need the same model.
+    pub fn process_with(
+        &mut self,
+        uploaded: Option<&Packed<'_>>,
+        acquired: &AcquiredSample,
+        emit: &mut impl FnMut(Output<'_>),
+    ) {
         if let Some(run) = acquired.new_run {
             self.start_run(run, acquired.drdy_us);
         }
         self.windows.mark(acquired.lost);
-        self.repeat_missing_steps(acquired, emit);
+        self.repeat_missing_steps(uploaded, acquired, emit);
         let marks = acquired.marks.union(acquired.lost);
         self.windows.mark(marks);
         self.since_step = self.since_step.union(marks);
@@ -174,7 +185,7 @@ impl<E: Encoders> Producer<E> {
                 let index = acquired.step_index;
                 self.collect_filtered((index, step), marks, acquired.drdy_us, emit);
             }
-            self.encode(step, acquired.drdy_us, emit);
+            self.encode(uploaded, step, acquired.drdy_us, emit);
         }
         if let Some(quality) = (self.quality).observe(&acquired.sample, acquired.step.as_ref()) {
             self.emit(acquired.drdy_us, Payload::Quality(&quality), emit);
@@ -186,6 +197,7 @@ impl<E: Encoders> Producer<E> {
     /// Marks all of them with the faults of the lost samples, which can belong to any of them.
     fn repeat_missing_steps(
         &mut self,
+        uploaded: Option<&Packed<'_>>,
         acquired: &AcquiredSample,
         emit: &mut impl FnMut(Output<'_>),
     ) {
@@ -200,7 +212,7 @@ impl<E: Encoders> Producer<E> {
                 overrun: true,
                 ..acquired.lost
             });
-            self.encode(&substitute, at_us, emit);
+            self.encode(uploaded, &substitute, at_us, emit);
         }
     }
 
@@ -261,13 +273,19 @@ impl<E: Encoders> Producer<E> {
     /// Encodes a step and emits the results that are due. Not inlined, because two places call it,
     /// and an image should contain the encoders only once.
     #[inline(never)]
-    fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) {
+    fn encode(
+        &mut self,
+        uploaded: Option<&Packed<'_>>,
+        step: &Step,
+        drdy_us: u64,
+        emit: &mut impl FnMut(Output<'_>),
+    ) {
         let mut step = *step;
         self.fill(&mut step, drdy_us, emit);
         let step = &step;
         if self.wants(Streams::PACKED) {
             let marks = self.windows.newest_hop();
-            if let Some(code) = self.encoders.encode_block(step, self.rate) {
+            if let Some(code) = self.encoders.encode_block(step, self.rate, uploaded) {
                 let at_us = drdy_us + u64::from(code.offset_us);
                 self.emit(at_us, Payload::PackedCode(&code, marks), emit);
             }

@@ -9,6 +9,7 @@ use pipeline::{Code, Mains, Rate};
 use crate::acquired_sample::Counts;
 use crate::board::{Abilities, Identity, Order, Run};
 use crate::message;
+use crate::model_slot::{Slot, UploadOutcome, UploadedModel};
 use crate::producer::{Output, Payload};
 use crate::sender::{FrameQueue, MAX_FRAME, Sender};
 
@@ -30,6 +31,8 @@ pub struct Session<'i> {
     converters: Option<Converters>,
     /// True from the order of a self-test until its result is sent.
     is_testing: bool,
+    /// The uploaded model; `None` while the device uses the built-in one.
+    uploaded: Option<UploadedModel>,
     decoder: Decoder<MAX_FRAME>,
     /// Counters that the session itself counts; [`Self::stats`] adds those of acquisition, sender
     /// and decoder.
@@ -47,6 +50,7 @@ impl<'i> Session<'i> {
             substitutes: Substitutes::NONE,
             converters: None,
             is_testing: false,
+            uploaded: None,
             decoder: Decoder::new(),
             stats: Stats::default(),
         }
@@ -75,13 +79,29 @@ impl<'i> Session<'i> {
         self.is_streaming() && run == self.run.number
     }
 
+    /// Returns the id of the model in use.
+    fn model_id(&self) -> [u8; 8] {
+        self.uploaded.map_or(model::MODEL_ID, |model| model.id)
+    }
+
+    /// Returns the streams that a `Start` can request. With an uploaded model of another network,
+    /// the network's codes are not among them: a host with that model could not decode them.
+    fn streams(&self) -> Streams {
+        match self.uploaded {
+            Some(UploadedModel {
+                has_network: false, ..
+            }) => (self.abilities.streams).without(Streams::CODES | Streams::AUDIT),
+            _ => self.abilities.streams,
+        }
+    }
+
     /// Sends `Hello`, `Substitutes` if there are any, `Capabilities` and, if known, `Converters`.
     pub fn introduce(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         let hello = Hello {
             firmware: self.identity.firmware,
             board: self.identity.board,
             chip_uid: self.identity.chip_uid,
-            model_id: model::MODEL_ID,
+            model_id: self.model_id(),
             session_id: self.identity.session_id,
             reset_cause: self.identity.reset_cause,
             fault: self.identity.fault,
@@ -94,23 +114,35 @@ impl<'i> Session<'i> {
         self.send_converters(now_us, sender);
     }
 
-    /// Decodes bytes from the host and answers each command that they complete. If a command
-    /// requires an action of the board, `order` is called before the command's `Ack` is queued.
+    /// Decodes bytes from the host and answers each command that they complete. An uploaded model
+    /// goes to `slot`. If a command requires an action of the board, `order` is called before the
+    /// command's `Ack` is queued.
     pub fn receive(
         &mut self,
         mut bytes: &[u8],
         now_us: u64,
         counts: Counts,
+        slot: &mut impl Slot,
         sender: &mut Sender<impl FrameQueue>,
         mut order: impl FnMut(Order),
     ) {
-        while let Some(outcome) = self.decoder.next::<ToDevice>(&mut bytes) {
+        while let Some(outcome) = self.decoder.next::<ToDevice<'_>>(&mut bytes) {
             let (of, result) = match outcome {
                 Ok(frame) => {
                     self.stats.commands = self.stats.commands.wrapping_add(1);
-                    let (result, effect) = self.execute(frame.message, now_us, counts, sender);
-                    effect.into_iter().for_each(&mut order);
-                    (frame.header.seq, result)
+                    let seq = frame.header.seq;
+                    let has_packed = self.abilities.streams.contains(Streams::PACKED);
+                    let is_streaming = !self.run.streams.is_empty();
+                    let upload = upload(&frame.message, has_packed, is_streaming, slot);
+                    let command = frame.message.without_bytes();
+                    let result = if let Some(outcome) = upload {
+                        self.answer_upload(outcome, now_us, sender)
+                    } else {
+                        let (result, effect) = self.execute(command, now_us, counts, sender);
+                        effect.into_iter().for_each(&mut order);
+                        result
+                    };
+                    (seq, result)
                 }
                 Err(FrameError::Unknown { header, .. }) => (header.seq, AckResult::UnknownCommand),
                 // The frame is unusable and has no `seq` to acknowledge; the decoder has counted
@@ -123,7 +155,7 @@ impl<'i> Session<'i> {
 
     fn execute(
         &mut self,
-        command: ToDevice,
+        command: ToDevice<'_>,
         now_us: u64,
         counts: Counts,
         sender: &mut Sender<impl FrameQueue>,
@@ -152,8 +184,35 @@ impl<'i> Session<'i> {
             ToDevice::SetExclusion(policy) => {
                 return (AckResult::Done, Some(Order::SetExclusion(policy)));
             }
+            ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd => {
+                return (AckResult::NotSupported, None);
+            }
         }
         (AckResult::Done, None)
+    }
+
+    /// Answers a command about an uploaded model. If the model in use has changed, the device
+    /// introduces itself again.
+    fn answer_upload(
+        &mut self,
+        outcome: Result<UploadOutcome, AckResult>,
+        now_us: u64,
+        sender: &mut Sender<impl FrameQueue>,
+    ) -> AckResult {
+        let UploadOutcome {
+            result,
+            received,
+            model,
+        } = match outcome {
+            Ok(outcome) => outcome,
+            Err(refusal) => return refusal,
+        };
+        sender.send(now_us, &ToHost::ModelReceived(received));
+        if self.uploaded != model {
+            self.uploaded = model;
+            self.introduce(now_us, sender);
+        }
+        result
     }
 
     fn stop(
@@ -221,7 +280,7 @@ impl<'i> Session<'i> {
             return (AckResult::BadArgument, None);
         };
         let streams = start.streams;
-        if streams.is_empty() || !self.abilities.streams.contains(streams) {
+        if streams.is_empty() || !self.streams().contains(streams) {
             return (AckResult::BadArgument, None);
         }
         if streams == self.run.streams && mains == self.run.mains {
@@ -251,7 +310,7 @@ impl<'i> Session<'i> {
         let message = match output.payload {
             Payload::Code(code, marks) => {
                 self.count_code(code);
-                ToHost::Code(message::code(code, marks, &mut bytes))
+                ToHost::Code(message::code(self.model_id(), code, marks, &mut bytes))
             }
             Payload::PackedCode(code, marks) => {
                 ToHost::PackedCode(message::packed_code(code, marks))
@@ -262,7 +321,7 @@ impl<'i> Session<'i> {
             Payload::Raw(samples) => ToHost::Raw(samples.message()),
             Payload::CompressedRaw(samples) => ToHost::CompressedRaw(samples.message()),
             Payload::Filtered(steps) => ToHost::Filtered(steps.message()),
-            Payload::Audit(window) => ToHost::Audit(window.message(&mut bytes)),
+            Payload::Audit(window) => ToHost::Audit(window.message(self.model_id(), &mut bytes)),
         };
         sender.send(output.at_us, &message);
     }
@@ -343,6 +402,32 @@ impl<'i> Session<'i> {
         let capabilities = message::capabilities(self.run.mains);
         sender.send(now_us, &ToHost::Capabilities(capabilities));
     }
+}
+
+/// Executes a command about an uploaded model, or returns why it is refused; `None` for every other
+/// command, and on a device without a slot or without the packed code.
+fn upload<S: Slot>(
+    command: &ToDevice<'_>,
+    has_packed: bool,
+    is_streaming: bool,
+    slot: &mut S,
+) -> Option<Result<UploadOutcome, AckResult>> {
+    let is_upload = matches!(
+        command,
+        ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd
+    );
+    if !is_upload || !has_packed || !S::EXISTS {
+        return None;
+    }
+    if is_streaming {
+        return Some(Err(AckResult::Busy));
+    }
+    let outcome = slot.with(|slot| match *command {
+        ToDevice::ModelBegin(begin) => slot.begin(begin),
+        ToDevice::ModelChunk(chunk) => slot.store(chunk),
+        _ => slot.end(),
+    });
+    Some(outcome.ok_or(AckResult::Busy))
 }
 
 /// Returns the number of unusable frames from the host; wraps.

@@ -102,7 +102,7 @@ byte_enum! {
         Busy = 3,
         /// 4: the command is known, but this board or model cannot do it.
         NotSupported = 4,
-        /// 5: the device tried and failed. No device in this repository sends this result yet.
+        /// 5: the device tried and failed: an uploaded model is not sound.
         Failed = 5,
         _ => "Any other: a result newer than this host; the command was not executed.",
     }

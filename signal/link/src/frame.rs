@@ -45,7 +45,7 @@ pub struct Header {
 pub(crate) const CRC_BYTES: usize = 4;
 
 /// CRC-32C (Castagnoli); the crc crate names it CRC-32/ISCSI.
-const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// Returns a CRC that already covers the direction byte, which is not sent; the caller adds the
 /// body.

@@ -62,6 +62,7 @@ mod introduction;
 mod message;
 mod reports;
 mod signal;
+mod upload;
 
 pub use code::{
     Audit, Code, CodeFormat, CodeValues, MAX_EXPONENT, MAX_NUMBERS, MAX_RATE, PackedCode,
@@ -84,3 +85,4 @@ pub use signal::{
     BlockForm, COUNT_BYTES, CompressedRaw, Event, EventKind, FILTERED_STEPS, Filtered, RAW_SAMPLES,
     Raw, VALUE_BYTES,
 };
+pub use upload::{MAX_CHUNK_BYTES, ModelBegin, ModelChunk, ModelReceived, model_crc};

@@ -8,6 +8,7 @@ use crate::converters::{Converters, SelfTest};
 use crate::introduction::{Capabilities, Hello, Substitutes};
 use crate::reports::{Exclusion, Quality, Stats, Timing};
 use crate::signal::{CompressedRaw, Event, Filtered, Raw};
+use crate::upload::{MAX_CHUNK_BYTES, ModelBegin, ModelChunk, ModelReceived};
 
 /// The set of messages of one direction: [`ToHost`] or [`ToDevice`].
 pub trait Message<'a>: Serialize + Deserialize<'a> {
@@ -19,7 +20,7 @@ pub trait Message<'a>: Serialize + Deserialize<'a> {
     const DIRECTION: u8;
 
     /// Returns the bytes that follow the fields of the message up to the end of the frame: the
-    /// values of a code, or a packed block. Empty for most messages.
+    /// values of a code, a packed block, or a part of a model. Empty for most messages.
     fn tail(&self) -> &[u8] {
         &[]
     }
@@ -83,10 +84,12 @@ pub enum ToHost<'a> {
     PackedCode(PackedCode<'a>),
     /// 17: electrodes that are excluded from codes and filled from the others.
     Exclusion(Exclusion),
+    /// 18: what the device has of an announced model; the answer to `ModelBegin` and `ModelChunk`.
+    ModelReceived(ModelReceived),
 }
 
 impl<'a> Message<'a> for ToHost<'a> {
-    const KINDS: u32 = 18;
+    const KINDS: u32 = 19;
     const DIRECTION: u8 = b'H';
 
     fn tail(&self) -> &[u8] {
@@ -117,7 +120,7 @@ impl<'a> Message<'a> for ToHost<'a> {
 /// Messages from host to device. New variants are added only at the end, because a variant's
 /// position is its number on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum ToDevice {
+pub enum ToDevice<'a> {
     /// 0: start a run with the streams that the arguments name.
     Start(Start),
     /// 1: end the run and all its streams.
@@ -146,9 +149,61 @@ pub enum ToDevice {
     /// 8: set which electrodes are excluded, from the next half second on; kept until the device
     /// restarts. Refused with `NotSupported` by a device whose model cannot fill electrodes.
     SetExclusion(ExclusionPolicy),
+    /// 9: announce a packed model, which takes the place of the one in use when it is complete;
+    /// refused with `Busy` while any stream runs, and with `NotSupported` by a device without a
+    /// model slot. Until then, the device uses the model that it was built with.
+    ModelBegin(ModelBegin),
+    /// 10: a part of the announced model; refused with `BadArgument` if bytes before it are
+    /// missing.
+    #[serde(borrow)]
+    ModelChunk(ModelChunk<'a>),
+    /// 11: use the announced model from now on, until the device restarts. The device introduces
+    /// itself again, with the model's id. Answered with `Failed` if the model is not sound.
+    ModelEnd,
 }
 
-impl Message<'_> for ToDevice {
-    const KINDS: u32 = 9;
+impl<'a> Message<'a> for ToDevice<'a> {
+    const KINDS: u32 = 12;
     const DIRECTION: u8 = b'D';
+
+    fn tail(&self) -> &[u8] {
+        match self {
+            ToDevice::ModelChunk(chunk) => chunk.bytes,
+            _ => &[],
+        }
+    }
+
+    fn with_tail(mut self, tail: &'a [u8]) -> Option<Self> {
+        match &mut self {
+            ToDevice::ModelChunk(chunk) => {
+                chunk.bytes = tail;
+                (1..=MAX_CHUNK_BYTES).contains(&tail.len()).then_some(self)
+            }
+            _ => tail.is_empty().then_some(self),
+        }
+    }
+}
+
+impl ToDevice<'_> {
+    /// Returns the command for callers that keep it longer than the buffer of its frame: a
+    /// `ModelChunk` loses its bytes.
+    #[must_use]
+    pub const fn without_bytes(self) -> ToDevice<'static> {
+        match self {
+            ToDevice::Start(start) => ToDevice::Start(start),
+            ToDevice::Stop => ToDevice::Stop,
+            ToDevice::Identify => ToDevice::Identify,
+            ToDevice::Ping => ToDevice::Ping,
+            ToDevice::SelfTest => ToDevice::SelfTest,
+            ToDevice::SyncTime { host_time_us } => ToDevice::SyncTime { host_time_us },
+            ToDevice::Reset(into) => ToDevice::Reset(into),
+            ToDevice::SetRate { rate } => ToDevice::SetRate { rate },
+            ToDevice::SetExclusion(policy) => ToDevice::SetExclusion(policy),
+            ToDevice::ModelBegin(begin) => ToDevice::ModelBegin(begin),
+            ToDevice::ModelChunk(ModelChunk { offset, .. }) => {
+                ToDevice::ModelChunk(ModelChunk { offset, bytes: &[] })
+            }
+            ToDevice::ModelEnd => ToDevice::ModelEnd,
+        }
+    }
 }

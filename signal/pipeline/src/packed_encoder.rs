@@ -183,9 +183,20 @@ impl PackedMemory {
         *self = Self::EMPTY;
     }
 
-    /// Encodes the next step; returns a block at `rate` if the step completes a hop.
+    /// Encodes the next step with the built-in model; returns a block at `rate` if the step
+    /// completes a hop.
     pub fn encode_step(&mut self, step: &Step, rate: Rate) -> Option<PackedCode> {
-        let packed: &Packed<'_> = PACKED.as_ref()?;
+        self.encode_step_with(step, rate, PACKED.as_ref()?)
+    }
+
+    /// Encodes the next step with the model `packed`; returns a block at `rate` if the step
+    /// completes a hop. All steps of a stream need the same model.
+    pub fn encode_step_with(
+        &mut self,
+        step: &Step,
+        rate: Rate,
+        packed: &Packed<'_>,
+    ) -> Option<PackedCode> {
         self.add_step(step, packed);
         if usize::from(self.steps) < HOP {
             return None;

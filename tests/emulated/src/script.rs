@@ -24,7 +24,7 @@ pub struct Script {
 }
 
 /// Returns the command that starts `streams`. `mains_hz` is 50, 60, or 0 for the board's default.
-pub const fn start(streams: Streams, mains_hz: u8) -> ToDevice {
+pub const fn start(streams: Streams, mains_hz: u8) -> ToDevice<'static> {
     ToDevice::Start(Start { streams, mains_hz })
 }
 

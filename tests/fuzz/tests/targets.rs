@@ -28,6 +28,7 @@ targets! {
     frames,
     gdf,
     tcpros,
+    uploaded_model,
     wire_recording,
     xmlrpc,
 }

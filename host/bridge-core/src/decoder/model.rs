@@ -104,11 +104,10 @@ impl Model {
                 own = self.id
             ));
         }
-        let same = usize::from(device.window_steps) == self.dimensions.steps
-            && usize::from(device.hop_steps) == self.hop
-            && device.numbers() == self.dimensions.numbers
-            && u32::from(device.step_rate_hz) == self.rate_hz
-            && device.labels == self.electrodes;
+        // A device that was given the packed model of a model without a network keeps its own
+        // network.
+        let numbers = self.dimensions.numbers;
+        let same = self.fits(device) && (numbers == 0 || device.numbers() == numbers);
         (!same).then(|| {
             format!(
                 "the device reports model {} but another montage or window; signals are not \
@@ -116,6 +115,14 @@ impl Model {
                 self.id
             )
         })
+    }
+
+    /// Returns whether device and model have the same electrodes, rate, window and hop.
+    pub(crate) fn fits(&self, device: &Device) -> bool {
+        usize::from(device.window_steps) == self.dimensions.steps
+            && usize::from(device.hop_steps) == self.hop
+            && u32::from(device.step_rate_hz) == self.rate_hz
+            && device.labels == self.electrodes
     }
 
     /// Decodes the values `z` of a code to the electrode signals of its window, microvolts: all

@@ -1,5 +1,6 @@
 //! The report for `/diagnostics`, which is made once per second.
 
+use artifact::ModelId;
 use link::{Counters, Streams};
 use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, Header, KeyValue, Stamp};
 
@@ -67,6 +68,10 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         }
         (Some(objection), _) if usable => (DiagnosticLevel::Warn, objection.clone()),
         (Some(objection), _) => (DiagnosticLevel::Error, objection.clone()),
+        (None, true) if let Some(percent) = session.commands.upload_percent() => (
+            DiagnosticLevel::Ok,
+            format!("receiving its packed model: {percent} %"),
+        ),
         (None, true) if session.commands.is_starved(now.monotonic_us) => (
             DiagnosticLevel::Warn,
             "the device should stream and sends no codes and no packed blocks; it is asked again"
@@ -92,6 +97,7 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     if let Some(codes) = &session.codes {
         let device = codes.device();
         values.push(KeyValue::new("firmware", &device.firmware));
+        values.push(KeyValue::new("model", &ModelId(device.model_id)));
         if let Some(unrecorded) = device.unrecorded() {
             values.push(KeyValue::new("electrodes not recorded", &unrecorded));
         }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use artifact::ModelId;
 use link::{Capabilities, Header, Hello, Streams, Substitutes};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
@@ -14,6 +15,7 @@ use crate::streams::event::BusEvent;
 use crate::streams::packed::PackedStream;
 use crate::streams::stamps::{DecodedStream, Decoding};
 use crate::time::HostTime;
+use crate::wire::upload::Upload;
 
 impl Session {
     pub(super) fn handle_hello(&mut self, hello: &Hello, header: Header) {
@@ -22,6 +24,15 @@ impl Session {
         if known.is_some_and(|identity| identity.is_same_session(hello)) {
             return;
         }
+        // A device that was given a model introduces itself again, but has not restarted.
+        if let Some(known) = &mut self.identity
+            && known.is_same_start(hello)
+        {
+            *known = Identity::new(hello);
+            tracing::info!("the device uses model {}", ModelId(hello.model_id));
+            return;
+        }
+        let known = self.identity.as_ref();
         let reset = known.is_some();
         let is_same_device = known.is_some_and(|known| known.is_same_device(hello));
         let identity = Identity::new(hello);
@@ -72,6 +83,14 @@ impl Session {
                 return self.refuse(why, read, effects);
             }
         };
+        if let Some(upload) = self.due_upload(&device) {
+            let [own, sent] = [device.model_id, upload.id()].map(ModelId);
+            tracing::info!("the device uses model {own}; it is sent the packed model of {sent}");
+            self.commands.start_upload(upload);
+            self.commands.device_introduced(true);
+            return;
+        }
+        self.commands.end_upload();
         let model = self.model.as_ref();
         let objection = model.and_then(|model| model.objection(&device));
         let decodable = model.is_some() && objection.is_none();
@@ -149,6 +168,15 @@ impl Session {
         });
     }
 
+    /// Returns the packed model that the device is to be given before it is used; `None` if the
+    /// user wants it to have none, or if it has this model, does not fit it or has refused it.
+    fn due_upload(&self, device: &Device) -> Option<Upload> {
+        let (upload, model) = (self.upload.as_ref()?, self.model.as_ref()?);
+        let is_due =
+            upload.id() != device.model_id && model.fits(device) && !self.commands.refuses_upload();
+        is_due.then(|| upload.clone())
+    }
+
     /// Announces the device again if an announced fact has changed: which stream is decoded, or
     /// whether the device is asked for the stream that `/acquisition/get_info` describes. Both
     /// change when the device begins or ceases to refuse streams. Call this when the device has
@@ -218,7 +246,10 @@ impl Session {
         device: &Device,
         decoding: Decoding,
     ) -> Result<Option<AcquisitionInfo>, ContractError> {
-        let model = format!("{} {}", device.board, device.firmware);
+        let Device {
+            board, firmware, ..
+        } = device;
+        let model = format!("{board} {firmware}, model {}", ModelId(device.model_id));
         let encoded = device.encoded_frame();
         if device.has_network() {
             Shape::from_frame(&encoded)?;

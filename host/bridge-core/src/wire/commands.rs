@@ -1,7 +1,8 @@
 //! Decides which command to the device is due, and when it must be repeated.
 
-use link::{AckResult, ExclusionPolicy, Start, Streams, ToDevice};
+use link::{AckResult, ExclusionPolicy, ModelReceived, Start, Streams, ToDevice};
 
+use crate::wire::upload::{Upload, Uploading};
 use crate::wire::wanted::{ClockQuery, WantedStreams};
 use crate::wire::words;
 
@@ -33,6 +34,8 @@ pub(crate) struct Commands {
     known_exclusion: ExclusionPolicy,
     /// The policy that the device has refused.
     refused_exclusion: Option<ExclusionPolicy>,
+    /// The model that the device is given before it streams.
+    upload: UploadState,
     streams: WantedStreams,
     streaming_wanted: bool,
     device: Introduction,
@@ -72,6 +75,15 @@ enum StreamState {
     Running,
 }
 
+/// Whether the device must be given a model before it streams.
+#[derive(Clone, Debug)]
+enum UploadState {
+    NotDue,
+    Underway(Uploading),
+    /// The device has refused the model since it started.
+    Refused,
+}
+
 /// What an acknowledgement means for the rest of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AckEffect {
@@ -84,7 +96,7 @@ pub(crate) enum AckEffect {
         by_user: bool,
     },
     /// The device has refused a command, for a reason other than `Busy` or `Failed`.
-    Refused(ToDevice, AckResult),
+    Refused(ToDevice<'static>, AckResult),
 }
 
 impl Commands {
@@ -97,6 +109,7 @@ impl Commands {
             exclusion: ExclusionPolicy::AUTOMATIC,
             known_exclusion: ExclusionPolicy::AUTOMATIC,
             refused_exclusion: None,
+            upload: UploadState::NotDue,
             streams: WantedStreams::new(streams),
             streaming_wanted: true,
             device: Introduction::Missing,
@@ -155,6 +168,38 @@ impl Commands {
         self.known_exclusion = policy;
     }
 
+    /// Gives the device this model before it streams.
+    pub(crate) fn start_upload(&mut self, upload: Upload) {
+        self.upload = UploadState::Underway(Uploading::new(upload));
+    }
+
+    /// Records that the device needs no model, because it has it or cannot be given it.
+    pub(crate) fn end_upload(&mut self) {
+        if !self.refuses_upload() {
+            self.upload = UploadState::NotDue;
+        }
+    }
+
+    /// Returns whether the device has refused the model since it started.
+    pub(crate) fn refuses_upload(&self) -> bool {
+        matches!(self.upload, UploadState::Refused)
+    }
+
+    /// Records what the device has of an announced model.
+    pub(crate) fn model_received(&mut self, received: ModelReceived) {
+        if let UploadState::Underway(uploading) = &mut self.upload {
+            uploading.record(received);
+        }
+    }
+
+    /// Returns the part of the model that the device has, percent, while it is uploaded.
+    pub(crate) fn upload_percent(&self) -> Option<u64> {
+        match &self.upload {
+            UploadState::Underway(uploading) => Some(uploading.percent()),
+            _ => None,
+        }
+    }
+
     /// Records that the device has introduced itself. `usable`: its codes can be published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
@@ -178,6 +223,7 @@ impl Commands {
         self.answered_rate = None;
         self.known_exclusion = ExclusionPolicy::AUTOMATIC;
         self.refused_exclusion = None;
+        self.upload = UploadState::NotDue;
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.refused_start = None;
@@ -275,7 +321,7 @@ impl Commands {
 
     /// Returns the command that is due at `now_us`, if any. The caller must send it in the frame
     /// with sequence number `seq`.
-    pub(crate) fn next_command(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+    pub(crate) fn next_command(&mut self, now_us: i64, seq: u32) -> Option<ToDevice<'_>> {
         if now_us - self.last_tick_us > HOST_SUSPENDED_AFTER_US {
             self.last_frame_us = now_us;
             self.last_stream_us = self.last_stream_us.map(|_| now_us);
@@ -298,10 +344,13 @@ impl Commands {
             self.stream = StreamState::Unconfirmed;
         }
         self.pending = Some(PendingCommand::sent(repeated, command, seq, now_us));
-        Some(command)
+        Some(match &self.upload {
+            UploadState::Underway(uploading) => uploading.with_bytes(command),
+            _ => command,
+        })
     }
 
-    fn required_command(&self, now_us: i64) -> Option<ToDevice> {
+    fn required_command(&self, now_us: i64) -> Option<ToDevice<'static>> {
         if self.device == Introduction::Missing {
             return Some(ToDevice::Identify);
         }
@@ -311,6 +360,9 @@ impl Commands {
         match (self.wants_stream(), self.stream) {
             (true, StreamState::Stopped | StreamState::Unconfirmed) if !self.owns_stream => {
                 Some(ToDevice::Stop)
+            }
+            (true, _) if let UploadState::Underway(uploading) = &self.upload => {
+                Some(uploading.command())
             }
             (true, _) if let Some(rate) = self.due_rate() => Some(ToDevice::SetRate { rate }),
             (true, _)
@@ -350,7 +402,7 @@ impl Commands {
 
     /// Returns the clock query if it is due: before a stream that continues a recording starts, and
     /// while codes arrive, because the answer is then compared with the clock's fit.
-    fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+    fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice<'static>> {
         if self.wants_stream() && self.stream == StreamState::Stopped {
             return self.clock_query.next_before_start(now_us, seq);
         }
@@ -370,6 +422,9 @@ impl Commands {
         else {
             return AckEffect::NoChange;
         };
+        if is_upload(&pending.command) {
+            return self.handle_upload(pending.command, result);
+        }
         match (pending.command, result) {
             (_, AckResult::Busy | AckResult::Failed) => return AckEffect::NoChange,
             (ToDevice::Start(_), AckResult::Done) => {
@@ -425,7 +480,10 @@ impl Commands {
                 ToDevice::Ping
                 | ToDevice::SelfTest
                 | ToDevice::SyncTime { .. }
-                | ToDevice::Reset(_),
+                | ToDevice::Reset(_)
+                | ToDevice::ModelBegin(_)
+                | ToDevice::ModelChunk(_)
+                | ToDevice::ModelEnd,
                 _,
             ) => self.pending = None,
         }
@@ -434,6 +492,43 @@ impl Commands {
             result => AckEffect::Refused(pending.command, result),
         }
     }
+
+    /// Handles the acknowledgement of a command of the upload.
+    fn handle_upload(&mut self, command: ToDevice<'static>, result: AckResult) -> AckEffect {
+        let UploadState::Underway(uploading) = &mut self.upload else {
+            self.pending = None;
+            return AckEffect::NoChange;
+        };
+        match result {
+            AckResult::Done => {
+                self.pending = None;
+                // The introduction that the device sends on its own may be lost.
+                if command == ToDevice::ModelEnd {
+                    self.device = Introduction::Missing;
+                }
+                AckEffect::NoChange
+            }
+            // Another program has started a stream. The pending command waits for its repetition.
+            AckResult::Busy => {
+                self.owns_stream = false;
+                AckEffect::NoChange
+            }
+            result => {
+                self.pending = None;
+                if !uploading.handle_refusal(result) {
+                    return AckEffect::NoChange;
+                }
+                self.upload = UploadState::Refused;
+                self.device = Introduction::Missing;
+                AckEffect::Refused(command, result)
+            }
+        }
+    }
+}
+
+fn is_upload(command: &ToDevice) -> bool {
+    use ToDevice::{ModelBegin, ModelChunk, ModelEnd};
+    matches!(command, ModelBegin(_) | ModelChunk(_) | ModelEnd)
 }
 
 /// Time after which a command without an acknowledgement is sent again, microseconds.
@@ -443,7 +538,7 @@ pub(crate) const RETRY_US: i64 = 500_000;
 /// that carried it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PendingCommand {
-    command: ToDevice,
+    command: ToDevice<'static>,
     /// Sequence number of the first frame that carried the command.
     first_seq: u32,
     /// Sequence number of the last frame that carried the command.
@@ -457,7 +552,7 @@ impl PendingCommand {
     /// `before` is the pending command if this is a repetition of it.
     pub(crate) fn sent(
         before: Option<PendingCommand>,
-        command: ToDevice,
+        command: ToDevice<'static>,
         seq: u32,
         now_us: i64,
     ) -> PendingCommand {
@@ -493,7 +588,7 @@ const REFUSED_RETRY_US: i64 = 10_000_000;
 /// A refused `Start` for which asking for fewer streams cannot help.
 #[derive(Clone, Copy, Debug)]
 struct RefusedStart {
-    command: ToDevice,
+    command: ToDevice<'static>,
     result: AckResult,
     /// Host time at which the refusal arrived, microseconds.
     refused_us: i64,

@@ -152,7 +152,7 @@ impl ClockQuery {
 
     /// Returns the next clock query before the stream starts, unless one is unanswered. The caller
     /// must send it in frame number `seq`.
-    pub(crate) fn next_before_start(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+    pub(crate) fn next_before_start(&mut self, now_us: i64, seq: u32) -> Option<ToDevice<'static>> {
         if self.refused || self.is_awaited(now_us) {
             return None;
         }
@@ -162,7 +162,7 @@ impl ClockQuery {
 
     /// Returns the clock query of a running stream if it is due. The caller must send it in frame
     /// number `seq`.
-    pub(crate) fn next(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+    pub(crate) fn next(&mut self, now_us: i64, seq: u32) -> Option<ToDevice<'static>> {
         if self.refused || self.due_us? > now_us {
             return None;
         }
@@ -170,7 +170,7 @@ impl ClockQuery {
         Some(self.query(now_us, seq))
     }
 
-    fn query(&mut self, now_us: i64, seq: u32) -> ToDevice {
+    fn query(&mut self, now_us: i64, seq: u32) -> ToDevice<'static> {
         self.sent = Some((seq, now_us));
         self.unanswered = true;
         let host_time_us = now_us.unsigned_abs();

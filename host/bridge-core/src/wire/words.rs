@@ -14,6 +14,9 @@ pub(crate) fn command(command: &ToDevice) -> &'static str {
         ToDevice::Reset(_) => "Reset",
         ToDevice::SetRate { .. } => "SetRate",
         ToDevice::SetExclusion(_) => "SetExclusion",
+        ToDevice::ModelBegin(_) => "ModelBegin",
+        ToDevice::ModelChunk(_) => "ModelChunk",
+        ToDevice::ModelEnd => "ModelEnd",
     }
 }
 

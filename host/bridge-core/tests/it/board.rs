@@ -5,7 +5,8 @@ use std::sync::{Arc, LazyLock};
 use bridge_core::{HostTime, Model};
 use link::{
     Ack, AckResult, Capabilities, ClockReading, Code, CodeFormat, CodeValues, Decoder, Encoder,
-    Flags, Hello, MAX_FRAME, ResetCause, SelfTest, Stats, Streams, Substitutes, ToDevice, ToHost,
+    Flags, Hello, MAX_FRAME, ModelBegin, ModelReceived, ResetCause, SelfTest, Stats, Streams,
+    Substitutes, ToDevice, ToHost,
 };
 
 /// Wall-clock time at the start of every test, nanoseconds since 1970.
@@ -44,7 +45,7 @@ pub(crate) const NUMBERS: usize = 128;
 /// A board that answers commands as the firmware does. Tests set its fields.
 pub(crate) struct Board {
     pub(crate) encoder: Encoder,
-    pub(crate) commands: Decoder<256>,
+    pub(crate) commands: Decoder<2048>,
     pub(crate) model_id: [u8; 8],
     pub(crate) session_id: u32,
     pub(crate) labels: String,
@@ -83,10 +84,24 @@ pub(crate) struct Board {
     /// Streams in the last `Start` that the board received.
     pub(crate) streams: Streams,
     /// Commands that the board received, oldest first, each with its sequence number.
-    pub(crate) received: Vec<(u32, ToDevice)>,
+    pub(crate) received: Vec<(u32, ToDevice<'static>)>,
+    /// Announcement of the model that is uploaded, and its bytes so far; `None` without a slot.
+    pub(crate) slot: Option<(ModelBegin, Vec<u8>)>,
 }
 
+/// Id of the model with which a board with a slot was built.
+pub(crate) const BUILT_IN: [u8; 8] = *b"built in";
+
 impl Board {
+    /// Creates a board with a model slot, built with another model than the host's.
+    pub(crate) fn with_slot() -> Board {
+        Board {
+            slot: Some((ModelBegin::default(), Vec::new())),
+            model_id: BUILT_IN,
+            ..Board::new()
+        }
+    }
+
     pub(crate) fn new() -> Board {
         let model = model();
         Board {
@@ -115,6 +130,7 @@ impl Board {
             rate: 4,
             streams: Streams::empty(),
             received: Vec::new(),
+            slot: None,
         }
     }
 
@@ -132,6 +148,10 @@ impl Board {
         self.session_id += 1;
         self.next_window = 0;
         self.streaming = false;
+        if let Some(slot) = &mut self.slot {
+            self.model_id = BUILT_IN;
+            *slot = (ModelBegin::default(), Vec::new());
+        }
     }
 
     pub(crate) fn frame(&mut self, device_us: u64, message: &ToHost) -> Vec<u8> {
@@ -144,6 +164,15 @@ impl Board {
 
     pub(crate) fn skip_frame(&mut self) {
         self.encoder.skip();
+    }
+
+    fn model_received(&mut self) -> Vec<u8> {
+        let (ModelBegin { id, .. }, bytes) = self.slot.clone().unwrap();
+        let received = ModelReceived {
+            id,
+            bytes: u32::try_from(bytes.len()).unwrap(),
+        };
+        self.frame(0, &ToHost::ModelReceived(received))
     }
 
     pub(crate) fn hello(&mut self) -> Vec<u8> {
@@ -198,7 +227,12 @@ impl Board {
         while let Some(outcome) = self.commands.next::<ToDevice>(&mut bytes) {
             // Skip what is no command: a terminal not yet in raw mode echoes the board's answers.
             let Ok(frame) = outcome else { continue };
-            commands.push((frame.header.seq, frame.message));
+            if let (ToDevice::ModelChunk(chunk), Some((_, bytes))) = (frame.message, &mut self.slot)
+                && chunk.offset as usize == bytes.len()
+            {
+                bytes.extend(chunk.bytes);
+            }
+            commands.push((frame.header.seq, frame.message.without_bytes()));
         }
         for (seq, command) in commands {
             self.received.push((seq, command));
@@ -227,6 +261,32 @@ impl Board {
                         received_us,
                     });
                     answers.extend(self.frame(received_us, &reading));
+                }
+                ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd
+                    if self.slot.is_none() =>
+                {
+                    result = AckResult::NotSupported;
+                }
+                ToDevice::ModelBegin(begin) => {
+                    let announced = self.slot.as_ref().map(|(announced, _)| *announced);
+                    if announced != Some(begin) {
+                        self.slot = Some((begin, Vec::new()));
+                    }
+                    answers.extend(self.model_received());
+                }
+                ToDevice::ModelChunk(_) => answers.extend(self.model_received()),
+                ToDevice::ModelEnd => {
+                    let (begin, bytes) = self.slot.clone().unwrap();
+                    if link::model_crc(&bytes) == begin.crc {
+                        self.model_id = begin.id;
+                    } else {
+                        result = AckResult::Failed;
+                        self.slot = Some((ModelBegin::default(), Vec::new()));
+                    }
+                    answers.extend(self.model_received());
+                    if result == AckResult::Done {
+                        answers.extend(self.hello());
+                    }
                 }
                 ToDevice::SelfTest
                 | ToDevice::SyncTime { .. }

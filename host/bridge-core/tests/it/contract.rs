@@ -5,7 +5,7 @@ use link::{Streams, Substitutes, ToDevice};
 
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 
-use crate::board::{Board, WALL_START_NS, at, electrode};
+use crate::board::{Board, WALL_START_NS, at, electrode, model};
 use crate::recorder::{Harness, SETTINGS};
 
 #[test]
@@ -35,7 +35,8 @@ fn encoded_frames_have_the_fields_that_ros_neuro_expects() {
     assert_eq!(frame.tri.info.labels, TRI_LABELS);
     let announced = harness.recorder.announced[0].info.clone().unwrap();
     assert_eq!(announced.frame().eeg.info, *info);
-    assert_eq!(announced.device_model(), "board test");
+    let id = artifact::ModelId(model().id()).to_string();
+    assert_eq!(announced.device_model(), format!("board test, model {id}"));
     assert_eq!(announced.device_id(), "07".repeat(12));
 }
 

@@ -28,3 +28,4 @@ mod round_trip;
 mod samples;
 mod session;
 mod streams;
+mod upload;

@@ -187,11 +187,12 @@ enum LaterToHost {
     CompressedRaw,
     PackedCode,
     Exclusion,
+    ModelReceived,
     Later { channel: u8, device_time_us: u64 },
 }
 
 impl link::Message<'_> for LaterToHost {
-    const KINDS: u32 = 19;
+    const KINDS: u32 = 20;
     const DIRECTION: u8 = link::ToHost::DIRECTION;
 }
 

@@ -74,7 +74,7 @@ impl Harness {
         self.query.receive(&bytes, self.now_us)
     }
 
-    fn requested(&self) -> Vec<ToDevice> {
+    fn requested(&self) -> Vec<ToDevice<'static>> {
         let received = self.board.received.iter();
         received.map(|(_, command)| *command).collect()
     }

@@ -282,6 +282,9 @@ pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
         ToDevice::Reset(_) => "reset",
         ToDevice::SetRate { .. } => "set rate",
         ToDevice::SetExclusion(_) => "set exclusion",
+        ToDevice::ModelBegin(_) => "model begin",
+        ToDevice::ModelChunk(_) => "model chunk",
+        ToDevice::ModelEnd => "model end",
     };
     harness.board.received.iter().map(name).collect()
 }

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use bridge_core::{Core, EventStamps, Exclusions, HostTime, Model, Settings, Summary};
+use artifact::Artifact;
+use bridge_core::{Core, EventStamps, Exclusions, HostTime, Model, Settings, Summary, Upload};
 use link::Streams;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
@@ -38,6 +39,9 @@ pub struct Publication {
     pub settings: Settings,
     /// Folder of the model with which codes are decoded; `None` for the built-in model.
     pub model: Option<PathBuf>,
+    /// Folder of the model whose packed code the device is given, and with which codes are decoded;
+    /// `None` to use the device as it is.
+    pub upload_model: Option<PathBuf>,
     /// Options of the ROS node, such as its name and the address of its master.
     pub ros: NodeOptions,
     /// Prefix of the names of topics and services. It extends the node's namespace, but a prefix
@@ -52,10 +56,18 @@ pub struct Publication {
 }
 
 impl Publication {
-    /// Reads the model with which codes are decoded.
-    fn model(&self) -> Result<Arc<Model>, BridgeError> {
-        let model = Model::read(self.model.as_deref());
-        Ok(Arc::new(model.map_err(BridgeError::Model)?))
+    /// Reads the model with which codes are decoded, and what of it the device is given.
+    fn model(&self) -> Result<(Arc<Model>, Option<Upload>), BridgeError> {
+        let Some(folder) = &self.upload_model else {
+            let model = Model::read(self.model.as_deref());
+            return Ok((Arc::new(model.map_err(BridgeError::Model)?), None));
+        };
+        let artifact = Artifact::read(folder).map_err(BridgeError::Model)?;
+        let model = Model::new(&artifact).map_err(BridgeError::Model)?;
+        let bytes = model_gen::upload(&artifact).map_err(BridgeError::Upload)?;
+        let bytes = bytes.ok_or_else(|| BridgeError::NothingToUpload(folder.clone()))?;
+        let upload = Upload::new(model.id(), bytes.into());
+        Ok((Arc::new(model), Some(upload)))
     }
 
     /// Returns the settings. If they set no rate of the packed code, the model's rate is filled in.
@@ -90,7 +102,7 @@ impl Publication {
         connect: impl AsyncFnOnce(&Node, &Namespace) -> Result<F, NodeError>,
     ) -> Result<Summary, BridgeError> {
         let mut shutdown = Shutdown::new()?;
-        let model = self.model()?;
+        let (model, upload) = self.model()?;
         let namespace = Namespace::new(&self.ros.namespace, &self.topic_prefix);
         namespace.as_ros_name().clone_into(&mut self.ros.namespace);
         let settings = self.settings(&model)?;
@@ -118,6 +130,7 @@ impl Publication {
         shutdown.watch_node(Arc::clone(&ros.node));
         let (summary, _, outcome) = Bridge::new(settings, model, feed, commands, outlets)
             .with_exclusions(self.exclusions)
+            .with_upload(upload)
             .exiting_at_end(self.exit_at_end)
             .run_to_end(&mut shutdown)
             .await;
@@ -148,6 +161,7 @@ pub(super) async fn stream(
     let publication = Publication {
         settings,
         model: options.model,
+        upload_model: options.upload_model,
         ros,
         topic_prefix: options.ros.topic_prefix,
         get_info: GET_INFO_SERVICE,
@@ -169,7 +183,7 @@ async fn print_lines(
     connection: Connection,
 ) -> Result<Summary, BridgeError> {
     let mut shutdown = Shutdown::new()?;
-    let model = publication.model()?;
+    let (model, upload) = publication.model()?;
     let namespace = Namespace::new(&publication.ros.namespace, &publication.topic_prefix);
     let settings = publication.settings(&model)?;
     // Without ROS nobody sends commands, but the channel that the bridge polls must stay open.
@@ -179,6 +193,7 @@ async fn print_lines(
     let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None);
     let (summary, has_ended, outcome) = Bridge::new(settings, model, connection, commands, outlets)
         .with_exclusions(publication.exclusions)
+        .with_upload(upload)
         .exiting_at_end(publication.exit_at_end)
         .run_to_end(&mut shutdown)
         .await;
@@ -235,6 +250,14 @@ impl<F: Feed> Bridge<F> {
     /// Sets what the user decides about the exclusion of electrodes.
     fn with_exclusions(mut self, exclusions: Exclusions) -> Bridge<F> {
         self.core.set_exclusions(exclusions);
+        self
+    }
+
+    /// Sets the packed model that the device is given before it streams.
+    fn with_upload(mut self, upload: Option<Upload>) -> Bridge<F> {
+        if let Some(upload) = upload {
+            self.core.set_upload(upload);
+        }
         self
     }
 

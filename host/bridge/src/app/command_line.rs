@@ -54,6 +54,11 @@ pub(crate) struct Options {
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, help_heading = DECODING, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
+    /// Give the device the packed model of this folder, which also decodes, instead of the one it
+    /// was built with: a model fitted to the person who wears the cap. It goes to the device's RAM
+    /// before each run, if the device has another one. Needs a NUCLEO-H743ZI2 or host-sim
+    #[arg(long, help_heading = DECODING, env = "CORTICODE_UPLOAD_MODEL", value_name = "FOLDER", conflicts_with = "model")]
+    pub(crate) upload_model: Option<PathBuf>,
     /// What the stamp of a frame refers to
     #[arg(long, help_heading = DECODING, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,

@@ -38,7 +38,7 @@ pub(crate) struct Controls {
     /// Whether the board is suspended. When this ends, the board makes the missed codes at once.
     pub(crate) stand_still: AtomicBool,
     stop: AtomicBool,
-    received: Mutex<Vec<ToDevice>>,
+    received: Mutex<Vec<ToDevice<'static>>>,
 }
 
 /// A simulated board at a port, run by a thread.
@@ -148,7 +148,7 @@ impl Device {
     }
 
     /// Returns the commands that the board received, oldest first.
-    pub(crate) fn received(&self) -> Vec<ToDevice> {
+    pub(crate) fn received(&self) -> Vec<ToDevice<'static>> {
         self.controls.received.lock().unwrap().clone()
     }
 

@@ -30,9 +30,9 @@ pub(crate) struct Playback<L> {
     core: Core,
     pub(crate) collector: Collector<L>,
     /// Commands in the recording so far, by their number.
-    recorded: HashMap<u32, ToDevice>,
+    recorded: HashMap<u32, ToDevice<'static>>,
     /// Newest command of each kind that the core has sent, with its number in front.
-    own: Vec<(u32, ToDevice)>,
+    own: Vec<(u32, ToDevice<'static>)>,
     from_device: Decoder<MAX_FRAME>,
     from_host: Decoder<MAX_FRAME>,
     identity: Option<Identity>,
@@ -102,7 +102,8 @@ impl<L: Listener> Playback<L> {
                 let mut bytes = record.payload;
                 while let Some(outcome) = self.from_host.next::<ToDevice>(&mut bytes) {
                     if let Ok(frame) = outcome {
-                        self.recorded.insert(frame.header.seq, frame.message);
+                        let command = frame.message.without_bytes();
+                        self.recorded.insert(frame.header.seq, command);
                     }
                 }
                 self.due = Some(time);
@@ -186,7 +187,8 @@ impl<L: Listener> Playback<L> {
             while let Some(Ok(frame)) = decoder.next::<ToDevice>(&mut bytes) {
                 let kind = discriminant(&frame.message);
                 self.own.retain(|(_, known)| discriminant(known) != kind);
-                self.own.push((frame.header.seq, frame.message));
+                self.own
+                    .push((frame.header.seq, frame.message.without_bytes()));
             }
         }
     }

@@ -134,7 +134,7 @@ impl<R: Read + Seek> Replayer<R> {
         let mut commands = Vec::new();
         while let Some(outcome) = self.from_host.next::<ToDevice>(&mut bytes) {
             if let Ok(frame) = outcome {
-                commands.push((frame.header.seq, frame.message));
+                commands.push((frame.header.seq, frame.message.without_bytes()));
             }
         }
         for (of, command) in commands {
@@ -193,7 +193,10 @@ impl<R: Read + Seek> Replayer<R> {
             | ToDevice::SyncTime { .. }
             | ToDevice::Reset(_)
             | ToDevice::SetRate { .. }
-            | ToDevice::SetExclusion(_) => AckResult::NotSupported,
+            | ToDevice::SetExclusion(_)
+            | ToDevice::ModelBegin(_)
+            | ToDevice::ModelChunk(_)
+            | ToDevice::ModelEnd => AckResult::NotSupported,
         })
     }
 

@@ -281,7 +281,7 @@ fn an_audit_with_the_planes_of_its_code_follows_every_ten_seconds() {
             Payload::Code(code, _) => codes.push((output.at_us, code.values)),
             Payload::Audit(audit) => {
                 let mut bytes = [0; pipeline::CodeValues::MAX_BYTES];
-                let message = audit.message(&mut bytes);
+                let message = audit.message(model::MODEL_ID, &mut bytes);
                 let planes: &[[u8; CELLS]] = message.planes.as_chunks().0;
                 let mut encoder = pipeline::Encoder::new();
                 let again = planes.iter().fold(None, |_, plane| {

@@ -1,11 +1,14 @@
 //! Orders and messages that a session returns for commands from a host.
 
-use std::vec::Vec;
+use std::{boxed::Box, vec::Vec};
 
-use link::{EventKind, Header, MAX_FRAME, ResetCause};
+use link::{
+    EventKind, Header, MAX_CHUNK_BYTES, MAX_FRAME, ModelBegin, ModelChunk, ResetCause, model_crc,
+};
 
 use super::*;
 use crate::acquired_sample::Marks;
+use crate::model_slot::{ModelSlot, NoSlot};
 use crate::sender::FrameRing;
 
 /// Abilities of a board that supports every command and stream.
@@ -20,6 +23,7 @@ const EVERYTHING: Abilities = Abilities {
 struct Device {
     session: Session<'static>,
     sender: Sender<FrameRing<16_384>>,
+    slot: Box<ModelSlot>,
 }
 
 impl Device {
@@ -35,23 +39,30 @@ impl Device {
         Self {
             session: Session::new(identity, abilities, Mains::default()),
             sender: Sender::new(FrameRing::new()),
+            slot: Box::new(ModelSlot::empty()),
         }
     }
 
     /// Delivers a command with the `seq` 70 at 1,000 us; returns the order to the board.
-    fn deliver(&mut self, command: ToDevice) -> Option<Order> {
+    fn deliver(&mut self, command: ToDevice<'_>) -> Option<Order> {
         let mut buffer = [0; MAX_FRAME];
         let mut host = link::Encoder::starting_at(70);
         let bytes = host.encode(0, &command, &mut buffer).unwrap();
         let (mut orders, counts) = (Vec::new(), Counts::default());
-        let Self { session, sender } = self;
-        session.receive(bytes, 1_000, counts, sender, |order| orders.push(order));
+        let Self {
+            session,
+            sender,
+            slot,
+        } = self;
+        session.receive(bytes, 1_000, counts, &mut **slot, sender, |order| {
+            orders.push(order);
+        });
         assert!(orders.len() < 2, "{orders:?}");
         orders.pop()
     }
 
     /// Delivers a command; returns the order to the board and the result in the `Ack`.
-    fn execute(&mut self, command: ToDevice) -> (Option<Order>, AckResult) {
+    fn execute(&mut self, command: ToDevice<'_>) -> (Option<Order>, AckResult) {
         let order = self.deliver(command);
         let acks = self.sent(|_, message| match message {
             ToHost::Ack(ack) => Some(*ack),
@@ -72,7 +83,7 @@ impl Device {
     }
 
     /// Delivers a command and returns the names of the messages that the session sends for it.
-    fn kinds_after(&mut self, command: ToDevice) -> Vec<&'static str> {
+    fn kinds_after(&mut self, command: ToDevice<'_>) -> Vec<&'static str> {
         self.deliver(command);
         self.kinds()
     }
@@ -105,6 +116,7 @@ impl Device {
                 ToHost::Event(_) => "event",
                 ToHost::Code(_) => "code",
                 ToHost::Ack(_) => "ack",
+                ToHost::ModelReceived(_) => "received",
                 _ => "other",
             })
         })
@@ -122,7 +134,7 @@ impl Device {
     }
 }
 
-const fn start(streams: Streams) -> ToDevice {
+const fn start(streams: Streams) -> ToDevice<'static> {
     ToDevice::Start(Start {
         streams,
         mains_hz: 0,
@@ -287,7 +299,9 @@ fn during_a_self_test_starts_are_refused_and_a_stop_does_not_end_it() {
     assert_eq!(device.execute(ToDevice::Stop), (None, AckResult::Done));
     assert_eq!(device.execute(start(Streams::CODES)), busy);
 
-    let Device { session, sender } = &mut device;
+    let Device {
+        session, sender, ..
+    } = &mut device;
     session.send_self_test(SelfTest::default(), 9, sender);
     assert_eq!(device.kinds(), ["self-test"]);
     device.run(Streams::CODES);
@@ -321,7 +335,9 @@ fn the_converters_status_is_sent_on_introduction_on_a_new_fault_and_while_stream
             fault: crate::converters::fault_text(fault),
             ..Converters::default()
         };
-        let Device { session, sender } = &mut *device;
+        let Device {
+            session, sender, ..
+        } = &mut *device;
         session.update_converters(converters, 5, sender);
         device.kinds().len()
     };
@@ -375,8 +391,10 @@ fn noise_and_echoes_are_counted_and_timing_is_sent_unchanged() {
         .encode(0, &ToHost::SelfTest(SelfTest::default()), &mut buffer)
         .unwrap();
     for bytes in [&[7, 7, 7, 0][..], echo] {
-        let Device { session, sender } = &mut device;
-        session.receive(bytes, 1_000, Counts::default(), sender, |_| ());
+        let Device {
+            session, sender, ..
+        } = &mut device;
+        session.receive(bytes, 1_000, Counts::default(), &mut NoSlot, sender, |_| ());
     }
     assert_eq!(device.kinds(), [""; 0]);
     assert_eq!(device.execute(ToDevice::Stop).1, AckResult::Done);
@@ -396,4 +414,110 @@ fn noise_and_echoes_are_counted_and_timing_is_sent_unchanged() {
         _ => None,
     });
     assert_eq!(sent, [(5, timing)]);
+}
+
+/// Commands that upload the model `bytes` with the id `ID`.
+fn upload(bytes: &[u8]) -> impl Iterator<Item = ToDevice<'_>> {
+    let begin = ToDevice::ModelBegin(ModelBegin {
+        id: ID,
+        bytes: u32::try_from(bytes.len()).unwrap(),
+        crc: model_crc(bytes),
+    });
+    let chunks = (0..)
+        .step_by(MAX_CHUNK_BYTES)
+        .zip(bytes.chunks(MAX_CHUNK_BYTES));
+    let chunks = chunks.map(|(offset, bytes)| ToDevice::ModelChunk(ModelChunk { offset, bytes }));
+    [begin]
+        .into_iter()
+        .chain(chunks)
+        .chain([ToDevice::ModelEnd])
+}
+
+const ID: [u8; 8] = *b"personal";
+
+/// Returns the upload of the built-in packed model; `None` if there is none.
+fn packed_model() -> Option<Vec<u8>> {
+    let artifact = artifact::Artifact::from_files(model::artifact_files::FILES).unwrap();
+    model_gen::upload(&artifact).unwrap()
+}
+
+#[test]
+fn an_uploaded_model_is_introduced_by_its_id_and_streams_what_its_host_can_decode() {
+    let Some(mut bytes) = packed_model() else {
+        return;
+    };
+    for is_of_this_network in [true, false] {
+        let mut device = Device::new(EVERYTHING);
+        if !is_of_this_network {
+            bytes[12] ^= 1;
+        }
+        let answers: Vec<_> = upload(&bytes)
+            .map(|command| device.kinds_after(command))
+            .collect();
+        let (end, parts) = answers.split_last().unwrap();
+        assert!(
+            parts.iter().all(|part| part == &["received", "ack"]),
+            "{parts:?}"
+        );
+        assert_eq!(end, &["received", "hello", "capabilities", "ack"]);
+        device.deliver(ToDevice::Identify);
+        let ids = device.sent(|_, message| match message {
+            ToHost::Hello(hello) => Some(hello.model_id),
+            _ => None,
+        });
+        assert_eq!(ids, [ID]);
+        let codes = if is_of_this_network {
+            AckResult::Done
+        } else {
+            AckResult::BadArgument
+        };
+        for stream in [Streams::CODES, Streams::AUDIT] {
+            assert_eq!(device.execute(start(stream)).1, codes);
+        }
+        device.execute(ToDevice::Stop);
+        // The model is replaced: until the next one is whole, the device uses the built-in one.
+        let begin = ToDevice::ModelBegin(ModelBegin {
+            id: [1; 8],
+            bytes: u32::try_from(bytes.len()).unwrap(),
+            crc: 0,
+        });
+        let replaced = device.kinds_after(begin);
+        assert_eq!(replaced, ["received", "hello", "capabilities", "ack"]);
+        device.run(Streams::PACKED | Streams::CODES);
+    }
+}
+
+#[test]
+fn a_model_is_refused_while_streaming_and_by_a_device_without_slot_or_packed_code() {
+    let Some(bytes) = packed_model() else {
+        return;
+    };
+    let mut device = Device::new(EVERYTHING);
+    device.run(Streams::PACKED);
+    for command in upload(&bytes) {
+        assert_eq!(device.execute(command), (None, AckResult::Busy));
+    }
+    let mut without_packed = Device::new(Abilities::CODES);
+    let refused = (None, AckResult::NotSupported);
+    assert!(upload(&bytes).all(|command| without_packed.execute(command) == refused));
+
+    let mut device = Device::new(EVERYTHING);
+    let mut buffer = [0; MAX_FRAME];
+    for command in upload(&bytes) {
+        let frame = link::Encoder::starting_at(70).encode(0, &command, &mut buffer);
+        let Device {
+            session, sender, ..
+        } = &mut device;
+        let (counts, slot) = (Counts::default(), &mut NoSlot);
+        session.receive(frame.unwrap(), 1_000, counts, slot, sender, |_| ());
+    }
+    let results = device.sent(|_, message| match message {
+        ToHost::Ack(ack) => Some(ack.result),
+        _ => panic!("{message:?}"),
+    });
+    assert!(
+        results
+            .iter()
+            .all(|result| *result == AckResult::NotSupported)
+    );
 }

@@ -2,7 +2,7 @@
 
 use link::{
     Ack, AckResult, CodeValues, Decoder, Encoder, ExclusionPolicy, FrameError, Header, MAX_FRAME,
-    Message, ResetCause, Stage, ToDevice, ToHost, VERSION, encode,
+    Message, ModelBegin, ResetCause, Stage, ToDevice, ToHost, VERSION, encode,
 };
 use serde::{Deserialize, Serialize};
 
@@ -20,18 +20,21 @@ enum LaterToDevice {
     Reset(u8),
     SetRate { rate: u8 },
     SetExclusion(ExclusionPolicy),
+    ModelBegin(ModelBegin),
+    ModelChunk { offset: u32 },
+    ModelEnd,
     Later { pattern: u8, value: u32 },
 }
 
 impl Message<'_> for LaterToDevice {
-    const KINDS: u32 = 10;
+    const KINDS: u32 = 13;
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
-fn first(
-    decoder: &mut Decoder,
+fn first<'d>(
+    decoder: &'d mut Decoder,
     mut bytes: &[u8],
-) -> Option<Result<link::Frame<ToDevice>, FrameError>> {
+) -> Option<Result<link::Frame<ToDevice<'d>>, FrameError>> {
     decoder.next::<ToDevice>(&mut bytes)
 }
 
@@ -52,7 +55,7 @@ fn a_newer_message_is_an_intact_frame_that_is_ignored() {
     };
     assert_eq!(
         first(&mut decoder, bytes),
-        Some(Err(FrameError::Unknown { header, kind: 9 }))
+        Some(Err(FrameError::Unknown { header, kind: 12 }))
     );
     let bytes = encoder
         .encode(6, &LaterToDevice::Ping, &mut buffer)

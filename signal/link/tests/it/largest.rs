@@ -3,10 +3,10 @@
 use link::{
     Ack, AckResult, Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,
     ChipTest, Code, CodeFormat, CodeValues, CompressedRaw, Converters, Decoder, ElectrodeQuality,
-    Encoder, FILTERED_STEPS, Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES,
-    MAX_FRAME, MAX_LABELS_BYTES, MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message, PackedCode,
-    Quality, RAW_SAMPLES, Raw, ResetCause, SelfTest, Stage, StageTiming, Start, Stats, Streams,
-    Timing, ToDevice, ToHost, VALUE_BYTES,
+    Encoder, FILTERED_STEPS, Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_CHUNK_BYTES,
+    MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES, MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message,
+    ModelChunk, PackedCode, Quality, RAW_SAMPLES, Raw, ResetCause, SelfTest, Stage, StageTiming,
+    Start, Stats, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
 /// Returns the length in bytes of the message's body, with the largest header.
@@ -124,6 +124,25 @@ fn the_largest_frame_fits() {
         mains_hz: 255,
     };
     assert!(body_bytes(&ToDevice::Start(start)) < 32);
+    let chunk = |length: usize| {
+        ToDevice::ModelChunk(ModelChunk {
+            offset: u32::MAX,
+            bytes: &[255; MAX_CHUNK_BYTES + 1][..length],
+        })
+    };
+    // Header, message number, CRC, offset and bytes.
+    assert_eq!(
+        body_bytes(&chunk(MAX_CHUNK_BYTES)),
+        21 + 5 + MAX_CHUNK_BYTES
+    );
+    for length in [0, 1, MAX_CHUNK_BYTES, MAX_CHUNK_BYTES + 1] {
+        let mut buffer = [0; MAX_FRAME];
+        let frame = Encoder::default().encode(0, &chunk(length), &mut buffer);
+        let mut decoder = Decoder::<MAX_FRAME>::new();
+        let read = decoder.next::<ToDevice>(&mut frame.unwrap()).unwrap();
+        let is_allowed = (1..=MAX_CHUNK_BYTES).contains(&length);
+        assert_eq!(read.is_ok(), is_allowed, "{length}");
+    }
 }
 
 #[test]

@@ -3,9 +3,28 @@
 use link::{
     Audit, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code,
     CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event, EventKind,
-    Exclusion, ExclusionPolicy, Filtered, Flags, Hello, PackedCode, Quality, Raw, ResetCause,
-    SelfTest, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
+    Exclusion, ExclusionPolicy, Filtered, Flags, Hello, ModelBegin, ModelChunk, ModelReceived,
+    PackedCode, Quality, Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams,
+    Substitutes, Timing, ToHost,
 };
+
+/// Announcement of a model of 300 bytes, and the part of it from byte 256 on.
+pub(crate) const MODEL: ModelBegin = ModelBegin {
+    id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
+    bytes: 300,
+    crc: 0xDEAD_BEEF,
+};
+pub(crate) const CHUNK: ModelChunk<'_> = ModelChunk {
+    offset: 256,
+    bytes: &[0, 1, 2, 0xFF, 0x80],
+};
+
+pub(crate) fn model_received() -> ToHost<'static> {
+    ToHost::ModelReceived(ModelReceived {
+        id: MODEL.id,
+        bytes: 256,
+    })
+}
 
 pub(crate) fn hello() -> ToHost<'static> {
     ToHost::Hello(Hello {

@@ -3,8 +3,8 @@
 use link::{
     Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeValues, CompressedRaw,
     ElectrodeQuality, Event, EventKind, Exclusion, ExclusionPolicy, Filtered, Flags, Hello,
-    MAX_ELECTRODES, MAX_EXPONENT, MAX_NUMBERS, MAX_STAGES, PackedCode, Quality, Raw, ResetCause,
-    Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
+    MAX_ELECTRODES, MAX_EXPONENT, MAX_NUMBERS, MAX_STAGES, ModelReceived, PackedCode, Quality, Raw,
+    ResetCause, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
 };
 use proptest::prelude::*;
 
@@ -128,7 +128,10 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
                 policy,
             })
         });
+    let received = any::<([u8; 8], u32)>()
+        .prop_map(|(id, bytes)| ToHost::ModelReceived(ModelReceived { id, bytes }));
     prop_oneof![
+        received,
         raw,
         compressed,
         packed,

@@ -7,9 +7,10 @@ use link::{
 };
 
 use crate::messages::{
-    POLICY, audit, capabilities, clock_reading, code, code_of_16_bits, code_with_exponent,
-    compressed_continuing, compressed_key, converters, event, exclusion, filtered, hello,
-    packed_code, quality, raw, self_test, stats, substitutes, timing,
+    CHUNK, MODEL, POLICY, audit, capabilities, clock_reading, code, code_of_16_bits,
+    code_with_exponent, compressed_continuing, compressed_key, converters, event, exclusion,
+    filtered, hello, model_received, packed_code, quality, raw, self_test, stats, substitutes,
+    timing,
 };
 
 const DOCUMENT: &str = include_str!("../../../../docs/wire-format.md");
@@ -92,6 +93,9 @@ fn every_dump_equals_the_encoders_output() {
         ("reset", (6, 0), ToDevice::Reset(ResetInto::Bootloader)),
         ("set-rate", (7, 0), ToDevice::SetRate { rate: 6 }),
         ("set-exclusion", (8, 0), ToDevice::SetExclusion(POLICY)),
+        ("model-begin", (9, 0), ToDevice::ModelBegin(MODEL)),
+        ("model-chunk", (10, 0), ToDevice::ModelChunk(CHUNK)),
+        ("model-end", (11, 0), ToDevice::ModelEnd),
     ];
     let code_at = (304, 19_871_093);
     let second = (316, 19_916_015);
@@ -117,6 +121,7 @@ fn every_dump_equals_the_encoders_output() {
         ("compressed-raw-continuing", second, compressed_continuing()),
         ("packed-code", (317, 19_929_687), packed_code()),
         ("exclusion", (318, 19_937_500), exclusion()),
+        ("model-received", (4, 1_004_000), model_received()),
     ];
     let compared = commands.len() + messages.len();
     for command in commands {

@@ -29,3 +29,4 @@ mod samples_chain;
 mod service;
 mod synthetic_eeg;
 mod udev_rule;
+mod uploaded_model;

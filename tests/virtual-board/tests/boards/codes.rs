@@ -25,7 +25,7 @@ const INSPECTIONS: usize = 50;
 /// and nothing is late or lost. DMA1 can access every buffer that it uses.
 pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
-    let run = Repeatable::start(&mut board, Streams::CODES, None)?;
+    let run = Repeatable::start(&mut board, Streams::CODES, &[])?;
     let (start_us, started) = (board.now_us(), Instant::now());
     run_codes(&mut board, 2)?;
     for _ in 0..INSPECTIONS {

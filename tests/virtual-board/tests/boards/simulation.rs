@@ -17,20 +17,20 @@ pub(crate) const HOP: u64 = 32;
 #[derive(Clone, Debug)]
 pub(crate) struct Repeatable {
     streams: Streams,
-    /// Command that the board receives before the command `Start`.
-    command: Option<ToDevice>,
+    /// Commands that the board receives before the command `Start`.
+    commands: Vec<ToDevice<'static>>,
     /// Numbers of the samples with which the run may have started: those between the command
     /// `Start` and its acknowledgement.
     first: RangeInclusive<u64>,
 }
 
 impl Repeatable {
-    /// Starts `streams` on a board. `command` is a command that the board has received before and
+    /// Starts `streams` on a board. `commands` are commands that the board has received before and
     /// that host-sim must execute, too.
     pub(crate) fn start(
         board: &mut VirtualBoard,
         streams: Streams,
-        command: Option<ToDevice>,
+        commands: &[ToDevice<'static>],
     ) -> Result<Self, BoardError> {
         let before = board.converters().samples_delivered();
         start(board, streams)?;
@@ -38,7 +38,7 @@ impl Repeatable {
         let first = before.saturating_sub(1)..=after + 1;
         Ok(Self {
             streams,
-            command,
+            commands: commands.to_vec(),
             first,
         })
     }
@@ -53,7 +53,7 @@ impl Repeatable {
         select: fn(&[Frame]) -> Vec<T>,
     ) -> (usize, Inbox) {
         let made = select(board.inbox().frames());
-        let simulated = |first, samples| simulated(self.streams, self.command, first, samples);
+        let simulated = |first, samples| simulated(self.streams, &self.commands, first, samples);
         let mut candidates = self.first.clone();
         let first = candidates
             .find(|&sample| select(simulated(sample, 2 * HOP).frames()).first() == made.first());
@@ -68,14 +68,14 @@ impl Repeatable {
     }
 }
 
-/// Returns the frames that host-sim sends after `command` and a `Start` of `streams`, for `samples`
+/// Returns the frames that host-sim sends after `commands` and a `Start` of `streams`, for `samples`
 /// samples, the first of which has the number `first`.
-fn simulated(streams: Streams, command: Option<ToDevice>, first: u64, samples: u64) -> Inbox {
+fn simulated(streams: Streams, commands: &[ToDevice<'_>], first: u64, samples: u64) -> Inbox {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = Simulator::new(Identity::default(), Mains::default(), outbox.clone());
-    if let Some(command) = command {
+    for command in commands {
         let mut buffer = [0; MAX_FRAME];
-        let frame = Encoder::default().encode(0, &command, &mut buffer);
+        let frame = Encoder::default().encode(0, command, &mut buffer);
         board.receive(frame.expect("a command fits a frame"), 0);
     }
     let start = Start {

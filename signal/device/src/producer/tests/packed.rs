@@ -248,7 +248,7 @@ fn audits_at_the_host(encoders: impl Encoders) -> Vec<(u32, usize)> {
                 return;
             };
             let mut values = [0; pipeline::CodeValues::MAX_BYTES];
-            let message = link::ToHost::Audit(audit.message(&mut values));
+            let message = link::ToHost::Audit(audit.message(model::MODEL_ID, &mut values));
             let mut frame = [0; link::MAX_FRAME];
             let mut frame = link::Encoder::default()
                 .encode(output.at_us, &message, &mut frame)

@@ -1,0 +1,167 @@
+//! A packed model is given to the device before it streams.
+
+use bridge_core::{Settings, Upload};
+use link::{Streams, ToDevice};
+
+use crate::board::{BUILT_IN, Board, model};
+use crate::recorder::{Harness, SETTINGS, commands, value};
+
+const PACKED: Settings = Settings {
+    streams: Streams::PACKED,
+    ..SETTINGS
+};
+
+/// Content of the uploaded model, which the bridge does not interpret: three chunks.
+fn content() -> Vec<u8> {
+    (0..3000_u32)
+        .map(|byte| (byte * 31 % 251).to_le_bytes()[0])
+        .collect()
+}
+
+/// Creates a harness whose core has a model for the board, and is not connected yet.
+fn uploading(board: Board) -> Harness {
+    let mut harness = Harness::new(PACKED, board);
+    harness
+        .core
+        .set_upload(Upload::new(model().id(), content().into()));
+    harness
+}
+
+/// Returns what the board has received of the model.
+fn uploaded(harness: &Harness) -> &[u8] {
+    &harness.board.slot.as_ref().unwrap().1
+}
+
+const UPLOAD: [&str; 5] = [
+    "model begin",
+    "model chunk",
+    "model chunk",
+    "model chunk",
+    "model end",
+];
+
+#[test]
+fn a_device_with_another_model_gets_it_before_it_streams_and_after_each_restart() {
+    let mut harness = uploading(Board::with_slot());
+    harness.connect();
+    let all = [&["identify", "stop"], &UPLOAD[..], &["start"]].concat();
+    assert_eq!(commands(&harness), all);
+    assert_eq!(uploaded(&harness), content());
+    assert_eq!(harness.core.objection(), None);
+    let id = artifact::ModelId(model().id()).to_string();
+    assert_eq!(value(&harness.status("device").unwrap(), "model"), id);
+    assert_eq!(
+        harness.core.summary().resets,
+        0,
+        "a new model is no restart"
+    );
+
+    harness.board.received.clear();
+    harness.reboot(1_000_000);
+    assert_eq!(commands(&harness), all[1..]);
+    assert_eq!(uploaded(&harness), content());
+    assert_eq!(harness.core.objection(), None);
+}
+
+#[test]
+fn an_upload_goes_on_where_a_lost_connection_has_ended_it() {
+    let mut harness = uploading(Board::with_slot());
+    harness.open();
+    while uploaded(&harness).is_empty() {
+        let sent = std::mem::take(&mut harness.recorder.sent);
+        assert!(!sent.is_empty());
+        let answers = harness.board.answer(&sent);
+        harness.receive(&answers);
+    }
+    let report = harness.status("device").unwrap().message;
+    assert!(report.contains("34 %"), "{report}");
+    harness.core.disconnected();
+    harness.recorder.sent.clear();
+    harness.board.received.clear();
+    harness.connect();
+    let rest = [
+        "identify",
+        "model begin",
+        "model chunk",
+        "model chunk",
+        "model end",
+        "start",
+    ];
+    assert_eq!(commands(&harness), rest);
+    assert_eq!(uploaded(&harness), content());
+}
+
+#[test]
+fn lost_answers_are_asked_for_again() {
+    let mut harness = uploading(Board::with_slot());
+    harness.open();
+    let mut round = 0;
+    while !harness.board.streaming && round < 100 {
+        let sent = std::mem::take(&mut harness.recorder.sent);
+        let answers = harness.board.answer(&sent);
+        // Every third answer is lost as a whole.
+        if round % 3 != 2 {
+            harness.receive(&answers);
+        }
+        if harness.recorder.sent.is_empty() {
+            harness.now_us += 500_000;
+            harness.tick();
+        }
+        round += 1;
+    }
+    assert!(harness.board.streaming, "{:?}", commands(&harness));
+    assert_eq!(uploaded(&harness), content());
+    assert_eq!(harness.board.model_id, model().id());
+}
+
+#[test]
+fn a_device_without_a_slot_is_used_as_it_is_and_the_reason_is_reported() {
+    let mut board = Board::new();
+    board.model_id = BUILT_IN;
+    let mut harness = uploading(board);
+    harness.connect();
+    let all = ["identify", "stop", "model begin", "identify", "start"];
+    assert_eq!(commands(&harness), all);
+    let objection = harness.core.objection().unwrap();
+    assert!(objection.contains("6275696c7420696e"), "{objection}");
+}
+
+#[test]
+fn a_model_that_the_device_finds_unsound_is_sent_three_times_at_most() {
+    let mut harness = uploading(Board::with_slot());
+    harness.open();
+    while !harness.board.streaming {
+        let sent = std::mem::take(&mut harness.recorder.sent);
+        assert!(!sent.is_empty());
+        // The board's memory loses a bit.
+        let slot = harness.board.slot.as_mut().unwrap();
+        if let Some(last) = slot.1.last_mut() {
+            *last ^= 1;
+        }
+        let answers = harness.board.answer(&sent);
+        harness.receive(&answers);
+    }
+    let ends = harness.board.received.iter();
+    let ends = ends
+        .filter(|(_, command)| *command == ToDevice::ModelEnd)
+        .count();
+    assert_eq!(ends, 3);
+    assert!(harness.core.objection().is_some());
+}
+
+#[test]
+fn no_model_is_sent_to_a_device_that_has_it_or_has_other_electrodes() {
+    let has_it = Board {
+        model_id: model().id(),
+        ..Board::with_slot()
+    };
+    let other = Board {
+        labels: Board::new().labels.replace("Cz", "Xy"),
+        ..Board::with_slot()
+    };
+    for board in [has_it, other] {
+        let mut harness = uploading(board);
+        harness.connect();
+        assert_eq!(commands(&harness), ["identify", "stop", "start"]);
+    }
+}

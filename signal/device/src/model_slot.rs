@@ -1,0 +1,269 @@
+//! Memory for a packed model that the host uploads, and the access of tasks to it.
+
+use int8_nn::Linear;
+use int8_nn::Pair;
+use link::{AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, ModelReceived, model_crc};
+use model::{
+    ELECTRODES, HOP, NETWORK_ID, PACKED, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS, Packed, Slice,
+};
+use packed::{Costs, Starts, Tables};
+use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes, KnownLayout};
+
+/// Version of the layout of an uploaded model.
+const LAYOUT: u32 = 1;
+/// Numbers of pairs in the packed weights of the analysis and of the prediction.
+const ANALYSIS_PAIRS: usize = PACKED_INPUT_PAIRS * PACKED_COEFFICIENTS / 2;
+const PREDICTION_PAIRS: usize = PACKED_COEFFICIENTS * PACKED_COEFFICIENTS / 4;
+/// Electrodes, steps of a block, pairs of input values and coefficients of this image's packed
+/// model.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "at most 64 electrodes, 64 steps, 256 coefficients"
+)]
+const SHAPE: [u16; 4] = [
+    ELECTRODES as u16,
+    HOP as u16,
+    PACKED_INPUT_PAIRS as u16,
+    PACKED_COEFFICIENTS as u16,
+];
+/// Largest energy of a misfit that is no misfit of the model, so that no sum with it overflows.
+const MAX_MISFIT: i64 = 1 << 48;
+
+/// An uploaded model, byte for byte as `docs/wire-format.md` lays it out. `model_gen` writes it.
+#[derive(Clone, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
+#[repr(C)]
+struct Content {
+    layout: u32,
+    shape: [u16; 4],
+    network: [u8; 8],
+    input_multiplier: i32,
+    misfit_energy: i64,
+    input_limit: i32,
+    _reserved: u32,
+    analysis: [Pair; ANALYSIS_PAIRS],
+    prediction: [Pair; PREDICTION_PAIRS],
+    analysis_factors: [i32; PACKED_COEFFICIENTS],
+    prediction_factors: [i32; PACKED_COEFFICIENTS],
+    starts: Starts,
+    costs: Costs,
+    predicted_levels: [u8; PACKED_COEFFICIENTS],
+    reset_levels: [u8; PACKED_COEFFICIENTS],
+}
+
+const _: () = assert!(
+    cfg!(target_endian = "little"),
+    "an uploaded model is used as the host has sent it: least significant bytes first"
+);
+
+/// Memory for one uploaded packed model. A board can create it in place: all of its bytes are 0
+/// while it is empty (`FromZeros`).
+///
+/// Chunks arrive in order. Damaged, missing and repeated ones change nothing that was received, and
+/// a model is used only when its length, its CRC and its numbers are right. Its encoder cannot
+/// panic whatever the weights are: their sums wrap.
+#[derive(Clone, Debug, FromZeros)]
+pub struct ModelSlot {
+    content: Content,
+    /// Id, length and CRC of the announced model; zeros if none is announced.
+    id: [u8; 8],
+    bytes: u32,
+    crc: u32,
+    /// Number of bytes that have arrived, from the start of the model.
+    received: u32,
+    /// Whether the model has been checked and is in use.
+    is_complete: bool,
+}
+
+/// What has become of a command about an uploaded model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct UploadOutcome {
+    pub(crate) result: AckResult,
+    /// What the slot holds of the announced model.
+    pub(crate) received: ModelReceived,
+    /// The model in the slot, if it can be used.
+    pub(crate) model: Option<UploadedModel>,
+}
+
+/// An uploaded model that a device can use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct UploadedModel {
+    pub(crate) id: [u8; 8],
+    /// Whether the device's network is that of the uploaded model, so that a host with the uploaded
+    /// model can decode its codes.
+    pub(crate) has_network: bool,
+}
+
+impl ModelSlot {
+    /// Length of an uploaded model, bytes.
+    pub const BYTES: usize = size_of::<Content>();
+
+    /// Creates an empty slot, all of whose bytes are 0.
+    pub fn empty() -> Self {
+        Self::new_zeroed()
+    }
+
+    /// Returns the announcement of the model that the slot has, or is receiving.
+    const fn announced(&self) -> ModelBegin {
+        ModelBegin {
+            id: self.id,
+            bytes: self.bytes,
+            crc: self.crc,
+        }
+    }
+
+    fn announce(&mut self, ModelBegin { id, bytes, crc }: ModelBegin) {
+        (self.id, self.bytes, self.crc) = (id, bytes, crc);
+        self.received = 0;
+        self.is_complete = false;
+    }
+
+    /// Announces a model. If it is the one whose upload has begun, or that the slot holds, what was
+    /// received stays; otherwise the slot is emptied.
+    pub(crate) fn begin(&mut self, begin: ModelBegin) -> UploadOutcome {
+        if PACKED.is_none() {
+            return self.outcome(AckResult::NotSupported);
+        }
+        if usize::try_from(begin.bytes) != Ok(Self::BYTES) {
+            return self.outcome(AckResult::BadArgument);
+        }
+        if begin != self.announced() {
+            self.announce(begin);
+        }
+        self.outcome(AckResult::Done)
+    }
+
+    /// Stores a chunk that begins where the received bytes end, or before.
+    pub(crate) fn store(&mut self, chunk: ModelChunk<'_>) -> UploadOutcome {
+        let ModelChunk { offset, bytes } = chunk;
+        let first = usize::try_from(offset).unwrap_or(usize::MAX);
+        let place = first.checked_add(bytes.len()).and_then(|end| {
+            let is_next = offset <= self.received && end <= self.bytes as usize;
+            let end = u32::try_from(end).ok().filter(|_| is_next)?;
+            Some((self.content.as_mut_bytes().get_mut(first..)?, end))
+        });
+        let Some((place, end)) = place.filter(|_| bytes.len() <= MAX_CHUNK_BYTES) else {
+            return self.outcome(AckResult::BadArgument);
+        };
+        // A repeated chunk may differ from the first one, but must not change a model in use.
+        if end > self.received {
+            for (place, byte) in place.iter_mut().zip(bytes) {
+                *place = *byte;
+            }
+            self.received = end;
+        }
+        self.outcome(AckResult::Done)
+    }
+
+    /// Uses the announced model if it is complete and sound. A model that is complete but not sound
+    /// is forgotten.
+    pub(crate) fn end(&mut self) -> UploadOutcome {
+        if self.bytes == 0 || self.received < self.bytes {
+            return self.outcome(AckResult::BadArgument);
+        }
+        self.is_complete = self.content.is_sound(self.crc);
+        if !self.is_complete {
+            self.announce(ModelBegin::default());
+            return self.outcome(AckResult::Failed);
+        }
+        self.outcome(AckResult::Done)
+    }
+
+    fn outcome(&self, result: AckResult) -> UploadOutcome {
+        let model = UploadedModel {
+            id: self.id,
+            has_network: self.content.network == NETWORK_ID,
+        };
+        UploadOutcome {
+            result,
+            received: ModelReceived {
+                id: self.id,
+                bytes: self.received,
+            },
+            model: self.is_complete.then_some(model),
+        }
+    }
+
+    /// Returns the uploaded model; `None` if the slot has none that is complete and sound.
+    pub fn packed(&self) -> Option<Packed<'_>> {
+        let content = &self.content;
+        let packed = PACKED.as_ref().filter(|_| self.is_complete)?;
+        // The shapes are those of the image's model. A slice that does not fit is not multiplied.
+        let weights = |first: usize, inputs: usize| {
+            let range = first * PACKED_COEFFICIENTS / 2..(first + inputs) * PACKED_COEFFICIENTS / 2;
+            content.analysis.get(range).unwrap_or_default()
+        };
+        let slice = |slice: Slice<'static>| Slice {
+            first: slice.first,
+            matrix: Linear {
+                weights: weights(slice.first, slice.matrix.inputs),
+                ..slice.matrix
+            },
+        };
+        Some(Packed {
+            analysis: packed.analysis.map(slice),
+            analysis_factors: &content.analysis_factors,
+            prediction: Linear {
+                weights: &content.prediction,
+                ..packed.prediction
+            },
+            prediction_factors: &content.prediction_factors,
+            predicted_levels: &content.predicted_levels,
+            reset_levels: &content.reset_levels,
+            tables: Tables {
+                starts: &content.starts,
+                costs: &content.costs,
+            },
+            input_multiplier: content.input_multiplier,
+            input_limit: content.input_limit,
+            misfit_energy: content.misfit_energy,
+            rate: packed.rate,
+        })
+    }
+}
+
+impl Content {
+    /// Returns whether the bytes have this CRC, and are a model with which the encoder neither
+    /// overflows nor divides a range that is empty.
+    fn is_sound(&self, crc: u32) -> bool {
+        let tables = Tables {
+            starts: &self.starts,
+            costs: &self.costs,
+        };
+        model_crc(self.as_bytes()) == crc
+            && self.layout == LAYOUT
+            && self.shape == SHAPE
+            && (1..=i32::from(i16::MAX)).contains(&self.input_limit)
+            && (0..=MAX_MISFIT).contains(&self.misfit_energy)
+            && tables.is_consistent()
+    }
+}
+
+/// A device's access to its model slot, which other tasks may use at the same time.
+pub trait Slot {
+    /// Whether the device has a slot.
+    const EXISTS: bool = true;
+
+    /// Calls `access` with the slot; returns `None` if there is none, or if another task uses it.
+    fn with<T>(&mut self, access: impl FnOnce(&mut ModelSlot) -> T) -> Option<T>;
+}
+
+impl Slot for ModelSlot {
+    fn with<T>(&mut self, access: impl FnOnce(&mut ModelSlot) -> T) -> Option<T> {
+        Some(access(self))
+    }
+}
+
+/// Slot of a device that has no memory for an uploaded model.
+#[derive(Clone, Copy, Debug)]
+pub struct NoSlot;
+
+impl Slot for NoSlot {
+    const EXISTS: bool = false;
+
+    fn with<T>(&mut self, _: impl FnOnce(&mut ModelSlot) -> T) -> Option<T> {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,46 @@
+//! Upload of a packed model: its announcement, its parts, and what the device has of it.
+
+use serde::{Deserialize, Serialize};
+
+/// Largest number of bytes of a [`ModelChunk`].
+pub const MAX_CHUNK_BYTES: usize = 1024;
+
+/// Arguments of `ModelBegin`, which announces a packed model. The same announcement again, also
+/// after a reconnection, continues the upload where it stopped.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModelBegin {
+    /// Id of the model: the first 8 bytes of the SHA-256 over its files.
+    pub id: [u8; 8],
+    /// Length of the model in the layout of `docs/wire-format.md`, bytes; a device refuses every
+    /// length but that of its own packed model.
+    pub bytes: u32,
+    /// [`model_crc`] of these bytes.
+    pub crc: u32,
+}
+
+/// A part of the announced model: argument of `ModelChunk`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModelChunk<'a> {
+    /// Offset of the first byte in the model; at most the number of bytes that the device has.
+    pub offset: u32,
+    /// 1 to [`MAX_CHUNK_BYTES`] bytes of the model. Serde skips them, because the frame carries
+    /// them after the message's fields.
+    #[serde(skip)]
+    pub bytes: &'a [u8],
+}
+
+/// What a device has of the announced model; sent before the `Ack` of `ModelBegin` and of
+/// `ModelChunk`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModelReceived {
+    /// Id of the announced model; zeros if none is announced.
+    pub id: [u8; 8],
+    /// Number of bytes that the device has, from the start of the model: the offset of the next
+    /// chunk.
+    pub bytes: u32,
+}
+
+/// Returns the CRC-32C of a packed model.
+pub fn model_crc(model: &[u8]) -> u32 {
+    crate::frame::CRC.checksum(model)
+}

@@ -1,0 +1,159 @@
+//! A board that was built with one packed model streams with another, which the bridge gives it,
+//! also after a restart in the middle of a stream.
+
+use std::path::Path;
+use std::time::Duration;
+
+use acceptance::port::free_port;
+use acceptance::printing::{self, board, messages};
+use any_model::any_packed_of;
+use artifact::reconstruction::PackedDecoder;
+use artifact::{Artifact, PackedModel};
+use host_sim::synthetic::{Generator, SyntheticSpec};
+use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
+use link::{
+    Decoder, Encoder, Flags, MAX_CHUNK_BYTES, MAX_FRAME, ModelBegin, ModelChunk, Start, Streams,
+    ToDevice, ToHost, model_crc,
+};
+use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ};
+use pipeline::{Mains, PackedEncoder, Rate, Sample};
+
+/// Longest run of a board, seconds.
+const SECONDS: usize = 6;
+const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
+/// Longest wait for a condition, enough on a busy machine.
+const SLACK: Duration = Duration::from_mins(1);
+
+/// Writes the built-in model with another packed model to `folder`.
+fn write_personal(folder: &Path) -> Artifact {
+    let artifact = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
+    let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &artifact.description);
+    let artifact = artifact.with_packed(Some(packed)).expect("it fits");
+    artifact.write(folder).expect("written");
+    artifact
+}
+
+/// Returns the frames that the library decodes at once from the blocks of a board with the model.
+fn expected(artifact: &Artifact, packed: &PackedModel) -> Vec<Vec<f32>> {
+    let outbox = Outbox::new(WhenFull::Wait);
+    let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());
+    let mut encoder = Encoder::starting_at(0);
+    let mut send = |command: ToDevice<'_>| {
+        let mut buffer = [0; MAX_FRAME];
+        let frame = encoder.encode(0, &command, &mut buffer);
+        board.receive(frame.expect("a command fits"), 0);
+    };
+    let bytes = model_gen::upload(artifact)
+        .expect("it fits")
+        .expect("it has one");
+    send(ToDevice::ModelBegin(ModelBegin {
+        id: artifact.id.0,
+        bytes: u32::try_from(bytes.len()).expect("short"),
+        crc: model_crc(&bytes),
+    }));
+    let offsets = (0..).step_by(MAX_CHUNK_BYTES);
+    for (offset, bytes) in offsets.zip(bytes.chunks(MAX_CHUNK_BYTES)) {
+        send(ToDevice::ModelChunk(ModelChunk { offset, bytes }));
+    }
+    send(ToDevice::ModelEnd);
+    send(ToDevice::Start(Start {
+        streams: Streams::PACKED,
+        mains_hz: 50,
+    }));
+    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
+    let generator = Generator::new(&spec).expect("the model's electrodes");
+    for counts in generator.take(SECONDS * usize::from(ADC_RATE_HZ)) {
+        board.process_sample(&Sample { counts }, 0);
+    }
+    let mut decoder = PackedDecoder::new(packed);
+    let rate = Rate::new(packed.description.rate).expect("a rate");
+    assert_eq!(rate, PackedEncoder::DEFAULT_RATE);
+    let mut frames = Decoder::<MAX_FRAME>::new();
+    let mut decoded = Vec::new();
+    for frame in outbox.take_all() {
+        let mut bytes = &frame[..];
+        while let Some(frame) = frames.next::<ToHost<'_>>(&mut bytes) {
+            if let ToHost::PackedCode(code) = frame.expect("intact").message {
+                let block = decoder
+                    .decode(code.bytes, rate)
+                    .expect("a block of this model");
+                decoded.push(block.microvolts);
+            }
+        }
+    }
+    assert_eq!(decoded.len(), BLOCKS);
+    decoded
+}
+
+/// Returns the index of the block, and the values, of each printed frame that is no filler.
+fn printed(lines: &str) -> Vec<(u64, Vec<f32>)> {
+    let frames = messages(lines, "/neurodata_reconstructed").filter_map(|message| {
+        let word = |index: usize| message["tri"]["data"][index].as_u64().expect("a number");
+        let is_filler = word(0) & u64::from(Flags::FILLER.bits()) != 0;
+        let data = message["eeg"]["data"].as_array().expect("a list");
+        #[expect(clippy::cast_possible_truncation, reason = "printed from a float32")]
+        let values = data
+            .iter()
+            .map(|value| value.as_f64().expect("a number") as f32);
+        (!is_filler).then(|| (word(1), values.collect()))
+    });
+    frames.collect()
+}
+
+#[test]
+fn a_board_streams_with_the_model_that_the_bridge_gives_it_also_after_a_restart() {
+    if model::PACKED.is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let personal = folder.join("personal");
+    let artifact = write_personal(&personal);
+    let packed = artifact.packed.clone().expect("a packed model");
+    let expected = expected(&artifact, &packed);
+
+    let port = format!("tcp:127.0.0.1:{}", free_port().expect("a free port"));
+    let personal = personal.display().to_string();
+    let options = [
+        "--streams=packed",
+        "--low-latency",
+        "--upload-model",
+        &personal,
+    ];
+    let first = board(folder, SECONDS, &port);
+    let mut printing = printing::print(folder, &port, &options);
+    printing.wait_until("two seconds", SLACK, |bridge| {
+        printed(&bridge.output()).len() >= 2 * BLOCKS / SECONDS
+    });
+    drop(first);
+    let second = board(folder, SECONDS, &port);
+    printing.wait_until("the second run", SLACK, |bridge| {
+        let frames = printed(&bridge.output());
+        let starts = frames.iter().filter(|(block, _)| *block == 0).count();
+        starts == 2
+            && frames
+                .last()
+                .is_some_and(|(block, _)| *block == BLOCKS as u64 - 1)
+    });
+    drop(second);
+    let [lines, log] = printing::stop(printing, folder);
+    let frames = printed(&lines);
+    for (block, values) in &frames {
+        let expected = usize::try_from(*block)
+            .ok()
+            .and_then(|block| expected.get(block));
+        assert!(expected == Some(values), "block {block}");
+    }
+    assert!(
+        frames.len() >= BLOCKS * 4 / 3,
+        "{} frames of {BLOCKS} and a part",
+        frames.len()
+    );
+    let uses = format!("uses model {}", artifact.id);
+    assert_eq!(log.matches(&uses).count(), 2, "{log}");
+    let diagnostics = messages(&lines, "/diagnostics").last().expect("a report");
+    assert!(
+        diagnostics.to_string().contains(&artifact.id.to_string()),
+        "{diagnostics}"
+    );
+}
