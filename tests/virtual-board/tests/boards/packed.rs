@@ -2,9 +2,7 @@
 
 use any_model::any_packed_of;
 use artifact::Artifact;
-use link::{
-    AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, Streams, ToDevice, model_crc,
-};
+use link::{AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, Streams, ToDevice, model_crc};
 use virtual_board::{BoardError, Frame, Kind, ReceivedCode};
 
 use crate::images::Subject;
@@ -47,7 +45,9 @@ pub(crate) fn blocks_of_an_uploaded_model_equal_those_of_host_sim(
     let artifact = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
     let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &artifact.description);
     let artifact = artifact.with_packed(Some(packed)).expect("it fits");
-    let bytes = model_gen::upload(&artifact).expect("it fits").expect("it has one");
+    let bytes = model_gen::upload(&artifact)
+        .expect("it fits")
+        .expect("it has one");
     let bytes: &'static [u8] = bytes.leak();
     let begin = ModelBegin {
         id: artifact.id.0,
