@@ -27,14 +27,14 @@ use std::path::{Path, PathBuf};
 const SILENT_UV: f64 = 0.1;
 
 /// An electrode is bad in a recording if the median over all seconds of its innovation's energy is
-/// more than this many times that of the median electrode. In recordings R03 to R12 of EEGMMIDB S001
-/// to S008, FT8 of S004 has 176 to 1,056 times, FT7 of S006 up to 209, every other electrode up to
-/// 94.
+/// more than this many times that of the median electrode. In recordings R03 to R12 of EEGMMIDB
+/// S001 to S008, FT8 of S004 has 176 to 1,056 times, FT7 of S006 up to 209, every other electrode
+/// up to 94.
 const BAD_INNOVATION: f64 = 100.0;
 
 /// ... and if the energy of its innovation is more than this part of its own energy, so that the
-/// other electrodes say little about it. In the same recordings FT8 of S004 has 0.95 to 0.99, FT7 of
-/// S006 up to 0.69.
+/// other electrodes say little about it. In the same recordings FT8 of S004 has 0.95 to 0.99, FT7
+/// of S006 up to 0.69.
 const BAD_PART: f64 = 0.8;
 
 /// Recordings of one or several people. In each recording, bad electrodes are interpolated.
@@ -195,8 +195,8 @@ impl People {
     }
 }
 
-/// Finds the bad electrodes of one person's recordings, interpolates them, and returns their indices
-/// for each recording.
+/// Finds the bad electrodes of one person's recordings, interpolates them, and returns their
+/// indices for each recording.
 ///
 /// A bad electrode spoils the predictions of its neighbours. So the worst ones are interpolated
 /// first, and the others are judged again, until none is bad.

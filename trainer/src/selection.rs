@@ -11,7 +11,8 @@ const EXTENSIONS: [&str; 3] = ["edf", "bdf", "gdf"];
 /// Names of recordings to train on and to test with.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct TrainingFiles {
-    /// Folder in which names of recordings are searched, or a pattern of folders such as 'data/S0*'.
+    /// Folder in which names of recordings are searched, or a pattern of folders such as
+    /// 'data/S0*'.
     #[arg(long, default_value = ".")]
     data: PathBuf,
     /// Recordings (EDF, BDF, GDF) to train on: files, folders, patterns such as 'S001*.edf', ends
@@ -22,8 +23,8 @@ pub(crate) struct TrainingFiles {
     /// model has no test figures.
     #[arg(long, value_delimiter = ',')]
     test: Vec<String>,
-    /// Name of the only person [default: what precedes the number of the run in the files' names]. In
-    /// training, each person's recordings are scaled to the same power.
+    /// Name of the only person [default: what precedes the number of the run in the files' names].
+    /// In training, each person's recordings are scaled to the same power.
     #[arg(long)]
     pub(crate) subject: Option<String>,
     /// Mains frequency of the recordings, Hz: 50 or 60.
@@ -125,8 +126,8 @@ pub(crate) fn refuse_model(folder: &Path, force: bool) -> Result<(), TrainerErro
 ///
 /// * the path of a recording, or of a folder, which selects all recordings in it;
 /// * a pattern of paths with `*`, `?` or `[...]`;
-/// * the end of the file names of recordings in `folder`, which may be a pattern of folders, with or
-///   without extension; `R03..R10` means R03, R04, ... R10, each of which some folder must have.
+/// * the end of the file names of recordings in `folder`, which may be a pattern of folders, with
+///   or without extension; `R03..R10` means R03, R04, ... R10, each of which some folder must have.
 ///
 /// # Errors
 /// If a folder cannot be read, a range cannot be expanded or a name selects no recording.

@@ -47,11 +47,11 @@ const NOISY: &str = r#"
 name = "a \"noisy\" line <&>"
 duration_s = 8
 streams = ["packed", "filtered", "events"]
-trigger_every_s = 0.3
+trigger_every_s = 0.1
 
 [noise]
 bit_errors = 1e-4
-frames_dropped = 0.02
+frames_dropped = 0.1
 "#;
 
 #[test]

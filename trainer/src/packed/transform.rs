@@ -90,6 +90,19 @@ impl Transform {
         }
     }
 
+    /// Returns the mean square, over all values of blocks, of what the coefficients do not represent,
+    /// in units of `input.sd_uv` squared.
+    pub(super) fn unrepresented(&self, blocks: &Blocks) -> f64 {
+        let energy = |matrices: &[DMatrix<f32>]| {
+            let values = matrices.iter().flatten();
+            values.map(|value| f64::from(*value).powi(2)).sum::<f64>()
+        };
+        let count: usize = blocks.sequences.iter().map(DMatrix::len).sum();
+        // The directions are orthonormal: what they do not represent is orthogonal to the rest.
+        let left = energy(&blocks.sequences) - energy(&self.coefficients(blocks));
+        left.max(0.0) / count.max(1) as f64
+    }
+
     fn coefficients(&self, blocks: &Blocks) -> Vec<DMatrix<f32>> {
         let analysis = to_f32(&self.directions.transpose());
         blocks
@@ -165,4 +178,31 @@ fn to_matrix(directions: &[Vec<f32>]) -> DMatrix<f64> {
 #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
 pub(super) fn to_f32(matrix: &DMatrix<f64>) -> DMatrix<f32> {
     matrix.map(|value| value as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    #[test]
+    fn what_the_coefficients_lack_is_the_error_of_the_decoded_blocks() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let values = (0..2400).map(|index| rng.random_range(-1.0..1.0) * (1 + index % 8) as f32);
+        let track = testing::track("noise", 2, values.collect());
+        let blocks = Blocks::cut(&[track], 4, 2.0, &[0, 2]);
+        let transform = Transform::fit(&blocks, 3).unwrap();
+        let directions = to_f32(&transform.directions);
+        let (mut error, mut count) = (0.0, 0.0);
+        for blocks in &blocks.sequences {
+            let left = blocks - &directions * directions.transpose() * blocks;
+            error += left.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
+            count += left.len() as f64;
+        }
+        assert!(error > 0.1 * count);
+        let unrepresented = transform.unrepresented(&blocks);
+        assert!((unrepresented / (error / count) - 1.0).abs() < 1e-4);
+    }
 }

@@ -56,7 +56,8 @@ fn show_prints_grid_card_and_integers() {
         &printed,
         &[
             "shortcut mode, decoded from the code alone",
-            "a code of 128 numbers (int8-exponent) and a packed block of 194 bits (rate 4) every 62.5 ms",
+            "a code of 128 numbers (int8-exponent) and a packed block of ",
+            " bits (rate 4) every 62.5 ms",
             "  F7   F5   F3",
             "61 recorded, 0 interpolated",
             "worst accumulator",
@@ -167,14 +168,17 @@ fn check_measures_the_error_on_recordings() {
     };
     assert_eq!(object["real_electrodes"], 61);
     assert_eq!(object["windows"], 3694);
-    // The training card holds the figures that the trainer measured on the same recordings.
+    // The training card holds the figures that the trainer measured on the same person.
     let shown = folder.json("show built-in --json");
-    let card = &shown["description"]["training"]["mse"];
+    let tested = shown["description"]["training"]["tested"].as_array();
+    let mut tested = tested.expect("people").iter();
+    let card = tested.find(|person| person["subject"] == "S001");
+    let card = &card.expect("S001")["prd_percent"];
     for (key, figure) in [
-        ("mse_float", "autoencoder_float"),
-        ("mse_int8", "autoencoder_int8"),
-        ("mse_pca", "pca_float"),
-        ("mse_pca_int8", "pca_int8"),
+        ("prd_percent_float", "autoencoder_float"),
+        ("prd_percent_int8", "autoencoder_int8"),
+        ("prd_percent_pca", "pca_float"),
+        ("prd_percent_pca_int8", "pca_int8"),
     ] {
         let expected = card[figure].as_f64().expect("a figure");
         assert!((number(key) - expected).abs() < 1e-6, "{key}: {object}");
