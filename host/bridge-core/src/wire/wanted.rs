@@ -105,7 +105,7 @@ fn sample_choices(wanted: Streams) -> [Streams; 4] {
 
 /// Time from the start of a stream to the first clock query, microseconds. The clock needs this
 /// time for its fit, with which the answer is compared.
-const FIRST_US: i64 = 2_000_000;
+const FIRST_US: i64 = 1_000_000;
 /// Time between two clock queries, microseconds.
 const INTERVAL_US: i64 = 10_000_000;
 /// Number of clock queries before a restarted device streams again.
@@ -130,7 +130,7 @@ pub(crate) struct ClockQuery {
 }
 
 impl ClockQuery {
-    /// Records that a stream has started. The first clock query follows 2 s after the first start.
+    /// Records that a stream has started. The first clock query follows 1 s after the first start.
     pub(crate) fn start(&mut self, now_us: i64) {
         self.due_us.get_or_insert(now_us + FIRST_US);
     }

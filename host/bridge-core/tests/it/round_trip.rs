@@ -109,8 +109,8 @@ fn after_a_restart_queries_before_the_start_show_when_the_run_begins() {
         let mut harness = Harness::streaming(SETTINGS, Board::new());
         harness.board.zero_us = Some(harness.now_us);
         let run_us = harness.now_us;
-        // The first query is due 2 s after the start.
-        run_of_codes(&mut harness, run_us, if answers { 48 } else { 16 }, 0);
+        // The first query is due 1 s after the start.
+        run_of_codes(&mut harness, run_us, if answers { 48 } else { 8 }, 0);
         let before = harness.board.received.len();
         let frames = harness.recorder.encoded.len();
         // The outage and the first hop are 33 hops.
