@@ -79,13 +79,13 @@ fn an_outage_of_the_port_is_counted_and_filled() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.core.disconnected();
-    harness.lose(16);
+    harness.lose(8);
     harness.connect();
     harness.code(2, false);
     let new = &commands(&harness)[3..];
     assert_eq!(new, ["identify", "start"], "its own stream is not stopped");
     let summary = harness.core.summary();
-    assert_eq!((summary.received, summary.fillers), (2, 16));
+    assert_eq!((summary.received, summary.fillers), (2, 8));
     assert_eq!(summary.connections, 2);
 }
 
@@ -179,7 +179,7 @@ fn an_unacknowledged_start_is_stopped_at_shutdown() {
 #[test]
 fn a_report_from_before_the_start_counts_no_loss() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    harness.codes(20, 1);
+    harness.codes(8, 1);
     harness.set_streaming(false);
     // After a reconnection the core stops the device again. The `Stats` that follows still counts
     // the codes of the previous stream.
@@ -192,7 +192,7 @@ fn a_report_from_before_the_start_counts_no_loss() {
     harness.exchange();
     harness.code(2, false);
     let summary = harness.core.summary();
-    assert_eq!((summary.received, summary.lost), (21, 0));
+    assert_eq!((summary.received, summary.lost), (9, 0));
     assert_eq!(summary.fillers, 0);
 }
 
