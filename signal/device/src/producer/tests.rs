@@ -475,6 +475,8 @@ fn a_railed_electrode_is_reported_and_filled() {
         blocks += usize::from(marks.substituted);
     }
     assert!(blocks > 3);
+    // The prediction is small, so nothing that was encoded is clipped.
+    assert_eq!(producer.clipped(), 0);
     // Once a second the report is repeated, and the filtered steps show the rail.
     assert!(matches!(
         outputs.last().map(|output| output.payload),
