@@ -124,9 +124,6 @@ impl Running {
         shared: &Shared,
         samples: &mut SampleSender,
     ) {
-        if let Some(step) = step {
-            shared.count_clipped(step.clipped);
-        }
         let marks = Marks {
             overrun: conversion.missed > 0,
             adc_status_bad: conversion.status_bad,

@@ -56,6 +56,7 @@ pub async fn encode(
         if starts_run {
             producer.place_events(&slot.acquired, || shared.inputs.pop_event(), &mut hand_over);
         }
+        shared.clipped.store(producer.clipped(), Relaxed);
         if slot.acquired.step.is_some() {
             shared.timing.record(Stage::Step, start_ticks);
         }

@@ -26,7 +26,8 @@ pub struct Shared {
     samples: [AtomicU32; 2],
     overruns: AtomicU32,
     adc_status_bad: AtomicU32,
-    clipped: AtomicU32,
+    /// Number of clipped electrode values since boot, from the encoder.
+    pub(crate) clipped: AtomicU32,
     /// Number of outputs for which the queue to the conversation had no room. The encoder counts
     /// them; the conversation reads this number and resets it to 0.
     pub(crate) outputs_lost: AtomicU32,
@@ -114,10 +115,6 @@ impl Shared {
     pub(crate) fn count_adc_status_bad(&self) {
         self.adc_status_bad.fetch_add(1, Relaxed);
     }
-
-    pub(crate) fn count_clipped(&self, clipped: u16) {
-        self.clipped.fetch_add(clipped.into(), Relaxed);
-    }
 }
 
 #[cfg(test)]
@@ -160,13 +157,11 @@ mod tests {
         let shared = shared();
         shared.samples[0].store(u32::MAX, Relaxed);
         shared.overruns.store(u32::MAX, Relaxed);
-        shared.clipped.store(u32::MAX - 1, Relaxed);
         shared.count_sample();
         shared.count_overruns(3);
-        shared.count_clipped(4);
         let counts = shared.counts();
         assert_eq!(counts.samples, 1 << 32);
-        assert_eq!((counts.overruns, counts.clipped), (2, 2));
+        assert_eq!(counts.overruns, 2);
         shared.count_sample();
         assert_eq!(shared.counts().samples, (1 << 32) + 1);
     }

@@ -83,8 +83,6 @@ pub struct VirtualBoard {
     packed_blocks: u64,
     /// Number of steps since the last `Start`.
     steps: u64,
-    /// Number of electrode values clipped to int8 between boot and the last `Start`; wraps.
-    clipped_before: u32,
 }
 
 impl VirtualBoard {
@@ -114,7 +112,6 @@ impl VirtualBoard {
             adc_status_bad: 0,
             packed_blocks: 0,
             steps: 0,
-            clipped_before: 0,
         };
         board.introduce(0);
         board
@@ -164,7 +161,6 @@ impl VirtualBoard {
     fn execute(&mut self, order: Order, now_us: u64) {
         match order {
             Order::Start(run) => {
-                self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
                 self.acquisition = Acquisition::new(run.mains);
                 self.new_run = Some(run);
                 self.steps = 0;
@@ -195,7 +191,6 @@ impl VirtualBoard {
         *self.slot = ModelSlot::empty();
         self.new_run = None;
         (self.samples, self.overruns, self.adc_status_bad) = (0, 0, 0);
-        self.clipped_before = 0;
         self.packed_blocks = 0;
         self.captured.clear();
         self.edges = 0;
@@ -331,7 +326,7 @@ impl VirtualBoard {
             samples: self.samples,
             overruns: self.overruns,
             adc_status_bad: self.adc_status_bad,
-            clipped: self.clipped_before.wrapping_add(self.acquisition.clipped()),
+            clipped: self.producer.clipped(),
         }
     }
 }

@@ -88,7 +88,7 @@ fn a_clipped_value_in_two_windows_is_counted_once() {
         _ => None,
     });
     let total: u32 = marked.iter().map(|&clipped| u32::from(clipped)).sum();
-    let once = board.acquisition.clipped();
+    let once = board.producer.clipped();
     assert!(
         (1..64).contains(&once),
         "one electrode, while the impulse response lasts"

@@ -33,8 +33,6 @@ pub struct EncoderDevice {
     /// Number of steps since the last `Start`.
     steps: u64,
     counts: Counts,
-    /// Number of electrode values clipped to int8 in the runs before the present one; wraps.
-    clipped_before: u32,
 }
 
 /// Queue of bytes for the host, which the program takes out.
@@ -81,7 +79,6 @@ impl EncoderDevice {
             new_run: None,
             steps: 0,
             counts: Counts::default(),
-            clipped_before: 0,
         }
     }
 
@@ -103,7 +100,6 @@ impl EncoderDevice {
             },
         );
         if let Some(run) = started {
-            self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
             self.acquisition = Acquisition::new(run.mains);
             self.new_run = Some(run);
             self.steps = 0;
@@ -171,7 +167,7 @@ impl EncoderDevice {
 
     fn counts(&self) -> Counts {
         Counts {
-            clipped: self.clipped_before.wrapping_add(self.acquisition.clipped()),
+            clipped: self.producer.clipped(),
             ..self.counts
         }
     }

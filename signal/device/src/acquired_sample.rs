@@ -58,7 +58,8 @@ pub struct Counts {
     pub overruns: u32,
     /// Samples in which a converter's status word was wrong.
     pub adc_status_bad: u32,
-    /// Electrode values clipped to int8, each counted once although windows overlap.
+    /// Electrode values clipped to int8, each counted once although windows overlap:
+    /// [`Producer::clipped`](crate::Producer::clipped).
     pub clipped: u32,
 }
 

@@ -33,6 +33,8 @@ pub struct Producer<E> {
     policy: ExclusionPolicy,
     /// Newest change of the excluded electrodes; `None` before the first step of a run.
     exclusion: Option<ExclusionChange>,
+    /// Number of electrode values clipped to int8 in the encoded steps since boot; wraps.
+    clipped: u32,
     windows: WindowMarks,
     /// Faults of the samples after the newest step.
     since_step: Marks,
@@ -130,6 +132,7 @@ impl<E: Encoders> Producer<E> {
             substitution: [const { Substitution::NEW }; SUBSTITUTION.is_some() as usize],
             policy: ExclusionPolicy::AUTOMATIC,
             exclusion: None,
+            clipped: 0,
             windows: WindowMarks::NONE,
             since_step: Marks::NONE,
             last: Step::SILENCE,
@@ -149,6 +152,13 @@ impl<E: Encoders> Producer<E> {
     /// Sets which electrodes are excluded, from the next window of the detection on.
     pub const fn set_exclusion(&mut self, policy: ExclusionPolicy) {
         self.policy = policy;
+    }
+
+    /// Returns the number of electrode values that were clipped to int8 since boot, in the steps
+    /// that the encoders got: an excluded electrode counts only if its prediction is clipped.
+    /// Wraps.
+    pub const fn clipped(&self) -> u32 {
+        self.clipped
     }
 
     /// Processes a sample, and passes each output that it completes to `emit`.
@@ -282,6 +292,7 @@ impl<E: Encoders> Producer<E> {
     ) {
         let mut step = *step;
         self.fill(&mut step, drdy_us, emit);
+        self.clipped = self.clipped.wrapping_add(step.clipped.into());
         let step = &step;
         if self.wants(Streams::PACKED) {
             let marks = self.windows.newest_hop();

@@ -1,5 +1,4 @@
-//! From samples to steps: filters, resampler, scalp grid, quantisation, and counts of clipped
-//! values.
+//! From samples to steps: filters, resampler, scalp grid, quantisation.
 
 use model::{ADC_RATE_HZ, PHASES, RESAMPLER, TAPS};
 
@@ -16,7 +15,6 @@ pub struct Acquisition {
     samples: u64,
     /// ADC channels that were at the rail in a sample since the last step; bit n is channel n.
     saturated: u64,
-    clipped_total: u32,
 }
 
 impl Acquisition {
@@ -27,7 +25,6 @@ impl Acquisition {
             settling_samples: mains.filter().settling_samples as u64,
             samples: 0,
             saturated: 0,
-            clipped_total: 0,
         }
     }
 
@@ -38,7 +35,6 @@ impl Acquisition {
         self.settling_samples = mains.filter().settling_samples.into();
         self.samples = 0;
         self.saturated = 0;
-        self.clipped_total = 0;
     }
 
     /// Processes one sample. Returns a step if one is due with this sample: at 512 Hz, with the
@@ -50,7 +46,6 @@ impl Acquisition {
         self.samples += 1;
         let (electrodes, phase) = self.front_end.filter_sample(sample)?;
         let (plane, clipped) = quantise(&electrodes);
-        self.clipped_total = self.clipped_total.wrapping_add(u32::from(clipped));
         Some(Step {
             sample: index,
             offset_us: offset_us(phase, PHASES, ADC_RATE_HZ),
@@ -66,11 +61,6 @@ impl Acquisition {
     /// Returns the number of samples processed in the run.
     pub const fn samples(&self) -> u64 {
         self.samples
-    }
-
-    /// Returns the number of electrode values that were clipped to int8 in the run; wraps.
-    pub const fn clipped(&self) -> u32 {
-        self.clipped_total
     }
 }
 

@@ -152,7 +152,7 @@ impl Device {
     fn counts(&self) -> Counts {
         Counts {
             samples: self.samples,
-            clipped: self.acquisition.clipped(),
+            clipped: self.producer.clipped(),
             ..Counts::default()
         }
     }

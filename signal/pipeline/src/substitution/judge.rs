@@ -5,9 +5,14 @@ use model::{ELECTRODES, STEP_RATE_HZ};
 use super::evidence::{Evidence, Sums};
 use super::{ElectrodeMask, MAX_EXCLUDED, Table, WINDOW};
 
-/// Innovation energy that excludes an electrode, in units of its typical energy. Added to it is the
+/// Innovation energy that excludes an electrode, in units of its typical energy; at most
+/// [`MOST_USUAL`]. Added to it is the
 /// energy of the prediction, because a larger signal is predicted with a larger error.
 const EXCLUDING: u64 = 50;
+/// Largest energy that [`EXCLUDING`] can lead to: that of 100 uV RMS. Electrodes whose innovation
+/// was large in training, such as those over a temporal muscle, would otherwise never be excluded
+/// for noise of this size.
+const MOST_USUAL: u64 = 400 * 400 * WINDOW as u64;
 /// Number that stands for the excluding innovation: 2^8.
 const EXCESS_ONE: u32 = 1 << EXCESS_BITS;
 const EXCESS_BITS: u32 = 8;
@@ -156,7 +161,8 @@ impl Sums {
     /// is rounded down to a multiple of [`EXCESS_ONE`] energies, so that one division of 32 bits
     /// will do; of a trained table it has some ten thousands.
     fn excess(&self, typical: u32) -> u32 {
-        let limit = (EXCLUDING * u64::from(typical) + u64::from(self.predicted)) >> EXCESS_BITS;
+        let usual = (EXCLUDING * u64::from(typical)).min(MOST_USUAL);
+        let limit = (usual + u64::from(self.predicted)) >> EXCESS_BITS;
         self.innovation / u32::try_from(limit).unwrap_or(u32::MAX).max(1)
     }
 }

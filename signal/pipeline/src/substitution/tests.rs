@@ -322,6 +322,31 @@ fn each_fault_is_found_and_the_electrode_returns() {
 
 const TAU: f64 = std::f64::consts::TAU;
 
+/// The typical innovation of this electrode is 24 uV RMS, as over a temporal muscle: 50 times its
+/// energy is that of 170 uV.
+#[test]
+fn an_electrode_with_large_innovations_in_training_is_excluded_for_noise() {
+    const BAD: usize = 30;
+    let (_, table) = table(&covariance());
+    let mut innovation = *table.innovation;
+    innovation[BAD] = 24 * 24 * 256;
+    let table = Table {
+        innovation: &innovation,
+        ..table
+    };
+    for (noise_uv, expected) in [(140.0, 1 << BAD), (80.0, 0)] {
+        let mut noise = Noise(2);
+        let mut uv = signal(8 * WINDOW);
+        for uv in &mut uv {
+            uv[BAD] = noise_uv * noise.next();
+        }
+        let steps: Vec<Step> = uv.iter().map(step).collect();
+        let excluded = run(ExclusionPolicy::AUTOMATIC, &table, &steps, 0);
+        let excluded = excluded.last().map(|(mask, _)| mask & 1 << BAD);
+        assert_eq!(excluded, Some(expected), "{noise_uv} uV");
+    }
+}
+
 #[test]
 fn an_electrode_at_the_rail_is_excluded_with_that_step() {
     let (_, table) = table(&covariance());
