@@ -176,7 +176,7 @@ impl ModelSlot {
         UploadOutcome {
             result,
             received: ModelReceived {
-                id: self.id,
+                crc: self.crc,
                 bytes: self.received,
             },
             model: self.is_complete.then_some(model),

@@ -168,6 +168,7 @@ impl<'a> Message<'a> for ToDevice<'a> {
 
     fn tail(&self) -> &[u8] {
         match self {
+            ToDevice::ModelBegin(begin) => &begin.id,
             ToDevice::ModelChunk(chunk) => chunk.bytes,
             _ => &[],
         }
@@ -175,6 +176,10 @@ impl<'a> Message<'a> for ToDevice<'a> {
 
     fn with_tail(mut self, tail: &'a [u8]) -> Option<Self> {
         match &mut self {
+            ToDevice::ModelBegin(begin) => {
+                begin.id = tail.try_into().ok()?;
+                Some(self)
+            }
             ToDevice::ModelChunk(chunk) => {
                 chunk.bytes = tail;
                 (1..=MAX_CHUNK_BYTES).contains(&tail.len()).then_some(self)

@@ -9,13 +9,16 @@ pub const MAX_CHUNK_BYTES: usize = 1024;
 /// after a reconnection, continues the upload where it stopped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelBegin {
-    /// Id of the model: the first 8 bytes of the SHA-256 over its files.
-    pub id: [u8; 8],
     /// Length of the model in the layout of `docs/wire-format.md`, bytes; a device refuses every
     /// length but that of its own packed model.
     pub bytes: u32,
     /// [`model_crc`] of these bytes.
     pub crc: u32,
+    /// Id of the model: the first 8 bytes of the SHA-256 over its files. Serde skips them, because
+    /// the frame carries them after the message's fields: an array would take a device 400 bytes of
+    /// code.
+    #[serde(skip)]
+    pub id: [u8; 8],
 }
 
 /// A part of the announced model: argument of `ModelChunk`.
@@ -33,8 +36,8 @@ pub struct ModelChunk<'a> {
 /// `ModelChunk`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelReceived {
-    /// Id of the announced model; zeros if none is announced.
-    pub id: [u8; 8],
+    /// [`ModelBegin::crc`] of the announced model; 0 if none is announced.
+    pub crc: u32,
     /// Number of bytes that the device has, from the start of the model: the offset of the next
     /// chunk.
     pub bytes: u32,

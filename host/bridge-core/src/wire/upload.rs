@@ -83,7 +83,7 @@ impl Uploading {
     /// Records what the device has. If it knows no upload of this model, it has restarted or
     /// another program has announced another model, and the upload begins again.
     pub(crate) fn record(&mut self, received: ModelReceived) {
-        self.received = (received.id == self.upload.begin.id).then_some(received.bytes);
+        self.received = (received.crc == self.upload.begin.crc).then_some(received.bytes);
     }
 
     /// Handles the answer to a command of the upload that was not executed. Returns whether the

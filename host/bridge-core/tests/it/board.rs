@@ -167,9 +167,9 @@ impl Board {
     }
 
     fn model_received(&mut self) -> Vec<u8> {
-        let (ModelBegin { id, .. }, bytes) = self.slot.clone().unwrap();
+        let (ModelBegin { crc, .. }, bytes) = self.slot.clone().unwrap();
         let received = ModelReceived {
-            id,
+            crc,
             bytes: u32::try_from(bytes.len()).unwrap(),
         };
         self.frame(0, &ToHost::ModelReceived(received))

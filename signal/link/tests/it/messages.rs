@@ -21,7 +21,7 @@ pub(crate) const CHUNK: ModelChunk<'_> = ModelChunk {
 
 pub(crate) fn model_received() -> ToHost<'static> {
     ToHost::ModelReceived(ModelReceived {
-        id: MODEL.id,
+        crc: MODEL.crc,
         bytes: 256,
     })
 }

@@ -128,8 +128,8 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
                 policy,
             })
         });
-    let received = any::<([u8; 8], u32)>()
-        .prop_map(|(id, bytes)| ToHost::ModelReceived(ModelReceived { id, bytes }));
+    let received = any::<[u32; 2]>()
+        .prop_map(|[crc, bytes]| ToHost::ModelReceived(ModelReceived { crc, bytes }));
     prop_oneof![
         received,
         raw,
