@@ -79,8 +79,7 @@ mod h743 {
     scenarios! {
         H743:
         usb: works_after_pauses_and_suspend reconnects_after_unplugging;
-        packed: packed_blocks_equal_those_of_host_sim everything_at_once_is_in_time
-            blocks_of_an_uploaded_model_equal_those_of_host_sim;
+        packed: packed_blocks_equal_those_of_host_sim everything_at_once_is_in_time;
     }
 }
 

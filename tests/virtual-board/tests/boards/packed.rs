@@ -1,8 +1,6 @@
 //! Scenarios in which packed blocks and compressed samples must equal those of host-sim.
 
-use any_model::any_packed_of;
-use artifact::Artifact;
-use link::{AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, Streams, ToDevice, model_crc};
+use link::{AckResult, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, ReceivedCode};
 
 use crate::images::Subject;
@@ -34,47 +32,6 @@ pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<
     let worst = worst_path(&in_time(&board));
     subject.record("blocks", equal);
     subject.record("blocks_worst_path_over_deadline", format!("{worst:.3}"));
-    assert_sound(&mut board)
-}
-
-/// Scenario: a board takes a packed model from its host, and its blocks equal those of host-sim with
-/// the same model bit for bit; nothing is late or lost.
-pub(crate) fn blocks_of_an_uploaded_model_equal_those_of_host_sim(
-    subject: Subject,
-) -> Result<(), BoardError> {
-    let artifact = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
-    let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &artifact.description);
-    let artifact = artifact.with_packed(Some(packed)).expect("it fits");
-    let bytes = model_gen::upload(&artifact)
-        .expect("it fits")
-        .expect("it has one");
-    let bytes: &'static [u8] = bytes.leak();
-    let begin = ModelBegin {
-        id: artifact.id.0,
-        bytes: u32::try_from(bytes.len()).expect("short"),
-        crc: model_crc(bytes),
-    };
-    let offsets = (0..).step_by(MAX_CHUNK_BYTES);
-    let chunks = offsets.zip(bytes.chunks(MAX_CHUNK_BYTES));
-    let chunks = chunks.map(|(offset, bytes)| ToDevice::ModelChunk(ModelChunk { offset, bytes }));
-    let commands = [ToDevice::ModelBegin(begin)].into_iter().chain(chunks);
-    let commands: Vec<_> = commands.chain([ToDevice::ModelEnd]).collect();
-
-    let mut board = running(subject)?;
-    let before = board.now_us();
-    for command in &commands {
-        let answered = acks(board.inbox().frames());
-        board.send(command);
-        board.run_until("an answer", 100_000, |frames| acks(frames) > answered)?;
-    }
-    subject.record("upload_us", board.now_us() - before);
-    let run = Repeatable::start(&mut board, Streams::PACKED, &commands)?;
-    run_frames(&mut board, BLOCKS, 62_500, |frames| blocks(frames).len())?;
-
-    let (equal, _) = run.assert_equal(&board, HOP, blocks);
-    let worst = worst_path(&in_time(&board));
-    subject.record("uploaded_blocks", equal);
-    subject.record("uploaded_worst_path_over_deadline", format!("{worst:.3}"));
     assert_sound(&mut board)
 }
 
