@@ -41,10 +41,10 @@ fn lost_blocks_cost_little_and_the_decoder_says_until_when() {
     let (whole, sound) = error(&model, &coded, |_| false);
     println!("no loss: error {whole:.5} of the power");
     assert_eq!(sound, BLOCKS);
-    assert!((0.005..0.012).contains(&whole), "{whole}");
-    // The limits are a quarter above the measured errors: 0.0167 with 14 lost blocks, 0.0923 with
+    assert!((0.01..0.02).contains(&whole), "{whole}");
+    // The limits are a quarter above the measured errors: 0.0209 with 14 lost blocks, 0.0933 with
     // 168 lost blocks.
-    for (percent, most) in [(1, 0.021), (10, 0.115)] {
+    for (percent, most) in [(1, 0.0261), (10, 0.117)] {
         let mut state = 3_u32;
         let lost: Vec<bool> = (0..BLOCKS)
             .map(|_| {
