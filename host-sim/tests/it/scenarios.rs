@@ -113,9 +113,9 @@ fn a_fault_that_does_not_take_place_is_refused_or_fails() {
             "noise.bit_errors had no effect",
         ),
         (
-            "[[fault]]\nkind = \"lost-acks\"\nat_s = 1\nfor_s = 1",
+            "[[fault]]\nkind = \"lost-acks\"\nat_s = 2\nfor_s = 1",
             1,
-            "the fault LostAcks at 1 s had no effect",
+            "the fault LostAcks at 2 s had no effect",
         ),
         ("[noise]\nbit_error = 1", 2, "line 5"),
         (
