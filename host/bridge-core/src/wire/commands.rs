@@ -292,9 +292,11 @@ impl Commands {
     }
 
     /// Returns whether the device's codes can be published. This needs that the device has
-    /// introduced itself since the port was opened, and that this bridge started its stream.
+    /// introduced itself since the port was opened, that this bridge started its stream, and that
+    /// the device waits for no other model.
     pub(crate) fn accepts_codes(&self) -> bool {
-        self.device == Introduction::Usable && self.owns_stream
+        let waits = matches!(self.upload, UploadState::Underway(_));
+        self.device == Introduction::Usable && self.owns_stream && !waits
     }
 
     /// Returns whether the device has acknowledged `Start`, without a `Stop` or reconnection since.
@@ -508,14 +510,15 @@ impl Commands {
                 }
                 AckEffect::NoChange
             }
-            // Another program has started a stream. The pending command waits for its repetition.
+            // Another program has started a stream, which must be stopped first.
             AckResult::Busy => {
                 self.owns_stream = false;
+                self.stream = StreamState::Unconfirmed;
                 AckEffect::NoChange
             }
             result => {
                 self.pending = None;
-                if !uploading.handle_refusal(result) {
+                if !uploading.handle_refusal(&command, result) {
                     return AckEffect::NoChange;
                 }
                 self.upload = UploadState::Refused;

@@ -86,18 +86,18 @@ impl Uploading {
         self.received = (received.crc == self.upload.begin.crc).then_some(received.bytes);
     }
 
-    /// Handles the answer to a command of the upload that was not executed. Returns whether the
-    /// upload has failed for good.
-    pub(crate) fn handle_refusal(&mut self, result: AckResult) -> bool {
-        match result {
+    /// Handles the refusal of `command`, which is one of the upload. Returns whether the upload has
+    /// failed for good.
+    pub(crate) fn handle_refusal(&mut self, command: &ToDevice, result: AckResult) -> bool {
+        match (command, result) {
             // The chunks arrived intact, but not as one model: two programs have sent some.
-            AckResult::Failed => {
+            (_, AckResult::Failed) => {
                 self.received = None;
                 self.failures += 1;
                 self.failures >= ATTEMPTS
             }
-            // A chunk or the end without an announcement, after a restart.
-            AckResult::BadArgument if self.received.is_some() => {
+            // The device knows no announcement: it has restarted, or another program has made one.
+            (ToDevice::ModelChunk(_) | ToDevice::ModelEnd, AckResult::BadArgument) => {
                 self.received = None;
                 false
             }

@@ -274,6 +274,15 @@ impl Board {
                     }
                     answers.extend(self.model_received());
                 }
+                ToDevice::ModelChunk(_) | ToDevice::ModelEnd
+                    if self
+                        .slot
+                        .as_ref()
+                        .is_some_and(|(begin, _)| begin.bytes == 0) =>
+                {
+                    result = AckResult::BadArgument;
+                    answers.extend(self.model_received());
+                }
                 ToDevice::ModelChunk(_) => answers.extend(self.model_received()),
                 ToDevice::ModelEnd => {
                     let (begin, bytes) = self.slot.clone().unwrap();

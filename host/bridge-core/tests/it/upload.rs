@@ -1,7 +1,7 @@
 //! A packed model is given to the device before it streams.
 
 use bridge_core::{Settings, Upload};
-use link::{Streams, ToDevice};
+use link::{ModelBegin, Streams, ToDevice};
 
 use crate::board::{BUILT_IN, Board, model};
 use crate::recorder::{Harness, SETTINGS, commands, value};
@@ -60,6 +60,23 @@ fn a_device_with_another_model_gets_it_before_it_streams_and_after_each_restart(
     harness.reboot(1_000_000);
     assert_eq!(commands(&harness), all[1..]);
     assert_eq!(uploaded(&harness), content());
+    assert_eq!(harness.core.objection(), None);
+}
+
+#[test]
+fn an_upload_begins_again_when_the_device_knows_no_announcement() {
+    let mut harness = uploading(Board::with_slot());
+    harness.open();
+    while uploaded(&harness).is_empty() {
+        let sent = std::mem::take(&mut harness.recorder.sent);
+        let answers = harness.board.answer(&sent);
+        harness.receive(&answers);
+    }
+    // The device restarts, and its introduction is lost.
+    harness.board.slot = Some((ModelBegin::default(), Vec::new()));
+    harness.exchange();
+    assert_eq!(uploaded(&harness), content());
+    assert_eq!(commands(&harness).last(), Some(&"start"));
     assert_eq!(harness.core.objection(), None);
 }
 
