@@ -127,7 +127,7 @@ pub(crate) struct EncodeOptions {
     /// Treatment of montage electrodes that a recording lacks.
     #[arg(long, value_parser = missing(), default_value = "interpolate")]
     pub(crate) missing: Missing,
-    /// What to write: codes of the network, or packed blocks, which take a fifth of the bits.
+    /// What to write: codes of the network, or packed blocks, which take a quarter of the bits.
     #[arg(long, value_parser = kind(), default_value = DEFAULT_KIND)]
     pub(crate) stream: CodeKind,
     /// Rate of the packed blocks, 0 (finest) to 15; each step is 3 dB coarser; by default the

@@ -24,7 +24,7 @@ pub(crate) const BOARDS: [Limits; 3] = [
         images: &["h743", "h743-uart"],
         is_default: true,
         memory_map: "firmware/board-h743/stm32h743.x",
-        // The limits are above the sizes measured with USB: 9 % above 662 KB of flash, 7 % above 90
+        // The limits are above the sizes measured with USB: 8 % above 665 KB of flash, 7 % above 90
         // KB of RAM. The DMA may use half of SRAM1. The AXI SRAM holds the model slot, 126 KB. The
         // ITCM stays empty, because the kernels run from flash (docs/decisions/0015-kernels-run-from-flash.md).
         regions: &[

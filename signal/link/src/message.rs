@@ -84,7 +84,7 @@ pub enum ToHost<'a> {
     PackedCode(PackedCode<'a>),
     /// 17: electrodes that are excluded from codes and filled from the others.
     Exclusion(Exclusion),
-    /// 18: what the device has of an announced model; the answer to `ModelBegin` and `ModelChunk`.
+    /// 18: what the device has of an announced model; the answer to each command of an upload.
     ModelReceived(ModelReceived),
 }
 

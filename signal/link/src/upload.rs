@@ -32,8 +32,8 @@ pub struct ModelChunk<'a> {
     pub bytes: &'a [u8],
 }
 
-/// What a device has of the announced model; sent before the `Ack` of `ModelBegin` and of
-/// `ModelChunk`.
+/// What a device has of the announced model; sent before the `Ack` of `ModelBegin`, `ModelChunk`
+/// and `ModelEnd`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelReceived {
     /// [`ModelBegin::crc`] of the announced model; 0 if none is announced.

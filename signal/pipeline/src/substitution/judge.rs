@@ -6,8 +6,8 @@ use super::evidence::{Evidence, Sums};
 use super::{ElectrodeMask, MAX_EXCLUDED, Table, WINDOW};
 
 /// Innovation energy that excludes an electrode, in units of its typical energy; at most
-/// [`MOST_USUAL`]. Added to it is the
-/// energy of the prediction, because a larger signal is predicted with a larger error.
+/// [`MOST_USUAL`]. Added to it is the energy of the prediction, because a larger signal is
+/// predicted with a larger error.
 const EXCLUDING: u64 = 50;
 /// Largest energy that [`EXCLUDING`] can lead to: that of 100 uV RMS. Electrodes whose innovation
 /// was large in training, such as those over a temporal muscle, would otherwise never be excluded
