@@ -13,7 +13,6 @@ mod install;
 mod programs;
 mod qemu;
 mod stages;
-mod test_binaries;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -8,7 +8,7 @@ use crate::command::{
     AFTER_A_BUILD, AFTER_A_TEST, BOARD_TARGET, Failure, cargo, run, target_folder,
 };
 use crate::images::{self, Board};
-use crate::{board, docs, figures, install, programs, qemu, test_binaries};
+use crate::{board, docs, figures, install, programs, qemu};
 
 const AFTER_A_LINT: &str =
     "mend what clippy names above; a lint that is wrong gets `#[expect(.., reason = \"..\")]`";
@@ -154,13 +154,12 @@ fn lints_for_microcontrollers() -> Result<(), Failure> {
 /// Tests the default members of the workspace, except for [`SLOW_TESTS`] and examples in the
 /// documentation.
 fn fast_tests() -> Result<(), Failure> {
-    run(&mut cargo("build --bins --tests"), AFTER_A_BUILD)?;
     let skipped = SLOW_TESTS.iter().map(|part| format!("--skip={part}"));
     let skipped: Vec<String> = skipped.collect();
-    let binaries = test_binaries::build("--tests")?;
-    test_binaries::run(&binaries, cores().max(2), |test| {
-        set_environment(test.args(&skipped));
-    })
+    tests(
+        "",
+        &mut cargo(&format!("test --tests -- {}", skipped.join(" "))),
+    )
 }
 
 /// Tests all members of the workspace, and prints the figures of the emulated microcontrollers.
@@ -177,20 +176,13 @@ fn full_tests() -> Result<(), Failure> {
 fn tests(selection: &str, test: &mut Command) -> Result<(), Failure> {
     let build = format!("build --bins --tests {selection}");
     run(&mut cargo(&build), AFTER_A_BUILD)?;
-    set_environment(test);
-    run(test, AFTER_A_TEST)
-}
-
-/// Sets what tests read from their environment: how many of them run in parallel, and the folder of
-/// the programs that they start.
-fn set_environment(test: &mut Command) {
-    let threads = cores().max(TESTS_IN_PARALLEL);
-    test.env("RUST_TEST_THREADS", threads.to_string());
-    test.env("CORTICODE_PROGRAMS", target_folder().join("debug"));
-}
-
-fn cores() -> usize {
-    thread::available_parallelism().map_or(1, usize::from)
+    let programs = target_folder().join("debug");
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    test.env(
+        "RUST_TEST_THREADS",
+        cores.max(TESTS_IN_PARALLEL).to_string(),
+    );
+    run(test.env("CORTICODE_PROGRAMS", programs), AFTER_A_TEST)
 }
 
 fn benchmarks() -> Result<(), Failure> {
