@@ -26,7 +26,8 @@ pub(crate) const BOARDS: [Limits; 3] = [
         memory_map: "firmware/board-h743/stm32h743.x",
         // The limits are above the sizes measured with USB: 8 % above 665 KB of flash, 7 % above 90
         // KB of RAM. The DMA may use half of SRAM1. The AXI SRAM holds the model slot, 126 KB. The
-        // ITCM stays empty, because the kernels run from flash (docs/decisions/0015-kernels-run-from-flash.md).
+        // ITCM stays empty, because the kernels run from flash
+        // (docs/decisions/0015-kernels-run-from-flash.md).
         regions: &[
             ("FLASH", 704 << 10),
             ("ITCM", 0),

@@ -75,7 +75,7 @@ fn traces(comparison: &Comparison) -> Traces {
             1_000.0 * seconds(model::HOP)
         ),
         subtitle: format!(
-            "{count} of {all} electrodes of synthetic EEG; the model was trained on a recording. {comparison}"
+            "{count} of {all} electrodes of synthetic EEG; the model was trained on recordings. {comparison}"
         ),
     }
 }

@@ -159,7 +159,7 @@ fn steps_missing_at_the_start_of_a_run_are_silent_and_not_settled() {
         .collect();
     let [
         (0, true, 0, 2..6),
-        (1, true, 0, 0..8),
+        (1, true, 0, 0..6),
         (2, false, 0, 1..),
         (3, false, 0, 1..),
     ] = found[..]
