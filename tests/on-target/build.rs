@@ -12,7 +12,7 @@ use std::{
 use artifact::{Decimation, Golden};
 use fixed_dsp::{Cascade, Resampler};
 use model_gen::{FilterSpec, ResamplerTable};
-use pipeline::{Acquisition, Mains, PackedEncoder, Pipeline, Rate};
+use pipeline::{Acquisition, Encoder, Mains, PackedEncoder, Rate};
 
 #[path = "src/chain.rs"]
 mod chain;
@@ -160,8 +160,9 @@ fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
 
 /// Writes the first [`CODES`] codes that this PC computes for [`signal::samples`], as array `name`.
 fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Error>> {
-    let mut pipeline = Pipeline::new(mains);
-    let codes = signal::samples().filter_map(|sample| pipeline.encode_sample(&sample));
+    let (mut acquisition, mut encoder) = (Acquisition::new(mains), Encoder::new());
+    let codes = signal::samples()
+        .filter_map(|sample| encoder.encode_step(&acquisition.process_sample(&sample)?));
     let codes: Vec<_> = codes.take(CODES).collect();
     let codes = format!("{codes:?}").replace("values: Int", "values: CodeValues::Int");
     writeln!(

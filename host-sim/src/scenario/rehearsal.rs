@@ -533,7 +533,7 @@ impl<'s> Rehearsal<'s> {
         let bad = Flags::ADC_STATUS_BAD | Flags::LEAD_OFF | Flags::OVERRUN;
         let seen = |flags: Flags| self.truth.flags.bits() & flags.bits() != 0;
         self.facts.converters_seen = seen(bad);
-        self.facts.rails_seen = seen(Flags::SATURATED);
+        self.facts.rails_seen = seen(Flags::SATURATED | Flags::SUBSTITUTED);
         Report::new(
             self.scenario,
             &self.core.summary(),

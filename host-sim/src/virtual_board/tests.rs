@@ -1,6 +1,8 @@
 //! Tests of the answers and codes of a virtual board.
 
-use link::{Decoder, Encoder, Flags, MAX_FRAME, ResetInto, Streams, ToDevice, ToHost};
+use link::{
+    Decoder, Encoder, ExclusionPolicy, Flags, MAX_FRAME, ResetInto, Streams, ToDevice, ToHost,
+};
 
 mod compressed;
 mod streams;
@@ -80,7 +82,7 @@ fn a_clipped_value_in_two_windows_is_counted_once() {
     send(&mut board, &mut host, START);
     for index in 0..512 {
         let mut sample = Sample::default();
-        sample.counts[20] = if index == 200 { Sample::MAX } else { 0 };
+        sample.counts[20] = if index == 200 { Sample::MAX / 2 } else { 0 };
         board.process_sample(&sample, 0);
     }
     let marked = frames(&outbox, |message| match message {
@@ -100,28 +102,49 @@ fn a_clipped_value_in_two_windows_is_counted_once() {
     );
 }
 
+/// Two electrodes and a channel without an electrode are at the rail for one sample.
 #[test]
-fn a_code_names_the_channels_at_the_rail() {
-    let (mut board, outbox) = board();
-    send(&mut board, &mut Encoder::default(), START);
-    for index in 0..512 {
-        let mut sample = Sample::default();
-        if index == 200 {
-            (sample.counts[3], sample.counts[40]) = (Sample::MAX, -Sample::MAX - 1);
+fn a_code_names_the_channels_at_the_rail_and_substitutes_the_electrodes_among_them() {
+    // For each code: whether channels are at the rail, which, and whether electrodes are
+    // substituted. They stay so for 10 s, longer than this run.
+    for (automatic, at_rail, afterwards) in [
+        (true, (true, 1 << 63, true), (false, 0, true)),
+        (
+            false,
+            (true, 1 << 3 | 1 << 40 | 1 << 63, false),
+            (false, 0, false),
+        ),
+    ] {
+        let (mut board, outbox) = board();
+        let mut host = Encoder::default();
+        let policy = ExclusionPolicy {
+            automatic,
+            ..ExclusionPolicy::AUTOMATIC
+        };
+        send(&mut board, &mut host, ToDevice::SetExclusion(policy));
+        send(&mut board, &mut host, START);
+        for index in 0..512 {
+            let mut sample = Sample::default();
+            if index == 200 {
+                (sample.counts[3], sample.counts[40]) = (Sample::MAX, -Sample::MAX - 1);
+                sample.counts[63] = Sample::MAX;
+            }
+            board.process_sample(&sample, 0);
         }
-        board.process_sample(&sample, 0);
+        let seen = frames(&outbox, |message| match message {
+            ToHost::Code(code) => Some((
+                code.flags.contains(Flags::SATURATED),
+                code.saturated,
+                code.flags.contains(Flags::SUBSTITUTED),
+            )),
+            _ => None,
+        });
+        let mut expected = vec![afterwards; seen.len()];
+        expected[..5].fill((false, 0, false));
+        expected[5..7].fill(at_rail);
+        assert_eq!(seen, expected, "automatic: {automatic}");
+        assert_eq!(board.stats().clipped == 0, automatic);
     }
-    let marked = frames(&outbox, |message| match message {
-        ToHost::Code(code) => Some((code.flags.contains(Flags::SATURATED), code.saturated)),
-        _ => None,
-    });
-    let at_rail = (true, 1 << 3 | 1 << 40);
-    assert_eq!(marked.iter().filter(|&&seen| seen == at_rail).count(), 2);
-    assert!(
-        marked
-            .iter()
-            .all(|&seen| seen == at_rail || seen == (false, 0))
-    );
 }
 
 #[test]

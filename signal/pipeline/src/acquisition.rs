@@ -1,11 +1,12 @@
 //! From samples to steps: filters, resampler, scalp grid, quantisation.
 
-use model::{ADC_RATE_HZ, PHASES, RESAMPLER, TAPS};
+use model::{ADC_RATE_HZ, PHASES, RESAMPLER, SUBSTITUTION, TAPS};
 
 use crate::code::Code;
 use crate::encoder::Encoder;
 use crate::front_end::{FrontEnd, Mains};
 use crate::sample::{Sample, Step, quantise};
+use crate::substitution::{ExclusionPolicy, Substitution};
 
 /// The half of the pipeline that runs at the ADC's rate: from samples to steps.
 #[derive(Clone, Debug)]
@@ -79,18 +80,27 @@ const _: () = assert!(
     "the time between two samples must be below 2^16 us"
 );
 
-/// Acquisition and encoder in one, for programs that do not run them at different priorities.
+/// Acquisition, substitution of the electrodes that it finds bad, and encoder in one, for programs
+/// that do not run them at different priorities. Its codes are those of a device whose host decides
+/// nothing about the exclusion of electrodes.
 #[derive(Clone, Debug)]
 pub struct Pipeline {
     acquisition: Acquisition,
+    /// Empty for a model without a table.
+    substitution: [Substitution; SUBSTITUTION.is_some() as usize],
     encoder: Encoder<'static>,
 }
 
 impl Pipeline {
     /// Creates a pipeline at rest, with the filters for a mains frequency.
     pub fn new(mains: Mains) -> Self {
+        let mut substitution = [const { Substitution::NEW }; SUBSTITUTION.is_some() as usize];
+        for substitution in &mut substitution {
+            substitution.restart(mains);
+        }
         Self {
             acquisition: Acquisition::new(mains),
+            substitution,
             encoder: Encoder::new(),
         }
     }
@@ -99,7 +109,13 @@ impl Pipeline {
     /// sample of step 15, then one for every hop.
     #[inline]
     pub fn encode_sample(&mut self, sample: &Sample) -> Option<Code> {
-        let step = self.acquisition.process_sample(sample)?;
+        for substitution in &mut self.substitution {
+            substitution.observe_sample(sample);
+        }
+        let mut step = self.acquisition.process_sample(sample)?;
+        if let (Some(table), [substitution]) = (&SUBSTITUTION, &mut self.substitution[..]) {
+            substitution.fill_step(&mut step, ExclusionPolicy::AUTOMATIC, table);
+        }
         self.encoder.encode_step(&step)
     }
 

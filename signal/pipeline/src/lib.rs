@@ -1,23 +1,23 @@
 //! EEG from sample to code: filters, resampler, scalp grid, quantisation, encoder.
 //!
 //! ```text
-//! Sample ---Acquisition---> Step -+-Encoder---------> Code
-//! ADC rate  filters,        128 Hz|  streaming, int8  one per hop
-//! counts    resampler,      Q27.5,|                   integers
-//!           scalp grid      int8  +-PackedEncoder---> PackedCode
-//!                                    int8, int16      one per hop, few bytes
+//! Sample ---Acquisition---> Step ---Substitution-+-Encoder---------> Code
+//! ADC rate  filters,        128 Hz  bad          |  streaming, int8  one per hop
+//! counts    resampler,      Q27.5,  electrodes   |                   integers
+//!           scalp grid      int8    filled       +-PackedEncoder---> PackedCode
+//!                                                   int8, int16      one per hop, few bytes
 //! ```
 //!
-//! [`Pipeline`] combines [`Acquisition`] and [`Encoder`]; firmware runs them at different
-//! priorities. [`SignalQuality`] reports the state of each electrode once a second, for human
-//! readers; it is not part of the path to the code.
+//! [`Pipeline`] combines [`Acquisition`], [`Substitution`] and [`Encoder`]; firmware runs the first
+//! at another priority than the others. [`SignalQuality`] reports the state of each electrode once
+//! a second, for human readers; it is not part of the path to the code.
 //!
 //! The crate is pure and synchronous. The path to the code uses integers only, so the same samples
 //! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal,
 //! and it counts every value that it clips. There are two exceptions. The time of the packed code's
-//! range coder depends on the block, within a bound that `docs/figures.md` states. With a model that
-//! has a table, [`Substitution`] replaces bad electrodes before the encoders, and branches where it
-//! excludes an electrode and where it judges half a second.
+//! range coder depends on the block, within a bound that `docs/figures.md` states. With a model
+//! that has a table, [`Substitution`] replaces bad electrodes before the encoders, and branches
+//! where it excludes an electrode and where it judges half a second.
 //!
 //! ```
 //! use pipeline::{Mains, Pipeline, Sample};

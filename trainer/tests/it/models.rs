@@ -57,6 +57,7 @@ fn show_prints_grid_card_and_integers() {
         &[
             "shortcut mode, decoded from the code alone",
             "a code of 128 numbers (int8-exponent) and a packed block of 218 bits (rate 4) every 62.5 ms",
+            "bad electrodes are substituted; NMSE",
             "  F7   F5   F3",
             "61 recorded, 0 interpolated",
             "worst accumulator",

@@ -14,12 +14,13 @@ use crate::recording::{Fixture, labels, values};
 const ELECTRODE: usize = 7;
 const ROWS: std::ops::Range<usize> = 1_472..1_600;
 
-/// Writes the codes of the fixture with reports of the exclusion in place of two of its reports of
-/// quality, after the codes that they are about.
+/// Writes the codes of the fixture without the device's reports of the exclusion, and with reports
+/// in place of two of its reports of quality, after the codes that they are about.
 fn codes(fixture: &Fixture) -> std::path::PathBuf {
     fixture.encode();
     let mut reports = vec![(ROWS.end, 0), (ROWS.start, 1 << ELECTRODE)];
     fixture.changed("excluded.codes", |message| {
+        let is_kept = !matches!(message, ToHost::Exclusion(_));
         if matches!(message, ToHost::Quality(_))
             && let Some((row, excluded)) = reports.pop()
         {
@@ -29,7 +30,7 @@ fn codes(fixture: &Fixture) -> std::path::PathBuf {
                 policy: ExclusionPolicy::AUTOMATIC,
             });
         }
-        true
+        is_kept
     })
 }
 

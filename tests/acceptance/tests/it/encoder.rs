@@ -4,7 +4,7 @@
 use acceptance::{real_data, workspace};
 use artifact::Artifact;
 use model_gen::IntegerModel;
-use pipeline::{Code, FrontEnd, Mains, Pipeline, Plane, Sample, quantise};
+use pipeline::{Acquisition, Code, Encoder, FrontEnd, Mains, Plane, Sample, quantise};
 
 const STEPS: usize = model::STEPS;
 
@@ -18,8 +18,8 @@ fn streaming_equals_batch_on_every_window_of_r12() {
     compare(real_data::EDF_R12);
 }
 
-/// Compares the codes of the pipeline with those that model-gen's simple loops compute from the
-/// same quantised planes (one scalp grid for each time step).
+/// Compares the codes of acquisition and encoder with those that model-gen's simple loops compute
+/// from the same quantised planes (one scalp grid for each time step).
 fn compare(file: &str) {
     let test = format!("streaming equals batch on {file}");
     let Some(path) = real_data::path(&test, file) else {
@@ -32,13 +32,14 @@ fn compare(file: &str) {
     let samples = real_data::samples(&path, &electrodes).expect("samples");
 
     // The recordings come from a country where the mains frequency is 60 Hz.
-    let mut pipeline = Pipeline::new(Mains::Hz60);
+    let (mut acquisition, mut encoder) = (Acquisition::new(Mains::Hz60), Encoder::new());
     let mut front_end = FrontEnd::new(Mains::Hz60, &model::RESAMPLER);
     let mut planes: Vec<Plane> = Vec::new();
     let mut codes: Vec<Code> = Vec::new();
     for sample in samples {
         let sample: Sample = sample.expect("a whole recording");
-        codes.extend(pipeline.encode_sample(&sample));
+        let step = acquisition.process_sample(&sample);
+        codes.extend(step.and_then(|step| encoder.encode_step(&step)));
         planes.extend(
             front_end
                 .filter_sample(&sample)
