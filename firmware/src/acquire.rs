@@ -57,18 +57,11 @@ pub async fn acquire(
             if conversion.status_bad {
                 shared.count_adc_status_bad();
             }
-            let step = filter(acquisition, &sample);
+            let step = acquisition.process_sample(&sample);
             running.hand_over(&sample, step.as_ref(), &conversion, shared, &mut samples);
             shared.timing.record(Stage::Acquire, conversion.drdy_ticks);
         }
     }
-}
-
-/// Filters one sample. Not inlined, so that the filters are compiled for speed: the board's crate,
-/// which instantiates the task around this call, is compiled for size.
-#[inline(never)]
-fn filter(acquisition: &mut Acquisition, sample: &Sample) -> Option<Step> {
-    acquisition.process_sample(sample)
 }
 
 /// Publishes the converters' status for the conversation task. Not inlined, to keep the status text

@@ -3,7 +3,7 @@
 use crate::rice;
 
 /// Memory of one channel: its newest count and differences, and the mean size of coded differences.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Channel {
     pub(crate) past: Past,
     /// Running mean of the folded differences of about 16 samples, times 16, UQ28.4, < 2^32.
@@ -12,7 +12,7 @@ pub(crate) struct Channel {
 }
 
 /// The newest count of a channel, and its first and second differences.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Past {
     /// Newest count, |x| <= 2^23.
     pub(crate) x: i32,
@@ -23,11 +23,12 @@ pub(crate) struct Past {
 }
 
 impl Channel {
-    /// Memory of a channel before its first block.
+    /// Memory of a channel before its first block, all zeros: an image clears it instead of copying
+    /// it from flash. The first block, a key block, sets the order.
     pub(crate) const NEW: Self = Self {
         past: Past { x: 0, d1: 0, d2: 0 },
         mean: 0,
-        order: Order::One,
+        order: Order::Zero,
     };
 
     /// Returns the Rice parameter k of the next block: log2 of the mean, rounded down.
@@ -86,10 +87,9 @@ impl Past {
 /// How often differences are taken before a count is coded: 0 codes the count itself, 1 its
 /// difference from the previous count, 2 the difference of two such differences, and 3 the
 /// difference of two of those.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Order {
     Zero,
-    #[default]
     One,
     Two,
     Three,

@@ -40,7 +40,10 @@ impl Acquisition {
 
     /// Processes one sample. Returns a step if one is due with this sample: at 512 Hz, with the
     /// first sample and with every fourth sample after it.
-    #[inline]
+    ///
+    /// Not inlined, so that the filters are compiled for speed: a caller in an image is compiled
+    /// for size.
+    #[inline(never)]
     pub fn process_sample(&mut self, sample: &Sample) -> Option<Step> {
         self.saturated |= sample.channels_at_rail();
         let index = self.samples;

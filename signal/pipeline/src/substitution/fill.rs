@@ -76,7 +76,7 @@ type Slots = [Pair; SLOT_INPUTS];
 #[derive(Clone, Debug)]
 pub(super) struct Fill {
     excluded: ElectrodeMask,
-    /// The excluded electrode in each slot, or [`FREE`].
+    /// The number of the excluded electrode in each slot, counted from 1, or [`FREE`].
     slots: [u8; MAX_EXCLUDED],
     /// Weights from the electrodes of all slots to every electrode, packed for [`Linear`]. Those of
     /// a free slot have no effect, because its number is 0.
@@ -86,8 +86,9 @@ pub(super) struct Fill {
     among_slots: [[Pair; SLOT_PAIRS]; MAX_EXCLUDED],
 }
 
-/// Index in a free slot, which no electrode has.
-const FREE: u8 = u8::MAX;
+/// Number in a free slot. It is 0, so that an image clears the initial state instead of copying it
+/// from flash.
+const FREE: u8 = 0;
 
 const _: () = assert!(
     MAX_EXCLUDED == 12,
@@ -121,7 +122,7 @@ impl Fill {
             }
             if self.slots[slot] == FREE {
                 let electrode = new.trailing_zeros() as u8;
-                self.slots[slot] = electrode;
+                self.slots[slot] = electrode + 1;
                 self.excluded |= 1 << electrode;
                 new &= new - 1;
                 let weights = &mut self.weights;
@@ -145,8 +146,10 @@ impl Fill {
 
     /// Ends the exclusion of electrodes.
     pub(super) fn readmit(&mut self, electrodes: ElectrodeMask) {
-        for (slot, weights) in self.slots.iter_mut().zip(&mut self.among_slots) {
-            if (electrodes.checked_shr((*slot).into())).is_some_and(|rest| rest & 1 != 0) {
+        let indices = self.indices();
+        let slots = self.slots.iter_mut().zip(&mut self.among_slots);
+        for (index, (slot, weights)) in indices.into_iter().zip(slots) {
+            if index < ELECTRODES && electrodes >> index & 1 != 0 {
                 *slot = FREE;
                 *weights = [Pair::ZERO; SLOT_PAIRS];
             }
@@ -157,14 +160,15 @@ impl Fill {
     /// Gathers the weights among the slots.
     fn gather_weights(&mut self) {
         let matrix = matrix(&self.weights);
-        for (&slot, weights) in self.slots.iter().zip(&mut self.among_slots) {
-            *weights = core::array::from_fn(|pair| matrix.weights_from(pair, slot.into()));
+        for (index, weights) in self.indices().into_iter().zip(&mut self.among_slots) {
+            *weights = core::array::from_fn(|pair| matrix.weights_from(pair, index));
         }
     }
 
-    /// Returns the index of the electrode in each slot, and [`FREE`] for a free slot.
+    /// Returns the index of the electrode in each slot, and for a free slot an index that no
+    /// electrode has.
     pub(super) fn indices(&self) -> [usize; MAX_EXCLUDED] {
-        self.slots.map(usize::from)
+        (self.slots).map(|number| usize::from(number).wrapping_sub(1))
     }
 
     /// Returns the prediction of every electrode from the `measured` ones that are not excluded.
