@@ -4,8 +4,8 @@ use link::{AckResult, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, ReceivedCode};
 
 use crate::images::Subject;
-use crate::session::{acks, assert_sound, in_time, pick, run_frames, running, start, worst_path};
-use crate::simulation::{HOP, Repeatable};
+use crate::session::{assert_sound, in_time, pick, run_frames, running, start, worst_path};
+use crate::simulation::{EXCLUDE, HOP, Repeatable, assert_substituted};
 
 /// Number of blocks to compare, more than there are from one block without prediction to the next.
 const BLOCKS: usize = 70;
@@ -17,18 +17,17 @@ const SECONDS: usize = 3;
 /// Command that sets a rate other than the model's default.
 const RATE: ToDevice<'_> = ToDevice::SetRate { rate: 6 };
 
-/// Scenario: packed blocks at a rate that the host chooses, and the audited planes, equal those of
-/// host-sim bit for bit, and nothing is late or lost.
+/// Scenario: packed blocks at a rate that the host chooses and with substituted electrodes, and the
+/// audited planes, equal those of host-sim bit for bit, and nothing is late or lost.
 pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
-    let answered = acks(board.inbox().frames());
-    board.send(&RATE);
-    board.run_until("an answer", 100_000, |frames| acks(frames) > answered)?;
-    let run = Repeatable::start(&mut board, Streams::PACKED | Streams::AUDIT, &[RATE])?;
+    let streams = Streams::PACKED | Streams::AUDIT;
+    let run = Repeatable::start(&mut board, streams, &[RATE, EXCLUDE])?;
     run_frames(&mut board, BLOCKS, 62_500, |frames| blocks(frames).len())?;
 
     let (equal, inbox) = run.assert_equal(&board, HOP, blocks);
     assert_eq!(audits(board.inbox().frames()), audits(inbox.frames()));
+    assert_substituted(&blocks(board.inbox().frames()));
     let worst = worst_path(&in_time(&board));
     subject.record("blocks", equal);
     subject.record("blocks_worst_path_over_deadline", format!("{worst:.3}"));

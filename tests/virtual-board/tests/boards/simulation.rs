@@ -4,14 +4,20 @@ use std::fmt::Debug;
 use std::ops::RangeInclusive;
 
 use host_sim::{Identity, Outbox, VirtualBoard as Simulator, WhenFull};
-use link::{Encoder, MAX_FRAME, Start, Streams, ToDevice};
+use link::{Encoder, ExclusionPolicy, Flags, MAX_FRAME, Start, Streams, ToDevice};
 use pipeline::{Mains, Sample};
-use virtual_board::{BoardError, Frame, Inbox, VirtualBoard, electrode_count};
+use virtual_board::{BoardError, Frame, Inbox, ReceivedCode, VirtualBoard, electrode_count};
 
-use crate::session::start;
+use crate::session::{acks, start};
 
 /// Number of samples between the starts of two consecutive windows or packed blocks.
 pub(crate) const HOP: u64 = 32;
+
+/// Command that excludes two electrodes, and others that the board finds bad.
+pub(crate) const EXCLUDE: ToDevice<'_> = ToDevice::SetExclusion(ExclusionPolicy {
+    always: 1 << 20 | 1 << 45,
+    ..ExclusionPolicy::AUTOMATIC
+});
 
 /// A board's run that host-sim repeats, so that the frames of both can be compared.
 #[derive(Clone, Debug)]
@@ -25,13 +31,17 @@ pub(crate) struct Repeatable {
 }
 
 impl Repeatable {
-    /// Starts `streams` on a board. `commands` are commands that the board has received before and
-    /// that host-sim must execute, too.
+    /// Sends `commands` to a board, and then starts `streams` on it.
     pub(crate) fn start(
         board: &mut VirtualBoard,
         streams: Streams,
         commands: &[ToDevice<'static>],
     ) -> Result<Self, BoardError> {
+        for command in commands {
+            let answered = acks(board.inbox().frames());
+            board.send(command);
+            board.run_until("an answer", 100_000, |frames| acks(frames) > answered)?;
+        }
         let before = board.converters().samples_delivered();
         start(board, streams)?;
         let after = board.converters().samples_delivered();
@@ -68,8 +78,14 @@ impl Repeatable {
     }
 }
 
-/// Returns the frames that host-sim sends after `commands` and a `Start` of `streams`, for `samples`
-/// samples, the first of which has the number `first`.
+/// Asserts that all codes or blocks have the electrodes of [`EXCLUDE`] filled from the others.
+pub(crate) fn assert_substituted(codes: &[ReceivedCode]) {
+    let is_substituted = |code: &ReceivedCode| code.flags.contains(Flags::SUBSTITUTED);
+    assert!(codes.iter().all(is_substituted));
+}
+
+/// Returns the frames that host-sim sends after `commands` and a `Start` of `streams`, for
+/// `samples` samples, the first of which has the number `first`.
 fn simulated(streams: Streams, commands: &[ToDevice<'_>], first: u64, samples: u64) -> Inbox {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = Simulator::new(Identity::default(), Mains::default(), outbox.clone());
