@@ -59,7 +59,7 @@ enum Verb {
     /// run it live for a bridge
     Qemu {
         /// Number of codes that each machine makes, to be compared with host-sim's
-        #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(500..=100_000))]
+        #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u32).range(500..=100_000))]
         codes: u32,
         /// Print one JSON object instead of a table
         #[arg(long)]

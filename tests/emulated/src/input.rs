@@ -27,13 +27,13 @@ pub struct Input {
 }
 
 impl Input {
-    /// Returns samples for as many codes as `CORTICODE_CODES` asks for, or for 1000 codes if it is
+    /// Returns samples for as many codes as `CORTICODE_CODES` asks for, or for 500 codes if it is
     /// not set.
     ///
     /// # Panics
     /// When the variable is not a number from 500 to 100 000, and when [`Input::new`] panics.
     pub fn from_environment() -> Self {
-        let codes = env::var("CORTICODE_CODES").map_or(Ok(1000), |codes| codes.parse());
+        let codes = env::var("CORTICODE_CODES").map_or(Ok(500), |codes| codes.parse());
         let codes = codes.expect("CORTICODE_CODES is a number");
         assert!(
             (500..=100_000).contains(&codes),

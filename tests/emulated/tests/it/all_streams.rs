@@ -12,10 +12,10 @@ use model::{ADC_RATE_HZ, CELLS, CHANNELS, STEPS};
 use pipeline::{Encoder, Step};
 use serde_json::json;
 
-/// Number of samples of the scenario: 31 s, long enough for four audits, and a multiple of the
+/// Number of samples of the scenario: 15.5 s, long enough for two audits, and a multiple of the
 /// samples in a frame. They are taken from the middle of the input, where the real recording
 /// starts.
-const SAMPLES: usize = 15_872;
+const SAMPLES: usize = 7_936;
 
 /// Largest number of samples by which the board's `Stats` may be ahead of host-sim's: the board
 /// also counts samples that still wait for the encoder.

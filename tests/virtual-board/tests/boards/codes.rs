@@ -9,12 +9,12 @@ use crate::images::Subject;
 use crate::session::{assert_sound, in_time, pick, run_codes, running, worst_path};
 use crate::simulation::{EXCLUDE, HOP, Repeatable, assert_substituted};
 
-/// Returns the number of codes to compare: 256 (16 s) for a board's default image, 48 (3 s) for its
+/// Returns the number of codes to compare: 128 (8 s) for a board's default image, 48 (3 s) for its
 /// other image, which differs only in the port.
 const fn codes(subject: Subject) -> usize {
     match (subject.model, subject.cable) {
         (Model::H743, Cable::Uart) | (Model::F446, Cable::Usb) => 48,
-        _ => 256,
+        _ => 128,
     }
 }
 

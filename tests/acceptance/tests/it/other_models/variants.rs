@@ -17,17 +17,14 @@ use artifact::{
 /// Models to build (mode, padding, pool, size). Together they use every kernel, both ends of a
 /// padded window, for each optional part an encoder without it, every overlap of windows, and the
 /// ends of every parameter's range.
-const VARIANTS: [(Mode, Padding, [usize; 3], Size); 10] = [
+const VARIANTS: [(Mode, Padding, [usize; 3], Size); 7] = [
     (Paper, Padding::None, [2, 2, 2], Size::paper(16)),
     (Paper, Padding::None, [4, 3, 3], Size::paper(8)),
-    (PaperCodeOnly, Padding::Space, [1, 2, 2], Size::paper(8)),
     (Shortcut, Padding::All, [2, 2, 2], Size::paper(4)),
     (Shortcut, Padding::All, [1, 3, 1], Size::paper(16)),
-    (Pca, Padding::None, [2, 2, 2], Size::paper(8)),
     (Pca, Padding::None, [2, 2, 2], SMALLEST),
     (Shortcut, Padding::None, [2, 2, 2], LARGEST),
     (PaperCodeOnly, Padding::Space, [1, 1, 2], ROW),
-    (Shortcut, Padding::All, [2, 1, 1], ROW),
 ];
 
 /// Size of the smallest model. Its grid of four electrodes is too small for a convolution.
