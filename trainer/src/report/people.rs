@@ -45,8 +45,8 @@ pub(super) fn add(report: &mut Report, people: &[PersonError]) -> Result<(), Tra
             &format!("substitution-{subject}"),
             |path| map.draw(path),
             &format!(
-                "{subject}: how many times as large the error of an electrode is without the \
-                 substitution of the bad ones, {}, which are hollow.",
+                "{subject}: how many times as large the error of each good electrode is without the \
+                 substitution of the bad ones, {}, which are left out.",
                 error.person.bad.join(", ")
             ),
             &csv(std::slice::from_ref(error)),
@@ -57,12 +57,17 @@ pub(super) fn add(report: &mut Report, people: &[PersonError]) -> Result<(), Tra
 
 fn scalp_map(error: &PersonError) -> ScalpMap {
     let [on, off] = error.of_good();
-    let electrodes = error.of_electrodes().zip(places(&error.on.electrodes));
-    let places = electrodes.map(|((label, [on, off]), at)| Place {
+    let places = places(&error.on.electrodes);
+    let electrodes = error.on.electrodes.iter().zip(error.of_electrodes());
+    // The bad electrodes have so large an error of their own that the others would look alike.
+    let good = electrodes
+        .zip(places)
+        .filter(|((electrode, _), _)| !error.person.bad.contains(&electrode.label));
+    let places = good.map(|((electrode, (label, [on, off])), at)| Place {
         label: label.to_owned(),
         at,
         value: off / on,
-        is_measured: !error.person.bad.iter().any(|bad| bad == label),
+        is_measured: electrode.is_recorded,
     });
     ScalpMap {
         places: places.collect(),
