@@ -7,6 +7,8 @@ use crate::error::TrainerError;
 use crate::evaluate::{CodedBlock, Evaluation, ReconstructionError, Table, evaluate_blocks};
 use crate::overlap::OverlapMean;
 use crate::packed::{RateFigures, RateTable, evaluate as evaluate_packed};
+use crate::people::People;
+use crate::person_error::{PersonError, Table as PeopleTable};
 use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
 use crate::track::{Track, read_tracks};
@@ -45,6 +47,9 @@ pub struct Comparison {
     pub hop: usize,
     /// Unit of the network's input, `input.sd_uv`, uV.
     pub sd_uv: f64,
+    /// Error for each person, with substitution on and off; empty if the model has no network or no
+    /// table of substitutions, or after a training.
+    pub(crate) people: Vec<PersonError>,
 }
 
 impl Comparison {
@@ -87,6 +92,7 @@ impl Comparison {
             without_prediction: without_prediction(model, tracks),
             hop: description.window.hop,
             sd_uv: description.input.sd_uv,
+            people: Vec::new(),
         })
     }
 
@@ -100,6 +106,7 @@ impl Comparison {
             "real_electrodes": self.real_electrodes,
             "packed_without_prediction": self.without_prediction,
             "packed": self.packed.iter().map(|figures| figures.to_json()).collect::<Vec<_>>(),
+            "people": self.people.iter().map(PersonError::to_json).collect::<Vec<_>>(),
         });
         let codes = self.codes.as_ref().map(CodeComparison::to_json);
         if let (Json::Object(object), Some(Json::Object(codes))) = (&mut object, codes) {
@@ -157,6 +164,9 @@ impl fmt::Display for Comparison {
                 self.real_electrodes, self.electrodes
             )?,
         }
+        if !self.people.is_empty() {
+            write!(f, "\n{}", PeopleTable(&self.people))?;
+        }
         if self.packed.is_empty() {
             return Ok(());
         }
@@ -193,9 +203,10 @@ fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> 
     of_these.map_or_else(Vec::new, |card| card.without_prediction.clone())
 }
 
-/// Evaluates the artifact in `folder`, and its PCA, on recordings. `names` selects the recordings,
-/// in `data` or by path; if it is empty, those of the training card are used. `mains_hz` replaces
-/// the mains frequency of the training.
+/// Evaluates the artifact in `folder`, and its PCA, on recordings, whose bad electrodes are
+/// interpolated as in training, and for each person with their substitution on and off. `names`
+/// selects the recordings, in `data` or by path; if it is empty, those of the training card are
+/// used. `mains_hz` replaces the mains frequency of the training.
 ///
 /// # Errors
 /// If the artifact or a recording cannot be used.
@@ -231,9 +242,14 @@ pub fn compare(
         observer.message("the artifact has no pca.safetensors, so there is no comparison with PCA");
     }
     let mains_hz = mains_hz.unwrap_or(card.mains_hz);
-    let tracks = read_tracks(&files, &model.description, mains_hz, observer)?;
+    let recorded = read_tracks(&files, &model.description, mains_hz, observer)?;
+    let electrodes = &model.description.montage.electrodes;
+    let people = People::new(recorded.clone(), electrodes, None, observer)?;
     observer.message("evaluating ...");
-    Comparison::new(&model, pca.as_ref(), &tracks)
+    Ok(Comparison {
+        people: PersonError::of_each(&model, &people, &recorded)?,
+        ..Comparison::new(&model, pca.as_ref(), &people.tracks)?
+    })
 }
 
 /// Figures of the codes of one model.

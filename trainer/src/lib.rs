@@ -59,6 +59,7 @@ mod packed;
 pub mod parameters;
 mod pca;
 mod people;
+mod person_error;
 pub mod progress;
 mod report;
 mod selection;

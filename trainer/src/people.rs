@@ -90,10 +90,9 @@ impl People {
                 .collect();
             // For each bad electrode, the number of recordings in which it is bad.
             let mut bad: BTreeMap<usize, usize> = BTreeMap::new();
-            for found in interpolate_bad(&mut own, electrodes)? {
-                for electrode in found {
-                    *bad.entry(electrode).or_default() += 1;
-                }
+            interpolate_bad(&mut own, electrodes)?;
+            for electrode in own.iter().flat_map(|track| &track.bad) {
+                *bad.entry(*electrode).or_default() += 1;
             }
             let values = own.iter().flat_map(|track| &track.values);
             let energy: f64 = values.clone().map(|&uv| f64::from(uv).powi(2)).sum();
@@ -186,8 +185,17 @@ impl People {
 
     /// Returns each person's recordings.
     pub(crate) fn each(&self) -> impl Iterator<Item = (&Person, Vec<Track>)> {
-        self.cards.iter().enumerate().map(|(index, person)| {
-            let own = self.tracks.iter().zip(&self.of);
+        self.each_of(&self.tracks)
+    }
+
+    /// Returns each person's recordings as they are in `tracks`, which are the same recordings in
+    /// the same order.
+    pub(crate) fn each_of<'a>(
+        &'a self,
+        tracks: &'a [Track],
+    ) -> impl Iterator<Item = (&'a Person, Vec<Track>)> {
+        self.cards.iter().enumerate().map(move |(index, person)| {
+            let own = tracks.iter().zip(&self.of);
             let own = own.filter(|(_, of)| **of == index);
             let own = own.map(|(track, _)| track.clone());
             (person, own.collect())
@@ -195,38 +203,32 @@ impl People {
     }
 }
 
-/// Finds the bad electrodes of one person's recordings, interpolates them, and returns their
-/// indices for each recording.
+/// Finds the bad electrodes of one person's recordings, and interpolates them.
 ///
 /// A bad electrode spoils the predictions of its neighbours. So the worst ones are interpolated
 /// first, and the others are judged again, until none is bad.
 ///
 /// # Errors
 /// [`TrainerError::SilentRecording`].
-fn interpolate_bad(
-    tracks: &mut [&mut Track],
-    electrodes: &[String],
-) -> Result<Vec<Vec<usize>>, TrainerError> {
-    let mut bad = vec![Vec::new(); tracks.len()];
-    for (track, bad) in tracks.iter_mut().zip(&mut bad) {
-        *bad = silent_electrodes(track, electrodes)?;
-        interpolate(track, bad, electrodes);
+fn interpolate_bad(tracks: &mut [&mut Track], electrodes: &[String]) -> Result<(), TrainerError> {
+    for track in &mut *tracks {
+        track.bad = silent_electrodes(track, electrodes)?;
+        interpolate(track, electrodes);
     }
     loop {
         let own = tracks.iter().map(|track| &**track);
         let prediction = prediction(own).expect("no recording is silent");
         let mut is_done = true;
-        for (track, bad) in tracks.iter_mut().zip(&mut bad) {
-            let found = noisy_electrodes(&prediction, track, bad, electrodes);
+        for track in &mut *tracks {
+            let found = noisy_electrodes(&prediction, track, electrodes);
             is_done &= found.is_empty();
-            bad.extend(found);
-            interpolate(track, bad, electrodes);
+            track.bad.extend(found);
+            interpolate(track, electrodes);
         }
         if is_done {
-            break;
+            return Ok(());
         }
     }
-    Ok(bad)
 }
 
 /// Returns the indices of the electrodes that have no signal in a recording.
@@ -253,15 +255,9 @@ fn energies(rows: &DMatrix<f64>) -> Vec<f64> {
 }
 
 /// Returns the indices of those electrodes of a recording whose innovation is too large and at
-/// least half of the largest. `prediction` predicts each electrode of the person from the others;
-/// `known` are the electrodes that are interpolated already. An electrode that the recording lacks
-/// is not bad.
-fn noisy_electrodes(
-    prediction: &DMatrix<f64>,
-    track: &Track,
-    known: &[usize],
-    electrodes: &[String],
-) -> Vec<usize> {
+/// least half of the largest, but for those that are known to be bad. `prediction` predicts each
+/// electrode of the person from the others. An electrode that the recording lacks is not bad.
+fn noisy_electrodes(prediction: &DMatrix<f64>, track: &Track, electrodes: &[String]) -> Vec<usize> {
     let innovation = residual(prediction, track);
     let [signal, all] = [
         energies(&columns(track).map(f64::from)),
@@ -282,7 +278,7 @@ fn noisy_electrodes(
     noisy.retain(|&electrode| {
         in_seconds[electrode] > limit
             && all[electrode] > BAD_PART * signal[electrode]
-            && !known.contains(&electrode)
+            && !track.bad.contains(&electrode)
             && !track.interpolated.contains(&electrodes[electrode])
     });
     let largest = noisy.iter().map(|&electrode| in_seconds[electrode]);
@@ -291,8 +287,10 @@ fn noisy_electrodes(
     noisy
 }
 
-/// Replaces electrodes of a recording by a mix of its other electrodes, as if it lacked them.
-fn interpolate(track: &mut Track, bad: &[usize], electrodes: &[String]) {
+/// Replaces the bad electrodes of a recording by a mix of its other electrodes, as if it lacked
+/// them.
+fn interpolate(track: &mut Track, electrodes: &[String]) {
+    let bad = &track.bad;
     if bad.is_empty() {
         return;
     }

@@ -5,6 +5,7 @@ mod cross_validation;
 mod evaluation;
 mod learning;
 mod packed;
+mod people;
 
 use crate::comparison::Comparison;
 use crate::crossval::Table;

@@ -21,7 +21,7 @@ use artifact::{
 use std::path::PathBuf;
 
 pub(crate) use fit::{columns, median, prediction, residual, seconds};
-pub(crate) use sweeps::largest_radius;
+pub(crate) use sweeps::{filled, largest_radius};
 
 /// Options of `trainer substitution`.
 #[derive(clap::Args, Clone, Debug)]

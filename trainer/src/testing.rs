@@ -96,6 +96,7 @@ pub(crate) fn track(name: &str, electrodes: usize, values: Vec<f32>) -> Track {
         electrodes,
         values,
         interpolated: Vec::new(),
+        bad: Vec::new(),
         signals: electrodes,
     }
 }

@@ -24,6 +24,8 @@ pub(crate) struct Track {
     pub(crate) values: Vec<f32>,
     /// Labels of electrodes that are missing in the recording and were interpolated.
     pub(crate) interpolated: Vec<String>,
+    /// Indices of electrodes that were found to be bad, and interpolated.
+    pub(crate) bad: Vec<usize>,
     /// Number of distinct signals of the recording that enter the electrodes, as they are or mixed.
     pub(crate) signals: usize,
 }
@@ -101,6 +103,7 @@ impl Track {
             electrodes,
             values,
             interpolated: interpolated.collect(),
+            bad: Vec::new(),
             signals: map.used().len(),
         };
         observer.message(&format!(
@@ -131,6 +134,7 @@ impl Track {
             electrodes: self.electrodes,
             values: self.values[values].to_vec(),
             interpolated: self.interpolated.clone(),
+            bad: self.bad.clone(),
             signals: self.signals,
         }
     }

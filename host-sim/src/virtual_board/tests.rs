@@ -9,6 +9,7 @@ mod streams;
 
 use super::*;
 use crate::outbox::WhenFull;
+use crate::synthetic::{Generator, SyntheticSpec};
 
 fn board() -> (VirtualBoard, Outbox) {
     let outbox = Outbox::new(WhenFull::DropOldest);
@@ -144,6 +145,28 @@ fn a_code_names_the_channels_at_the_rail_and_substitutes_the_electrodes_among_th
         expected[5..7].fill(at_rail);
         assert_eq!(seen, expected, "automatic: {automatic}");
         assert_eq!(board.stats().clipped == 0, automatic);
+    }
+}
+
+#[test]
+fn no_electrode_of_synthetic_eeg_is_substituted() {
+    for seed in [1, 2] {
+        let (mut board, outbox) = board();
+        send(&mut board, &mut Encoder::default(), START);
+        let spec = SyntheticSpec::new(seed, model::LABELS.split(' '));
+        let mut eeg = Generator::new(&spec).expect("a generator");
+        let mut substituted = Vec::new();
+        // The filters settle for 10 s, in which no electrode is judged.
+        for _second in 0..40 {
+            for counts in eeg.by_ref().take(model::ADC_RATE_HZ.into()) {
+                board.process_sample(&Sample { counts }, 0);
+            }
+            substituted.extend(frames(&outbox, |message| match message {
+                ToHost::Code(code) => Some(code.flags.contains(Flags::SUBSTITUTED)),
+                _ => None,
+            }));
+        }
+        assert_eq!(substituted, [false; 40 * 16 - 1], "seed {seed}");
     }
 }
 

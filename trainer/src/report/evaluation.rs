@@ -47,6 +47,9 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
             &electrodes_csv(codes, comparison.sd_uv),
         )?;
     }
+    if !comparison.people.is_empty() {
+        super::people::add(report, &comparison.people)?;
+    }
     if !comparison.packed.is_empty() {
         super::packed::add(report, comparison)?;
     }
@@ -136,7 +139,7 @@ fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
 
 /// Returns the places of the electrodes on the map of the head. Their labels determine them or, if
 /// a label has no place in the 10-20 system, their cells of the scalp grid.
-fn places(errors: &[ElectrodeError]) -> Vec<[f64; 2]> {
+pub(super) fn places(errors: &[ElectrodeError]) -> Vec<[f64; 2]> {
     let labelled = errors.iter().map(|error| {
         let Position { x, y, z } = Position::from_label(&error.label)?;
         Some(on_map([x, y, z]))

@@ -6,6 +6,7 @@
 //! of the weights can end that.
 
 use crate::error::TrainerError;
+use crate::track::Track;
 use artifact::{Description, ScalpGrid, SubstitutionTable};
 use nalgebra::DMatrix;
 use rand::SeedableRng;
@@ -14,6 +15,9 @@ use rand_chacha::ChaCha8Rng;
 
 /// Number of electrodes that a device substitutes at the same time.
 const MOST: usize = 12;
+
+/// Number of sweeps over the bad electrodes, as on a device.
+const SWEEPS: usize = 8;
 
 /// Number of times that a sweep's matrix is squared to find its spectral radius.
 const SQUARINGS: u32 = 10;
@@ -64,6 +68,26 @@ pub(crate) fn largest_radius(
     Ok(largest)
 }
 
+/// Returns a recording in which the bad electrodes, the first 12 if there are more, have the values
+/// with which a device fills them. Floating-point numbers replace the device's integers of a
+/// quarter of a microvolt.
+pub(crate) fn filled(track: &Track, table: &SubstitutionTable) -> Track {
+    let mut filled = track.clone();
+    let bad = &track.bad[..track.bad.len().min(MOST)];
+    for step in filled.values.chunks_exact_mut(track.electrodes) {
+        for &electrode in bad {
+            step[electrode] = 0.0;
+        }
+        for &electrode in bad.iter().cycle().take(SWEEPS * bad.len()) {
+            let weights = &table.weights[electrode * step.len()..][..step.len()];
+            let products = weights.iter().zip(&*step);
+            let sum: f32 = products.map(|(&weight, x)| f32::from(weight) * x).sum();
+            step[electrode] = sum / 128.0;
+        }
+    }
+    filled
+}
+
 /// Returns the spectral radius of a sweep over a set of electrodes.
 ///
 /// With the weights `L + U` between the electrodes of the set (below and above the diagonal), a
@@ -105,6 +129,34 @@ mod tests {
             let expected = (f64::from(a) * f64::from(b)).abs() / 128.0_f64.powi(2);
             let radius = spectral_radius(&weights, 5, &[1, 4]);
             assert!((radius - expected).abs() <= 2e-3 * expected, "{radius}");
+        }
+    }
+
+    #[test]
+    fn bad_electrodes_are_the_solution_of_their_equations() {
+        let mut weights = vec![20, -30, 45, 60, 10];
+        weights = weights.into_iter().cycle().take(25).collect();
+        for electrode in 0..5 {
+            weights[electrode * 6] = 0;
+        }
+        let table = SubstitutionTable {
+            description: artifact::SubstitutionDescription {
+                format: 1,
+                training: artifact::SubstitutionTraining::default(),
+            },
+            weights,
+            innovation: vec![1; 5],
+        };
+        let mut track = crate::testing::track("five", 5, vec![8.0, -3.0, 5.0, 1.0, 900.0]);
+        track.bad = vec![4, 1];
+        let values = filled(&track, &table).values;
+        // x1 = (20 * 8 + 45 * 5 + 60 * 1 + 10 * x4) / 128, x4 = (20 * 8 - 30 * x1 + 45 * 5 + 60) /
+        // 128
+        let [a, b] = [445.0 / 128.0, 10.0 / 128.0];
+        let x1 = (a + b * a) / (1.0 + b * 30.0 / 128.0);
+        let x4 = a - 30.0 / 128.0 * x1;
+        for (value, expected) in values.iter().zip([8.0, x1, 5.0, 1.0, x4]) {
+            assert!((value - expected).abs() < 1e-4, "{values:?} {x1} {x4}");
         }
     }
 

@@ -4,6 +4,7 @@ use super::{Folder, LABELS, SMALL, assert_has, write_gdf};
 use artifact::{Artifact, Person};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
 use std::fs;
 
 /// Writes a recording in the person's own folder. `gain` multiplies all electrodes; C4 gets noise
@@ -116,6 +117,40 @@ fn a_bad_electrode_of_one_person_is_left_out_and_named_in_every_card() {
         }
     }
     assert_eq!(training.tested[2].bad, ["C4"]);
+    // `evaluate` interpolates as training does, so the error is the card's; the noise of C4 spoils
+    // the codes of all electrodes unless it is filled from them.
+    let [printed, log] = folder.run(
+        "evaluate --artifact=model --data=[A-C]1 --test=R03 --mains=50 --json --report=report",
+        0,
+    );
+    assert_has(
+        &log,
+        &["warning: C1: electrode C4 is bad in 1 of 1 recordings"],
+    );
+    let json: Value = serde_json::from_str(&printed).expect("an object");
+    let mse = training.mse.expect("a test");
+    let evaluated = json["mse_int8"].as_f64().expect("a number");
+    assert!(
+        (evaluated - mse.autoencoder_int8).abs() < 1e-6,
+        "{evaluated}"
+    );
+    let people = json["people"].as_array().expect("a list");
+    for (person, tested) in people.iter().zip(&training.tested) {
+        assert_eq!(person["subject"], *tested.subject);
+        let number = |key: &str| person[key].as_f64().expect("a number");
+        let [on, off] = ["good_mse_uv2_on", "good_mse_uv2_off"].map(number);
+        let of_electrodes = person["by_electrode"].as_array().expect("a list");
+        assert_eq!(of_electrodes.len(), LABELS.len());
+        if tested.bad.is_empty() {
+            assert!((number("prd_percent_on") - tested.prd_percent.autoencoder_int8).abs() < 1e-4);
+            assert!((off / on - 1.0).abs() < 1e-9);
+        } else {
+            // Measured: 5.3.
+            assert!(off > 3.0 * on, "{off} {on}");
+        }
+    }
+    assert!(folder.path("report/substitution-C1.svg").exists());
+    assert!(!folder.path("report/substitution-A1.svg").exists());
     // The model of the clean people is hardly better for them. With C4's noise in the training, the
     // error would be several times as large.
     let (clean, _) = train(&folder, "clean", "[AB]1");

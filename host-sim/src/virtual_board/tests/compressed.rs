@@ -5,7 +5,6 @@ use lossless::{Block, Count, Kind};
 use pipeline::CHANNELS;
 
 use super::*;
-use crate::synthetic::{Generator, SyntheticSpec};
 
 /// Decodes a message of compressed samples to counts, as a host does.
 fn decode(decoder: &mut lossless::Decoder<CHANNELS>, raw: &CompressedRaw) -> Vec<Count> {

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod architecture;
+mod bad_electrodes;
 mod board_chain;
 mod catkin;
 mod debian_package;

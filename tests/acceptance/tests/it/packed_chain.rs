@@ -15,8 +15,8 @@ use artifact::Artifact;
 use artifact::reconstruction::{PackedBlock, PackedDecoder};
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
-use model::{ADC_RATE_HZ, ELECTRODES, HOP, STEP_RATE_HZ};
-use pipeline::{Acquisition, Mains, PackedEncoder, Rate, Sample};
+use model::{ADC_RATE_HZ, ELECTRODES, HOP, STEP_RATE_HZ, SUBSTITUTION};
+use pipeline::{Acquisition, ExclusionPolicy, Mains, PackedEncoder, Rate, Sample, Substitution};
 use serde_json::Value;
 
 /// Duration of the EEG that the board encodes, in seconds.
@@ -28,18 +28,32 @@ const RATE: u8 = 3;
 /// Number of blocks that the board sends in [`SECONDS`].
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
 
+const SUBSTITUTED: u64 = Flags::SUBSTITUTED.bits() as u64;
+
 /// One frame of `/neurodata_reconstructed`: the decoded values, and the flags of the block.
 type Frame = (Vec<f32>, u64);
 
-/// Returns the packed blocks that the pipeline computes from the board's synthetic EEG.
-fn blocks() -> Vec<Vec<u8>> {
+/// Returns the packed blocks that the pipeline computes from the board's synthetic EEG, in which
+/// the electrodes `excluded` (bit n is electrode n) are filled from the others.
+fn blocks(excluded: u64) -> Vec<Vec<u8>> {
     let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
     let generator = Generator::new(&spec).expect("the model's electrodes");
     let mut acquisition = Acquisition::new(Mains::Hz50);
     let mut encoder = Box::new(PackedEncoder::new());
     encoder.set_rate(Rate::new(RATE).expect("a rate"));
+    let mut substitution = Box::new(Substitution::NEW);
+    let table = SUBSTITUTION.as_ref().expect("the default model's table");
+    let policy = ExclusionPolicy {
+        always: excluded,
+        ..ExclusionPolicy::AUTOMATIC
+    };
     let samples = generator.take(SECONDS * usize::from(ADC_RATE_HZ));
-    let steps = samples.filter_map(|counts| acquisition.process_sample(&Sample { counts }));
+    let steps = samples.filter_map(|counts| {
+        substitution.observe_sample(&Sample { counts });
+        let mut step = acquisition.process_sample(&Sample { counts })?;
+        substitution.fill_step(&mut step, policy, table);
+        Some(step)
+    });
     let blocks: Vec<Vec<u8>> = steps
         .filter_map(|step| Some(encoder.encode_step(&step)?.bytes().to_vec()))
         .collect();
@@ -130,7 +144,7 @@ fn packed_blocks_alone_reach_rospy_as_the_library_decodes_them() {
         subscriber.output().lines().count() > due
     });
     let messages = messages_of(&subscriber);
-    let blocks = blocks();
+    let blocks = blocks(0);
     let all: Vec<_> = blocks.iter().map(Some).collect();
     let expected = &expected(&decode(&all))[..due];
     assert_eq!(messages.len(), due);
@@ -162,37 +176,52 @@ fn packed_blocks_alone_reach_rospy_as_the_library_decodes_them() {
 
 #[test]
 fn blocks_are_decoded_at_once_or_corrected_and_take_few_bits_on_the_wire() {
-    let blocks = blocks();
-    let all: Vec<_> = blocks.iter().map(Some).collect();
-    let decoded = decode(&all);
-    let at_once: Vec<_> = decoded
-        .iter()
-        .map(|block| block.microvolts.clone())
-        .collect();
-    for (option, expected) in [
-        ("--low-latency=true", at_once),
-        ("--low-latency=false", expected(&decoded)),
-    ] {
-        let folder = tempfile::tempdir().expect("a folder");
-        let folder = folder.path();
-        let port = folder.join("board").display().to_string();
-        let mut printing = print_blocks(folder, &port, &[option]);
-        let ended = board(folder, SECONDS, &format!("pty:{port}")).wait(SLACK);
-        assert!(ended.success());
-        printing.wait_until("all frames", SLACK, |bridge| {
-            // The bridge prints the frame of the last block only when the run ends.
-            printed(&bridge.output()).len() + 1 >= expected.len()
-        });
-        let [lines, log] = printing::stop(printing, folder);
-        let frames: Vec<_> = printed(&lines)
-            .into_iter()
-            .map(|(values, _)| values)
-            .collect();
-        assert!(frames == expected, "{} frames, {option}", frames.len());
-        let counts = counts(&blocks);
-        assert!(log.contains(&counts), "{log}");
+    for is_at_once in [true, false] {
+        let blocks = blocks(0);
+        let option = format!("--low-latency={is_at_once}");
+        let (flags, lines) = assert_decoded(&blocks, is_at_once, &[&option]);
+        assert!(flags.iter().all(|flags| flags & SUBSTITUTED == 0));
         report_bits(&lines);
     }
+}
+
+#[test]
+fn an_electrode_that_the_user_excludes_is_filled_flagged_and_named() {
+    let mut labels = model::LABELS.split(' ');
+    let excluded = labels.position(|label| label == "Cz").expect("Cz");
+    let (flags, lines) = assert_decoded(&blocks(1 << excluded), false, &["--exclude=Cz"]);
+    assert!(flags.iter().all(|flags| flags & SUBSTITUTED != 0));
+    let named = "filled from the others: Cz";
+    assert!(messages(&lines, "/diagnostics").any(|report| report.to_string().contains(named)));
+}
+
+/// Runs a bridge with `options` beside a board, and asserts that it prints what the library decodes
+/// from `blocks`: each at once, or corrected by the next. Returns the flags of all frames, and all
+/// that the bridge has printed.
+fn assert_decoded(blocks: &[Vec<u8>], is_at_once: bool, options: &[&str]) -> (Vec<u64>, String) {
+    let all: Vec<_> = blocks.iter().map(Some).collect();
+    let decoded = decode(&all);
+    let expected = if is_at_once {
+        decoded.into_iter().map(|block| block.microvolts).collect()
+    } else {
+        expected(&decoded)
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let port = folder.join("board").display().to_string();
+    let mut printing = print_blocks(folder, &port, options);
+    let ended = board(folder, SECONDS, &format!("pty:{port}")).wait(SLACK);
+    assert!(ended.success());
+    printing.wait_until("all frames", SLACK, |bridge| {
+        // The bridge prints the frame of the last block only when the run ends.
+        printed(&bridge.output()).len() + 1 >= expected.len()
+    });
+    let [lines, log] = printing::stop(printing, folder);
+    let (frames, flags): (Vec<_>, Vec<_>) = printed(&lines).into_iter().unzip();
+    assert!(frames == expected, "{} frames, {options:?}", frames.len());
+    let counts = counts(blocks);
+    assert!(log.contains(&counts), "{log}");
+    (flags, lines)
 }
 
 /// Prints how many bits the packed blocks, and all bytes on the wire, take in the last second of
@@ -229,7 +258,7 @@ fn report_bits(lines: &str) {
 
 #[test]
 fn a_recording_of_packed_blocks_is_replayed_and_converted() {
-    let blocks = blocks();
+    let blocks = blocks(0);
     let all: Vec<_> = blocks.iter().map(Some).collect();
     let expected = expected(&decode(&all));
     let folder = tempfile::tempdir().expect("a folder");
@@ -254,7 +283,7 @@ fn a_recording_of_packed_blocks_is_replayed_and_converted() {
 
 #[test]
 fn after_lost_frames_every_frame_is_that_of_a_decoder_with_the_same_losses() {
-    let blocks = blocks();
+    let blocks = blocks(0);
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let port = free_port().expect("a free port");
