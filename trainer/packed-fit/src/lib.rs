@@ -1,0 +1,36 @@
+//! Fits packed models to filtered recordings, and measures their error.
+//!
+//! ```text
+//! recording --> Track --> bad electrodes interpolated
+//!                              |
+//!            Blocks --> Transform --> PackedModel --coded--> levels, frequencies --> Smoother
+//!                       KLT of a      integers of            four rounds             ridge
+//!                       residual      proven ranges
+//! ```
+#![forbid(unsafe_code)]
+#![expect(
+    clippy::cast_precision_loss,
+    reason = "counts of values are far below 2^53, those that become f32 below 2^24"
+)]
+
+pub mod bad_electrodes;
+pub mod band_power;
+pub mod directions;
+pub mod in_parallel;
+pub mod innovation;
+
+mod coded;
+mod error;
+mod evaluation;
+mod fit;
+mod front_end;
+mod integers;
+mod probabilities;
+mod ridge;
+mod track;
+mod transform;
+
+pub use error::FitError;
+pub use evaluation::{RateFigures, evaluate};
+pub use fit::{coefficients, fit, without_prediction};
+pub use track::{Track, settling_steps};
