@@ -64,7 +64,10 @@ pub fn interpolate_bad(
 ///
 /// # Errors
 /// [`FitError::SilentRecording`] if none has a signal.
-fn silent_electrodes(track: &Track, electrodes: &[String]) -> Result<Vec<usize>, FitError> {
+pub(crate) fn silent_electrodes(
+    track: &Track,
+    electrodes: &[String],
+) -> Result<Vec<usize>, FitError> {
     let energies = energies(&columns(track).map(f64::from));
     let silent = energies.iter().enumerate();
     let silent = silent.filter(|(_, energy)| **energy < SILENT_UV.powi(2));
@@ -123,7 +126,7 @@ fn noisy_electrodes(
 }
 
 /// Replaces electrodes of a recording by a mix of its other electrodes, as if it lacked them.
-fn interpolate(track: &mut Track, bad: &[usize], electrodes: &[String]) {
+pub(crate) fn interpolate(track: &mut Track, bad: &[usize], electrodes: &[String]) {
     if bad.is_empty() {
         return;
     }

@@ -7,6 +7,9 @@
 //!                       KLT of a      integers of            four rounds             ridge
 //!                       residual      proven ranges
 //! ```
+//!
+//! `trainer` fits models to folders of recordings, and `corticode-bridge calibrate` to what a
+//! device has just sent.
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_precision_loss,
@@ -24,7 +27,9 @@ mod error;
 mod evaluation;
 mod fit;
 mod front_end;
+mod good_signal;
 mod integers;
+mod personal_model;
 mod probabilities;
 mod ridge;
 mod track;
@@ -33,4 +38,6 @@ mod transform;
 pub use error::FitError;
 pub use evaluation::{RateFigures, evaluate};
 pub use fit::{coefficients, fit, without_prediction};
+pub use good_signal::GoodSignal;
+pub use personal_model::{PersonalModel, error_at};
 pub use track::{Track, settling_steps};
