@@ -3,6 +3,7 @@
 
 mod architecture;
 mod board_chain;
+mod calibrated_model;
 mod catkin;
 mod debian_package;
 mod decoding_page;
