@@ -2,13 +2,13 @@
 
 use crate::error::TrainerError;
 use crate::montage_check::MontageCheck;
-use crate::track::Track;
 use artifact::{
     CodeFormat, CodeQuantisation, Decimation, Description, Dimensions, Filters, Input, Mode,
     MontageFile, NetworkShape, Padding, TrainingCard, Window,
 };
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use packed_fit::Track;
 use serde::de::{DeserializeOwned, IntoDeserializer, value::Error as ValueError};
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -1,19 +1,20 @@
 //! Figures of a model on recordings: those that it was trained on, or others.
 
-use crate::band_power::BandPower;
 use crate::dataset::Dataset;
 use crate::electrode_error::{ElectrodeError, ElectrodeSums};
 use crate::error::TrainerError;
 use crate::evaluate::{CodedBlock, Evaluation, ReconstructionError, Table, evaluate_blocks};
 use crate::overlap::OverlapMean;
-use crate::packed::{RateFigures, RateTable, evaluate as evaluate_packed};
-use crate::people::People;
+use crate::packed::{self, RateTable};
+use crate::people::{People, read_tracks};
 use crate::person_error::{PersonError, Table as PeopleTable};
 use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
-use crate::track::{Track, read_tracks};
 use crate::truncation::{TruncationError, TruncationSums};
 use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
+use packed_fit::Track;
+use packed_fit::band_power::BandPower;
+use packed_fit::{RateFigures, evaluate as evaluate_packed};
 use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
@@ -105,7 +106,7 @@ impl Comparison {
             "electrodes": self.electrodes,
             "real_electrodes": self.real_electrodes,
             "packed_without_prediction": self.without_prediction,
-            "packed": self.packed.iter().map(|figures| figures.to_json()).collect::<Vec<_>>(),
+            "packed": self.packed.iter().map(packed::to_json).collect::<Vec<_>>(),
             "people": self.people.iter().map(PersonError::to_json).collect::<Vec<_>>(),
         });
         let codes = self.codes.as_ref().map(CodeComparison::to_json);

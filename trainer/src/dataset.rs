@@ -2,8 +2,10 @@
 
 use crate::error::TrainerError;
 use crate::pca;
-use crate::track::Track;
+
 use artifact::Dimensions;
+use packed_fit::directions::principal_directions;
+use packed_fit::{FitError, Track};
 use rand::{Rng, RngExt};
 
 /// Number of equal parts of a track, of which the last is the validation part.
@@ -189,7 +191,7 @@ impl TrainingSet {
         let mut whole = Dataset::from_tracks(recorded, dimensions)?;
         let sd_uv = split.training.deviation();
         if sd_uv <= 0.0 {
-            return Err(TrainerError::Silent);
+            return Err(FitError::Silent.into());
         }
         for part in [&mut split.training, &mut split.validation, &mut whole] {
             part.scale(1.0 / sd_uv);
@@ -204,7 +206,7 @@ impl TrainingSet {
     /// Returns the principal directions of the training part, one for each number of a code.
     pub(crate) fn directions(&self) -> Vec<Vec<f32>> {
         let count = self.whole.dimensions.numbers;
-        pca::principal_directions(pca::second_moment(&self.split.training), count)
+        principal_directions(pca::second_moment(&self.split.training), count)
     }
 }
 
@@ -244,7 +246,7 @@ mod tests {
     fn ramp(length: usize) -> Track {
         let electrodes = dimensions().electrodes;
         let values = (0..length).flat_map(|step| vec![step as f32; electrodes]);
-        testing::track("ramp", electrodes, values.collect())
+        Track::new("ramp", electrodes, values.collect())
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Errors of training, evaluation, checks and import.
 
+use packed_fit::FitError;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -14,13 +15,6 @@ pub enum TrainerError {
     /// A model has the part that the text names.
     #[error("{} has a {} already; --force replaces it", .0.display(), .1)]
     PartExists(PathBuf, &'static str),
-    /// A block cannot have `count` coefficients. `most` is the largest number that it can have, 0
-    /// if it has fewer than 16 values.
-    #[error(
-        "a block cannot have {count} coefficients: they are a multiple of 16, and at most {most} \
-         with this montage and hop"
-    )]
-    Coefficients { count: usize, most: usize },
     #[error(
         "no rate has a mean squared error of {target} or less; the finest reaches {least:.5}: ask \
          for more, or train with more --coefficients"
@@ -132,14 +126,12 @@ pub enum TrainerError {
     NothingToTest,
 
     // Errors of files.
+    #[error(transparent)]
+    Fit(#[from] FitError),
     #[error("cannot access {}", .0.display())]
     File(PathBuf, #[source] io::Error),
     #[error("{} cannot be written; name another folder", .0.display())]
     NotWritable(PathBuf, #[source] io::Error),
-    #[error("cannot read the recording {0}")]
-    Recording(String, #[source] recordings::RecordingError),
-    #[error("the recording {0} does not fit the montage")]
-    Montage(String, #[source] recordings::MontageMapError),
     #[error(
         "{name} has {steps} time steps after the filters have settled; at least {needed} are needed"
     )]
@@ -148,15 +140,6 @@ pub enum TrainerError {
         steps: usize,
         needed: usize,
     },
-    #[error(
-        "the training recordings are 0 in all electrodes; check the physical unit in the files"
-    )]
-    Silent,
-    #[error(
-        "{0} has no signal at any electrode: the unit in the file is wrong, or no electrode was connected; \
-         leave the recording out"
-    )]
-    SilentRecording(String),
     #[error(
         "the training recordings have {seconds} s after the filters have settled, which do not \
          determine how {electrodes} electrodes depend on each other; train on at least {electrodes} s, \
@@ -206,11 +189,6 @@ pub enum TrainerError {
     MissingOutcomes(Vec<String>),
 
     // Errors of the model.
-    /// The filters cannot be realised for this mains frequency, Hz.
-    #[error("the filters for {0} Hz mains cannot be realised")]
-    Filter(u32, #[source] model_gen::FilterError),
-    #[error("the decimation cannot be realised")]
-    Resampler(#[source] model_gen::FilterError),
     #[error("the model cannot be turned into integers")]
     Quantise(#[from] model_gen::ModelGenError),
     #[error("the {1} of epoch {0} is {2}: training diverged; use a lower --learning-rate")]
@@ -262,7 +240,7 @@ impl TrainerError {
         matches!(
             self,
             Self::PartExists(..)
-                | Self::Coefficients { .. }
+                | Self::Fit(FitError::Coefficients { .. })
                 | Self::TargetOutOfReach { .. }
                 | Self::ArtifactExists(_)
                 | Self::NothingFound { .. }

@@ -2,11 +2,11 @@
 
 use crate::dataset::{Dataset, Window};
 use crate::error::TrainerError;
-use crate::in_parallel;
 use crate::network::Network;
 use crate::parameters::Parameters;
 use artifact::{Artifact, CodeFormat, Geometry, IntegerCode, Mode, ScalpGrid};
 use model_gen::IntegerModel;
+use packed_fit::in_parallel;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -34,7 +34,6 @@
 )]
 
 pub mod adam;
-mod band_power;
 mod calibrate;
 mod card;
 mod check;
@@ -47,10 +46,8 @@ mod difference;
 mod electrode_error;
 pub mod error;
 mod evaluate;
-mod front_end;
 mod golden;
 mod import;
-mod in_parallel;
 mod layers;
 pub mod montage_check;
 pub mod network;
@@ -67,7 +64,6 @@ mod session;
 mod show;
 mod subject;
 mod substitution;
-mod track;
 mod training;
 mod truncation;
 

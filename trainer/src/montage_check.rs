@@ -7,6 +7,7 @@ use artifact::{
     ADC_RATES_HZ, CHIP_CHANNELS, ELECTRODES, EMPTY, GAINS, Grid, LARGEST_CHAIN, LARGEST_SIDE,
     MontageFile,
 };
+use packed_fit::FitError;
 use recordings::montage_map::Origin;
 use recordings::{Electrode, Missing, MontageMap, Position, Recording};
 use std::fmt;
@@ -251,8 +252,8 @@ impl RecordingCheck {
     /// If the recording cannot be read or has no electrode of the montage.
     pub fn read(path: &Path, montage: &MontageFile) -> Result<Self, TrainerError> {
         let name = file_name(path);
-        let recording = Recording::open(path)
-            .map_err(|source| TrainerError::Recording(name.clone(), source))?;
+        let recording =
+            Recording::open(path).map_err(|source| FitError::Recording(name.clone(), source))?;
         let labels = recording.labels();
         let labels: Vec<String> = labels.iter().map(|label| (*label).to_owned()).collect();
         Self::new(name, labels, montage)
@@ -270,7 +271,7 @@ impl RecordingCheck {
         let electrodes = montage.montage().electrodes;
         match MontageMap::new(&labels, &electrodes, Missing::Interpolate) {
             Ok(map) => Ok(Self { name, labels, map }),
-            Err(source) => Err(TrainerError::Montage(name, source)),
+            Err(source) => Err(FitError::Montage(name, source).into()),
         }
     }
 }

@@ -1,10 +1,10 @@
 //! The autoencoder: codes, reconstructions, loss and gradients.
 
 use crate::dataset::Window;
-use crate::in_parallel;
 use crate::layers::LANES;
 use crate::parameters::{Parameters, Weights};
 use artifact::Description;
+use packed_fit::in_parallel;
 
 mod autoencoder;
 mod backward;

@@ -1,18 +1,7 @@
-//! Trains the packed model: transform, prediction, probabilities and smoother.
-//!
-//! ```text
-//! tracks --> Blocks --> Transform --> PackedModel --coded--> levels, frequencies --> Smoother
-//!                       KLT of a      integers of            four rounds             ridge
-//!                       residual      proven ranges
-//! ```
+//! The command `trainer packed`: fits a packed model to recordings.
 
-mod coded;
-mod evaluation;
-mod fit;
-mod integers;
-mod probabilities;
-mod ridge;
-mod transform;
+mod rate_table;
+mod trained;
 
 use crate::card::{self, Shape};
 use crate::dataset::Dataset;
@@ -20,15 +9,13 @@ use crate::error::TrainerError;
 use crate::people::People;
 use crate::progress::ProgressObserver;
 use crate::selection::{Selected, TrainingFiles, check_writable, refuse_model};
-use crate::track::{Track, settling_steps};
 use artifact::{Artifact, CodeFormat, Description, Mode, MontageFile, Padding};
 use clap::{ArgGroup, Args};
+use packed_fit::{FitError, Track, settling_steps};
 use std::path::PathBuf;
 
-pub(crate) use evaluation::evaluate;
-pub(crate) use evaluation::{RateFigures, RateTable};
-pub(crate) use fit::PackedTrained;
-pub(crate) use transform::second_moment;
+pub(crate) use rate_table::{RateTable, cells, to_json};
+pub(crate) use trained::PackedTrained;
 
 /// Number of time steps that `model.toml` states for a window. Only a network reads this number.
 const STEPS: usize = 16;
@@ -127,7 +114,7 @@ pub(crate) fn train(
         }
         _ => unreachable!("clap requires --artifact or --montage with --out"),
     };
-    let count = fit::coefficients(options.fit.coefficients, &description)?;
+    let count = packed_fit::coefficients(options.fit.coefficients, &description)?;
     let selected = options.files.find()?;
     check_writable(folder)?;
     let read =
@@ -146,7 +133,7 @@ pub(crate) fn train(
         largest = whole(&train.tracks)?.max_abs();
         let sd_uv = whole(&tracks.train)?.deviation();
         if sd_uv <= 0.0 {
-            return Err(TrainerError::Silent);
+            return Err(FitError::Silent.into());
         }
         observer.message(&format!(
             "standard deviation of the training recordings: {sd_uv:.2} uV"
@@ -154,7 +141,7 @@ pub(crate) fn train(
         description.input.sd_uv = sd_uv;
     }
     let target_mse = options.fit.target_mse;
-    let (mut model, trained) = fit::fit(&tracks, &description, count, target_mse, observer)?;
+    let (mut model, trained) = trained::train(&tracks, &description, count, target_mse, observer)?;
     let card = &mut model.description.training;
     [card.train_files, card.test_files] = selected.names();
     card.people = train.card();

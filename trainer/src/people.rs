@@ -13,29 +13,12 @@ use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
 use crate::selection::TrainingFiles;
 use crate::subject::subject_of;
-use crate::substitution::{columns, median, prediction, residual, seconds};
-use crate::track::{Track, read_tracks};
 use artifact::{Description, Person};
-use nalgebra::DMatrix;
-use recordings::montage_map::Origin;
-use recordings::{Missing, MontageMap};
+use packed_fit::bad_electrodes::interpolate_bad;
+use packed_fit::innovation::median;
+use packed_fit::{FitError, Track};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// RMS below which an electrode has no signal, uV. An ADS1299 with shorted input has 0.14 uV of
-/// noise at gain 24 (SBAS499C, table 1).
-const SILENT_UV: f64 = 0.1;
-
-/// An electrode is bad in a recording if the median over all seconds of its innovation's energy is
-/// more than this many times that of the median electrode. In recordings R03 to R12 of EEGMMIDB
-/// S001 to S008, FT8 of S004 has 176 to 1,056 times, FT7 of S006 up to 209, every other electrode
-/// up to 94.
-const BAD_INNOVATION: f64 = 100.0;
-
-/// ... and if the energy of its innovation is more than this part of its own energy, so that the
-/// other electrodes say little about it. In the same recordings FT8 of S004 has 0.95 to 0.99, FT7
-/// of S006 up to 0.69.
-const BAD_PART: f64 = 0.8;
 
 /// Recordings of one or several people. In each recording, bad electrodes are interpolated.
 #[derive(Clone, Debug)]
@@ -65,7 +48,7 @@ impl People {
     /// neighbours. A warning names them. All recordings are of one person if `subject` is given.
     ///
     /// # Errors
-    /// [`TrainerError::SilentRecording`].
+    /// [`FitError::SilentRecording`].
     pub(crate) fn new(
         mut tracks: Vec<Track>,
         electrodes: &[String],
@@ -203,121 +186,22 @@ impl People {
     }
 }
 
-/// Finds the bad electrodes of one person's recordings, and interpolates them.
-///
-/// A bad electrode spoils the predictions of its neighbours. So the worst ones are interpolated
-/// first, and the others are judged again, until none is bad.
-///
-/// # Errors
-/// [`TrainerError::SilentRecording`].
-fn interpolate_bad(tracks: &mut [&mut Track], electrodes: &[String]) -> Result<(), TrainerError> {
-    for track in &mut *tracks {
-        track.bad = silent_electrodes(track, electrodes)?;
-        interpolate(track, electrodes);
-    }
-    loop {
-        let own = tracks.iter().map(|track| &**track);
-        let prediction = prediction(own).expect("no recording is silent");
-        let mut is_done = true;
-        for track in &mut *tracks {
-            let found = noisy_electrodes(&prediction, track, electrodes);
-            is_done &= found.is_empty();
-            track.bad.extend(found);
-            interpolate(track, electrodes);
-        }
-        if is_done {
-            return Ok(());
-        }
-    }
-}
-
-/// Returns the indices of the electrodes that have no signal in a recording.
-///
-/// # Errors
-/// [`TrainerError::SilentRecording`] if none has a signal.
-fn silent_electrodes(track: &Track, electrodes: &[String]) -> Result<Vec<usize>, TrainerError> {
-    let energies = energies(&columns(track).map(f64::from));
-    let silent = energies.iter().enumerate();
-    let silent = silent.filter(|(_, energy)| **energy < SILENT_UV.powi(2));
-    let silent: Vec<usize> = silent.map(|(index, _)| index).collect();
-    if silent.len() == electrodes.len() {
-        return Err(TrainerError::SilentRecording(track.name.clone()));
-    }
-    let is_recorded = |index: &usize| !track.interpolated.contains(&electrodes[*index]);
-    Ok(silent.into_iter().filter(is_recorded).collect())
-}
-
-/// Returns the mean square of each row.
-fn energies(rows: &DMatrix<f64>) -> Vec<f64> {
-    let rows = rows.row_iter();
-    let energies = rows.map(|row| row.norm_squared() / row.len().max(1) as f64);
-    energies.collect()
-}
-
-/// Returns the indices of those electrodes of a recording whose innovation is too large and at
-/// least half of the largest, but for those that are known to be bad. `prediction` predicts each
-/// electrode of the person from the others. An electrode that the recording lacks is not bad.
-fn noisy_electrodes(prediction: &DMatrix<f64>, track: &Track, electrodes: &[String]) -> Vec<usize> {
-    let innovation = residual(prediction, track);
-    let [signal, all] = [
-        energies(&columns(track).map(f64::from)),
-        energies(&innovation),
-    ];
-    let in_seconds = innovation.row_iter().map(|row| {
-        let seconds = seconds(row.iter());
-        // A recording of less than a second has no seconds to compare.
-        if seconds.is_empty() {
-            0.0
-        } else {
-            median(seconds)
-        }
-    });
-    let in_seconds: Vec<f64> = in_seconds.collect();
-    let limit = BAD_INNOVATION * median(in_seconds.clone());
-    let mut noisy: Vec<usize> = (0..electrodes.len()).collect();
-    noisy.retain(|&electrode| {
-        in_seconds[electrode] > limit
-            && all[electrode] > BAD_PART * signal[electrode]
-            && !track.bad.contains(&electrode)
-            && !track.interpolated.contains(&electrodes[electrode])
-    });
-    let largest = noisy.iter().map(|&electrode| in_seconds[electrode]);
-    let largest = largest.fold(0.0, f64::max);
-    noisy.retain(|&electrode| in_seconds[electrode] >= largest / 2.0);
-    noisy
-}
-
-/// Replaces the bad electrodes of a recording by a mix of its other electrodes, as if it lacked
-/// them.
-fn interpolate(track: &mut Track, electrodes: &[String]) {
-    let bad = &track.bad;
-    if bad.is_empty() {
-        return;
-    }
-    let is_recorded =
-        |&index: &usize| !bad.contains(&index) && !track.interpolated.contains(&electrodes[index]);
-    let recorded: Vec<usize> = (0..electrodes.len()).filter(is_recorded).collect();
-    let labels: Vec<&String> = recorded.iter().map(|&index| &electrodes[index]).collect();
-    let map = MontageMap::new(&labels, electrodes, Missing::Interpolate)
-        .expect("the recording's own map has accepted these labels, of which some are left");
-    for step in track.values.chunks_exact_mut(electrodes.len()) {
-        for &index in bad {
-            let Origin::Interpolated(mix) = &map.origins()[index] else {
-                continue;
-            };
-            let mix = mix.iter();
-            let value = mix.map(|&(signal, weight)| f64::from(step[recorded[signal]]) * weight);
-            #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
-            let value = value.sum::<f64>() as f32;
-            step[index] = value;
-        }
-    }
+/// Reads each recording of a list as [`Track::read`] does.
+pub(crate) fn read_tracks(
+    files: &[PathBuf],
+    description: &Description,
+    mains_hz: u32,
+    observer: &mut impl ProgressObserver,
+) -> Result<Vec<Track>, TrainerError> {
+    let mut report = |text: &str| observer.message(text);
+    let tracks = files.iter();
+    let tracks = tracks.map(|file| Track::read(file, description, mains_hz, &mut report));
+    Ok(tracks.collect::<Result<_, FitError>>()?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -348,7 +232,7 @@ mod tests {
             change(step, rng.random_range(-1.0..1.0), &mut values[MIDDLE]);
             values.map(|value| gain * value)
         });
-        testing::track(name, 9, values.collect())
+        Track::new(name, 9, values.collect())
     }
 
     fn unchanged(_: usize, _: f32, _: &mut f32) {}

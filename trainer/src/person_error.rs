@@ -6,8 +6,8 @@ use crate::error::TrainerError;
 use crate::evaluate::{ReconstructionError, evaluate_blocks};
 use crate::people::People;
 use crate::substitution::filled;
-use crate::track::Track;
 use artifact::{Artifact, Person};
+use packed_fit::Track;
 use serde_json::{Value as Json, json};
 use std::fmt;
 

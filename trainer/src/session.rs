@@ -11,10 +11,10 @@ use crate::parameters::Parameters;
 use crate::people::People;
 use crate::progress::ProgressObserver;
 use crate::selection::{Selected, TrainingFiles, check_writable, refuse_model};
-use crate::track::settling_steps;
 use crate::training::{Learning, Settings, Training, validation_windows};
 use crate::{card, checkpoint, report};
 use artifact::{Artifact, Description, Geometry, Mode, Pca, TestedPerson};
+use packed_fit::settling_steps;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 

@@ -20,7 +20,6 @@ use artifact::{
 };
 use std::path::PathBuf;
 
-pub(crate) use fit::{columns, median, prediction, residual, seconds};
 pub(crate) use sweeps::{filled, largest_radius};
 
 /// Options of `trainer substitution`.

@@ -5,7 +5,6 @@ use crate::card::{self, Shape};
 use crate::dataset::{Dataset, Split};
 use crate::network::Network;
 use crate::parameters::Parameters;
-use crate::track::Track;
 use crate::training::{EpochLosses, Settings, Training};
 use artifact::{Artifact, CodeFormat, Description, Geometry, Mode, MontageFile, Padding};
 use rand::{RngExt, SeedableRng};
@@ -87,18 +86,6 @@ pub(crate) fn model(parameters: &Parameters, dataset: &Dataset) -> Artifact {
 /// Returns the sizes between the layers of the paper's network.
 pub(crate) fn geometry() -> Geometry {
     Geometry::new(&description())
-}
-
-/// Returns a track of a recording that has all electrodes.
-pub(crate) fn track(name: &str, electrodes: usize, values: Vec<f32>) -> Track {
-    Track {
-        name: name.to_owned(),
-        electrodes,
-        values,
-        interpolated: Vec::new(),
-        bad: Vec::new(),
-        signals: electrodes,
-    }
 }
 
 /// Settings of the training run of [`Run`], small so that tests are fast.

@@ -2,8 +2,8 @@
 
 use crate::dataset::Window;
 use crate::evaluate::CodedBlock;
-use crate::in_parallel;
 use artifact::{Artifact, ArtifactError};
+use packed_fit::in_parallel;
 
 /// Error of PCA codes from which only the first `numbers` numbers are decoded, over all windows.
 #[derive(Clone, Copy, Debug, PartialEq)]

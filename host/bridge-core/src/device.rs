@@ -340,7 +340,7 @@ impl Identity {
 
     /// Returns whether `hello` comes from the same device, which has not restarted since it sent
     /// this identity. It may have been given another model.
-    pub(crate) fn is_same_start(&self, hello: &Hello) -> bool {
+    pub fn is_same_start(&self, hello: &Hello) -> bool {
         self.session_id == hello.session_id && self.chip_uid == hello.chip_uid
     }
 }

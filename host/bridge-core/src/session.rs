@@ -57,7 +57,7 @@ pub(crate) struct Session {
     packed: Option<PackedStream>,
     side: SideStreams,
     trigger: Trigger,
-    /// The device that was announced first. The bridge refuses every device that is not compatible
+    /// The device that was announced last. The bridge refuses every device that is not compatible
     /// with it, for as long as the bridge runs.
     announced: Option<Arc<Device>>,
     /// Stream from which `/neurodata_reconstructed` is decoded, as last announced.
@@ -515,12 +515,7 @@ impl Session {
                 ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd,
                 result,
             ) => {
-                tracing::error!(
-                    "the device does not take the packed model: {}; it has no memory for one, its own packed model \
-                     has other dimensions or none, or its firmware is older than this bridge; build an image with \
-                     the model (CORTICODE_ARTIFACT), or use a NUCLEO-H743ZI2",
-                    words::reason(result)
-                );
+                tracing::error!("{}", words::upload_refusal(result));
             }
             AckEffect::Refused(command, result) => {
                 tracing::error!("{}", words::refusal(&command, result));

@@ -1,6 +1,7 @@
 //! The program `corticode-bridge`: reads the options, runs a task and returns the exit status.
 
 pub(crate) mod bridge;
+mod calibrate;
 pub(crate) mod command_line;
 pub(crate) mod config_file;
 mod convert;
@@ -34,7 +35,8 @@ use tokio::runtime::{Builder, Runtime};
 use tokio::sync::mpsc::Receiver;
 
 use crate::app::command_line::{
-    DoctorOptions, Options, PortOptions, PortsOptions, RecordOptions, Task, command,
+    CalibrateOptions, DoctorOptions, Options, PortOptions, PortsOptions, RecordOptions, Task,
+    command,
 };
 use crate::app::config_file::ConfigFile;
 use crate::app::convert::ConvertOptions;
@@ -56,6 +58,7 @@ const UDEV_RULE: &str = include_str!("../../../packaging/60-corticode.rules");
 /// reachable, and 4 that the device refuses the request. Without a subcommand the bridge streams
 /// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
 /// answer. `record` writes everything on the wire to a file, which `replay` and `convert` read.
+/// `calibrate` fits a packed model to a person.
 /// `ports` and `doctor` print the state of this machine. `master` runs a ROS master until a signal
 /// ends it. `completions` prints a shell completion script, and `man` the manual page.
 pub fn run() -> ExitCode {
@@ -66,6 +69,7 @@ pub fn run() -> ExitCode {
         Task::Reset(options) => send_request(&options.at, Request::Reset(options.target()), false),
         Task::Record(options) => record(options, &ros, config).map(|()| ExitCode::SUCCESS),
         Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Calibrate(options) => calibrate(*options, &ros, config).map(|()| ExitCode::SUCCESS),
         Task::Ports(options) => list_ports(&options),
         Task::Doctor(options) => examine(&options, &ros),
         Task::Convert(options) => convert(&options, &ros, config).map(|()| ExitCode::SUCCESS),
@@ -188,6 +192,19 @@ fn convert(
     let summary = convert::convert(options)?;
     new_file::message!("corticode-bridge: {summary}");
     Ok(())
+}
+
+fn calibrate(
+    options: CalibrateOptions,
+    ros: &NodeOptions,
+    config: Option<PathBuf>,
+) -> Result<(), BridgeError> {
+    init_log(ros, config)?;
+    let runtime = Runtime::new()?;
+    let calibrated = runtime.block_on(calibrate::calibrate(options));
+    // Dropping the runtime would wait for a fit that the user has interrupted.
+    runtime.shutdown_background();
+    Ok(new_file::print(calibrated?)?)
 }
 
 fn run_master(options: &MasterOptions, ros: &NodeOptions) -> Result<(), BridgeError> {

@@ -4,13 +4,14 @@ use std::error::Error as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use artifact::ArtifactError;
+use artifact::{ArtifactError, ModelId};
 use bridge_core::QueryError;
 use capture::{ConvertError, RecordingError};
 use model_gen::ModelGenError;
 use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use new_file::NewFileError;
+use packed_fit::FitError;
 use thiserror::Error;
 
 use crate::app::config_file::ConfigError;
@@ -61,6 +62,96 @@ pub enum BridgeError {
          decodes with it as it is", .0.display()
     )]
     NothingToUpload(PathBuf),
+    /// A recording cannot be used for a fit, or nothing can be fitted to it.
+    #[error("no model can be fitted")]
+    Fit(#[from] FitError),
+    /// The model of the device has no packed code that could be fitted to a person.
+    #[error(
+        "model {0} has no packed code, so there is nothing to fit to a person; `trainer packed` adds one, and an \
+         image built with it (CORTICODE_ARTIFACT) takes personal ones"
+    )]
+    NothingToCalibrate(ModelId),
+    /// There are fewer good seconds than the fit shall have.
+    #[error(
+        "{good} of {judged} s are good signal, and {wanted} s are needed: record more, or fit to fewer with \
+         --seconds, to 20 at least{bad}"
+    )]
+    TooLittleSignal {
+        /// Number of good seconds.
+        good: usize,
+        /// Number of seconds in which no step is missing.
+        judged: usize,
+        /// Number of seconds that `--seconds` asks for.
+        wanted: usize,
+        /// Which electrodes were bad, and for how many seconds, after a semicolon; empty if none was.
+        bad: String,
+    },
+    /// A recording is of another cap.
+    #[error(
+        "the recording {name} lacks {lacking} of the {electrodes} electrodes of the model, too many to interpolate; \
+         name the folder of the model for this cap with --model"
+    )]
+    OtherElectrodes {
+        /// File name of the recording.
+        name: String,
+        /// Number of electrodes that it lacks.
+        lacking: usize,
+        /// Number of the model's electrodes.
+        electrodes: usize,
+    },
+    /// The device has other electrodes, rates or windows than the model to start from.
+    #[error(
+        "the device, a {0}, has another montage or window than the model in this program; name the folder of the \
+         device's model with --model"
+    )]
+    OtherMontage(String),
+    /// The device refuses the stream of filtered steps.
+    #[error(
+        "the device streams no filtered steps: its port is too slow for 33 kB/s, or its firmware is older than this \
+         program; use its USB port, or calibrate from a recording, with --recording"
+    )]
+    NoFilteredSteps,
+    /// The device refuses packed blocks.
+    #[error(
+        "the device streams no packed blocks, so it can use no packed model: its image was built without the packed \
+         code; flash an image with it"
+    )]
+    NoPackedCode,
+    /// The device does not use the uploaded model.
+    #[error(
+        "the device has not taken the model: the log says why, if it has answered; the model is kept, and \
+         an image that is built with it (CORTICODE_ARTIFACT) needs no upload"
+    )]
+    NotGiven,
+    /// The user has ended `calibrate` before it was done.
+    #[error("interrupted; nothing was written, and the device keeps its model")]
+    Interrupted,
+    /// Neither `XDG_DATA_HOME` nor `HOME` names a folder.
+    #[error(
+        "the folder for models is not known, because neither XDG_DATA_HOME nor HOME is an absolute path; set one, or \
+         name the folder of the model itself (calibrate --output, --upload-model)"
+    )]
+    NoDataFolder,
+    /// No model was fitted to the subject.
+    #[error(
+        "{} has no model of {subject}; {}", folder.display(), known_words(known)
+    )]
+    NoSubject {
+        /// Name of the subject.
+        subject: String,
+        /// Folder of all subjects' models.
+        folder: PathBuf,
+        /// Subjects that have models.
+        known: Vec<String>,
+    },
+    /// The folder of a model exists, or cannot be written.
+    #[error("the model cannot be written to {}; choose another folder with --output", folder.display())]
+    ModelFolder {
+        /// Folder that was to be written.
+        folder: PathBuf,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
     /// `--announce` needs a stream that is not in `--streams`.
     #[error(
         "--announce names a stream that --streams leaves out; add it to --streams, such as \
@@ -193,6 +284,7 @@ impl BridgeError {
     pub fn exit_code(&self) -> u8 {
         match self {
             BridgeError::Sink(_)
+            | BridgeError::Interrupted
             | BridgeError::System(_)
             | BridgeError::FileWrite { .. }
             | BridgeError::NewFile(NewFileError::Write { .. } | NewFileError::Finish { .. })
@@ -205,6 +297,14 @@ impl BridgeError {
             | BridgeError::Model(_)
             | BridgeError::Upload(_)
             | BridgeError::NothingToUpload(_)
+            | BridgeError::Fit(_)
+            | BridgeError::NothingToCalibrate(_)
+            | BridgeError::TooLittleSignal { .. }
+            | BridgeError::OtherElectrodes { .. }
+            | BridgeError::OtherMontage(_)
+            | BridgeError::NoDataFolder
+            | BridgeError::NoSubject { .. }
+            | BridgeError::ModelFolder { .. }
             | BridgeError::NoNetwork
             | BridgeError::Log { .. }
             | BridgeError::NewFile(_)
@@ -218,7 +318,19 @@ impl BridgeError {
             | BridgeError::ParameterType { .. }
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
             BridgeError::Node(_) | BridgeError::Unreachable { .. } => 3,
+            BridgeError::NoFilteredSteps | BridgeError::NoPackedCode | BridgeError::NotGiven => 4,
             BridgeError::Query(error) => error.exit_code(),
         }
+    }
+}
+
+/// Returns in words, for an error message, which subjects have models.
+fn known_words(known: &[String]) -> String {
+    match known {
+        [] => "there is none of anybody yet: `corticode-bridge calibrate` fits one".to_owned(),
+        known => format!(
+            "it has models of {}; `corticode-bridge calibrate` fits another",
+            known.join(", ")
+        ),
     }
 }

@@ -18,6 +18,7 @@ mod doctor;
 mod error;
 mod ports;
 mod query;
+mod subject_models;
 mod wire;
 
 pub use app::bridge::Publication;

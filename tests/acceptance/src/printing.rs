@@ -30,13 +30,17 @@ pub fn board(folder: &Path, seconds: usize, output: &str) -> Process {
     Process::start("board", &mut board, folder).expect("host-sim starts")
 }
 
-/// Starts `corticode-bridge`; its output goes to the files `NAME.out` and `NAME.err` in `folder`.
+/// Starts `corticode-bridge`; its output goes to the files `NAME.out` and `NAME.err` in `folder`,
+/// and the models that it fits to the folder `data` there.
 ///
 /// # Panics
 /// When the bridge does not start.
 pub fn bridge(folder: &Path, name: &str, arguments: &[&str]) -> Process {
     let mut bridge = Command::new(&programs().bridge);
-    bridge.args(arguments).env("CORTICODE_CONFIG", "/dev/null");
+    bridge
+        .args(arguments)
+        .env("CORTICODE_CONFIG", "/dev/null")
+        .env("XDG_DATA_HOME", folder.join("data"));
     Process::start(name, &mut bridge, folder).expect("the bridge starts")
 }
 

@@ -9,9 +9,9 @@ use crate::evaluate::{ReconstructionError, evaluate};
 use crate::network::Network;
 use crate::parameters::Parameters;
 use crate::progress::ProgressObserver;
-use crate::track::Track;
 use crate::training::{Settings, Training, validation_windows};
 use artifact::{Description, Geometry, Mode};
+use packed_fit::Track;
 use std::ops::ControlFlow;
 
 /// What a fold's model is trained on and tested with.
@@ -159,12 +159,11 @@ fn parts(tracks: &[Track], fold: &Fold, gap: usize, is_test: bool) -> Vec<Track>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing;
 
     /// Returns a track whose value is 1000 times the recording's number plus the step's number.
     fn track(recording: usize, steps: usize) -> Track {
         let values = (0..steps).map(|step| (1000 * recording + step) as f32);
-        testing::track(&format!("run{recording}"), 1, values.collect())
+        Track::new(&format!("run{recording}"), 1, values.collect())
     }
 
     fn fold(blocks: usize, test: &[(usize, usize)]) -> Fold {

@@ -5,13 +5,13 @@
 
 use super::autoencoder::{Autoencoder, Encoded, Expanded, of_batch};
 use super::group::Group;
-use crate::in_parallel;
 use crate::layers::batch_norm::{BatchNorm, Moments, NormGradient};
 use crate::layers::linear::matrix_gradient;
 use crate::layers::pool::unpool_gradient;
 use crate::layers::{LANES, Lanes, Volume, total};
 use crate::parameters::{Layer, Norm, TENSORS, Weights};
 use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Mode};
+use packed_fit::in_parallel;
 
 /// Loss and gradients of one batch.
 #[derive(Debug)]

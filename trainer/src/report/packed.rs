@@ -4,7 +4,8 @@ use super::evaluation::{bits, pca_curves};
 use super::{MSE, Report};
 use crate::comparison::{CodeFigures, Comparison};
 use crate::error::TrainerError;
-use crate::packed::RateFigures;
+use crate::packed::cells;
+use packed_fit::RateFigures;
 use picture::axis::{Axis, Scale};
 use picture::canvas::{INK, REFERENCE, SOURCE};
 use picture::lines::{Lines, Mark, Series};
@@ -46,7 +47,7 @@ fn table(packed: &[RateFigures]) -> Vec<Vec<String>> {
         "13-30 Hz",
     ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
-    rows.extend(packed.iter().map(|figures| figures.cells().to_vec()));
+    rows.extend(packed.iter().map(|figures| cells(figures).to_vec()));
     rows
 }
 

@@ -2,19 +2,13 @@
 
 use crate::card::interpolated;
 use crate::error::TrainerError;
-use crate::packed::second_moment;
-use crate::track::Track;
 use artifact::{SubstitutionFigures, SubstitutionTable};
 use nalgebra::DMatrix;
-
-/// Penalty that is added to the diagonal of the second moment, in units of its mean.
-const RIDGE: f64 = 0.01;
+use packed_fit::innovation::{SECOND, columns, median, prediction, residual, seconds};
+use packed_fit::{FitError, Track};
 
 /// Weight that stands for 1: weights are Q7.
 const ONE: f64 = 128.0;
-
-/// Number of time steps over which the energy of an innovation is averaged: one second.
-const SECOND: usize = 128;
 
 /// Smallest and largest typical energy of an innovation, in units of the median electrode's. An
 /// electrode that was bad in training is thus judged nearly as strictly as the others.
@@ -22,25 +16,6 @@ const SPREAD: [f64; 2] = [0.25, 9.0];
 
 /// Units of an innovation's energy, (1/16 uV)^2, in 1 uV^2.
 const UNITS_PER_UV2: f64 = 256.0;
-
-/// Returns the matrix that predicts each electrode from the others with the least mean squared
-/// error, plus a penalty: `w_ei = -P_ei / P_ee`, where `P` is the inverse of the second moment with
-/// [`RIDGE`], and `w_ee = 0`. `None` if all electrodes are 0.
-pub(crate) fn prediction<'t>(tracks: impl IntoIterator<Item = &'t Track>) -> Option<DMatrix<f64>> {
-    let mut moment = second_moment(&tracks.into_iter().map(columns).collect::<Vec<_>>());
-    let penalty = RIDGE * moment.diagonal().mean();
-    for electrode in 0..moment.nrows() {
-        moment[(electrode, electrode)] += penalty;
-    }
-    let inverse = moment.cholesky()?.inverse();
-    let weight = |electrode, other| {
-        if electrode == other {
-            return 0.0;
-        }
-        -inverse[(electrode, other)] / inverse[(electrode, electrode)]
-    };
-    Some(DMatrix::from_fn(inverse.nrows(), inverse.ncols(), weight))
-}
 
 /// Returns the weights of [`prediction`] in Q7, -127..=127, `[electrode][other electrode]`.
 ///
@@ -54,7 +29,7 @@ pub(super) fn weights(tracks: &[Track], electrodes: usize) -> Result<Vec<i8>, Tr
             electrodes,
         });
     }
-    let prediction = prediction(tracks).ok_or(TrainerError::Silent)?;
+    let prediction = prediction(tracks).ok_or(FitError::Silent)?;
     let weight = |index: usize| {
         let weight = prediction[(index / electrodes, index % electrodes)];
         #[expect(clippy::cast_possible_truncation, reason = "clamped to 8 bits")]
@@ -117,14 +92,6 @@ pub(super) fn figures(
     })
 }
 
-/// Returns the mean square of one electrode in each whole second.
-pub(crate) fn seconds<'v>(values: impl Iterator<Item = &'v f64>) -> Vec<f64> {
-    let squares: Vec<f64> = values.map(|value| value.powi(2)).collect();
-    let seconds = squares.chunks_exact(SECOND);
-    let mean = |second: &[f64]| second.iter().sum::<f64>() / SECOND as f64;
-    seconds.map(mean).collect()
-}
-
 /// Returns the difference between electrodes and their predictions with the weights of a table, uV,
 /// `[electrode, step]`.
 fn innovations(weights: &[i8], track: &Track) -> DMatrix<f64> {
@@ -133,30 +100,9 @@ fn innovations(weights: &[i8], track: &Track) -> DMatrix<f64> {
     residual(&weights, track)
 }
 
-/// Returns the difference between electrodes and their predictions, uV, `[electrode, step]`.
-pub(crate) fn residual(prediction: &DMatrix<f64>, track: &Track) -> DMatrix<f64> {
-    let mut residual = columns(track).map(f64::from);
-    let steps = residual.clone();
-    residual.gemm(-1.0, prediction, &steps, 1.0);
-    residual
-}
-
-/// Returns the time steps of a track as the columns of a matrix, uV.
-pub(crate) fn columns(track: &Track) -> DMatrix<f32> {
-    DMatrix::from_column_slice(track.electrodes, track.steps(), &track.values)
-}
-
-/// Returns the median of numbers: the mean of the two middle ones if their count is even.
-pub(crate) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let count = values.len();
-    f64::midpoint(values[(count - 1) / 2], values[count / 2])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing;
     use artifact::SubstitutionDescription;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
@@ -180,7 +126,7 @@ mod tests {
                 electrodes[1] *= 4.0;
                 electrodes
             });
-            testing::track("mixed", 8, values.collect())
+            Track::new("mixed", 8, values.collect())
         })
     }
 

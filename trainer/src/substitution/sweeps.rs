@@ -6,9 +6,9 @@
 //! of the weights can end that.
 
 use crate::error::TrainerError;
-use crate::track::Track;
 use artifact::{Description, ScalpGrid, SubstitutionTable};
 use nalgebra::DMatrix;
+use packed_fit::Track;
 use rand::SeedableRng;
 use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
@@ -147,7 +147,7 @@ mod tests {
             weights,
             innovation: vec![1; 5],
         };
-        let mut track = crate::testing::track("five", 5, vec![8.0, -3.0, 5.0, 1.0, 900.0]);
+        let mut track = Track::new("five", 5, vec![8.0, -3.0, 5.0, 1.0, 900.0]);
         track.bad = vec![4, 1];
         let values = filled(&track, &table).values;
         // x1 = (20 * 8 + 45 * 5 + 60 * 1 + 10 * x4) / 128, x4 = (20 * 8 - 30 * x1 + 45 * 5 + 60) /

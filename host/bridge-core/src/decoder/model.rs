@@ -40,7 +40,7 @@ impl Model {
     ///
     /// [`ArtifactError`] if the model's decoder needs more input than the code.
     pub fn embedded() -> Result<Model, ArtifactError> {
-        Model::new(&Artifact::from_files(EMBEDDED)?)
+        Model::read(None)
     }
 
     /// Reads the model in `folder`, from `model.toml` and the weights; `None`: the embedded model.
@@ -50,9 +50,18 @@ impl Model {
     /// [`ArtifactError`] if the folder holds no valid model, or if the model's decoder needs more
     /// input than the code.
     pub fn read(folder: Option<&Path>) -> Result<Model, ArtifactError> {
+        Model::new(&Model::artifact(folder)?)
+    }
+
+    /// Returns the parts of the model in `folder`; `None`: of the embedded model.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError`] if the folder holds no valid model.
+    pub fn artifact(folder: Option<&Path>) -> Result<Artifact, ArtifactError> {
         match folder {
-            Some(folder) => Model::new(&Artifact::read(folder)?),
-            None => Model::embedded(),
+            Some(folder) => Artifact::read(folder),
+            None => Artifact::from_files(EMBEDDED),
         }
     }
 
@@ -118,7 +127,7 @@ impl Model {
     }
 
     /// Returns whether device and model have the same electrodes, rate, window and hop.
-    pub(crate) fn fits(&self, device: &Device) -> bool {
+    pub fn fits(&self, device: &Device) -> bool {
         usize::from(device.window_steps) == self.dimensions.steps
             && usize::from(device.hop_steps) == self.hop
             && u32::from(device.step_rate_hz) == self.rate_hz

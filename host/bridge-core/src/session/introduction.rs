@@ -7,7 +7,7 @@ use link::{Capabilities, Header, Hello, Streams, Substitutes};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
 use crate::core::{Announcement, Effects};
-use crate::device::{Device, Identity};
+use crate::device::{Device, DeviceError, Identity};
 use crate::session::Session;
 use crate::settings::AnnouncedStream;
 use crate::streams::code::CodeStream;
@@ -102,13 +102,11 @@ impl Session {
                 return self.refuse(why, read, effects);
             }
         };
-        if let Some(announced) = &self.announced
-            && let Err(error) = announced.check_compatible(&device)
-        {
+        if let Err(error) = self.check_announced(&device) {
             let why = format!("another device is connected: {error}");
             return self.refuse(why, read, effects);
         }
-        self.announced.get_or_insert_with(|| Arc::clone(&device));
+        self.announced = Some(Arc::clone(&device));
         self.commands.device_introduced(true);
         self.objection = objection;
         if self.exclusion.is_none() {
@@ -166,6 +164,20 @@ impl Session {
             device,
             decodable,
         });
+    }
+
+    /// Checks that `device` matches the announced one. A device that refused the uploaded model
+    /// earlier, and has taken it now, still has the announced network.
+    fn check_announced(&self, device: &Device) -> Result<(), DeviceError> {
+        let Some(announced) = &self.announced else {
+            return Ok(());
+        };
+        let mut announced = (**announced).clone();
+        let is_uploaded = |upload: &Upload| upload.id() == device.model_id;
+        if self.upload.as_ref().is_some_and(is_uploaded) {
+            announced.model_id = device.model_id;
+        }
+        announced.check_compatible(device)
     }
 
     /// Returns the packed model that the device is to be given before it is used; `None` if the

@@ -52,6 +52,22 @@ pub(crate) fn refusal(refused: &ToDevice, result: AckResult) -> String {
     )
 }
 
+/// Returns a sentence for the log: why the device takes no packed model, and what the user can do.
+pub(crate) fn upload_refusal(result: AckResult) -> String {
+    let remedy = match result {
+        AckResult::Failed => {
+            "it has found the model unsound each time, though every frame arrived intact: another program may use \
+             its port, or its memory may be damaged; restart the device, then this program"
+        }
+        _ => {
+            "it has no memory for one, its own packed model has other dimensions or none, or its firmware is older \
+             than this bridge; build an image with the model (CORTICODE_ARTIFACT), or use a NUCLEO-H743ZI2"
+        }
+    };
+    let reason = reason(result);
+    format!("the device does not take the packed model: {reason}; {remedy}")
+}
+
 /// Returns the cause of a device's last reset, worded to follow "started by".
 pub(crate) fn reset_cause(cause: ResetCause) -> String {
     match cause {
@@ -84,5 +100,9 @@ mod tests {
         assert!(streams.contains("choose other --streams"), "{streams}");
         let older = refusal(&ToDevice::SelfTest, AckResult::UnknownCommand);
         assert!(older.contains("to the same release"), "{older}");
+        let unsound = upload_refusal(AckResult::Failed);
+        assert!(unsound.contains("restart the device"), "{unsound}");
+        let without = upload_refusal(AckResult::NotSupported);
+        assert!(without.contains("no memory"), "{without}");
     }
 }

@@ -144,7 +144,7 @@ fn a_device_without_a_slot_is_used_as_it_is_and_the_reason_is_reported() {
 }
 
 #[test]
-fn a_model_that_the_device_finds_unsound_is_sent_three_times_at_most() {
+fn a_model_that_the_device_finds_unsound_is_sent_three_times_and_again_after_a_restart() {
     let mut harness = uploading(Board::with_slot());
     harness.open();
     while !harness.board.streaming {
@@ -164,6 +164,9 @@ fn a_model_that_the_device_finds_unsound_is_sent_three_times_at_most() {
         .count();
     assert_eq!(ends, 3);
     assert!(harness.core.objection().is_some());
+    harness.reboot(1_000_000);
+    assert_eq!(uploaded(&harness), content());
+    assert_eq!(harness.core.objection(), None);
 }
 
 #[test]

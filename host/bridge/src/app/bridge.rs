@@ -21,6 +21,7 @@ use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
 use crate::app::whole_lines::WholeLines;
 use crate::error::BridgeError;
+use crate::subject_models::SubjectModels;
 use crate::wire::connection::{Connection, Event, Feed};
 
 /// Time without a frame from the device after which the log reports the silence.
@@ -39,8 +40,8 @@ pub struct Publication {
     pub settings: Settings,
     /// Folder of the model with which codes are decoded; `None` for the built-in model.
     pub model: Option<PathBuf>,
-    /// Folder of the model whose packed code the device is given, and with which codes are decoded;
-    /// `None` to use the device as it is.
+    /// Folder of the model whose packed code the device is given, and with which codes are decoded
+    /// in place of `model`; `None` to use the device as it is.
     pub upload_model: Option<PathBuf>,
     /// Options of the ROS node, such as its name and the address of its master.
     pub ros: NodeOptions,
@@ -157,11 +158,20 @@ pub(super) async fn stream(
     if let Some(uri) = options.ros.ros_master_uri {
         ros.master_uri = uri;
     }
+    let upload_model = match (options.upload_model, &options.subject) {
+        (None, Some(subject)) => {
+            let models = SubjectModels::of_user(|name| std::env::var_os(name))?;
+            let folder = models.newest(subject)?;
+            tracing::info!("model of {subject}: {}", folder.display());
+            Some(folder)
+        }
+        (folder, _) => folder,
+    };
     let connection = Connection::new(options.at.port, options.at.baud);
     let publication = Publication {
         settings,
         model: options.model,
-        upload_model: options.upload_model,
+        upload_model,
         ros,
         topic_prefix: options.ros.topic_prefix,
         get_info: GET_INFO_SERVICE,

@@ -19,6 +19,7 @@ use crate::app::convert::ConvertOptions;
 use crate::app::manual::{CompletionsOptions, ManOptions};
 use crate::app::master::MasterOptions;
 use crate::app::replay::ReplayOptions;
+use crate::subject_models::subject_name;
 use crate::wire::port::PortAddress;
 
 /// Identifier and name of the option that names the configuration file.
@@ -56,9 +57,14 @@ pub(crate) struct Options {
     pub(crate) model: Option<PathBuf>,
     /// Give the device the packed model of this folder, which also decodes, instead of the one it
     /// was built with: a model fitted to the person who wears the cap. It goes to the device's RAM
-    /// before each run, if the device has another one. Needs a NUCLEO-H743ZI2 or host-sim
-    #[arg(long, help_heading = DECODING, env = "CORTICODE_UPLOAD_MODEL", value_name = "FOLDER", conflicts_with = "model")]
+    /// before each run, if the device has another one. Needs a NUCLEO-H743ZI2 or host-sim.
+    /// Overrides --model
+    #[arg(long, help_heading = DECODING, env = "CORTICODE_UPLOAD_MODEL", value_name = "FOLDER")]
     pub(crate) upload_model: Option<PathBuf>,
+    /// The same with the newest model that `calibrate` has fitted to this person. Overrides
+    /// --model, and --upload-model overrides it
+    #[arg(long, help_heading = DECODING, env = "CORTICODE_SUBJECT", value_name = "NAME", value_parser = subject_name)]
+    pub(crate) subject: Option<String>,
     /// What the stamp of a frame refers to
     #[arg(long, help_heading = DECODING, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,
@@ -188,6 +194,8 @@ pub(crate) enum Task {
     Replay(ReplayOptions),
     /// `convert`: writes a recording as files of codes and samples.
     Convert(ConvertOptions),
+    /// `calibrate`: fits a packed model to the person who wears the cap.
+    Calibrate(Box<CalibrateOptions>),
     /// `ports`: lists the serial ports.
     Ports(PortsOptions),
     /// `doctor`: checks port, device, ROS and clock.
@@ -261,6 +269,44 @@ pub(crate) struct RecordOptions {
     pub(crate) asked: StreamOptions,
 }
 
+/// Fit a packed model to the person who wears the cap, from two minutes of their EEG.
+///
+/// Listens to the filtered signal of the device, and shows the quality of each electrode meanwhile.
+/// Seconds in which steps are missing or more than a quarter of the electrodes is bad do not count;
+/// fewer bad electrodes are interpolated. Then fits a model, which takes some seconds, compares it
+/// with the built-in one on signal that it was not fitted to, writes it to a folder, and gives it
+/// to the device until its next restart. The bridge uses it with --subject NAME. With --recording,
+/// no device is needed. Ctrl-C leaves device and folder as they were.
+///
+/// Exit status: 0 done, 1 interrupted, 2 wrong usage, too little good signal or an existing folder,
+/// 4 the device does not take the model, which is kept.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "calibrate")]
+pub(crate) struct CalibrateOptions {
+    /// Name of the person, under which the model is kept
+    #[arg(long, env = "CORTICODE_SUBJECT", value_name = "NAME", value_parser = subject_name)]
+    pub(crate) subject: String,
+    /// Recordings to fit the model to, in place of the device's signal: EDF, BDF or GDF
+    #[arg(long, value_name = "FILE", num_args = 1.., requires = "mains")]
+    pub(crate) recording: Vec<PathBuf>,
+    /// Seconds of good signal to fit the model to; of recordings, the first ones
+    #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(20..=3600))]
+    pub(crate) seconds: u32,
+    /// Folder to write the model to, which must not exist [default:
+    /// ~/.local/share/corticode/models/SUBJECT/DATE]
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) output: Option<PathBuf>,
+    /// Folder of the device's model, if it is not the one that is built in here: the new model has
+    /// its montage, filters and network
+    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
+    pub(crate) model: Option<PathBuf>,
+    /// Mains frequency that the filters shall remove, Hz; the device chooses by default
+    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
+    pub(crate) mains: Option<u8>,
+    #[command(flatten)]
+    pub(crate) at: PortOptions,
+}
+
 impl Task {
     /// Parses the arguments; the first one is the program's name.
     ///
@@ -275,6 +321,8 @@ impl Task {
             Some(("record", of)) => RecordOptions::from_arg_matches(of).map(Task::Record),
             Some(("replay", of)) => ReplayOptions::from_arg_matches(of).map(Task::Replay),
             Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
+            Some(("calibrate", of)) => CalibrateOptions::from_arg_matches(of)
+                .map(|options| Task::Calibrate(Box::new(options))),
             Some(("ports", of)) => PortsOptions::from_arg_matches(of).map(Task::Ports),
             Some(("doctor", of)) => DoctorOptions::from_arg_matches(of).map(Task::Doctor),
             Some(("master", of)) => MasterOptions::from_arg_matches(of).map(Task::Master),
@@ -319,6 +367,7 @@ fn all_options() -> Command {
         .subcommand(PortsOptions::command())
         .subcommand(with_config(DoctorOptions::command()))
         .subcommand(with_config(ConvertOptions::command()))
+        .subcommand(with_config(CalibrateOptions::command()))
         .subcommand(MasterOptions::command())
         .subcommand(CompletionsOptions::command())
         .subcommand(ManOptions::command())

@@ -152,7 +152,7 @@ impl<L: Listener> Playback<L> {
             self.collector.frame_us = frame.header.device_time_us;
             match frame.message {
                 ToHost::Hello(hello) => {
-                    let same = |identity: &Identity| identity.is_same_session(&hello);
+                    let same = |identity: &Identity| identity.is_same_start(&hello);
                     if self.identity.as_ref().is_some_and(|known| !same(known)) {
                         self.collector.run += 1;
                     }

@@ -4,6 +4,7 @@
 mod architecture;
 mod bad_electrodes;
 mod board_chain;
+mod calibrated_model;
 mod catkin;
 mod debian_package;
 mod decoding_page;

@@ -1,8 +1,8 @@
 //! The transform of a block and the prediction of the next block, in floats.
 
-use super::ridge::{Ridge, penalty};
-use crate::error::TrainerError;
-use crate::pca::principal_directions;
+use crate::directions::{principal_directions, second_moment};
+use crate::error::FitError;
+use crate::ridge::{Ridge, penalty};
 use crate::track::Track;
 use nalgebra::{DMatrix, DVector};
 
@@ -19,16 +19,16 @@ const ROUNDING: f32 = 0.35;
 
 /// Consecutive blocks of one or several recordings. A block is a hop of time steps.
 #[derive(Clone, Debug)]
-pub(super) struct Blocks {
+pub(crate) struct Blocks {
     /// One matrix for each sequence: each column is a block, in the order step, electrode, in units
     /// of `input.sd_uv`.
-    pub(super) sequences: Vec<DMatrix<f32>>,
+    pub(crate) sequences: Vec<DMatrix<f32>>,
 }
 
 impl Blocks {
     /// Cuts tracks into blocks of `hop` steps, once for each offset. An offset is the step at which
     /// the first block begins; with several, the statistics do not depend on this step.
-    pub(super) fn cut(tracks: &[Track], hop: usize, sd_uv: f64, offsets: &[usize]) -> Self {
+    pub(crate) fn cut(tracks: &[Track], hop: usize, sd_uv: f64, offsets: &[usize]) -> Self {
         let sequences = offsets.iter().flat_map(|&offset| {
             tracks.iter().map(move |track| {
                 let block = hop * track.electrodes;
@@ -50,18 +50,18 @@ impl Blocks {
 
 /// Orthonormal directions of a block, and the prediction of the next block.
 #[derive(Clone, Debug)]
-pub(super) struct Transform {
+pub(crate) struct Transform {
     /// Directions, `[value, coefficient]`; the first coefficient has the largest residual.
-    pub(super) directions: DMatrix<f64>,
+    pub(crate) directions: DMatrix<f64>,
     /// Prediction of a block's coefficients from those of the block before it, `[coefficient,
     /// coefficient before]`.
-    pub(super) prediction: DMatrix<f64>,
+    pub(crate) prediction: DMatrix<f64>,
 }
 
 impl Transform {
     /// Fits a transform with `count` coefficients to blocks: the subspace with the most energy,
     /// rotated until the prediction's residuals of different coefficients are uncorrelated.
-    pub(super) fn fit(blocks: &Blocks, count: usize) -> Result<Self, TrainerError> {
+    pub(crate) fn fit(blocks: &Blocks, count: usize) -> Result<Self, FitError> {
         let mut transform = Self::without_prediction(blocks, count);
         let mut coefficients = transform.coefficients(blocks);
         transform.fit_prediction(&coefficients, &coefficients)?;
@@ -82,7 +82,7 @@ impl Transform {
     }
 
     /// Fits the Karhunen-Loeve transform with `count` coefficients to blocks. The prediction is 0.
-    pub(super) fn without_prediction(blocks: &Blocks, count: usize) -> Self {
+    pub(crate) fn without_prediction(blocks: &Blocks, count: usize) -> Self {
         let directions = principal_directions(second_moment(&blocks.sequences), count);
         Self {
             directions: to_matrix(&directions),
@@ -90,9 +90,9 @@ impl Transform {
         }
     }
 
-    /// Returns the mean square, over all values of blocks, of what the coefficients do not represent,
-    /// in units of `input.sd_uv` squared.
-    pub(super) fn unrepresented(&self, blocks: &Blocks) -> f64 {
+    /// Returns the mean square, over all values of blocks, of what the coefficients do not
+    /// represent, in units of `input.sd_uv` squared.
+    pub(crate) fn unrepresented(&self, blocks: &Blocks) -> f64 {
         let energy = |matrices: &[DMatrix<f32>]| {
             let values = matrices.iter().flatten();
             values.map(|value| f64::from(*value).powi(2)).sum::<f64>()
@@ -117,7 +117,7 @@ impl Transform {
         &mut self,
         states: &[DMatrix<f32>],
         coefficients: &[DMatrix<f32>],
-    ) -> Result<(), TrainerError> {
+    ) -> Result<(), FitError> {
         let count = self.prediction.nrows();
         let mut ridge = Ridge::new(count, count);
         for (states, coefficients) in states.iter().zip(coefficients) {
@@ -155,19 +155,6 @@ impl Transform {
     }
 }
 
-/// Returns the mean, over all columns, of the outer product of a column with itself.
-pub(crate) fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
-    let rows = sequences.first().map_or(0, DMatrix::nrows);
-    let mut moment = DMatrix::zeros(rows, rows);
-    for columns in sequences {
-        let columns = columns.map(f64::from);
-        moment.gemm(1.0, &columns, &columns.transpose(), 1.0);
-    }
-    let count: usize = sequences.iter().map(DMatrix::ncols).sum();
-    let count = count.max(1) as f64;
-    moment / count
-}
-
 /// Returns a matrix whose columns are `directions`.
 fn to_matrix(directions: &[Vec<f32>]) -> DMatrix<f64> {
     let rows = directions.first().map_or(0, Vec::len);
@@ -176,14 +163,13 @@ fn to_matrix(directions: &[Vec<f32>]) -> DMatrix<f64> {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
-pub(super) fn to_f32(matrix: &DMatrix<f64>) -> DMatrix<f32> {
+pub(crate) fn to_f32(matrix: &DMatrix<f64>) -> DMatrix<f32> {
     matrix.map(|value| value as f32)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -191,7 +177,7 @@ mod tests {
     fn what_the_coefficients_lack_is_the_error_of_the_decoded_blocks() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let values = (0..2400).map(|index| rng.random_range(-1.0..1.0) * (1 + index % 8) as f32);
-        let track = testing::track("noise", 2, values.collect());
+        let track = Track::new("noise", 2, values.collect());
         let blocks = Blocks::cut(&[track], 4, 2.0, &[0, 2]);
         let transform = Transform::fit(&blocks, 3).unwrap();
         let directions = to_f32(&transform.directions);

@@ -1,13 +1,11 @@
 //! A recording, filtered by the device's front end.
 
-use crate::error::TrainerError;
+use crate::error::FitError;
 use crate::front_end::{Filters, Resampler};
-use crate::progress::ProgressObserver;
-use crate::selection::file_name;
 use artifact::Description;
 use model_gen::headroom::GUARD_BITS;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Number of units of the front end's output, Q27.5, in one ADC count.
 const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
@@ -15,32 +13,20 @@ const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
 /// A recording in the form that the encoder receives: filtered, at 128 Hz, electrodes in the order
 /// of the montage.
 #[derive(Clone, Debug)]
-pub(crate) struct Track {
+pub struct Track {
     /// File name of the recording.
-    pub(crate) name: String,
-    pub(crate) electrodes: usize,
+    pub name: String,
+    /// Number of electrodes of the montage.
+    pub electrodes: usize,
     /// Filtered time steps, microvolts, in the order step, electrode (the last fastest); the steps
     /// in which the filters settle are omitted.
-    pub(crate) values: Vec<f32>,
+    pub values: Vec<f32>,
     /// Labels of electrodes that are missing in the recording and were interpolated.
-    pub(crate) interpolated: Vec<String>,
+    pub interpolated: Vec<String>,
     /// Indices of electrodes that were found to be bad, and interpolated.
-    pub(crate) bad: Vec<usize>,
+    pub bad: Vec<usize>,
     /// Number of distinct signals of the recording that enter the electrodes, as they are or mixed.
-    pub(crate) signals: usize,
-}
-
-/// Reads each recording of a list as [`Track::read`] does.
-pub(crate) fn read_tracks(
-    files: &[PathBuf],
-    description: &Description,
-    mains_hz: u32,
-    observer: &mut impl ProgressObserver,
-) -> Result<Vec<Track>, TrainerError> {
-    files
-        .iter()
-        .map(|file| Track::read(file, description, mains_hz, observer))
-        .collect()
+    pub signals: usize,
 }
 
 /// Returns the number of time steps at the start of a recording in which the filters still respond
@@ -48,34 +34,45 @@ pub(crate) fn read_tracks(
 ///
 /// # Errors
 /// If the filters cannot be realised.
-pub(crate) fn settling_steps(
-    description: &Description,
-    mains_hz: u32,
-) -> Result<usize, TrainerError> {
+pub fn settling_steps(description: &Description, mains_hz: u32) -> Result<usize, FitError> {
     let samples = model_gen::settling_samples(description, mains_hz)?;
     let rate_hz = description.adc.rate_hz as usize;
     Ok((samples * description.window.rate_hz as usize).div_ceil(rate_hz))
 }
 
 impl Track {
+    /// Creates the track of a recording with all electrodes from its filtered time steps,
+    /// microvolts, in the order step, electrode.
+    pub fn new(name: &str, electrodes: usize, values: Vec<f32>) -> Self {
+        Self {
+            name: name.to_owned(),
+            electrodes,
+            values,
+            interpolated: Vec::new(),
+            bad: Vec::new(),
+            signals: electrodes,
+        }
+    }
+
     /// Reads a recording and passes it through a virtual ADC and the filters of `description`.
-    /// Reports its length and its warnings to `observer`.
+    /// Reports its length and its warnings to `report`.
     ///
     /// # Errors
     /// If the recording cannot be read or does not fit the montage, or the filters cannot be
     /// realised.
-    pub(crate) fn read(
+    pub fn read(
         path: &Path,
         description: &Description,
         mains_hz: u32,
-        observer: &mut impl ProgressObserver,
-    ) -> Result<Self, TrainerError> {
-        let name = file_name(path);
-        let unreadable = |source| TrainerError::Recording(name.clone(), source);
+        report: &mut dyn FnMut(&str),
+    ) -> Result<Self, FitError> {
+        let name = path.file_name().unwrap_or_default();
+        let name = name.to_string_lossy().into_owned();
+        let unreadable = |source| FitError::Recording(name.clone(), source);
         let recording = Recording::open(path).map_err(unreadable)?;
         let electrodes = &description.montage.electrodes;
         let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate)
-            .map_err(|source| TrainerError::Montage(name.clone(), source))?;
+            .map_err(|source| FitError::Montage(name.clone(), source))?;
         let adc = &description.adc;
         let spec = AdcSpec {
             rate_hz: adc.rate_hz,
@@ -106,7 +103,7 @@ impl Track {
             bad: Vec::new(),
             signals: map.used().len(),
         };
-        observer.message(&format!(
+        report(&format!(
             "{name}: {} time steps, {} electrodes interpolated",
             track.steps(),
             track.interpolated.len()
@@ -117,7 +114,7 @@ impl Track {
         let of_file = of_file.map(ToString::to_string);
         let of_adc = virtual_adc.counters().warnings();
         for warning in of_map.chain(of_file).chain(of_adc) {
-            observer.message(&format!("{name}: warning: {warning}"));
+            report(&format!("{name}: warning: {warning}"));
         }
         Ok(track)
     }
@@ -127,7 +124,7 @@ impl Track {
     /// # Panics
     /// If the part is not within the recording.
     #[must_use]
-    pub(crate) fn part(&self, steps: std::ops::Range<usize>) -> Self {
+    pub fn part(&self, steps: std::ops::Range<usize>) -> Self {
         let values = steps.start * self.electrodes..steps.end * self.electrodes;
         Self {
             name: self.name.clone(),
@@ -139,7 +136,8 @@ impl Track {
         }
     }
 
-    pub(crate) fn steps(&self) -> usize {
+    /// Returns the number of time steps.
+    pub fn steps(&self) -> usize {
         self.values.len() / self.electrodes
     }
 }

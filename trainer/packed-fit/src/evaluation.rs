@@ -1,18 +1,16 @@
 //! Bits and error of a packed model at each rate.
 
-use super::coded;
-use super::integers::{Scale, analysed};
-use super::ridge::next_residuals;
-use super::transform::{Blocks, to_f32};
 use crate::band_power::{BandPower, correlation};
-use crate::error::TrainerError;
+use crate::coded;
+use crate::error::FitError;
 use crate::in_parallel;
+use crate::integers::{Scale, analysed};
+use crate::ridge::next_residuals;
 use crate::track::Track;
+use crate::transform::{Blocks, to_f32};
 use artifact::{Description, PackedFigures, PackedModel};
 use nalgebra::DMatrix;
 use packed::Rate;
-use serde_json::{Value as Json, json};
-use std::fmt;
 
 /// Number of blocks from one that is coded without prediction to the next, as on a device: 4 s.
 const RESET: usize = 64;
@@ -43,35 +41,8 @@ pub struct RateFigures {
 }
 
 impl RateFigures {
-    /// Returns the figures as a JSON object.
-    pub(crate) fn to_json(self) -> Json {
-        json!({
-            "rate": self.rate,
-            "bits_per_hop": self.bits,
-            "longest_bytes": self.longest,
-            "mse": self.mse,
-            "mse_smoothed": self.mse_smoothed,
-            "band_correlation_8_13": self.band_correlation[0],
-            "band_correlation_13_30": self.band_correlation[1],
-        })
-    }
-
-    /// Returns the cells of a printed row: rate, bits, bytes of the longest block, both errors and
-    /// both correlations.
-    pub(crate) fn cells(&self) -> [String; 7] {
-        [
-            self.rate.to_string(),
-            format!("{:.1}", self.bits),
-            self.longest.to_string(),
-            format!("{:.5}", self.mse),
-            format!("{:.5}", self.mse_smoothed),
-            format!("{:.3}", self.band_correlation[0]),
-            format!("{:.3}", self.band_correlation[1]),
-        ]
-    }
-
     /// Returns the figures, rounded as in `packed.toml`.
-    pub(super) fn rounded(self) -> PackedFigures {
+    pub fn rounded(self) -> PackedFigures {
         let to = |digits: f64, value: f64| (value * digits).round() / digits;
         PackedFigures {
             rate: self.rate,
@@ -86,21 +57,21 @@ impl RateFigures {
 ///
 /// # Errors
 /// If the directions of the analysis depend on each other.
-pub(crate) fn evaluate(
+pub fn evaluate(
     model: &PackedModel,
     tracks: &[Track],
     description: &Description,
-) -> Result<Vec<RateFigures>, TrainerError> {
+) -> Result<Vec<RateFigures>, FitError> {
     evaluate_with_resets(model, tracks, description, RESET)
 }
 
 /// Measures a packed model like [`evaluate`], but codes every `reset`-th block without prediction.
-pub(super) fn evaluate_with_resets(
+pub(crate) fn evaluate_with_resets(
     model: &PackedModel,
     tracks: &[Track],
     description: &Description,
     reset: usize,
-) -> Result<Vec<RateFigures>, TrainerError> {
+) -> Result<Vec<RateFigures>, FitError> {
     let sd_uv = description.input.sd_uv;
     let blocks = Blocks::cut(tracks, description.window.hop, sd_uv, &[0]);
     let coefficients = analysed(model, &blocks, sd_uv);
@@ -154,36 +125,11 @@ fn mean_squared_error(original: &[DMatrix<f32>], decoded: &[DMatrix<f32>]) -> f6
 
 /// Returns the matrix that decodes coefficients, `[value, coefficient]`, in units of `input.sd_uv`.
 /// It is the pseudoinverse of the analysis.
-fn synthesis(model: &PackedModel) -> Result<DMatrix<f32>, TrainerError> {
+fn synthesis(model: &PackedModel) -> Result<DMatrix<f32>, FitError> {
     let count = model.coefficients();
     let analysis =
         DMatrix::from_row_slice(count, model.analysis.inputs(), &model.analysis.to_float());
     let gram = &analysis * analysis.transpose();
-    let inverse = gram.cholesky().ok_or(TrainerError::Silent)?.inverse();
+    let inverse = gram.cholesky().ok_or(FitError::Silent)?.inverse();
     Ok(to_f32(&(analysis.transpose() * inverse)))
-}
-
-/// The figures of all rates, printed as a table.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RateTable<'f>(pub &'f [RateFigures]);
-
-impl fmt::Display for RateTable<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "                                               MSE    correlation of power at"
-        )?;
-        writeln!(
-            f,
-            "rate   bits of a block   longest   at once   block later   8-13 Hz   13-30 Hz"
-        )?;
-        for figures in self.0 {
-            let [rate, bits, longest, mse, later, alpha, beta] = figures.cells();
-            writeln!(
-                f,
-                "{rate:>4} {bits:>17} {longest:>7} B {mse:>9} {later:>13} {alpha:>9} {beta:>10}"
-            )?;
-        }
-        Ok(())
-    }
 }

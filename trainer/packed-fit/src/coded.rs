@@ -8,24 +8,24 @@ use packed::{Context, Header, LEVELS, MAGNITUDES, Magnitude, Rate, Tables};
 const MAX_BYTES: usize = 2048;
 
 /// Number of times that each magnitude was coded, by quantiser, level and magnitude.
-pub(super) type Histogram = [[[u32; MAGNITUDES]; LEVELS]; 2];
+pub(crate) type Histogram = [[[u32; MAGNITUDES]; LEVELS]; 2];
 
 /// A sequence of blocks after coding.
 #[derive(Clone, Debug)]
-pub(super) struct Coded {
+pub(crate) struct Coded {
     /// State after each block, block by block.
-    pub(super) states: Vec<i16>,
+    pub(crate) states: Vec<i16>,
     /// Magnitudes of all coefficients with their signs, block by block.
-    pub(super) magnitudes: Vec<i32>,
+    pub(crate) magnitudes: Vec<i32>,
     /// Length of each block in bytes.
-    pub(super) bytes: Vec<usize>,
+    pub(crate) bytes: Vec<usize>,
     /// Number of times that each magnitude was coded with each table of frequencies.
-    pub(super) histogram: Box<Histogram>,
+    pub(crate) histogram: Box<Histogram>,
 }
 
 /// Encodes sequences of coefficients `[sequence][block][coefficient]` at a rate. The first block of
 /// each sequence and every `reset`-th block after it are coded without prediction.
-pub(super) fn code(
+pub(crate) fn code(
     model: &PackedModel,
     coefficients: &[Vec<i16>],
     rate: Rate,
@@ -107,7 +107,7 @@ fn code_sequence(
 }
 
 /// Returns the sum of all histograms.
-pub(super) fn sum(coded: &[Coded]) -> Box<Histogram> {
+pub(crate) fn sum(coded: &[Coded]) -> Box<Histogram> {
     let mut sum = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     for coded in coded {
         let counts = coded.histogram.iter().flatten().flatten();

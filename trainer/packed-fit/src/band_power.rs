@@ -7,11 +7,11 @@ use std::f64::consts::TAU;
 const BANDS_HZ: [[usize; 2]; 2] = [[8, 13], [13, 30]];
 
 /// Logarithm of each band's power in each second, `[band][electrode][second]`.
-pub(crate) type LogPowers = [Vec<Vec<f64>>; 2];
+pub type LogPowers = [Vec<Vec<f64>>; 2];
 
 /// Correlates the band powers of two signals, over windows of one second.
 #[derive(Clone, Debug)]
-pub(crate) struct BandPower {
+pub struct BandPower {
     electrodes: usize,
     /// Number of steps in a second.
     second: usize,
@@ -21,7 +21,8 @@ pub(crate) struct BandPower {
 }
 
 impl BandPower {
-    pub(crate) fn new(electrodes: usize, rate_hz: u32) -> Self {
+    /// Creates the windows for signals of `electrodes` electrodes with `rate_hz` steps per second.
+    pub fn new(electrodes: usize, rate_hz: u32) -> Self {
         let second = rate_hz as usize;
         let part = |product: usize| TAU * (product % second) as f64 / second as f64;
         let wave = |hz: usize| {
@@ -45,7 +46,7 @@ impl BandPower {
 
     /// Returns the [`correlation`] between each band's powers in the original and in the coded
     /// sequences. The values of a sequence are in the order step, electrode.
-    pub(crate) fn correlation(&self, original: &[Vec<f32>], coded: &[Vec<f32>]) -> [f64; 2] {
+    pub fn correlation(&self, original: &[Vec<f32>], coded: &[Vec<f32>]) -> [f64; 2] {
         let powers =
             |sequences| in_parallel::map(sequences, |values: &Vec<f32>| self.log_powers(values));
         correlation(&powers(original), &powers(coded))
@@ -53,7 +54,7 @@ impl BandPower {
 
     /// Returns the logarithm of each band's power in each second. The values are in the order step,
     /// electrode.
-    pub(crate) fn log_powers(&self, values: &[f32]) -> LogPowers {
+    pub fn log_powers(&self, values: &[f32]) -> LogPowers {
         let mut powers = [(); 2].map(|()| vec![Vec::new(); self.electrodes]);
         let window = self.second * self.electrodes;
         for values in values.chunks_exact(window) {
@@ -79,7 +80,7 @@ impl BandPower {
 
 /// Returns, for each band, Pearson's correlation of the powers in two lists of sequences, as the
 /// mean over the electrodes.
-pub(crate) fn correlation(one: &[LogPowers], other: &[LogPowers]) -> [f64; 2] {
+pub fn correlation(one: &[LogPowers], other: &[LogPowers]) -> [f64; 2] {
     [0, 1].map(|band| {
         let electrodes = one.first().map_or(0, |powers| powers[band].len());
         let series = |sequences: &[LogPowers], electrode: usize| -> Vec<f64> {

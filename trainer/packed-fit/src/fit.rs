@@ -1,14 +1,13 @@
 //! Fit of a packed model to filtered recordings.
 
-use super::coded::{self, Coded};
-use super::evaluation::{self, RateFigures};
-use super::integers::{self, INPUT_LIMIT, Scale, UNIT_UV, analysed};
-use super::ridge::{Ridge, fit_smoother, penalty};
-use super::transform::{Blocks, Transform};
-use super::{Tracks, probabilities};
-use crate::error::TrainerError;
-use crate::progress::ProgressObserver;
+use crate::coded::{self, Coded};
+use crate::error::FitError;
+use crate::evaluation::{self, RateFigures};
+use crate::integers::{self, INPUT_LIMIT, Scale, UNIT_UV, analysed};
+use crate::probabilities;
+use crate::ridge::{Ridge, fit_smoother, penalty};
 use crate::track::Track;
+use crate::transform::{Blocks, Transform};
 use artifact::{
     Description, INPUTS_PER_ROUND, IntegerMatrix, PackedDescription, PackedModel, PackedTraining,
     Smoother, slice_ends,
@@ -35,86 +34,35 @@ const COEFFICIENTS: usize = 176;
 /// counts the magnitudes.
 const ROUNDS: usize = 4;
 
-/// Figures of a trained packed model on the test recordings, or on the training recordings if there
-/// are none to test with.
-#[derive(Clone, Debug)]
-pub(crate) struct PackedTrained {
-    /// Figures of the model at each rate, finest first.
-    pub(crate) figures: Vec<RateFigures>,
-    /// For comparison, figures of the Karhunen-Loeve transform of a block, coded in the same way
-    /// but without prediction.
-    pub(crate) without_prediction: Vec<RateFigures>,
-}
-
 /// Returns the number of coefficients of a block: `wanted` if it is given, otherwise the default
 /// for the description's montage and hop.
 ///
 /// # Errors
 /// If a block cannot have the wanted number.
-pub(super) fn coefficients(
-    wanted: Option<usize>,
-    description: &Description,
-) -> Result<usize, TrainerError> {
+pub fn coefficients(wanted: Option<usize>, description: &Description) -> Result<usize, FitError> {
     let values = description.montage.electrodes.len() * description.window.hop;
     let most = MAX_COEFFICIENTS.min(values) / INPUTS_PER_ROUND * INPUTS_PER_ROUND;
     let count = wanted.unwrap_or(COEFFICIENTS.min(most));
     if count == 0 || count > most || !count.is_multiple_of(INPUTS_PER_ROUND) {
-        return Err(TrainerError::Coefficients { count, most });
+        return Err(FitError::Coefficients { count, most });
     }
     Ok(count)
 }
 
-/// Fits a packed model with `count` coefficients, and returns it with its figures.
+/// Fits a packed model with `count` coefficients to filtered recordings. What is done is reported
+/// to `report`.
 ///
 /// # Errors
-/// If the recordings do not determine a model, or no rate reaches `target_mse`.
-pub(super) fn fit(
-    tracks: &Tracks,
-    description: &Description,
-    count: usize,
-    target_mse: Option<f64>,
-    observer: &mut impl ProgressObserver,
-) -> Result<(PackedModel, PackedTrained), TrainerError> {
-    let mut model = fit_model(&tracks.train, description, count, observer)?;
-    let tested = if tracks.test.is_empty() {
-        observer.message("no test recordings: the figures are those of the training recordings");
-        &tracks.train
-    } else {
-        &tracks.test
-    };
-    let figures = evaluation::evaluate(&model, tested, description)?;
-    if let Some(target) = target_mse {
-        let rate = coarsest_within(&figures, target)?;
-        model.description.rate = rate;
-        observer.message(&format!(
-            "rate {rate} is the coarsest with an error of at most {target}"
-        ));
-    }
-    observer.message("fitting the transform without prediction, to compare ...");
-    let without_prediction = fit_without_prediction(&model, &tracks.train, tested, description)?;
-    if !tracks.test.is_empty() {
-        let rounded =
-            |figures: &[RateFigures]| figures.iter().map(|figures| figures.rounded()).collect();
-        let card = &mut model.description.training;
-        card.figures = rounded(&figures);
-        card.without_prediction = rounded(&without_prediction);
-    }
-    let trained = PackedTrained {
-        figures,
-        without_prediction,
-    };
-    Ok((model, trained))
-}
-
-fn fit_model(
+/// If the recordings do not determine a model.
+pub fn fit(
     tracks: &[Track],
     description: &Description,
     count: usize,
-    observer: &mut impl ProgressObserver,
-) -> Result<PackedModel, TrainerError> {
+    report: &mut dyn FnMut(&str),
+) -> Result<PackedModel, FitError> {
     let (hop, sd_uv) = (description.window.hop, description.input.sd_uv);
     let electrodes = description.montage.electrodes.len();
-    observer.message("fitting transform and prediction ...");
+    report("fitting transform and prediction ...");
     let blocks = Blocks::cut(tracks, hop, sd_uv, &every_quarter(hop));
     let transform = Transform::fit(&blocks, count)?;
     let misfit = MISFIT.max(MISFIT_RATIO * transform.unrepresented(&blocks));
@@ -138,8 +86,8 @@ fn fit_model(
     let blocks = Blocks::cut(tracks, hop, sd_uv, &[0, hop / 2]);
     let scale = Scale::new(&model, sd_uv);
     let coefficients = analysed(&model, &blocks, sd_uv);
-    fit_probabilities(&mut model, &coefficients, scale, observer)?;
-    observer.message("fitting the smoother of each rate ...");
+    fit_probabilities(&mut model, &coefficients, scale, report)?;
+    report("fitting the smoother of each rate ...");
     let matrices = Rate::all().map(|rate| {
         let coded = coded::code(&model, &coefficients, rate, usize::MAX);
         fit_smoother(&model, &coded, &coefficients, scale)
@@ -154,26 +102,14 @@ fn every_quarter(hop: usize) -> Vec<usize> {
     (0..hop).step_by((hop / 4).max(1)).collect()
 }
 
-/// Returns the coarsest rate whose error without smoothing is at most `target`.
-fn coarsest_within(figures: &[RateFigures], target: f64) -> Result<u8, TrainerError> {
-    let within = figures.iter().rev().find(|figures| figures.mse <= target);
-    within.map(|figures| figures.rate).ok_or_else(|| {
-        let least = figures
-            .iter()
-            .map(|figures| figures.mse)
-            .fold(f64::INFINITY, f64::min);
-        TrainerError::TargetOutOfReach { target, least }
-    })
-}
-
 /// Fits levels and frequencies in rounds, each of which codes the training blocks with those of the
 /// round before.
 fn fit_probabilities(
     model: &mut PackedModel,
     coefficients: &[Vec<i16>],
     scale: Scale,
-    observer: &mut impl ProgressObserver,
-) -> Result<(), TrainerError> {
+    report: &mut dyn FnMut(&str),
+) -> Result<(), FitError> {
     let count = model.coefficients();
     // A magnitude of 1 stands for two steps of the quantiser.
     let two_steps = 2.0 * f64::from(BASE_RATE.step());
@@ -196,7 +132,7 @@ fn fit_probabilities(
         }
         let bytes = coded.iter().flat_map(|coded| &coded.bytes);
         let bits = 8.0 * bytes.clone().sum::<usize>() as f64 / bytes.count().max(1) as f64;
-        observer.message(&format!("round {}: {bits:.1} bits a block", round + 1));
+        report(&format!("round {}: {bits:.1} bits a block", round + 1));
     }
     model.predicted_levels = probabilities::levels(&predicted);
     Ok(())
@@ -235,7 +171,7 @@ fn refitted_prediction(
     coded: &[Coded],
     coefficients: &[Vec<i16>],
     scale: Scale,
-) -> Result<IntegerMatrix, TrainerError> {
+) -> Result<IntegerMatrix, FitError> {
     let mut ridge = Ridge::new(scale.count, scale.count);
     for (coded, coefficients) in coded.iter().zip(coefficients) {
         let (states, coefficients) = (scale.columns(&coded.states), scale.columns(coefficients));
@@ -254,12 +190,12 @@ fn refitted_prediction(
 ///
 /// # Errors
 /// If the recordings are silent.
-fn fit_without_prediction(
+pub fn without_prediction(
     model: &PackedModel,
     tracks: &[Track],
     tested: &[Track],
     description: &Description,
-) -> Result<Vec<RateFigures>, TrainerError> {
+) -> Result<Vec<RateFigures>, FitError> {
     let (hop, sd_uv) = (description.window.hop, description.input.sd_uv);
     let electrodes = description.montage.electrodes.len();
     let blocks = Blocks::cut(tracks, hop, sd_uv, &every_quarter(hop));

@@ -1,7 +1,7 @@
 //! The device's front end for any description: filters and resampler whose sizes are known only at
 //! run time. Their outputs equal the device's bit for bit.
 
-use crate::error::TrainerError;
+use crate::error::FitError;
 use artifact::Description;
 use fixed_dsp::{Cascade, CascadeState, Filter};
 use model_gen::ResamplerTable;
@@ -17,10 +17,10 @@ pub(crate) struct Filters {
 
 impl Filters {
     /// Creates the filters of a description for a mains frequency; their states are 0.
-    pub(crate) fn new(description: &Description, mains_hz: u32) -> Result<Self, TrainerError> {
+    pub(crate) fn new(description: &Description, mains_hz: u32) -> Result<Self, FitError> {
         let rate_hz = description.adc.rate_hz;
         let sections = model_gen::filter_cascade(&description.filters, rate_hz, mains_hz)
-            .map_err(|source| TrainerError::Filter(mains_hz, source))?;
+            .map_err(|source| FitError::Filter(mains_hz, source))?;
         let states = vec![CascadeState::REST; sections.len()];
         let cascade = |section| Cascade {
             sections: [section],
@@ -56,14 +56,14 @@ pub(crate) struct Resampler {
 
 impl Resampler {
     /// Creates a resampler whose previous samples are all 0.
-    pub(crate) fn new(description: &Description) -> Result<Self, TrainerError> {
+    pub(crate) fn new(description: &Description) -> Result<Self, FitError> {
         let table = ResamplerTable::new(
             description.filters.decimation,
             description.adc.rate_hz,
             description.window.rate_hz,
             description.montage.electrodes.len(),
         )
-        .map_err(TrainerError::Resampler)?;
+        .map_err(FitError::Resampler)?;
         Ok(Self {
             newest: vec![vec![0; description.montage.electrodes.len()]; table.taps_per_phase()]
                 .into(),
@@ -101,13 +101,14 @@ impl Resampler {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing;
-    use artifact::Decimation;
+    use artifact::{Artifact, Decimation};
     use pipeline::{FrontEnd, Sample};
+    use std::path::Path;
 
     #[test]
     fn outputs_equal_the_device_s_bit_for_bit_at_a_rational_ratio() {
-        let mut description = testing::description();
+        let paper = Path::new("../../signal/model/paper");
+        let mut description = Artifact::read(paper).unwrap().description;
         description.adc.rate_hz = 500;
         description.filters.decimation = Decimation::Fir;
         let mut filters = Filters::new(&description, 50).expect("usual filters");

@@ -1,9 +1,9 @@
 //! Ridge regression, and the smoother, which estimates the error of a state from the residual of
 //! the next block.
 
-use super::coded::Coded;
-use super::integers::Scale;
-use crate::error::TrainerError;
+use crate::coded::Coded;
+use crate::error::FitError;
+use crate::integers::Scale;
 use artifact::PackedModel;
 use nalgebra::{DMatrix, DMatrixView};
 
@@ -11,14 +11,14 @@ use nalgebra::{DMatrix, DMatrixView};
 const PENALTY: f64 = 12.5;
 
 /// Returns the penalty of a ridge regression over `sequences` sequences of blocks.
-pub(super) fn penalty(sequences: usize) -> f64 {
+pub(crate) fn penalty(sequences: usize) -> f64 {
     PENALTY * sequences as f64
 }
 
 /// Sums from which a linear map is fitted: products of the map's inputs with each other and with
 /// its outputs.
 #[derive(Clone, Debug)]
-pub(super) struct Ridge {
+pub(crate) struct Ridge {
     /// Sums of the products of inputs with inputs, `[input, input]`.
     inputs: DMatrix<f64>,
     /// Sums of the products of inputs with outputs, `[input, output]`.
@@ -26,7 +26,7 @@ pub(super) struct Ridge {
 }
 
 impl Ridge {
-    pub(super) fn new(inputs: usize, outputs: usize) -> Self {
+    pub(crate) fn new(inputs: usize, outputs: usize) -> Self {
         Self {
             inputs: DMatrix::zeros(inputs, inputs),
             products: DMatrix::zeros(inputs, outputs),
@@ -34,7 +34,7 @@ impl Ridge {
     }
 
     /// Adds pairs of inputs and outputs; each column is one pair.
-    pub(super) fn add(&mut self, inputs: DMatrixView<'_, f32>, outputs: DMatrixView<'_, f32>) {
+    pub(crate) fn add(&mut self, inputs: DMatrixView<'_, f32>, outputs: DMatrixView<'_, f32>) {
         let (inputs, outputs) = (inputs.map(f64::from), outputs.map(f64::from));
         self.inputs.gemm(1.0, &inputs, &inputs.transpose(), 1.0);
         self.products.gemm(1.0, &inputs, &outputs.transpose(), 1.0);
@@ -46,11 +46,11 @@ impl Ridge {
     ///
     /// # Errors
     /// See [`Self::solve`].
-    pub(super) fn solve_within(
+    pub(crate) fn solve_within(
         &self,
         mut penalty: f64,
         largest_sum: f64,
-    ) -> Result<DMatrix<f64>, TrainerError> {
+    ) -> Result<DMatrix<f64>, FitError> {
         loop {
             let matrix = self.clone().solve(penalty)?;
             let sums = matrix.row_iter().map(|weights| weights.abs().sum());
@@ -66,22 +66,22 @@ impl Ridge {
     ///
     /// # Errors
     /// If the inputs are all zero and the penalty is 0, or not finite.
-    pub(super) fn solve(mut self, penalty: f64) -> Result<DMatrix<f64>, TrainerError> {
+    pub(crate) fn solve(mut self, penalty: f64) -> Result<DMatrix<f64>, FitError> {
         for index in 0..self.inputs.nrows() {
             self.inputs[(index, index)] += penalty;
         }
-        let factors = self.inputs.cholesky().ok_or(TrainerError::Silent)?;
+        let factors = self.inputs.cholesky().ok_or(FitError::Silent)?;
         Ok(factors.solve(&self.products).transpose())
     }
 }
 
 /// Fits the smoother of one rate, `[coefficient][residual of the next block]`, to coded blocks.
-pub(super) fn fit_smoother(
+pub(crate) fn fit_smoother(
     model: &PackedModel,
     coded: &[Coded],
     coefficients: &[Vec<i16>],
     scale: Scale,
-) -> Result<Vec<f64>, TrainerError> {
+) -> Result<Vec<f64>, FitError> {
     let mut ridge = Ridge::new(scale.count, scale.count);
     for (coded, coefficients) in coded.iter().zip(coefficients) {
         let missing = scale.columns(coefficients) - scale.columns(&coded.states);
@@ -97,7 +97,7 @@ pub(super) fn fit_smoother(
 
 /// Returns, for each block except the last, the dequantised residual (state minus prediction) of
 /// the next block.
-pub(super) fn next_residuals(model: &PackedModel, states: &[i16], scale: Scale) -> DMatrix<f32> {
+pub(crate) fn next_residuals(model: &PackedModel, states: &[i16], scale: Scale) -> DMatrix<f32> {
     let blocks = states.chunks_exact(scale.count);
     let predictions: Vec<i16> = blocks.flat_map(|state| model.predict(state)).collect();
     let (states, predictions) = (scale.columns(states), scale.columns(&predictions));

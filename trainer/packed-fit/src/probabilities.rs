@@ -1,6 +1,6 @@
 //! Levels, which stand for mean magnitudes, and initial frequencies of the magnitudes.
 
-use super::coded::{Coded, Histogram};
+use crate::coded::{Coded, Histogram};
 use packed::{FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts};
 
 /// Mean magnitude for which level 0 stands.
@@ -19,7 +19,7 @@ fn log_ratio() -> f64 {
 }
 
 /// Returns the level nearest to each mean magnitude.
-pub(super) fn levels(means: &[f64]) -> Vec<u8> {
+pub(crate) fn levels(means: &[f64]) -> Vec<u8> {
     let level = |&mean: &f64| {
         let level = ((mean.max(1e-5).ln() - LEAST_MEAN.ln()) / log_ratio()).round();
         #[expect(
@@ -52,7 +52,7 @@ fn means<'s, T: 's>(
 }
 
 /// Returns the mean magnitude of each coefficient, over all blocks but the first of each sequence.
-pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
+pub(crate) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
     let magnitudes = coded.iter().map(|coded| coded.magnitudes.as_slice());
     means(magnitudes, count, |magnitude| {
         magnitude.unsigned_abs().into()
@@ -62,7 +62,7 @@ pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
 /// Estimates the mean magnitude of each coefficient in blocks without prediction, over all blocks
 /// but the first of each sequence. A coefficient of size `two_steps` has magnitude 1, less the part
 /// that the quantiser's dead zone removes.
-pub(super) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64) -> Vec<f64> {
+pub(crate) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64) -> Vec<f64> {
     let coefficients = coefficients.iter().map(Vec::as_slice);
     let size = |coefficient: &i16| (f64::from(*coefficient).abs() / two_steps - 0.2).max(0.0);
     let means = means(coefficients, count, size);
@@ -71,7 +71,7 @@ pub(super) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64
 
 /// Returns the initial frequencies of the magnitudes: the counted ones, plus an assumed geometric
 /// distribution that has the level's mean and the weight of [`ASSUMED`] magnitudes.
-pub(super) fn starts(histogram: &Histogram) -> Box<Starts> {
+pub(crate) fn starts(histogram: &Histogram) -> Box<Starts> {
     let mut table = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     for (rows, counts) in table.iter_mut().zip(histogram) {
         for ((level, row), counts) in (0..).zip(rows).zip(counts) {

@@ -1,17 +1,17 @@
 //! Transform and prediction as integers whose sums provably stay in range, and integers as floats.
 
-use super::transform::{Blocks, Transform};
 use crate::in_parallel;
+use crate::transform::{Blocks, Transform};
 use artifact::{IntegerMatrix, LARGEST_STATE, PackedModel, SUM_LIMIT};
 use nalgebra::DMatrix;
 
 /// Size of one unit of an input value, and of a coefficient, in microvolts. Rounding inputs to it
 /// adds 1e-5 to the mean squared error of EEG.
-pub(super) const UNIT_UV: f64 = 0.5;
+pub(crate) const UNIT_UV: f64 = 0.5;
 
 /// Largest magnitude of an input value, 2 mV in units of [`UNIT_UV`]. It takes 12 bits, so that the
 /// sums of a slice of inputs stay below 2^23.
-pub(super) const INPUT_LIMIT: i16 = 4095;
+pub(crate) const INPUT_LIMIT: i16 = 4095;
 
 /// Smallest sum of weights' magnitudes by which a scale is divided, so that no scale is infinite.
 const SMALLEST_SUM: f64 = 1e-12;
@@ -21,7 +21,7 @@ const STATE_UNIT: f64 = 8.0;
 
 /// Returns the analysis of blocks in integers. `slices` holds the ends of the slices of a block's
 /// inputs; the device processes one slice at each step.
-pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix {
+pub(crate) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix {
     let directions = &transform.directions;
     IntegerMatrix::quantised(directions.as_slice(), directions.nrows(), 1.0, |weights| {
         let mut start = 0;
@@ -37,12 +37,12 @@ pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix
 /// Returns the limit of the sum of the magnitudes of the `count` weights that predict a
 /// coefficient. Above it, the factor that undoes the scale of the integer weights would be 1/2 or
 /// more, which an [`IntegerMatrix`] cannot hold.
-pub(super) fn largest_prediction(count: usize) -> f64 {
+pub(crate) fn largest_prediction(count: usize) -> f64 {
     scale_for(&vec![0.0; count], LARGEST_STATE) * SMALLEST_SUM / (2.0 * STATE_UNIT)
 }
 
 /// Returns the matrix of the prediction as integers.
-pub(super) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
+pub(crate) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
     let rows = prediction.transpose();
     IntegerMatrix::quantised(rows.as_slice(), rows.nrows(), STATE_UNIT, |weights| {
         scale_for(weights, LARGEST_STATE)
@@ -61,7 +61,7 @@ fn scale_for(weights: &[f64], limit: i16) -> f64 {
 }
 
 /// Returns the integer coefficients of all blocks, one block after the other in each sequence.
-pub(super) fn analysed(model: &PackedModel, blocks: &Blocks, sd_uv: f64) -> Vec<Vec<i16>> {
+pub(crate) fn analysed(model: &PackedModel, blocks: &Blocks, sd_uv: f64) -> Vec<Vec<i16>> {
     let limit = f64::from(INPUT_LIMIT);
     in_parallel::map(&blocks.sequences, |blocks| {
         let block = |values: nalgebra::DVectorView<'_, f32>| {
@@ -82,15 +82,15 @@ pub(super) fn analysed(model: &PackedModel, blocks: &Blocks, sd_uv: f64) -> Vec<
 
 /// Converts integer coefficients to columns of a matrix, in units of `input.sd_uv`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Scale {
+pub(crate) struct Scale {
     /// Number of coefficients of a block.
-    pub(super) count: usize,
+    pub(crate) count: usize,
     /// Size of one unit of a coefficient, in units of `input.sd_uv`.
     unit: f64,
 }
 
 impl Scale {
-    pub(super) fn new(model: &PackedModel, sd_uv: f64) -> Self {
+    pub(crate) fn new(model: &PackedModel, sd_uv: f64) -> Self {
         Self {
             count: model.coefficients(),
             unit: model.description.unit_uv / sd_uv,
@@ -99,7 +99,7 @@ impl Scale {
 
     /// Returns `values`, the coefficients of one block after the other, as a matrix with a column
     /// for each block.
-    pub(super) fn columns(self, values: &[i16]) -> DMatrix<f32> {
+    pub(crate) fn columns(self, values: &[i16]) -> DMatrix<f32> {
         #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
         let scaled = values
             .iter()

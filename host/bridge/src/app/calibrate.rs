@@ -1,0 +1,435 @@
+//! The subcommand `calibrate`: fits a packed model to a person, from the signal of a device or from
+//! recordings.
+//!
+//! ```text
+//! device ──filtered steps──► Listening ─┐
+//! recordings ──► Track ─────────────────┴► GoodSignal ──► PersonalModel ──► folder of a model
+//!                                                                             │
+//! device ◄───────────────────────── upload ───────────────────────────────────┘
+//! ```
+
+mod display;
+mod listening;
+
+use std::fmt;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use artifact::{Artifact, ModelId, Person};
+use bridge_core::{Announcement, Core, Device, Effects, HostTime, Model, Settings, Upload};
+use indicatif::ProgressBar;
+use jiff::Timestamp;
+use link::Streams;
+use neuro_ros::NeuroFrame;
+use packed_fit::{GoodSignal, PersonalModel, Track, error_at};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
+
+use crate::app::calibrate::display::Display;
+use crate::app::calibrate::listening::Listening;
+use crate::app::command_line::{CalibrateOptions, PortOptions};
+use crate::app::shutdown::Shutdown;
+use crate::error::BridgeError;
+use crate::subject_models::{SubjectModels, refuse_existing, write_new};
+use crate::wire::connection::{Connection, Event, Feed};
+
+/// Longest wait at the end of listening until the device has stopped.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
+/// Longest wait until the device has answered the upload. 126 KB take 2 s at 921,600 baud, and lost
+/// frames are sent again after 0.5 s.
+const UPLOAD_TIMEOUT: Duration = Duration::from_secs(30);
+/// Number of codes or packed blocks, 5 s of them, after which a device that has sent no filtered
+/// steps is taken for one that refuses them; the same for packed blocks, in steps.
+const HOPS_WITHOUT_STEPS: u64 = 80;
+const STEPS_WITHOUT_BLOCKS: u64 = 640;
+/// Rates of the packed code that the summary shows.
+const RATES: [usize; 7] = [0, 2, 3, 4, 5, 6, 8];
+
+/// A person's model in its folder; displays as the text for the user.
+#[derive(Debug)]
+pub(super) struct Calibrated {
+    personal: PersonalModel,
+    id: ModelId,
+    other: ModelId,
+    folder: PathBuf,
+    /// Options with which the bridge uses the model.
+    usage: String,
+}
+
+/// Fits a model to the person whom `options` name, and writes it. Gives it to the device, unless
+/// recordings were used.
+///
+/// # Errors
+///
+/// [`BridgeError`] if there is too little good signal, the device or a file cannot be used, or the
+/// user interrupts; then nothing is written. If only the upload fails, the model stays.
+pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, BridgeError> {
+    let mut shutdown = Shutdown::new()?;
+    let base = Model::artifact(options.model.as_deref()).map_err(BridgeError::Model)?;
+    let Some(other) = base.packed.clone() else {
+        return Err(BridgeError::NothingToCalibrate(base.id));
+    };
+    let subject = &options.subject;
+    let (folder, usage) = if let Some(folder) = &options.output {
+        let usage = format!("--upload-model {}", folder.display());
+        (folder.clone(), usage)
+    } else {
+        let models = SubjectModels::of_user(|name| std::env::var_os(name))?;
+        let folder = models.new_folder(subject, Timestamp::now());
+        (folder, format!("--subject {subject}"))
+    };
+    refuse_existing(&folder)?;
+    let labels = &base.description.montage.electrodes;
+    let wanted = usize::try_from(options.seconds).expect("at most an hour");
+    let (mut signal, sources) = if options.recording.is_empty() {
+        let signal = listen(&options, &base, wanted, &mut shutdown).await?;
+        let date = Timestamp::now().strftime("%Y-%m-%d %H:%M UTC");
+        (signal, vec![format!("the device's signal, {date}")])
+    } else {
+        let (options, base) = (options.clone(), base.clone());
+        let reading = move || read(&options, &base);
+        working("reading the recordings", reading, &mut shutdown).await?
+    };
+    if signal.seconds() < wanted {
+        return Err(BridgeError::TooLittleSignal {
+            good: signal.seconds(),
+            judged: signal.judged,
+            wanted,
+            bad: bad_words(&signal, labels),
+        });
+    }
+    signal.truncate(wanted);
+    warn_about_bad(&signal, labels);
+    let description = base.description.clone();
+    let person = person(subject, &signal, labels);
+    let fitting = move || {
+        let mut report = |text: &str| tracing::debug!("{text}");
+        Ok(PersonalModel::new(
+            &signal,
+            &description,
+            &other,
+            &mut report,
+        )?)
+    };
+    let mut personal = working("fitting the model", fitting, &mut shutdown).await?;
+    let card = &mut personal.model.description.training;
+    card.train_files = sources;
+    card.people = vec![person];
+    let other = base.id;
+    let artifact = base.with_packed(Some(personal.model.clone()));
+    let artifact = artifact.map_err(BridgeError::Model)?;
+    write_new(&artifact, &folder)?;
+    let calibrated = Calibrated {
+        personal,
+        id: artifact.id,
+        other,
+        folder,
+        usage,
+    };
+    if options.recording.is_empty()
+        && let Err(error) = give(&options.at, &artifact, &mut shutdown).await
+    {
+        new_file::print(&calibrated)?;
+        return Err(error);
+    }
+    Ok(calibrated)
+}
+
+/// Runs `work` in another thread and shows a spinner meanwhile. When the user interrupts, the
+/// program ends without its result.
+async fn working<T: Send + 'static>(
+    what: &'static str,
+    work: impl FnOnce() -> Result<T, BridgeError> + Send + 'static,
+    shutdown: &mut Shutdown,
+) -> Result<T, BridgeError> {
+    let spinner = ProgressBar::new_spinner().with_message(what);
+    spinner.enable_steady_tick(Core::TICK);
+    tracing::info!("{what}");
+    let done = tokio::select! {
+        done = tokio::task::spawn_blocking(work) => done.map_err(std::io::Error::other)?,
+        _ = shutdown.requested() => return Err(BridgeError::Interrupted),
+    };
+    spinner.finish_and_clear();
+    done
+}
+
+/// Reads the recordings; returns their good signal and their names.
+///
+/// # Errors
+///
+/// [`BridgeError`] if a recording cannot be read, or lacks more than a quarter of the electrodes.
+fn read(
+    options: &CalibrateOptions,
+    base: &Artifact,
+) -> Result<(GoodSignal, Vec<String>), BridgeError> {
+    let mains_hz = options.mains.unwrap_or_default().into();
+    let mut report = |text: &str| {
+        if let Some((name, warning)) = text.split_once("warning: ") {
+            tracing::warn!("{name}{warning}");
+        } else {
+            tracing::info!("{text}");
+        }
+    };
+    let files = options.recording.iter();
+    let tracks = files.map(|file| Track::read(file, &base.description, mains_hz, &mut report));
+    let tracks: Vec<Track> = tracks.collect::<Result<_, _>>()?;
+    let electrodes = base.description.montage.electrodes.len();
+    let lacks_many = |track: &&Track| 4 * track.interpolated.len() > electrodes;
+    if let Some(track) = tracks.iter().find(lacks_many) {
+        return Err(BridgeError::OtherElectrodes {
+            name: track.name.clone(),
+            lacking: track.interpolated.len(),
+            electrodes,
+        });
+    }
+    for track in tracks.iter().filter(|track| !track.interpolated.is_empty()) {
+        tracing::warn!(
+            "{} lacks {}: the model is fitted to their interpolation, and has a larger error on a device that \
+             measures them",
+            track.name,
+            track.interpolated.join(" ")
+        );
+    }
+    let names = tracks.iter().map(|track| track.name.clone()).collect();
+    let labels = &base.description.montage.electrodes;
+    Ok((GoodSignal::select(&tracks, labels), names))
+}
+
+/// Listens to the device until it has sent `wanted` seconds of good signal, and stops it.
+async fn listen(
+    options: &CalibrateOptions,
+    base: &Artifact,
+    wanted: usize,
+    shutdown: &mut Shutdown,
+) -> Result<GoodSignal, BridgeError> {
+    let settings = Settings {
+        streams: Streams::PACKED | Streams::FILTERED,
+        mains_hz: options.mains.unwrap_or(0),
+        ..Settings::default()
+    };
+    let model = Model::new(base).map_err(BridgeError::Model)?;
+    let mut core = Core::new(settings, None);
+    let mut port = Port::default();
+    let mut connection = Connection::new(options.at.port.clone(), options.at.baud);
+    let labels = &base.description.montage.electrodes;
+    let display = Display::new(&base.description, wanted);
+    let mut signal = GoodSignal::default();
+    let mut judged = 0;
+    let ended = run(
+        &mut core,
+        &mut connection,
+        &mut port,
+        shutdown,
+        |core, port| {
+            if let Some(device) = &port.device
+                && !model.fits(device)
+            {
+                return Err(BridgeError::OtherMontage(device.board.clone()));
+            }
+            let (summary, steps) = (core.summary(), port.listening.steps);
+            let hops = summary.received + summary.packed.received;
+            if steps == 0 && hops >= HOPS_WITHOUT_STEPS {
+                return Err(BridgeError::NoFilteredSteps);
+            }
+            if summary.packed.received == 0 && steps >= STEPS_WITHOUT_BLOCKS {
+                return Err(BridgeError::NoPackedCode);
+            }
+            let seconds = port.listening.seconds();
+            if std::mem::replace(&mut judged, seconds) != seconds {
+                signal = GoodSignal::select(&port.listening.stretches, labels);
+                display.show(&signal, &port.listening);
+            }
+            Ok(signal.seconds() >= wanted)
+        },
+    );
+    let ended = ended.await;
+    display.finish();
+    tracing::info!("{}", core.summary());
+    ended.map(|()| signal)
+}
+
+/// Gives the device the packed model, so that it is in use until the device restarts.
+async fn give(
+    at: &PortOptions,
+    artifact: &Artifact,
+    shutdown: &mut Shutdown,
+) -> Result<(), BridgeError> {
+    let model = Arc::new(Model::new(artifact).map_err(BridgeError::Model)?);
+    let bytes = model_gen::upload(artifact).map_err(BridgeError::Upload)?;
+    let bytes = bytes.ok_or(BridgeError::NothingToCalibrate(artifact.id))?;
+    let settings = Settings {
+        streams: Streams::PACKED,
+        ..Settings::default()
+    };
+    let mut core = Core::new(settings, Some(model));
+    core.set_upload(Upload::new(artifact.id.0, bytes.into()));
+    let mut port = Port::default();
+    let mut connection = Connection::new(at.port.clone(), at.baud);
+    let given = run(
+        &mut core,
+        &mut connection,
+        &mut port,
+        shutdown,
+        |_, port| Ok(port.device.is_some()),
+    );
+    match timeout(UPLOAD_TIMEOUT, given).await {
+        // What an interruption says is true only before the model is written.
+        Err(_) | Ok(Err(BridgeError::Interrupted)) => return Err(BridgeError::NotGiven),
+        Ok(given) => given?,
+    }
+    let device = port
+        .device
+        .filter(|device| device.model_id == artifact.id.0);
+    device.map(|_| ()).ok_or(BridgeError::NotGiven)
+}
+
+/// Runs the core at the port until `is_done` says so, then stops the device. `is_done` is asked
+/// every [`Core::TICK`].
+///
+/// # Errors
+///
+/// [`BridgeError::Interrupted`], the error of `is_done`, or that of the port.
+async fn run(
+    core: &mut Core,
+    connection: &mut Connection,
+    port: &mut Port,
+    shutdown: &mut Shutdown,
+    mut is_done: impl FnMut(&Core, &Port) -> Result<bool, BridgeError>,
+) -> Result<(), BridgeError> {
+    let mut buffer = vec![0; 4096];
+    let mut ticks = interval(Core::TICK);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    let mut end: Option<(Instant, Result<(), BridgeError>)> = None;
+    loop {
+        let mut ending = None;
+        tokio::select! {
+            event = connection.next_event(&mut buffer, &mut port.outgoing) => {
+                let now = HostTime::now();
+                match event? {
+                    Event::Opened => core.connected(now, port),
+                    Event::Bytes(count) => core.receive(&buffer[..count], now, port),
+                    Event::Closed => port.closed(core),
+                }
+            }
+            _ = shutdown.requested(), if end.is_none() => ending = Some(Err(BridgeError::Interrupted)),
+            _ = ticks.tick() => {
+                let now = HostTime::now();
+                core.tick(now, port);
+                if connection.is_open() && core.is_unresponsive(now, connection.silence_limit()) {
+                    tracing::warn!("the device is silent; reopening the port");
+                    connection.close();
+                    port.closed(core);
+                }
+                if end.is_none() {
+                    ending = is_done(core, port)
+                        .map_or_else(|error| Some(Err(error)), |done| done.then_some(Ok(())));
+                }
+            }
+        }
+        if let Some(outcome) = ending {
+            core.set_streaming(false);
+            core.tick(HostTime::now(), port);
+            end = Some((Instant::now() + DRAIN_TIMEOUT, outcome));
+        }
+        let is_stopped = !connection.is_open() || core.is_stopped();
+        if let Some((_, outcome)) =
+            end.take_if(|(deadline, _)| is_stopped || Instant::now() >= *deadline)
+        {
+            return outcome;
+        }
+    }
+}
+
+/// What the core wants: bytes for the device, and the device's filtered steps.
+#[derive(Default)]
+struct Port {
+    outgoing: Vec<u8>,
+    device: Option<Arc<Device>>,
+    listening: Listening,
+}
+
+impl Port {
+    fn closed(&mut self, core: &mut Core) {
+        core.disconnected();
+        self.outgoing.clear();
+    }
+}
+
+impl Effects for Port {
+    fn send(&mut self, frame: &[u8]) {
+        self.outgoing.extend_from_slice(frame);
+    }
+
+    fn announce(&mut self, announcement: &Announcement) {
+        self.device = Some(Arc::clone(&announcement.device));
+    }
+
+    fn publish_filtered(&mut self, frame: &NeuroFrame) {
+        self.listening.receive(frame);
+    }
+}
+
+/// Returns what the model's card states about the person.
+fn person(subject: &str, signal: &GoodSignal, labels: &[String]) -> Person {
+    let values = signal.tracks.iter().flat_map(|track| &track.values);
+    let energy: f64 = values.clone().map(|uv| f64::from(*uv).powi(2)).sum();
+    let count = u32::try_from(values.count().max(1)).unwrap_or(u32::MAX);
+    let bad = signal.always_bad().map(|at| labels[at].clone());
+    Person {
+        subject: subject.to_owned(),
+        sd_uv: (energy / f64::from(count)).sqrt(),
+        bad: bad.collect(),
+    }
+}
+
+/// Returns, for an error message, what was bad; nothing if nothing was.
+fn bad_words(signal: &GoodSignal, labels: &[String]) -> String {
+    let bad = signal.bad_seconds.iter().zip(labels);
+    let bad = bad.filter(|(seconds, _)| **seconds > 0);
+    let bad = bad.map(|(seconds, label)| format!("{label} {seconds} s"));
+    let silent = (signal.silent > 0).then(|| format!("all electrodes {} s", signal.silent));
+    let bad: Vec<String> = silent.into_iter().chain(bad).collect();
+    if bad.is_empty() {
+        return String::new();
+    }
+    format!("; bad were {}", bad.join(", "))
+}
+
+fn warn_about_bad(signal: &GoodSignal, labels: &[String]) {
+    for at in signal.always_bad() {
+        tracing::warn!(
+            "electrode {} is bad in {} of {} s and is interpolated in the fit; check its contact, and calibrate \
+             again once it is good",
+            labels[at],
+            signal.bad_seconds[at],
+            signal.judged
+        );
+    }
+}
+
+impl fmt::Display for Calibrated {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let PersonalModel {
+            own, other, power, ..
+        } = &self.personal;
+        let prd = |mse: f64| format!("{:.1} %", 100.0 * (mse / power).sqrt());
+        writeln!(
+            f,
+            "error (PRD) on the last quarter, of a model of the first three quarters, beside model {} at equal bits",
+            self.other
+        )?;
+        writeln!(f, "rate   bits of a block      own    model {}", self.other)?;
+        for figures in RATES.iter().filter_map(|rate| own.get(*rate)) {
+            let other = error_at(other, figures.bits).map_or("-".to_owned(), prd);
+            let (rate, bits, own) = (figures.rate, figures.bits, prd(figures.mse));
+            writeln!(f, "{rate:>4} {bits:>17.1} {own:>8} {other:>25}")?;
+        }
+        let folder = self.folder.display();
+        writeln!(f, "model {} is in {folder}", self.id)?;
+        writeln!(
+            f,
+            "to stream with it: corticode-bridge {} --streams packed",
+            self.usage
+        )
+    }
+}

@@ -1,0 +1,76 @@
+//! The filtered signal of a device, as far as it can be used for a fit.
+
+use link::Flags;
+use neuro_ros::{NeuroFrame, TRI_LABELS};
+use packed_fit::Track;
+use packed_fit::innovation::SECOND;
+
+/// Flags of steps that are missing or not those of the electrodes.
+const UNUSABLE: [Flags; 4] = [
+    Flags::FILLER,
+    Flags::SETTLING,
+    Flags::OVERRUN,
+    Flags::ADC_STATUS_BAD,
+];
+
+/// Number of steps in a second.
+#[expect(clippy::cast_precision_loss, reason = "128 is exact")]
+const SECOND_STEPS: f64 = SECOND as f64;
+
+/// Collects filtered steps in stretches in which none is missing.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Listening {
+    pub(crate) stretches: Vec<Track>,
+    /// Whether the next step continues the last stretch.
+    continues: bool,
+    /// Number of steps received, usable or not.
+    pub(crate) steps: u64,
+}
+
+impl Listening {
+    /// Adds a frame of filtered steps.
+    pub(crate) fn receive(&mut self, frame: &NeuroFrame) {
+        let electrodes = usize::from(frame.eeg.info.nchannels);
+        let steps = frame.eeg.data.chunks_exact(electrodes.max(1));
+        for (step, words) in steps.zip(frame.tri.data.chunks_exact(TRI_LABELS.len())) {
+            self.steps += 1;
+            let flags = Flags::from_bits(u16::try_from(words[0]).unwrap_or(u16::MAX));
+            if UNUSABLE.iter().any(|unusable| flags.contains(*unusable)) {
+                self.continues = false;
+                continue;
+            }
+            if !std::mem::replace(&mut self.continues, true) {
+                self.stretches
+                    .push(Track::new("device", electrodes, Vec::new()));
+            }
+            if let Some(stretch) = self.stretches.last_mut() {
+                stretch.values.extend_from_slice(step);
+            }
+        }
+    }
+
+    /// Returns the number of whole seconds in all stretches.
+    pub(crate) fn seconds(&self) -> usize {
+        let seconds = self
+            .stretches
+            .iter()
+            .map(|stretch| stretch.steps() / SECOND);
+        seconds.sum()
+    }
+
+    /// Returns the RMS of each electrode over the newest second, uV; nothing before the first one.
+    pub(crate) fn newest_rms_uv(&self) -> Vec<f64> {
+        let Some(stretch) = self.stretches.last() else {
+            return Vec::new();
+        };
+        let values = SECOND * stretch.electrodes;
+        let newest = &stretch.values[stretch.values.len().saturating_sub(values)..];
+        let rms = |electrode| {
+            let values = newest.iter().skip(electrode).step_by(stretch.electrodes);
+            let squares = values.map(|uv| f64::from(*uv).powi(2));
+            let mean = squares.sum::<f64>() / SECOND_STEPS;
+            mean.sqrt()
+        };
+        (0..stretch.electrodes).map(rms).collect()
+    }
+}

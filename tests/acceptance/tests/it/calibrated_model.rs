@@ -1,0 +1,223 @@
+//! The bridge fits a packed model to the signal of a board, and streams with it later.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use acceptance::files::{noise, write_gdf};
+use acceptance::port::free_port;
+use acceptance::printing::{self, board, bridge};
+use acceptance::process::Process;
+use acceptance::programs::programs;
+use artifact::Artifact;
+use rustix::process::Signal;
+
+/// Longest wait for a condition, enough on a busy machine.
+const SLACK: Duration = Duration::from_mins(2);
+
+/// Returns everything in the folder of a subject's models, hidden files too.
+fn models(folder: &Path, subject: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder.join("data/corticode/models").join(subject));
+    let entries = entries.into_iter().flatten();
+    entries
+        .map(|entry| entry.expect("an entry").path())
+        .collect()
+}
+
+/// Returns the errors of the person's and of the built-in model at a rate, percent, from the
+/// printed table.
+fn errors_at(rate: &str, table: &str) -> [f64; 2] {
+    let mut rows = table
+        .lines()
+        .map(|line| line.split_whitespace().collect::<Vec<_>>());
+    let row = rows
+        .find(|row| row.first() == Some(&rate))
+        .expect("the rate");
+    [row[2], row[4]].map(|error| error.parse().expect("a number"))
+}
+
+#[test]
+fn a_model_is_fitted_to_a_board_s_signal_and_the_bridge_streams_with_it() {
+    let built_in = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
+    if built_in.packed.is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let free = || format!("tcp:127.0.0.1:{}", free_port().expect("a free port"));
+
+    let port = free();
+    let mut fast = Command::new(&programs().host_sim);
+    fast.args([
+        "run",
+        "--input=synthetic",
+        "--seed=7",
+        "--fast",
+        "--output",
+        &port,
+    ]);
+    let fast = Process::start("fast", &mut fast, folder).expect("host-sim starts");
+    let arguments = [
+        "calibrate",
+        "--subject=ada",
+        "--seconds=20",
+        "--port",
+        &port,
+    ];
+    let mut calibrating = bridge(folder, "calibrating", &arguments);
+    assert!(calibrating.wait(SLACK).success(), "{}", calibrating.log());
+    drop(fast);
+    let [personal] = &models(folder, "ada")[..] else {
+        panic!("{}", calibrating.log());
+    };
+    let artifact = Artifact::read(personal).expect("a model");
+    let id = artifact.id.to_string();
+    let table = calibrating.output();
+    let [own, other] = errors_at("4", &table);
+    assert!(own < 0.8 * other, "{table}");
+    assert!(
+        table.contains(&id) && table.contains("--subject ada --streams packed"),
+        "{table}"
+    );
+    let network = |artifact: &Artifact| artifact.network_id().expect("files");
+    assert_eq!(network(&artifact), network(&built_in));
+    let people = &artifact
+        .packed
+        .as_ref()
+        .expect("a packed model")
+        .description
+        .training
+        .people;
+    assert_eq!(people[0].subject, "ada");
+    assert_eq!(people[0].bad, [""; 0]);
+    let log = calibrating.errors();
+    assert!(
+        log.contains(&format!("the device uses model {id}")),
+        "{log}"
+    );
+
+    let port = free();
+    let _board = board(folder, 120, &port);
+    let arguments = ["calibrate", "--subject=ada", "--port", &port];
+    let mut interrupted = bridge(folder, "interrupted", &arguments);
+    interrupted.wait_until("a stream", SLACK, |bridge| {
+        bridge.errors().contains("streaming packed filtered")
+    });
+    interrupted.signal(Signal::INT);
+    assert_eq!(interrupted.wait(SLACK).code(), Some(1));
+    let log = interrupted.errors();
+    assert!(log.contains("nothing was written"), "{log}");
+    assert_eq!(models(folder, "ada"), std::slice::from_ref(personal));
+
+    let mut printing = printing::print(folder, &port, &["--streams=packed", "--subject=ada"]);
+    let frames = |bridge: &Process| bridge.output().contains("/neurodata_reconstructed");
+    printing.wait_until("frames", SLACK, frames);
+    let [_, log] = printing::stop(printing, folder);
+    let before = format!("the device uses model {}; it is sent", built_in.id);
+    let after = format!("the device uses model {id}");
+    assert!(log.contains(&before) && log.contains(&after), "{log}");
+}
+
+/// Writes 35 s of a recording with these electrodes: four slow sources, which reach all electrodes,
+/// and noise. With `is_bad`, the first electrode has much noise of its own.
+fn write_recording(path: &Path, labels: &[String], is_bad: bool) {
+    let mut random = noise(5);
+    let mut sources = [0.0; 4];
+    let weights: Vec<[f32; 4]> = labels
+        .iter()
+        .map(|_| std::array::from_fn(|_| random()))
+        .collect();
+    let values = (0..35 * 256).flat_map(|_| {
+        for source in &mut sources {
+            *source = 0.95 * *source + 20.0 * random();
+        }
+        let mut values: Vec<f32> = weights
+            .iter()
+            .map(|weights| {
+                let sum: f32 = weights
+                    .iter()
+                    .zip(sources)
+                    .map(|(w, source)| w * source)
+                    .sum();
+                sum + 2.0 * random()
+            })
+            .collect();
+        if is_bad {
+            values[0] += 500.0 * random();
+        }
+        values
+    });
+    write_gdf(path, labels, 256, values, &[]);
+}
+
+#[test]
+fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
+    let built_in = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
+    if built_in.packed.is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let path = |name: &str| folder.join(name).display().to_string();
+    let labels = &built_in.description.montage.electrodes;
+    write_recording(&folder.join("bad.gdf"), labels, true);
+    write_recording(&folder.join("few.gdf"), &labels[..8], false);
+    fs::create_dir(folder.join("mine")).expect("a folder");
+    let run = |arguments: &[&str], status| {
+        let arguments = [&["calibrate", "--subject=bob", "--mains=50"], arguments].concat();
+        let mut calibrating = bridge(folder, "calibrating", &arguments);
+        assert_eq!(
+            calibrating.wait(SLACK).code(),
+            Some(status),
+            "{}",
+            calibrating.log()
+        );
+        [calibrating.output(), calibrating.errors()]
+    };
+    let (bad, few) = (path("bad.gdf"), path("few.gdf"));
+    let (output, mine) = (path("models/bob"), path("mine"));
+    let [table, log] = run(
+        &["--seconds=20", "--recording", &bad, "--output", &output],
+        0,
+    );
+    let [own, other] = errors_at("4", &table);
+    assert!(own < other && table.contains("--upload-model"), "{table}");
+    let warning = format!("electrode {} is bad in ", labels[0]);
+    assert!(log.contains(&warning), "{log}");
+    let artifact = Artifact::read(Path::new(&output)).expect("a model");
+    let packed = &artifact
+        .packed
+        .as_ref()
+        .expect("a packed model")
+        .description;
+    assert_eq!(packed.training.train_files, ["bad.gdf"]);
+    assert_eq!(packed.training.people[0].bad, [labels[0].as_str()]);
+
+    let bad_first = format!("; bad were {}", labels[0]);
+    let lacks = format!(
+        "lacks {} of the {} electrodes",
+        labels.len() - 8,
+        labels.len()
+    );
+    for (arguments, words) in [
+        (&["--recording", &bad][..], &*bad_first),
+        (&["--seconds=20", "--recording", &few], &lacks),
+        (
+            &["--seconds=20", "--recording", &bad, "--output", &mine],
+            "exists",
+        ),
+        (&["--seconds=20", "--recording", "none.gdf"], "none.gdf"),
+    ] {
+        let [_, log] = run(arguments, 2);
+        assert!(log.contains(words), "{words}: {log}");
+    }
+    assert!(models(folder, "bob").is_empty());
+    let mut unknown = bridge(folder, "unknown", &["--sink=ndjson", "--subject=eve"]);
+    assert_eq!(unknown.wait(SLACK).code(), Some(2));
+    let log = unknown.errors();
+    assert!(
+        log.contains("has no model of eve; there is none of anybody yet"),
+        "{log}"
+    );
+}

@@ -1,0 +1,43 @@
+//! Fits packed models to filtered recordings, and measures their error.
+//!
+//! ```text
+//! recording --> Track --> bad electrodes interpolated
+//!                              |
+//!            Blocks --> Transform --> PackedModel --coded--> levels, frequencies --> Smoother
+//!                       KLT of a      integers of            four rounds             ridge
+//!                       residual      proven ranges
+//! ```
+//!
+//! `trainer` fits models to folders of recordings, and `corticode-bridge calibrate` to what a
+//! device has just sent.
+#![forbid(unsafe_code)]
+#![expect(
+    clippy::cast_precision_loss,
+    reason = "counts of values are far below 2^53, those that become f32 below 2^24"
+)]
+
+pub mod bad_electrodes;
+pub mod band_power;
+pub mod directions;
+pub mod in_parallel;
+pub mod innovation;
+
+mod coded;
+mod error;
+mod evaluation;
+mod fit;
+mod front_end;
+mod good_signal;
+mod integers;
+mod personal_model;
+mod probabilities;
+mod ridge;
+mod track;
+mod transform;
+
+pub use error::FitError;
+pub use evaluation::{RateFigures, evaluate};
+pub use fit::{coefficients, fit, without_prediction};
+pub use good_signal::GoodSignal;
+pub use personal_model::{PersonalModel, error_at};
+pub use track::{Track, settling_steps};

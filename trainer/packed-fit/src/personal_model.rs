@@ -1,0 +1,160 @@
+//! A packed model for one person, and its error beside that of another model.
+
+use crate::error::FitError;
+use crate::evaluation::{RateFigures, evaluate};
+use crate::fit::fit;
+use crate::good_signal::{GoodSignal, split};
+use crate::track::Track;
+use artifact::{Description, PackedModel};
+
+/// A packed model that was fitted to a person's signal.
+#[derive(Clone, Debug)]
+pub struct PersonalModel {
+    /// The model, fitted to the whole signal.
+    pub model: PackedModel,
+    /// Figures at all rates, finest first, on the last quarter of the signal, of a model that was
+    /// fitted to the first three quarters.
+    pub own: Vec<RateFigures>,
+    /// Figures of the other model on the same quarter.
+    pub other: Vec<RateFigures>,
+    /// Mean square of this quarter, in units of `input.sd_uv` squared.
+    pub power: f64,
+}
+
+impl PersonalModel {
+    /// Fits a packed model with as many coefficients as `other` has, and compares it with `other`.
+    /// What is done is reported to `report`.
+    ///
+    /// # Errors
+    /// If the signal does not determine a model.
+    pub fn new(
+        signal: &GoodSignal,
+        description: &Description,
+        other: &PackedModel,
+        report: &mut dyn FnMut(&str),
+    ) -> Result<Self, FitError> {
+        let tracks = &signal.tracks;
+        let steps: usize = tracks.iter().map(Track::steps).sum();
+        let [first, last] = split(tracks, steps / 4 * 3);
+        let count = other.coefficients();
+        let tested = fit(&first, description, count, report)?;
+        let squares = last.iter().flat_map(|track| &track.values);
+        let squares = squares.map(|uv| (f64::from(*uv) / description.input.sd_uv).powi(2));
+        let values = (steps - steps / 4 * 3) * description.montage.electrodes.len();
+        Ok(Self {
+            own: evaluate(&tested, &last, description)?,
+            other: evaluate(other, &last, description)?,
+            power: squares.sum::<f64>() / values.max(1) as f64,
+            model: fit(tracks, description, count, report)?,
+        })
+    }
+}
+
+/// Returns the mean squared error of a code at a mean length of `bits` bits, in the unit of the
+/// figures: between two rates on a straight line through the logarithms of length and error. `None`
+/// if no rates enclose the length.
+pub fn error_at(figures: &[RateFigures], bits: f64) -> Option<f64> {
+    let pair = figures
+        .windows(2)
+        .find(|pair| (pair[1].bits..=pair[0].bits).contains(&bits))?;
+    let [finer, coarser] = [&pair[0], &pair[1]];
+    let part = (bits.ln() - finer.bits.ln()) / (coarser.bits.ln() - finer.bits.ln());
+    Some((finer.mse.ln() + part * (coarser.mse.ln() - finer.mse.ln())).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::innovation::SECOND;
+    use artifact::{Artifact, MontageFile};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use std::path::Path;
+
+    fn description() -> Description {
+        let paper = Path::new("../../signal/model/paper");
+        let mut description = Artifact::read(paper).unwrap().description;
+        let text = include_str!("../../../files/montages/cyton-8.toml");
+        let montage = MontageFile::parse(Path::new("cyton-8.toml"), text).unwrap();
+        description.montage = montage.montage();
+        description
+    }
+
+    /// Returns the signal of a head in which three slow sources reach each electrode by weights
+    /// that `seed` determines.
+    fn head(seed: u64, seconds: usize) -> Track {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let weights: [[f32; 3]; 8] =
+            std::array::from_fn(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
+        let mut sources = [0.0_f32; 3];
+        let values = (0..seconds * SECOND).flat_map(|_| {
+            for source in &mut sources {
+                *source = 0.95 * *source + rng.random_range(-20.0..20.0);
+            }
+            weights.map(|weights| {
+                let sum: f32 = weights
+                    .iter()
+                    .zip(sources)
+                    .map(|(w, source)| w * source)
+                    .sum();
+                sum + rng.random_range(-2.0..2.0)
+            })
+        });
+        Track::new("head", 8, values.collect())
+    }
+
+    fn personal(tracks: Vec<Track>, other: &PackedModel) -> PersonalModel {
+        let signal = GoodSignal {
+            tracks,
+            ..GoodSignal::default()
+        };
+        PersonalModel::new(&signal, &description(), other, &mut |_| ()).unwrap()
+    }
+
+    #[test]
+    fn a_model_of_the_head_has_less_error_than_another_unless_the_last_quarter_is_of_another_head()
+    {
+        let other = fit(&[head(2, 60)], &description(), 32, &mut |_| ()).unwrap();
+        let at_equal_bits = |personal: &PersonalModel| {
+            let own = &personal.own[4];
+            let other = error_at(&personal.other, own.bits).expect("within its rates");
+            own.mse / other
+        };
+        let same = personal(vec![head(1, 80)], &other);
+        assert!(at_equal_bits(&same) < 0.7, "{}", at_equal_bits(&same));
+        assert_eq!(same.model.coefficients(), 32);
+        // Had the last quarter been part of the fit, its head would be known too.
+        let changed = personal(vec![head(1, 60), head(2, 20)], &other);
+        assert!(at_equal_bits(&changed) > 1.3, "{}", at_equal_bits(&changed));
+        let power = |track: &Track| {
+            let squares = track.values.iter().map(|uv| f64::from(*uv).powi(2));
+            squares.sum::<f64>() / track.values.len() as f64
+        };
+        let unit = description().input.sd_uv.powi(2);
+        let expected = power(&head(2, 20)) / unit;
+        assert!((changed.power / expected - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_error_between_two_rates_is_on_a_line_of_logarithms() {
+        let figures = [(400.0, 0.01), (100.0, 0.04), (25.0, 0.08)].map(|(bits, mse)| RateFigures {
+            rate: 0,
+            bits,
+            longest: 0,
+            mse,
+            mse_smoothed: mse,
+            band_correlation: [1.0; 2],
+        });
+        for (bits, expected) in [
+            (400.0, 0.01),
+            (200.0, 0.02),
+            (100.0, 0.04),
+            (50.0, 0.04 * 2.0_f64.sqrt()),
+        ] {
+            let error = error_at(&figures, bits).unwrap();
+            assert!((error / expected - 1.0).abs() < 1e-9, "{bits} {error}");
+        }
+        assert_eq!(error_at(&figures, 401.0), None);
+        assert_eq!(error_at(&figures, 24.0), None);
+    }
+}
