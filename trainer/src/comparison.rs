@@ -243,9 +243,14 @@ pub fn compare(
         observer.message("the artifact has no pca.safetensors, so there is no comparison with PCA");
     }
     let mains_hz = mains_hz.unwrap_or(card.mains_hz);
-    let recorded = read_tracks(&files, &model.description, mains_hz, observer)?;
+    let tracks = read_tracks(&files, &model.description, mains_hz, observer)?;
+    let recorded = if PersonError::is_measured(&model) {
+        tracks.clone()
+    } else {
+        Vec::new()
+    };
     let electrodes = &model.description.montage.electrodes;
-    let people = People::new(recorded.clone(), electrodes, None, observer)?;
+    let people = People::new(tracks, electrodes, None, observer)?;
     observer.message("evaluating ...");
     Ok(Comparison {
         people: PersonError::of_each(&model, &people, &recorded)?,

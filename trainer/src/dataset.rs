@@ -2,7 +2,6 @@
 
 use crate::error::TrainerError;
 use crate::pca;
-
 use artifact::Dimensions;
 use packed_fit::directions::principal_directions;
 use packed_fit::{FitError, Track};

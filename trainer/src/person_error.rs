@@ -34,8 +34,14 @@ pub(crate) struct IntegerError {
 }
 
 impl PersonError {
+    /// Returns whether a model has what [`PersonError::of_each`] measures: a network and a table of
+    /// substitutions.
+    pub(crate) fn is_measured(model: &Artifact) -> bool {
+        model.substitution.is_some() && model.description.mode.has_network()
+    }
+
     /// Measures the error for each person; `recorded` are the recordings of `people` as they are.
-    /// Returns nothing for a model without a network or without a table of substitutions.
+    /// Returns nothing unless [`PersonError::is_measured`].
     ///
     /// # Errors
     /// If the model cannot be turned into integers, or its codes cannot be decoded.
@@ -47,7 +53,7 @@ impl PersonError {
         let Some(table) = &model.substitution else {
             return Ok(Vec::new());
         };
-        if !model.description.mode.has_network() {
+        if !Self::is_measured(model) {
             return Ok(Vec::new());
         }
         let pairs = people.each().zip(people.each_of(recorded));

@@ -33,9 +33,14 @@ const SLOW_TESTS: &[&str] = &[
     // They compare whole recordings with a reference, or train models.
     "streaming_equals_batch_on", "_numpy::", "packed_python::", "quantise::integer_codes",
     "synthetic_eeg::", "crossval::", "report::", "check_measures_the_error",
-    // They wait for a time limit to pass.
-    "trouble::", "machine::", "misbehaving_peers::", "duration::", "backlog::",
-    "invalid_xml_slow_requests", "a_silent_client_is_closed",
+    // They simulate minutes or hours.
+    "synthetic::tests", "every_scenario_of_the_repository", "rates::stamps_follow", "codes::",
+    "an_edge_is_at_most_a_row_from_its_place", "after_a_restart_at_any_phase",
+    // They wait for a time limit, or for what a board sends in real time.
+    "trouble::", "machine::", "misbehaving_peers::", "duration::", "backlog::", "convert::",
+    "gaps::", "names::", "record::", "replay::", "a_board_without_a_reader", "on_a_slow_disk",
+    "a_terminal_can_be_closed", "a_model_is_used_only_if_all", "invalid_xml_slow_requests",
+    "a_silent_client_is_closed",
 ];
 
 /// Smallest number of tests to run in parallel, even on fewer cores: a test of the whole chain
@@ -102,7 +107,7 @@ fn print_skipped(fast: bool) {
     if fast {
         eprintln!(
             "SKIPPED: the emulators, the benchmarks, models of other shapes, whole recordings, and \
-             tests that start programs or ROS, or wait: leave --fast out"
+             tests that start programs or ROS, simulate minutes, or wait: leave --fast out"
         );
     }
     if std::env::var_os("CORTICODE_DATA").is_none() {

@@ -119,10 +119,15 @@ pub enum BridgeError {
     NoPackedCode,
     /// The device does not use the uploaded model.
     #[error(
-        "the device has not taken the model: the log says why, if it has answered; the model is kept, and \
-         an image that is built with it (CORTICODE_ARTIFACT) needs no upload"
+        "the device has not taken the model: the log says why, if it has answered; the model is kept: stream with \
+         it as above, which sends it again, or build an image with it (CORTICODE_ARTIFACT), which needs no upload"
     )]
     NotGiven,
+    /// The user has ended `calibrate` while it gave the model to the device.
+    #[error(
+        "interrupted; the model is kept: stream with it as above, which sends it to the device"
+    )]
+    InterruptedUpload,
     /// The user has ended `calibrate` before it was done.
     #[error("interrupted; nothing was written, and the device keeps its model")]
     Interrupted,
@@ -143,6 +148,16 @@ pub enum BridgeError {
         folder: PathBuf,
         /// Subjects that have models.
         known: Vec<String>,
+    },
+    /// The folder of all models, or of those of a subject, cannot be read.
+    #[error(
+        "the models in {} cannot be read; name the folder of one with --upload-model", folder.display()
+    )]
+    SubjectModels {
+        /// Folder that was to be read.
+        folder: PathBuf,
+        /// The operating system's error.
+        source: std::io::Error,
     },
     /// The folder of a model exists, or cannot be written.
     #[error("the model cannot be written to {}; choose another folder with --output", folder.display())]
@@ -285,6 +300,7 @@ impl BridgeError {
         match self {
             BridgeError::Sink(_)
             | BridgeError::Interrupted
+            | BridgeError::InterruptedUpload
             | BridgeError::System(_)
             | BridgeError::FileWrite { .. }
             | BridgeError::NewFile(NewFileError::Write { .. } | NewFileError::Finish { .. })
@@ -304,7 +320,7 @@ impl BridgeError {
             | BridgeError::OtherMontage(_)
             | BridgeError::NoDataFolder
             | BridgeError::NoSubject { .. }
-            | BridgeError::ModelFolder { .. }
+            | BridgeError::SubjectModels { .. }
             | BridgeError::NoNetwork
             | BridgeError::Log { .. }
             | BridgeError::NewFile(_)
@@ -317,6 +333,10 @@ impl BridgeError {
             | BridgeError::UnknownParameter { .. }
             | BridgeError::ParameterType { .. }
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
+            BridgeError::ModelFolder { source, .. } => match source.kind() {
+                std::io::ErrorKind::AlreadyExists => 2,
+                _ => 1,
+            },
             BridgeError::Node(_) | BridgeError::Unreachable { .. } => 3,
             BridgeError::NoFilteredSteps | BridgeError::NoPackedCode | BridgeError::NotGiven => 4,
             BridgeError::Query(error) => error.exit_code(),

@@ -1,10 +1,14 @@
 //! The folder in which a user keeps packed models that were fitted to people.
 
 use std::ffi::OsString;
+use std::fs::{self, File, Permissions};
+use std::io;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use artifact::Artifact;
+use artifact::{Artifact, ArtifactError};
 use jiff::Timestamp;
+use tempfile::TempDir;
 
 use crate::error::BridgeError;
 
@@ -49,34 +53,55 @@ impl SubjectModels {
     ///
     /// # Errors
     ///
-    /// [`BridgeError::NoSubject`] if there is none.
+    /// [`BridgeError::NoSubject`] if there is none, [`BridgeError::SubjectModels`] if a folder
+    /// cannot be read.
     pub(crate) fn newest(&self, subject: &str) -> Result<PathBuf, BridgeError> {
-        let models = folders(&self.folder.join(subject));
-        let models = models
-            .into_iter()
-            .filter(|folder| folder.join("model.toml").is_file());
-        models.max().ok_or_else(|| BridgeError::NoSubject {
+        if let Some(newest) = newest_model(&self.folder.join(subject))? {
+            return Ok(newest);
+        }
+        let mut known = Vec::new();
+        for folder in folders(&self.folder)? {
+            if newest_model(&folder)?.is_some() {
+                let name = folder.file_name().unwrap_or_default();
+                known.push(name.to_string_lossy().into_owned());
+            }
+        }
+        Err(BridgeError::NoSubject {
             subject: subject.to_owned(),
             folder: self.folder.clone(),
-            known: folders(&self.folder)
-                .iter()
-                .filter_map(|folder| Some(folder.file_name()?.to_string_lossy().into_owned()))
-                .collect(),
+            known,
         })
     }
 }
 
-/// Returns the folders in `folder` whose names do not begin with a dot, sorted; none if it cannot
-/// be read.
-fn folders(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let visible = entries.filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'));
-    let folders = visible
-        .map(|entry| entry.path())
-        .filter(|path| path.is_dir());
-    let mut folders: Vec<PathBuf> = folders.collect();
-    folders.sort();
-    folders
+/// Returns the newest complete model in the folder of a subject.
+fn newest_model(subject: &Path) -> Result<Option<PathBuf>, BridgeError> {
+    let mut models = folders(subject)?;
+    models.retain(|folder| folder.join("model.toml").is_file());
+    Ok(models.pop())
+}
+
+/// Returns the folders in `folder` whose names do not begin with a dot, sorted; none if it does not
+/// exist.
+fn folders(folder: &Path) -> Result<Vec<PathBuf>, BridgeError> {
+    let read = || -> io::Result<Vec<PathBuf>> {
+        let mut folders = Vec::new();
+        for entry in fs::read_dir(folder)? {
+            let entry = entry?;
+            if !entry.file_name().to_string_lossy().starts_with('.') && entry.path().is_dir() {
+                folders.push(entry.path());
+            }
+        }
+        folders.sort();
+        Ok(folders)
+    };
+    read().or_else(|source| match source.kind() {
+        io::ErrorKind::NotFound => Ok(Vec::new()),
+        _ => Err(BridgeError::SubjectModels {
+            folder: folder.to_owned(),
+            source,
+        }),
+    })
 }
 
 /// Checks the name of a subject, which becomes that of a folder.
@@ -95,52 +120,94 @@ pub(crate) fn subject_name(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
-/// Writes a model to a new folder, which appears complete or not at all.
-///
-/// # Errors
-///
-/// [`BridgeError::ModelFolder`] if the folder exists or cannot be written.
-pub(crate) fn write_new(artifact: &Artifact, folder: &Path) -> Result<(), BridgeError> {
-    refuse_existing(folder)?;
-    let failed = |source| BridgeError::ModelFolder {
-        folder: folder.to_owned(),
-        source,
-    };
-    let parent = match folder.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
-    std::fs::create_dir_all(parent).map_err(failed)?;
-    let unfinished = tempfile::Builder::new()
-        .prefix(".corticode-")
-        .tempdir_in(parent);
-    let unfinished = unfinished.map_err(failed)?;
-    artifact
-        .write(unfinished.path())
-        .map_err(BridgeError::Model)?;
-    std::fs::rename(unfinished.path(), folder).map_err(failed)?;
-    // The folder has its name now, so there is nothing to remove.
-    let _ = unfinished.keep();
-    Ok(())
+/// A folder for a model that is not there yet; it appears complete or not at all.
+#[derive(Debug)]
+pub(crate) struct NewModel {
+    folder: PathBuf,
+    /// Holds the files until all are written.
+    unfinished: TempDir,
+}
+
+impl NewModel {
+    /// Checks that the model can be written, before there is one.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError::ModelFolder`] if the folder exists, or cannot be made.
+    pub(crate) fn new(folder: PathBuf) -> Result<NewModel, BridgeError> {
+        refuse_existing(&folder)?;
+        let parent = match folder.parent() {
+            Some(parent) if parent != Path::new("") => parent,
+            _ => Path::new("."),
+        };
+        let unfinished = fs::create_dir_all(parent).and_then(|()| {
+            // As readable as any new folder: a service of another user may use the model.
+            tempfile::Builder::new()
+                .prefix(".corticode-")
+                .permissions(Permissions::from_mode(0o777))
+                .tempdir_in(parent)
+        });
+        match unfinished {
+            Ok(unfinished) => Ok(NewModel { folder, unfinished }),
+            Err(source) => Err(BridgeError::ModelFolder { folder, source }),
+        }
+    }
+
+    /// Writes the model, and returns its folder.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError::ModelFolder`] if the folder exists by now, or cannot be written.
+    pub(crate) fn write(self, artifact: &Artifact) -> Result<PathBuf, BridgeError> {
+        refuse_existing(&self.folder)?;
+        match self.written(artifact) {
+            Ok(()) => {
+                // The folder has its name now, so there is nothing to remove.
+                let _ = self.unfinished.keep();
+                Ok(self.folder)
+            }
+            Err(source) => Err(BridgeError::ModelFolder {
+                folder: self.folder,
+                source,
+            }),
+        }
+    }
+
+    /// Writes the files, and then gives the folder its name. The files are on the disk before that:
+    /// otherwise a power failure could leave empty ones.
+    fn written(&self, artifact: &Artifact) -> io::Result<()> {
+        artifact
+            .write(self.unfinished.path())
+            .map_err(|error| match error {
+                ArtifactError::File { source, .. } => source,
+                error => io::Error::other(error),
+            })?;
+        for file in fs::read_dir(self.unfinished.path())? {
+            File::open(file?.path())?.sync_all()?;
+        }
+        File::open(self.unfinished.path())?.sync_all()?;
+        fs::rename(self.unfinished.path(), &self.folder)
+    }
 }
 
 /// # Errors
 ///
 /// [`BridgeError::ModelFolder`] if something with the name of the folder exists.
-pub(crate) fn refuse_existing(folder: &Path) -> Result<(), BridgeError> {
-    if folder.symlink_metadata().is_err() {
-        return Ok(());
-    }
-    Err(BridgeError::ModelFolder {
+fn refuse_existing(folder: &Path) -> Result<(), BridgeError> {
+    let failed = |source| BridgeError::ModelFolder {
         folder: folder.to_owned(),
-        source: std::io::ErrorKind::AlreadyExists.into(),
-    })
+        source,
+    };
+    match folder.symlink_metadata() {
+        Ok(_) => Err(failed(io::ErrorKind::AlreadyExists.into())),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(failed(error)),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::fs;
 
     #[test]
     fn models_lie_below_the_folder_for_data() {
@@ -181,6 +248,8 @@ mod tests {
             fs::write(model.join("model.toml"), "").unwrap();
         }
         fs::create_dir(folder.path().join("ada/2026-12-01")).unwrap();
+        // Its model was never finished.
+        fs::create_dir(folder.path().join("dan")).unwrap();
         let newest = models.newest("ada").unwrap();
         assert_eq!(newest, folder.path().join("ada/2026-11-01"));
         let error = models.newest("eve").unwrap_err().to_string();
@@ -188,6 +257,41 @@ mod tests {
             error.contains("no model of eve; it has models of ada, bob;"),
             "{error}"
         );
+        // A subject whose folder cannot be read is not one without a model.
+        fs::write(folder.path().join("mia"), "").unwrap();
+        let error = models.newest("mia").unwrap_err();
+        assert!(
+            matches!(error, BridgeError::SubjectModels { .. }),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_model_appears_whole_and_readable_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = || {
+            let entries = fs::read_dir(folder.path().join("ada")).unwrap();
+            let names = entries.map(|entry| entry.unwrap().file_name());
+            names.collect::<Vec<_>>()
+        };
+        let artifact = bridge_core::Model::artifact(None).unwrap();
+        let path = folder.path().join("ada/mine");
+        drop(NewModel::new(path.clone()).unwrap());
+        assert!(names().is_empty());
+        let written = NewModel::new(path.clone()).unwrap().write(&artifact);
+        assert_eq!(written.unwrap(), path);
+        assert_eq!(names(), ["mine"]);
+        assert_eq!(Artifact::read(&path).unwrap().id, artifact.id);
+        fs::create_dir(folder.path().join("ada/other")).unwrap();
+        let mode = |name: &str| {
+            let path = folder.path().join("ada").join(name);
+            path.metadata().unwrap().permissions().mode()
+        };
+        assert_eq!(mode("mine"), mode("other"));
+        let error = NewModel::new(path).unwrap_err();
+        assert_eq!(error.exit_code(), 2, "{error}");
+        let error = NewModel::new(folder.path().join("ada/mine/model.toml/x")).unwrap_err();
+        assert_eq!(error.exit_code(), 1, "{error}");
     }
 
     #[test]

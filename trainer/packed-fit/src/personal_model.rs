@@ -22,7 +22,8 @@ pub struct PersonalModel {
 }
 
 impl PersonalModel {
-    /// Fits a packed model with as many coefficients as `other` has, and compares it with `other`.
+    /// Fits a packed model with as many coefficients as `other` has, and with its rate, and compares
+    /// it with `other`.
     /// What is done is reported to `report`.
     ///
     /// # Errors
@@ -41,11 +42,13 @@ impl PersonalModel {
         let squares = last.iter().flat_map(|track| &track.values);
         let squares = squares.map(|uv| (f64::from(*uv) / description.input.sd_uv).powi(2));
         let values = (steps - steps / 4 * 3) * description.montage.electrodes.len();
+        let mut model = fit(tracks, description, count, report)?;
+        model.description.rate = other.description.rate;
         Ok(Self {
+            model,
             own: evaluate(&tested, &last, description)?,
             other: evaluate(other, &last, description)?,
             power: squares.sum::<f64>() / values.max(1) as f64,
-            model: fit(tracks, description, count, report)?,
         })
     }
 }
@@ -114,7 +117,8 @@ mod tests {
     #[test]
     fn a_model_of_the_head_has_less_error_than_another_unless_the_last_quarter_is_of_another_head()
     {
-        let other = fit(&[head(2, 60)], &description(), 32, &mut |_| ()).unwrap();
+        let mut other = fit(&[head(2, 60)], &description(), 32, &mut |_| ()).unwrap();
+        other.description.rate = 6;
         let at_equal_bits = |personal: &PersonalModel| {
             let own = &personal.own[4];
             let other = error_at(&personal.other, own.bits).expect("within its rates");
@@ -123,6 +127,7 @@ mod tests {
         let same = personal(vec![head(1, 80)], &other);
         assert!(at_equal_bits(&same) < 0.7, "{}", at_equal_bits(&same));
         assert_eq!(same.model.coefficients(), 32);
+        assert_eq!(same.model.description.rate, 6);
         // Had the last quarter been part of the fit, its head would be known too.
         let changed = personal(vec![head(1, 60), head(2, 20)], &other);
         assert!(at_equal_bits(&changed) > 1.3, "{}", at_equal_bits(&changed));

@@ -23,14 +23,15 @@ use jiff::Timestamp;
 use link::Streams;
 use neuro_ros::NeuroFrame;
 use packed_fit::{GoodSignal, PersonalModel, Track, error_at};
-use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
+use tokio::sync::oneshot::{self, Receiver, error::TryRecvError};
+use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use crate::app::calibrate::display::Display;
 use crate::app::calibrate::listening::Listening;
 use crate::app::command_line::{CalibrateOptions, PortOptions};
 use crate::app::shutdown::Shutdown;
 use crate::error::BridgeError;
-use crate::subject_models::{SubjectModels, refuse_existing, write_new};
+use crate::subject_models::{NewModel, SubjectModels};
 use crate::wire::connection::{Connection, Event, Feed};
 
 /// Longest wait at the end of listening until the device has stopped.
@@ -39,9 +40,13 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 /// frames are sent again after 0.5 s.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(30);
 /// Number of codes or packed blocks, 5 s of them, after which a device that has sent no filtered
-/// steps is taken for one that refuses them; the same for packed blocks, in steps.
+/// steps is taken for one that refuses them.
 const HOPS_WITHOUT_STEPS: u64 = 80;
+/// Number of filtered steps, 5 s of them, after which a device that has sent no packed block is
+/// taken for one that refuses them.
 const STEPS_WITHOUT_BLOCKS: u64 = 640;
+/// Interval at which the user sees how the signal is.
+const SHOW_INTERVAL: Duration = Duration::from_secs(1);
 /// Rates of the packed code that the summary shows.
 const RATES: [usize; 7] = [0, 2, 3, 4, 5, 6, 8];
 
@@ -78,7 +83,7 @@ pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, B
         let folder = models.new_folder(subject, Timestamp::now());
         (folder, format!("--subject {subject}"))
     };
-    refuse_existing(&folder)?;
+    let new_model = NewModel::new(folder)?;
     let labels = &base.description.montage.electrodes;
     let wanted = usize::try_from(options.seconds).expect("at most an hour");
     let (mut signal, sources) = if options.recording.is_empty() {
@@ -118,7 +123,7 @@ pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, B
     let other = base.id;
     let artifact = base.with_packed(Some(personal.model.clone()));
     let artifact = artifact.map_err(BridgeError::Model)?;
-    write_new(&artifact, &folder)?;
+    let folder = new_model.write(&artifact)?;
     let calibrated = Calibrated {
         personal,
         id: artifact.id,
@@ -126,6 +131,7 @@ pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, B
         folder,
         usage,
     };
+    calibrated.warn_if_worse();
     if options.recording.is_empty()
         && let Err(error) = give(&options.at, &artifact, &mut shutdown).await
     {
@@ -146,7 +152,11 @@ async fn working<T: Send + 'static>(
     spinner.enable_steady_tick(Core::TICK);
     tracing::info!("{what}");
     let done = tokio::select! {
-        done = tokio::task::spawn_blocking(work) => done.map_err(std::io::Error::other)?,
+        done = tokio::task::spawn_blocking(work) => match done {
+            Ok(done) => done,
+            // The work is never cancelled, so it has panicked.
+            Err(error) => std::panic::resume_unwind(error.into_panic()),
+        },
         _ = shutdown.requested() => return Err(BridgeError::Interrupted),
     };
     spinner.finish_and_clear();
@@ -212,8 +222,11 @@ async fn listen(
     let mut port = Port::default();
     let mut connection = Connection::new(options.at.port.clone(), options.at.baud);
     let labels = &base.description.montage.electrodes;
-    let display = Display::new(&base.description, wanted);
+    let mut display = Display::new(&base.description, wanted);
+    let mut shown = Instant::now();
     let mut signal = GoodSignal::default();
+    // Judging the whole signal takes longer and longer; meanwhile the port must be read.
+    let mut judging: Option<Receiver<GoodSignal>> = None;
     let mut judged = 0;
     let ended = run(
         &mut core,
@@ -234,9 +247,28 @@ async fn listen(
             if summary.packed.received == 0 && steps >= STEPS_WITHOUT_BLOCKS {
                 return Err(BridgeError::NoPackedCode);
             }
+            if let Some(receiver) = &mut judging {
+                match receiver.try_recv() {
+                    Ok(new) => {
+                        signal = new;
+                        judging = None;
+                    }
+                    Err(TryRecvError::Empty) => {}
+                    Err(TryRecvError::Closed) => panic!("judging the signal has panicked"),
+                }
+            }
             let seconds = port.listening.seconds();
-            if std::mem::replace(&mut judged, seconds) != seconds {
-                signal = GoodSignal::select(&port.listening.stretches, labels);
+            if judging.is_none() && seconds != judged {
+                judged = seconds;
+                let (sender, receiver) = oneshot::channel();
+                let (stretches, labels) = (port.listening.stretches.clone(), labels.clone());
+                tokio::task::spawn_blocking(move || {
+                    let _ = sender.send(GoodSignal::select(&stretches, &labels));
+                });
+                judging = Some(receiver);
+            }
+            if shown.elapsed() >= SHOW_INTERVAL {
+                shown = Instant::now();
                 display.show(&signal, &port.listening);
             }
             Ok(signal.seconds() >= wanted)
@@ -244,6 +276,9 @@ async fn listen(
     );
     let ended = ended.await;
     display.finish();
+    let good = signal.seconds();
+    let bad = bad_words(&signal, labels) + &port.listening.unusable_words();
+    tracing::info!("{good} of {wanted} s of good signal{bad}");
     tracing::info!("{}", core.summary());
     ended.map(|()| signal)
 }
@@ -265,18 +300,18 @@ async fn give(
     core.set_upload(Upload::new(artifact.id.0, bytes.into()));
     let mut port = Port::default();
     let mut connection = Connection::new(at.port.clone(), at.baud);
+    let end = Instant::now() + UPLOAD_TIMEOUT;
     let given = run(
         &mut core,
         &mut connection,
         &mut port,
         shutdown,
-        |_, port| Ok(port.device.is_some()),
+        |_, port| Ok(port.device.is_some() || Instant::now() >= end),
     );
-    match timeout(UPLOAD_TIMEOUT, given).await {
-        // What an interruption says is true only before the model is written.
-        Err(_) | Ok(Err(BridgeError::Interrupted)) => return Err(BridgeError::NotGiven),
-        Ok(given) => given?,
-    }
+    given.await.map_err(|error| match error {
+        BridgeError::Interrupted => BridgeError::InterruptedUpload,
+        error => error,
+    })?;
     let device = port
         .device
         .filter(|device| device.model_id == artifact.id.0);
@@ -404,6 +439,24 @@ fn warn_about_bad(signal: &GoodSignal, labels: &[String]) {
             signal.bad_seconds[at],
             signal.judged
         );
+    }
+}
+
+impl Calibrated {
+    /// Warns if the person's model has a larger error than the other one.
+    fn warn_if_worse(&self) {
+        let rate = usize::from(self.personal.model.description.rate);
+        let Some(own) = self.personal.own.get(rate) else {
+            return;
+        };
+        let other = error_at(&self.personal.other, own.bits);
+        if other.is_some_and(|other| other < own.mse) {
+            tracing::warn!(
+                "on the last quarter of the signal, the model of the rest has a larger error than model {}: calibrate \
+                 with more --seconds, or stream without it",
+                self.other
+            );
+        }
     }
 }
 

@@ -276,7 +276,7 @@ pub(crate) struct RecordOptions {
 /// fewer bad electrodes are interpolated. Then fits a model, which takes some seconds, compares it
 /// with the built-in one on signal that it was not fitted to, writes it to a folder, and gives it
 /// to the device until its next restart. The bridge uses it with --subject NAME. With --recording,
-/// no device is needed. Ctrl-C leaves device and folder as they were.
+/// no device is needed. Ctrl-C before the model is written leaves device and folder as they were.
 ///
 /// Exit status: 0 done, 1 interrupted, 2 wrong usage, too little good signal or an existing folder,
 /// 4 the device does not take the model, which is kept.

@@ -18,6 +18,8 @@ pub(crate) struct Display {
     rows: Vec<Vec<Option<(String, usize)>>>,
     labels: Vec<String>,
     wanted: usize,
+    /// Number of calls of [`Self::show`].
+    shown: usize,
 }
 
 impl Display {
@@ -38,22 +40,28 @@ impl Display {
             rows,
             labels,
             wanted,
+            shown: 0,
         }
     }
 
-    /// Shows the good signal so far, and the newest second of each electrode.
-    pub(crate) fn show(&self, signal: &GoodSignal, listening: &Listening) {
+    /// Shows the good signal so far, and the newest second of each electrode; called every second.
+    pub(crate) fn show(&mut self, signal: &GoodSignal, listening: &Listening) {
+        self.shown += 1;
+        if listening.steps == 0 {
+            return;
+        }
         let rms = listening.newest_rms_uv();
         let bad: Vec<&str> = (0..self.labels.len())
             .filter(|&at| signal.newest_bad.get(at) == Some(&true))
             .map(|at| self.labels[at].as_str())
             .collect();
-        let bad = if bad.is_empty() {
+        let mut bad = if bad.is_empty() {
             String::new()
         } else {
             format!("; bad now: {}", bad.join(" "))
         };
-        if self.bar.is_hidden() && signal.judged.is_multiple_of(LOG_INTERVAL) {
+        bad.push_str(&listening.unusable_words());
+        if self.bar.is_hidden() && self.shown.is_multiple_of(LOG_INTERVAL) {
             let (good, wanted) = (signal.seconds(), self.wanted);
             tracing::info!("{good} of {wanted} s of good signal{bad}");
         }

@@ -5,12 +5,12 @@ use neuro_ros::{NeuroFrame, TRI_LABELS};
 use packed_fit::Track;
 use packed_fit::innovation::SECOND;
 
-/// Flags of steps that are missing or not those of the electrodes.
-const UNUSABLE: [Flags; 4] = [
-    Flags::FILLER,
-    Flags::SETTLING,
-    Flags::OVERRUN,
-    Flags::ADC_STATUS_BAD,
+/// Flags of steps that are missing or not those of the electrodes, with words for the user.
+const UNUSABLE: [(Flags, &str); 4] = [
+    (Flags::FILLER, "missing"),
+    (Flags::SETTLING, "while filters settle"),
+    (Flags::OVERRUN, "after an overrun"),
+    (Flags::ADC_STATUS_BAD, "with a wrong status of a converter"),
 ];
 
 /// Number of steps in a second.
@@ -25,6 +25,9 @@ pub(crate) struct Listening {
     continues: bool,
     /// Number of steps received, usable or not.
     pub(crate) steps: u64,
+    /// Number of steps that cannot be used, for each flag of [`UNUSABLE`]; a step counts for the
+    /// first of its flags.
+    unusable: [u64; UNUSABLE.len()],
 }
 
 impl Listening {
@@ -35,7 +38,9 @@ impl Listening {
         for (step, words) in steps.zip(frame.tri.data.chunks_exact(TRI_LABELS.len())) {
             self.steps += 1;
             let flags = Flags::from_bits(u16::try_from(words[0]).unwrap_or(u16::MAX));
-            if UNUSABLE.iter().any(|unusable| flags.contains(*unusable)) {
+            let reason = UNUSABLE.iter().position(|(flag, _)| flags.contains(*flag));
+            if let Some(reason) = reason {
+                self.unusable[reason] += 1;
                 self.continues = false;
                 continue;
             }
@@ -56,6 +61,18 @@ impl Listening {
             .iter()
             .map(|stretch| stretch.steps() / SECOND);
         seconds.sum()
+    }
+
+    /// Returns in words which steps cannot be used, after a semicolon; nothing if all can.
+    pub(crate) fn unusable_words(&self) -> String {
+        let reasons = UNUSABLE.iter().zip(self.unusable);
+        let reasons = reasons.filter(|(_, steps)| *steps > 0);
+        let words = reasons.map(|((_, words), steps)| format!("{steps} steps {words}"));
+        let words: Vec<String> = words.collect();
+        if words.is_empty() {
+            return String::new();
+        }
+        format!("; not usable: {}", words.join(", "))
     }
 
     /// Returns the RMS of each electrode over the newest second, uV; nothing before the first one.
