@@ -166,14 +166,15 @@ impl Session {
         });
     }
 
-    /// Checks that `device` matches the announced one. A device that refused the uploaded model
-    /// earlier, and has taken it now, still has the announced network.
+    /// Checks that `device` matches the announced one. A device that takes the uploaded model after
+    /// it has refused it, or refuses it after it has used it, is the same but for the model's id.
     fn check_announced(&self, device: &Device) -> Result<(), DeviceError> {
         let Some(announced) = &self.announced else {
             return Ok(());
         };
         let mut announced = (**announced).clone();
-        let is_uploaded = |upload: &Upload| upload.id() == device.model_id;
+        let ids = [announced.model_id, device.model_id];
+        let is_uploaded = |upload: &Upload| ids.contains(&upload.id());
         if self.upload.as_ref().is_some_and(is_uploaded) {
             announced.model_id = device.model_id;
         }

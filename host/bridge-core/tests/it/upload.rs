@@ -143,14 +143,13 @@ fn a_device_without_a_slot_is_used_as_it_is_and_the_reason_is_reported() {
     assert!(objection.contains("6275696c7420696e"), "{objection}");
 }
 
-#[test]
-fn a_model_that_the_device_finds_unsound_is_sent_three_times_and_again_after_a_restart() {
-    let mut harness = uploading(Board::with_slot());
-    harness.open();
+/// Exchanges bytes until the board streams. Its memory loses a bit of each model that it is sent, so
+/// it refuses the model three times.
+fn refuse(harness: &mut Harness) {
+    harness.board.received.clear();
     while !harness.board.streaming {
         let sent = std::mem::take(&mut harness.recorder.sent);
         assert!(!sent.is_empty());
-        // The board's memory loses a bit.
         let slot = harness.board.slot.as_mut().unwrap();
         if let Some(last) = slot.1.last_mut() {
             *last ^= 1;
@@ -163,10 +162,55 @@ fn a_model_that_the_device_finds_unsound_is_sent_three_times_and_again_after_a_r
         .filter(|(_, command)| *command == ToDevice::ModelEnd)
         .count();
     assert_eq!(ends, 3);
+}
+
+#[test]
+fn a_model_that_the_device_finds_unsound_is_sent_three_times_and_again_after_a_restart() {
+    let mut harness = uploading(Board::with_slot());
+    harness.open();
+    refuse(&mut harness);
     assert!(harness.core.objection().is_some());
     harness.reboot(1_000_000);
     assert_eq!(uploaded(&harness), content());
     assert_eq!(harness.core.objection(), None);
+}
+
+#[test]
+fn a_device_that_refuses_the_model_after_a_restart_streams_its_own() {
+    let settings = Settings {
+        streams: Streams::CODES,
+        ..PACKED
+    };
+    let mut harness = Harness::new(settings, Board::with_slot());
+    let upload = Upload::new(model().id(), content().into());
+    harness.core.set_upload(upload);
+    harness.connect();
+    assert_eq!(harness.core.objection(), None);
+    harness.codes(3, 1);
+
+    harness.board.reboot();
+    harness.now_us += 1_000_000;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    refuse(&mut harness);
+    harness.exchange();
+    let objection = harness.core.objection().unwrap();
+    assert!(objection.contains("6275696c7420696e"), "{objection}");
+    let announced = harness.recorder.announced.iter();
+    let ids = announced.map(|announced| announced.device.model_id);
+    assert_eq!(ids.collect::<Vec<_>>(), [model().id(), BUILT_IN]);
+    harness.codes(3, 1);
+    let fillers = harness.fillers();
+    let [first, .., a, b, c] = fillers[..] else {
+        panic!("{} codes", fillers.len());
+    };
+    assert!(![first, a, b, c].contains(&true), "{fillers:?}");
+
+    // A device with other codes is another one.
+    harness.board.code_scale[0] = 0.25;
+    harness.reboot(1_000_000);
+    let report = harness.status("device").unwrap().message;
+    assert!(report.contains("another device"), "{report}");
 }
 
 #[test]
