@@ -19,9 +19,9 @@
 //! Half a second of synthetic samples passes through acquisition and encoder.
 //!
 //! ```
-//! use core::{future::pending, pin::pin};
+//! use core::{future::pending, pin::pin, task::Poll};
 //!
-//! use device::{BothEncoders, Order, Run};
+//! use device::{BothEncoders, Order, Payload, Run};
 //! use embassy_futures::{join::join, poll_once, yield_now};
 //! use firmware::{Clock, Conversion, Converter, Memory, Shared, acquire, encode};
 //! use link::Streams;
@@ -55,8 +55,8 @@
 //! let mut codes = 0;
 //! for _ in 0..=256 {
 //!     assert!(poll_once(tasks.as_mut()).is_pending());
-//!     while poll_once(outputs.receive()).is_ready() {
-//!         codes += 1;
+//!     while let Poll::Ready((output, _)) = poll_once(outputs.receive()) {
+//!         codes += u32::from(matches!(output.payload, Payload::Code(..)));
 //!         outputs.receive_done();
 //!     }
 //! }
