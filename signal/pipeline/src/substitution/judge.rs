@@ -1,5 +1,7 @@
 //! Decides at the end of a window which electrodes are bad, and which are good again.
 
+use core::mem;
+
 use model::{ELECTRODES, STEP_RATE_HZ};
 
 use super::evidence::{Evidence, Sums};
@@ -9,13 +11,16 @@ use super::{ElectrodeMask, MAX_EXCLUDED, Table, WINDOW};
 /// [`MOST_USUAL`]. Added to it is the energy of the prediction, because a larger signal is
 /// predicted with a larger error.
 const EXCLUDING: u64 = 50;
-/// Largest energy that [`EXCLUDING`] can lead to: that of 100 uV RMS. Electrodes whose innovation
-/// was large in training, such as those over a temporal muscle, would otherwise never be excluded
-/// for noise of this size.
-const MOST_USUAL: u64 = 400 * 400 * WINDOW as u64;
+/// Largest energy that [`EXCLUDING`] can lead to: that of 70 uV RMS. Electrodes whose innovation was
+/// large in training, such as those over a temporal muscle, would otherwise be excluded late or
+/// never for noise of 100 uV RMS.
+const MOST_USUAL: u64 = 280 * 280 * WINDOW as u64;
 /// Number that stands for the excluding innovation: 2^8.
 const EXCESS_ONE: u32 = 1 << EXCESS_BITS;
 const EXCESS_BITS: u32 = 8;
+/// Innovation that excludes an electrode in its first window. A smaller one excludes it in the
+/// second window in a row, because half a second of movement or muscle is over when it is judged.
+const SUDDEN: u32 = 2 * EXCESS_ONE;
 /// Innovation below which an electrode counts as good again.
 const GOOD_BELOW: u32 = EXCESS_ONE / 4;
 /// Largest number of electrodes that one window excludes for their innovation alone.
@@ -36,13 +41,15 @@ const fn windows(seconds: usize) -> u8 {
     (seconds * STEP_RATE_HZ as usize / WINDOW) as u8
 }
 
-/// How long each electrode has been good or quiet.
+/// What earlier windows said about each electrode.
 #[derive(Clone, Debug)]
 pub(super) struct Judge {
     /// Number of windows since the electrode was last not good.
     good: [u8; ELECTRODES],
     /// Number of windows since the electrode was last not quiet.
     quiet: [u8; ELECTRODES],
+    /// Whether the electrode's innovation was excluding in the last window.
+    loud: [bool; ELECTRODES],
 }
 
 /// Result of a judgement.
@@ -59,6 +66,7 @@ impl Judge {
     pub(super) const NEW: Self = Self {
         good: [0; ELECTRODES],
         quiet: [0; ELECTRODES],
+        loud: [false; ELECTRODES],
     };
 
     /// Judges a window in which the electrodes `excluded` were excluded. Those in `never` are not
@@ -73,15 +81,19 @@ impl Judge {
     ) -> Verdict {
         let (mut sure, mut out) = (evidence.flat() | evidence.railed, excluded);
         let (mut certain, mut recovered) = ([false; ELECTRODES], [false; ELECTRODES]);
-        let mut excess = [0; ELECTRODES];
+        let mut excluding = [0; ELECTRODES];
         for (electrode, sums) in evidence.electrodes.iter().enumerate() {
             let typical = typical_energy(table, electrode);
-            excess[electrode] = sums.excess(typical);
+            let excess = sums.excess(typical);
+            let was_loud = mem::replace(&mut self.loud[electrode], excess > EXCESS_ONE);
+            if was_loud || excess > SUDDEN {
+                excluding[electrode] = excess;
+            }
             let [measured, predicted] = [sums.measured, sums.predicted].map(u64::from);
             let is_quiet = measured * QUIET_PART < predicted && predicted > typical.into();
             self.quiet[electrode] = counted(self.quiet[electrode], is_quiet);
             certain[electrode] = sure & 1 != 0 || sums.is_tonal() || self.quiet[electrode] >= QUIET;
-            let is_good = !certain[electrode] && !is_quiet && excess[electrode] < GOOD_BELOW;
+            let is_good = !certain[electrode] && !is_quiet && excess < GOOD_BELOW;
             self.good[electrode] = counted(self.good[electrode], is_good);
             recovered[electrode] = out & 1 != 0 && self.good[electrode] >= HOLD;
             // Shifts by one: a microcontroller needs several instructions to select a bit of 64.
@@ -93,7 +105,7 @@ impl Judge {
         // the others without them.
         let bad = if certain == 0 {
             let free = MAX_EXCLUDED.saturating_sub(excluded.count_ones() as usize);
-            largest(excess, excluded | never, MOST_AT_ONCE.min(free))
+            largest(excluding, excluded | never, MOST_AT_ONCE.min(free))
         } else {
             certain
         };
