@@ -5,7 +5,7 @@ use crate::error::FitError;
 use crate::evaluation::{self, RateFigures};
 use crate::integers::{self, INPUT_LIMIT, Scale, UNIT_UV, analysed};
 use crate::probabilities;
-use crate::ridge::{Ridge, fit_smoother, penalty};
+use crate::ridge::{PENALTY, Ridge, fit_smoother};
 use crate::track::Track;
 use crate::transform::{Blocks, Transform};
 use artifact::{
@@ -179,7 +179,7 @@ fn refitted_prediction(
         ridge.add(states.columns(0, last), coefficients.columns(1, last));
     }
     let largest = integers::largest_prediction(scale.count);
-    let prediction = ridge.solve_within(penalty(coded.len()), largest)?;
+    let prediction = ridge.solve_within(PENALTY, largest)?;
     Ok(integers::prediction(&prediction))
 }
 

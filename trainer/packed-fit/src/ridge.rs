@@ -7,13 +7,8 @@ use crate::integers::Scale;
 use artifact::PackedModel;
 use nalgebra::{DMatrix, DMatrixView};
 
-/// Penalty of the ridge regressions, for each sequence of training blocks that enters them.
-const PENALTY: f64 = 12.5;
-
-/// Returns the penalty of a ridge regression over `sequences` sequences of blocks.
-pub(crate) fn penalty(sequences: usize) -> f64 {
-    PENALTY * sequences as f64
-}
+/// Penalty of the ridge regressions, for each pair of blocks that enters them.
+pub(crate) const PENALTY: f64 = 1.0 / 150.0;
 
 /// Sums from which a linear map is fitted: products of the map's inputs with each other and with
 /// its outputs.
@@ -23,6 +18,7 @@ pub(crate) struct Ridge {
     inputs: DMatrix<f64>,
     /// Sums of the products of inputs with outputs, `[input, output]`.
     products: DMatrix<f64>,
+    pairs: usize,
 }
 
 impl Ridge {
@@ -30,6 +26,7 @@ impl Ridge {
         Self {
             inputs: DMatrix::zeros(inputs, inputs),
             products: DMatrix::zeros(inputs, outputs),
+            pairs: 0,
         }
     }
 
@@ -38,6 +35,7 @@ impl Ridge {
         let (inputs, outputs) = (inputs.map(f64::from), outputs.map(f64::from));
         self.inputs.gemm(1.0, &inputs, &inputs.transpose(), 1.0);
         self.products.gemm(1.0, &inputs, &outputs.transpose(), 1.0);
+        self.pairs += inputs.ncols();
     }
 
     /// Returns what [`Self::solve`] returns for the smallest penalty with which the magnitudes of
@@ -61,14 +59,14 @@ impl Ridge {
         }
     }
 
-    /// Returns the matrix `[output, input]` for which the sum of squared errors plus `penalty`
+    /// Returns the matrix `[output, input]` for which the mean of the squared errors plus `penalty`
     /// times the sum of its squared weights is least.
     ///
     /// # Errors
     /// If the inputs are all zero and the penalty is 0, or not finite.
     pub(crate) fn solve(mut self, penalty: f64) -> Result<DMatrix<f64>, FitError> {
         for index in 0..self.inputs.nrows() {
-            self.inputs[(index, index)] += penalty;
+            self.inputs[(index, index)] += penalty * self.pairs as f64;
         }
         let factors = self.inputs.cholesky().ok_or(FitError::Silent)?;
         Ok(factors.solve(&self.products).transpose())
@@ -91,7 +89,7 @@ pub(crate) fn fit_smoother(
             missing.columns(0, next.ncols()),
         );
     }
-    let matrix = ridge.solve(penalty(coded.len()))?;
+    let matrix = ridge.solve(PENALTY)?;
     Ok(matrix.transpose().as_slice().to_vec())
 }
 
@@ -119,11 +117,11 @@ mod tests {
         let solve = |penalty| ridge.clone().solve(penalty).unwrap();
         let exact = solve(0.0);
         assert!((exact[(0, 0)] - 2.0).abs() < 1e-9 && (exact[(0, 1)] + 1.0).abs() < 1e-9);
-        assert!(solve(10.0).norm() < exact.norm());
+        assert!(solve(2.5).norm() < exact.norm());
         assert!(Ridge::new(2, 1).solve(0.0).is_err());
         // The penalty grows until the magnitudes of the output's weights sum to at most the limit.
         for (limit, least) in [(3.0, 2.5), (1.0, 0.5)] {
-            let matrix = ridge.solve_within(0.1, limit).unwrap();
+            let matrix = ridge.solve_within(0.025, limit).unwrap();
             let sum = matrix.abs().sum();
             assert!((least..=limit).contains(&sum), "{sum}");
         }

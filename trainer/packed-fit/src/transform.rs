@@ -2,7 +2,7 @@
 
 use crate::directions::{principal_directions, second_moment};
 use crate::error::FitError;
-use crate::ridge::{Ridge, penalty};
+use crate::ridge::{PENALTY, Ridge};
 use crate::track::Track;
 use nalgebra::{DMatrix, DVector};
 
@@ -124,7 +124,7 @@ impl Transform {
             let last = states.ncols().saturating_sub(1);
             ridge.add(states.columns(0, last), coefficients.columns(1, last));
         }
-        self.prediction = ridge.solve(penalty(states.len()))?;
+        self.prediction = ridge.solve(PENALTY)?;
         Ok(())
     }
 
