@@ -75,9 +75,7 @@ pub(crate) fn check(
     let comparison = if files.data.is_none() && files.test.is_empty() {
         None
     } else {
-        let (data, mains_hz) = (files.folder(), files.mains_hz);
-        let comparison = comparison::compare(folder, data, &files.test, mains_hz, observer)?;
-        Some(comparison)
+        Some(comparison::compare(folder, files, observer)?)
     };
     let code = &model.description.code;
     let codes = golden.map(|golden| CheckedCodes {

@@ -189,9 +189,7 @@ fn evaluate(args: &EvaluateArgs) -> Result<ExitCode, TrainerError> {
     let folder = args.report.report.as_deref();
     report::prepare(folder, args.report.force)?;
     let terminal = &mut Terminal::new();
-    let files = &args.files;
-    let (data, mains_hz) = (files.folder(), files.mains_hz);
-    let comparison = comparison::compare(&args.artifact, data, &files.test, mains_hz, terminal)?;
+    let comparison = comparison::compare(&args.artifact, &args.files, terminal)?;
     if let Some(folder) = folder {
         report::write(folder, "Error of a model", None, Some(&comparison))?;
         terminal.message(&report::message(folder));

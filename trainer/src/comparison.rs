@@ -9,7 +9,7 @@ use crate::packed::{self, RateTable};
 use crate::people::{People, read_tracks};
 use crate::person_error::{PersonError, Table as PeopleTable};
 use crate::progress::ProgressObserver;
-use crate::selection::{self, file_name};
+use crate::selection::{self, TestFiles, file_name};
 use crate::truncation::{TruncationError, TruncationSums};
 use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
 use packed_fit::Track;
@@ -205,32 +205,29 @@ fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> 
 }
 
 /// Evaluates the artifact in `folder`, and its PCA, on recordings, whose bad electrodes are
-/// interpolated as in training, and for each person with their substitution on and off. `names`
-/// selects the recordings, in `data` or by path; if it is empty, those of the training card are
-/// used. `mains_hz` replaces the mains frequency of the training.
+/// interpolated as in training, and for each person with their substitution on and off. `files`
+/// selects the recordings; without names, those of the training card are used.
 ///
 /// # Errors
 /// If the artifact or a recording cannot be used.
 pub fn compare(
     folder: &Path,
-    data: &Path,
-    names: &[String],
-    mains_hz: Option<u32>,
+    files: &TestFiles,
     observer: &mut impl ProgressObserver,
 ) -> Result<Comparison, TrainerError> {
     let model = Artifact::read(folder)?;
     let pca = Pca::read(folder)?;
     let card = &model.description.training;
-    let names = if names.is_empty() {
+    let names = if files.test.is_empty() {
         &card.test_files
     } else {
-        names
+        &files.test
     };
     if names.is_empty() {
         return Err(TrainerError::NothingToTest);
     }
-    let files = selection::recordings(data, names)?;
-    for file in &files {
+    let recordings = selection::recordings(files.folder(), names)?;
+    for file in &recordings {
         if card.train_files.contains(&file_name(file)) {
             observer.message(&format!(
                 "warning: the model was trained on {}; its error there says nothing about other recordings",
@@ -242,15 +239,15 @@ pub fn compare(
     if pca.is_none() && mode.has_network() && mode != Mode::Pca {
         observer.message("the artifact has no pca.safetensors, so there is no comparison with PCA");
     }
-    let mains_hz = mains_hz.unwrap_or(card.mains_hz);
-    let tracks = read_tracks(&files, &model.description, mains_hz, observer)?;
+    let mains_hz = files.mains_hz.unwrap_or(card.mains_hz);
+    let tracks = read_tracks(&recordings, &model.description, mains_hz, observer)?;
     let recorded = if PersonError::is_measured(&model) {
         tracks.clone()
     } else {
         Vec::new()
     };
     let electrodes = &model.description.montage.electrodes;
-    let people = People::new(tracks, electrodes, None, observer)?;
+    let people = People::new(tracks, electrodes, files.subject.as_deref(), observer)?;
     observer.message("evaluating ...");
     Ok(Comparison {
         people: PersonError::of_each(&model, &people, &recorded)?,

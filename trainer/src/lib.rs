@@ -59,7 +59,7 @@ mod people;
 mod person_error;
 pub mod progress;
 mod report;
-mod selection;
+pub mod selection;
 mod session;
 mod show;
 mod subject;

@@ -33,19 +33,22 @@ pub(crate) struct TrainingFiles {
 }
 
 /// Names of recordings to evaluate a trained model on.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct TestFiles {
+#[derive(Args, Clone, Debug, Default)]
+pub struct TestFiles {
     /// Folder in which names of recordings are searched, or a pattern of folders such as 'data/S0*'
     /// [default: .].
     #[arg(long)]
-    pub(crate) data: Option<PathBuf>,
+    pub data: Option<PathBuf>,
     /// Recordings to test with: files, folders, patterns, ends of the names of files in --data, or
     /// ranges of them like R11..R12 [default: those in the training card].
     #[arg(long, value_delimiter = ',')]
-    pub(crate) test: Vec<String>,
+    pub test: Vec<String>,
+    /// Name of the only person [default: what precedes the number of the run in the files' names].
+    #[arg(long)]
+    pub subject: Option<String>,
     /// Mains frequency of the recordings, Hz: 50 or 60 [default: that of the training].
     #[arg(long = "mains", value_name = "MAINS", value_parser = mains_hz)]
-    pub(crate) mains_hz: Option<u32>,
+    pub mains_hz: Option<u32>,
 }
 
 impl TestFiles {

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 use trainer::comparison;
 use trainer::progress::ProgressObserver;
+use trainer::selection::TestFiles;
 
 use super::checked_in;
 use super::figures::Report;
@@ -225,12 +226,13 @@ fn recorded_errors() -> anyhow::Result<Json> {
         );
         return Ok(Json::Null);
     };
-    let (folder, data) = (
-        Path::new(checked_in::ARTIFACT),
-        PathBuf::from(data).join(FOLDER),
-    );
-    let names = RECORDINGS.map(str::to_owned);
-    let comparison = comparison::compare(folder, &data, &names, Some(MAINS_HZ), &mut Silent)?;
+    let files = TestFiles {
+        data: Some(PathBuf::from(data).join(FOLDER)),
+        test: RECORDINGS.map(str::to_owned).to_vec(),
+        mains_hz: Some(MAINS_HZ),
+        ..TestFiles::default()
+    };
+    let comparison = comparison::compare(Path::new(checked_in::ARTIFACT), &files, &mut Silent)?;
     let figures = comparison.packed;
     let codes = comparison
         .codes
