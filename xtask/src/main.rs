@@ -10,6 +10,7 @@ mod figures;
 mod flash;
 mod images;
 mod install;
+mod pool;
 mod programs;
 mod qemu;
 mod stages;

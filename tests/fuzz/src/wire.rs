@@ -79,14 +79,17 @@ fn sealed(bytes: &[u8], direction: u8) -> Vec<u8> {
     let crc = Crc::<u32>::new(&CRC_32_ISCSI);
     let mut sealed = vec![0];
     for piece in bytes.split(|byte| *byte == 0) {
-        match cobs::decode_vec(piece) {
-            Ok(mut body) if body.len() > 4 => {
-                body.truncate(body.len() - 4);
+        let mut body = piece.to_vec();
+        match cobs::decode_in_place(&mut body) {
+            Ok(length) if length > 4 => {
+                body.truncate(length - 4);
                 let mut digest = crc.digest();
                 digest.update(&[direction]);
                 digest.update(&body);
                 body.extend(digest.finalize().to_le_bytes());
-                sealed.extend(cobs::encode_vec(&body));
+                let mut frame = vec![0; cobs::max_encoding_length(body.len())];
+                let length = cobs::encode(&body, &mut frame);
+                sealed.extend_from_slice(&frame[..length]);
             }
             _ => sealed.extend_from_slice(piece),
         }
