@@ -136,9 +136,11 @@ pub fn environment() -> [(&'static str, PathBuf); 2] {
 }
 
 /// Returns cargo's options that give the crates that depend on the model a profile of their own.
+/// host-sim is built without optimisation, in half the time: these tests run it for some seconds.
 pub fn options() -> impl Iterator<Item = String> {
     let option = |name| format!("--config=profile.dev.package.{name}.debug=false");
-    DEPENDENTS.into_iter().map(option)
+    let unoptimised = "--config=profile.dev.package.host-sim.opt-level=0".to_owned();
+    DEPENDENTS.into_iter().map(option).chain([unoptimised])
 }
 
 /// Runs a command that must succeed, and returns its standard output and standard error.
