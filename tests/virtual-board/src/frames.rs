@@ -31,6 +31,7 @@ pub struct ReceivedCode {
 pub enum Kind {
     Hello {
         board: String,
+        model_id: [u8; 8],
         reset_cause: ResetCause,
         fault: String,
     },
@@ -112,6 +113,7 @@ impl Kind {
         match message {
             ToHost::Hello(hello) => Self::Hello {
                 board: hello.board.to_owned(),
+                model_id: hello.model_id,
                 reset_cause: hello.reset_cause,
                 fault: hello.fault.to_owned(),
             },
