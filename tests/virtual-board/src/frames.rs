@@ -32,6 +32,7 @@ pub enum Kind {
     Hello {
         board: String,
         model_id: [u8; 8],
+        session_id: u32,
         reset_cause: ResetCause,
         fault: String,
     },
@@ -114,6 +115,7 @@ impl Kind {
             ToHost::Hello(hello) => Self::Hello {
                 board: hello.board.to_owned(),
                 model_id: hello.model_id,
+                session_id: hello.session_id,
                 reset_cause: hello.reset_cause,
                 fault: hello.fault.to_owned(),
             },

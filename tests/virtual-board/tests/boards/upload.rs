@@ -1,7 +1,5 @@
 //! Scenarios in which the host gives a board a packed model.
 
-use any_model::any_packed_of;
-use artifact::Artifact;
 use link::{AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, Streams, ToDevice, model_crc};
 use virtual_board::{BoardError, Cable, Frame, Kind};
 
@@ -30,16 +28,15 @@ const fn longest_us(subject: Subject) -> u64 {
     }
 }
 
+/// A packed model, as `build.rs` writes it.
+const MODEL: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/uploaded_model.bin"));
+
 /// Returns the id of a packed model with random weights, in the shape of the built-in one, and the
 /// commands that upload it.
 pub(crate) fn upload() -> ([u8; 8], Vec<ToDevice<'static>>) {
-    let artifact = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
-    let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &artifact.description);
-    let artifact = artifact.with_packed(Some(packed)).expect("it fits");
-    let bytes = model_gen::upload(&artifact).expect("it fits");
-    let bytes: &'static [u8] = bytes.expect("a packed model").leak();
+    let (id, bytes) = MODEL.split_first_chunk().expect("an id");
     let begin = ModelBegin {
-        id: artifact.id.0,
+        id: *id,
         bytes: u32::try_from(bytes.len()).expect("short"),
         crc: model_crc(bytes),
     };
@@ -48,10 +45,7 @@ pub(crate) fn upload() -> ([u8; 8], Vec<ToDevice<'static>>) {
         .zip(bytes.chunks(MAX_CHUNK_BYTES));
     let chunks = chunks.map(|(offset, bytes)| ToDevice::ModelChunk(ModelChunk { offset, bytes }));
     let commands = [ToDevice::ModelBegin(begin)].into_iter().chain(chunks);
-    (
-        artifact.id.0,
-        commands.chain([ToDevice::ModelEnd]).collect(),
-    )
+    (*id, commands.chain([ToDevice::ModelEnd]).collect())
 }
 
 /// Returns the id of the model that the board has reported last, and the device time of the report,
