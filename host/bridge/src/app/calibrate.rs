@@ -22,7 +22,7 @@ use indicatif::ProgressBar;
 use jiff::Timestamp;
 use link::Streams;
 use neuro_ros::NeuroFrame;
-use packed_fit::{GoodSignal, PersonalModel, Track, error_at};
+use packed_fit::{FitError, GoodSignal, PersonalModel, Track, error_at};
 use tokio::sync::oneshot::{self, Receiver, error::TryRecvError};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
@@ -173,16 +173,15 @@ fn read(
     base: &Artifact,
 ) -> Result<(GoodSignal, Vec<String>), BridgeError> {
     let mains_hz = options.mains.unwrap_or_default().into();
-    let mut report = |text: &str| {
-        if let Some((name, warning)) = text.split_once("warning: ") {
-            tracing::warn!("{name}{warning}");
-        } else {
-            tracing::info!("{text}");
+    let tracks = options.recording.iter().map(|file| {
+        let (track, warnings) = Track::read(file, &base.description, mains_hz)?;
+        tracing::info!("{track}");
+        for warning in warnings {
+            tracing::warn!("{}: {warning}", track.name);
         }
-    };
-    let files = options.recording.iter();
-    let tracks = files.map(|file| Track::read(file, &base.description, mains_hz, &mut report));
-    let tracks: Vec<Track> = tracks.collect::<Result<_, _>>()?;
+        Ok(track)
+    });
+    let tracks: Vec<Track> = tracks.collect::<Result<_, FitError>>()?;
     let electrodes = base.description.montage.electrodes.len();
     let lacks_many = |track: &&Track| 4 * track.interpolated.len() > electrodes;
     if let Some(track) = tracks.iter().find(lacks_many) {
