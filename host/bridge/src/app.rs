@@ -6,6 +6,7 @@ pub(crate) mod command_line;
 pub(crate) mod config_file;
 mod convert;
 mod doctor;
+mod driver;
 mod given_options;
 pub(crate) mod log;
 mod manual;
