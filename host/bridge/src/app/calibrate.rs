@@ -41,9 +41,6 @@ const UPLOAD_TIMEOUT: Duration = Duration::from_secs(30);
 /// Number of codes or packed blocks, 5 s of them, after which a device that has sent no filtered
 /// steps is taken for one that refuses them.
 const HOPS_WITHOUT_STEPS: u64 = 80;
-/// Number of filtered steps, 5 s of them, after which a device that has sent no packed block is
-/// taken for one that refuses them.
-const STEPS_WITHOUT_BLOCKS: u64 = 640;
 /// Interval at which the user sees how the signal is.
 const SHOW_INTERVAL: Duration = Duration::from_secs(1);
 /// Rates of the packed code that the summary shows.
@@ -218,6 +215,7 @@ async fn listen(
     let model = Model::new(base).map_err(BridgeError::Model)?;
     let connection = Connection::new(options.at.port.clone(), options.at.baud);
     let mut driver = Driver::new(Core::new(settings, None), connection);
+    driver.core.require_slot();
     let mut port = Port::default();
     let labels = &base.description.montage.electrodes;
     let mut display = Display::new(&base.description, wanted);
@@ -232,13 +230,15 @@ async fn listen(
         {
             return Err(BridgeError::OtherMontage(device.board.clone()));
         }
+        if let Some(device) = &port.device
+            && core.lacks_slot()
+        {
+            return Err(BridgeError::NoSlot(device.board.clone()));
+        }
         let (summary, steps) = (core.summary(), port.listening.steps);
         let hops = summary.received + summary.packed.received;
         if steps == 0 && hops >= HOPS_WITHOUT_STEPS {
             return Err(BridgeError::NoFilteredSteps);
-        }
-        if summary.packed.received == 0 && steps >= STEPS_WITHOUT_BLOCKS {
-            return Err(BridgeError::NoPackedCode);
         }
         if let Some(receiver) = &mut judging {
             match receiver.try_recv() {
@@ -262,7 +262,8 @@ async fn listen(
         }
         if shown.elapsed() >= SHOW_INTERVAL {
             shown = Instant::now();
-            display.show(&signal, &port.listening);
+            let faults = core.electrode_faults();
+            display.show(&signal, &port.listening, faults.as_deref());
         }
         Ok(signal.seconds() >= wanted)
     });

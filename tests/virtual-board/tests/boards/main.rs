@@ -100,6 +100,7 @@ mod f446 {
         F446:
         commands: damaged_bytes_destroy_only_their_commands;
         packed: compressed_samples_equal_those_of_host_sim;
+        bridge: calibration_is_refused;
     }
 }
 
