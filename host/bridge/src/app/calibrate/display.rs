@@ -34,7 +34,6 @@ impl Display {
         let style = ProgressStyle::with_template("{bar:40} {pos} of {len} s of good signal{msg}");
         let bar = ProgressBar::new(wanted as u64);
         bar.set_style(style.expect("the template is correct"));
-        bar.set_message(": waiting for the device");
         Display {
             bar,
             rows,
