@@ -186,16 +186,21 @@ impl People {
     }
 }
 
-/// Reads each recording of a list as [`Track::read`] does.
+/// Reads each recording of a list as [`Track::read`] does, and reports its length and its warnings.
 pub(crate) fn read_tracks(
     files: &[PathBuf],
     description: &Description,
     mains_hz: u32,
     observer: &mut impl ProgressObserver,
 ) -> Result<Vec<Track>, TrainerError> {
-    let mut report = |text: &str| observer.message(text);
-    let tracks = files.iter();
-    let tracks = tracks.map(|file| Track::read(file, description, mains_hz, &mut report));
+    let tracks = files.iter().map(|file| {
+        let (track, warnings) = Track::read(file, description, mains_hz)?;
+        observer.message(&track.to_string());
+        for warning in warnings {
+            observer.message(&format!("{}: warning: {warning}", track.name));
+        }
+        Ok(track)
+    });
     Ok(tracks.collect::<Result<_, FitError>>()?)
 }
 

@@ -76,7 +76,7 @@ pub(crate) fn live(board: Board, port: u16, other_port: bool) -> Result<(), Fail
     let is_uart = (board == Board::H743) == other_port;
     let cable = if is_uart { "uart" } else { "usb" };
     let key = board.key();
-    let words = format!("run --release --quiet -- {key} --port {port} --cable {cable}");
+    let words = format!("run --release -- {key} --port {port} --cable {cable}");
     replace(virtual_board_cargo(&words).arg("--image").arg(image))
 }
 

@@ -4,13 +4,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use link::{Counters, Decoder, MAX_FRAME, ToHost};
-use neuro_ros::{AcquisitionInfo, DiagnosticArray, NeuroEvent, NeuroFrame};
+use neuro_ros::{AcquisitionInfo, DiagnosticArray, DiagnosticLevel, NeuroEvent, NeuroFrame};
 
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
 use crate::decoder::packed::TimedPackedBlock;
 use crate::decoder::reconstruction::TimedCode;
 use crate::device::Device;
+use crate::diagnostics::signal_quality_status;
 use crate::exclusion::Exclusions;
 use crate::session::Session;
 use crate::session::diagnosis::diagnose;
@@ -116,6 +117,17 @@ impl Core {
         self.session.upload = Some(upload);
     }
 
+    /// Asks every device whether it takes a packed model, and starts it only if it does.
+    pub fn require_slot(&mut self) {
+        self.session.commands.require_slot();
+    }
+
+    /// Returns whether the device has answered, after [`Core::require_slot`], that it takes no packed
+    /// model: it has no memory for one, or no packed code.
+    pub fn lacks_slot(&self) -> bool {
+        self.session.commands.lacks_slot()
+    }
+
     /// Returns whether the user wants no stream and the device has confirmed that none is running.
     pub fn is_stopped(&self) -> bool {
         self.session.commands.is_stopped()
@@ -143,6 +155,15 @@ impl Core {
     /// published; `None` if they are published.
     pub fn objection(&self) -> Option<&str> {
         self.session.objection()
+    }
+
+    /// Returns which electrodes are flat, at the rail or have much mains, such as "flat: Fz; at the
+    /// rail: C3 Cz", by the device's newest report; `None` if none is, or if [`Core::diagnostics`]
+    /// has published the report.
+    pub fn electrode_faults(&self) -> Option<String> {
+        let (quality, codes) = (&self.session.quality, &self.session.codes);
+        let status = signal_quality_status(quality.as_ref()?, &codes.as_ref()?.device().labels);
+        (status.level == DiagnosticLevel::Warn).then_some(status.message)
     }
 
     /// Returns the report for `/diagnostics`. Call this once a second: only the first report after

@@ -6,6 +6,7 @@ pub(crate) mod command_line;
 pub(crate) mod config_file;
 mod convert;
 mod doctor;
+mod driver;
 mod given_options;
 pub(crate) mod log;
 mod manual;
@@ -99,10 +100,11 @@ fn read_task(
     arguments: Vec<String>,
 ) -> Result<(Task, Option<PathBuf>), BridgeError> {
     let arguments = parameters::to_flags(arguments, &Options::parameter_names())?;
-    let parse = |arguments: &[String]| {
-        GivenOptions::parse_from(arguments).unwrap_or_else(|error| error.exit())
+    let parse = |command, arguments: &[String]| {
+        GivenOptions::parse_from(command, arguments).unwrap_or_else(|error| error.exit())
     };
-    let given = parse(&arguments);
+    // What is missing here may be in the configuration file. With it, wrong usage is an error.
+    let given = parse(command().ignore_errors(true), &arguments);
     let (mut path, mut others) = (None, Vec::new());
     if given.reads_config()
         && let Some(file) = ConfigFile::read(given.config(), |name| std::env::var_os(name))?
@@ -118,7 +120,7 @@ fn read_task(
         let values = others.iter().map(|(_, argument)| argument.clone());
         given.extend(&arguments, values)
     };
-    let with_file = parse(&values(&others));
+    let with_file = parse(command(), &values(&others));
     if with_file.is_ros_bridge() {
         let master_uri = with_file.ros_master_uri().unwrap_or(&ros.master_uri);
         let runtime = one_thread()?;

@@ -111,12 +111,13 @@ pub enum BridgeError {
          program; use its USB port, or calibrate from a recording, with --recording"
     )]
     NoFilteredSteps,
-    /// The device refuses packed blocks.
+    /// The device takes no packed model.
     #[error(
-        "the device streams no packed blocks, so it can use no packed model: its image was built without the packed \
-         code; flash an image with it"
+        "the device, a {0}, takes no packed model: it has no memory for one, its image has no packed code, or its \
+         firmware is older than this program; use a NUCLEO-H743ZI2 or host-sim, or fit a model to a recording, with \
+         --recording, and build an image with it (CORTICODE_ARTIFACT)"
     )]
-    NoPackedCode,
+    NoSlot(String),
     /// The device does not use the uploaded model.
     #[error(
         "the device has not taken the model: the log says why, if it has answered; the model is kept: stream with \
@@ -338,7 +339,7 @@ impl BridgeError {
                 _ => 1,
             },
             BridgeError::Node(_) | BridgeError::Unreachable { .. } => 3,
-            BridgeError::NoFilteredSteps | BridgeError::NoPackedCode | BridgeError::NotGiven => 4,
+            BridgeError::NoFilteredSteps | BridgeError::NoSlot(_) | BridgeError::NotGiven => 4,
             BridgeError::Query(error) => error.exit_code(),
         }
     }

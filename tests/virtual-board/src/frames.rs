@@ -31,6 +31,8 @@ pub struct ReceivedCode {
 pub enum Kind {
     Hello {
         board: String,
+        model_id: [u8; 8],
+        session_id: u32,
         reset_cause: ResetCause,
         fault: String,
     },
@@ -112,6 +114,8 @@ impl Kind {
         match message {
             ToHost::Hello(hello) => Self::Hello {
                 board: hello.board.to_owned(),
+                model_id: hello.model_id,
+                session_id: hello.session_id,
                 reset_cause: hello.reset_cause,
                 fault: hello.fault.to_owned(),
             },

@@ -5,6 +5,7 @@ use crate::front_end::{Filters, Resampler};
 use artifact::Description;
 use model_gen::headroom::GUARD_BITS;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
+use std::fmt;
 use std::path::Path;
 
 /// Number of units of the front end's output, Q27.5, in one ADC count.
@@ -54,8 +55,8 @@ impl Track {
         }
     }
 
-    /// Reads a recording and passes it through a virtual ADC and the filters of `description`.
-    /// Reports its length and its warnings to `report`.
+    /// Reads a recording and passes it through a virtual ADC and the filters of `description`. Also
+    /// returns the warnings about the recording.
     ///
     /// # Errors
     /// If the recording cannot be read or does not fit the montage, or the filters cannot be
@@ -64,8 +65,7 @@ impl Track {
         path: &Path,
         description: &Description,
         mains_hz: u32,
-        report: &mut dyn FnMut(&str),
-    ) -> Result<Self, FitError> {
+    ) -> Result<(Self, Vec<String>), FitError> {
         let name = path.file_name().unwrap_or_default();
         let name = name.to_string_lossy().into_owned();
         let unreadable = |source| FitError::Recording(name.clone(), source);
@@ -96,27 +96,19 @@ impl Track {
         values.drain(..settling.min(values.len()));
         let interpolated = map.interpolated().into_iter().map(str::to_owned);
         let track = Self {
-            name: name.clone(),
+            name,
             electrodes,
             values,
             interpolated: interpolated.collect(),
             bad: Vec::new(),
             signals: map.used().len(),
         };
-        report(&format!(
-            "{name}: {} time steps, {} electrodes interpolated",
-            track.steps(),
-            track.interpolated.len()
-        ));
         let of_map = map.warnings();
         let of_map = of_map.iter().map(ToString::to_string);
         let of_file = virtual_adc.recording().warnings().iter();
         let of_file = of_file.map(ToString::to_string);
         let of_adc = virtual_adc.counters().warnings();
-        for warning in of_map.chain(of_file).chain(of_adc) {
-            report(&format!("{name}: warning: {warning}"));
-        }
-        Ok(track)
+        Ok((track, of_map.chain(of_file).chain(of_adc).collect()))
     }
 
     /// Returns the part of the recording at the given time steps.
@@ -139,5 +131,15 @@ impl Track {
     /// Returns the number of time steps.
     pub fn steps(&self) -> usize {
         self.values.len() / self.electrodes
+    }
+}
+
+impl fmt::Display for Track {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, steps, lacking) = (&self.name, self.steps(), self.interpolated.len());
+        write!(
+            f,
+            "{name}: {steps} time steps, {lacking} electrodes interpolated"
+        )
     }
 }

@@ -1,6 +1,6 @@
 //! Decides which command to the device is due, and when it must be repeated.
 
-use link::{AckResult, ExclusionPolicy, ModelReceived, Start, Streams, ToDevice};
+use link::{AckResult, ExclusionPolicy, ModelBegin, ModelReceived, Start, Streams, ToDevice};
 
 use crate::wire::upload::{Upload, Uploading};
 use crate::wire::wanted::{ClockQuery, WantedStreams};
@@ -36,6 +36,8 @@ pub(crate) struct Commands {
     refused_exclusion: Option<ExclusionPolicy>,
     /// The model that the device is given before it streams.
     upload: UploadState,
+    /// Whether the device takes a packed model, if it must to be started.
+    slot: SlotState,
     streams: WantedStreams,
     streaming_wanted: bool,
     device: Introduction,
@@ -84,6 +86,16 @@ enum UploadState {
     Refused,
 }
 
+/// Whether the device takes a packed model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum SlotState {
+    /// The device is not asked.
+    NotRequired,
+    Unknown,
+    Exists,
+    Missing,
+}
+
 /// What an acknowledgement means for the rest of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AckEffect {
@@ -110,6 +122,7 @@ impl Commands {
             known_exclusion: ExclusionPolicy::AUTOMATIC,
             refused_exclusion: None,
             upload: UploadState::NotDue,
+            slot: SlotState::NotRequired,
             streams: WantedStreams::new(streams),
             streaming_wanted: true,
             device: Introduction::Missing,
@@ -185,6 +198,16 @@ impl Commands {
         matches!(self.upload, UploadState::Refused)
     }
 
+    /// Asks the device whether it takes a packed model, and starts it only if it does.
+    pub(crate) fn require_slot(&mut self) {
+        self.slot = SlotState::Unknown;
+    }
+
+    /// Returns whether the device has answered that it takes no packed model.
+    pub(crate) fn lacks_slot(&self) -> bool {
+        self.slot == SlotState::Missing
+    }
+
     /// Records what the device has of an announced model.
     pub(crate) fn model_received(&mut self, received: ModelReceived) {
         if let UploadState::Underway(uploading) = &mut self.upload {
@@ -224,6 +247,9 @@ impl Commands {
         self.known_exclusion = ExclusionPolicy::AUTOMATIC;
         self.refused_exclusion = None;
         self.upload = UploadState::NotDue;
+        if self.slot != SlotState::NotRequired {
+            self.slot = SlotState::Unknown;
+        }
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.refused_start = None;
@@ -359,12 +385,16 @@ impl Commands {
         let since_identify_us = now_us - self.last_identify_us;
         let is_recent = |refused: RefusedStart| now_us < refused.refused_us + REFUSED_RETRY_US;
         let refused = self.refused_start.is_some_and(is_recent);
-        match (self.wants_stream(), self.stream) {
+        match (self.wants_stream() && !self.lacks_slot(), self.stream) {
             (true, StreamState::Stopped | StreamState::Unconfirmed) if !self.owns_stream => {
                 Some(ToDevice::Stop)
             }
             (true, _) if let UploadState::Underway(uploading) = &self.upload => {
                 Some(uploading.command())
+            }
+            // The announcement of an empty model: refused by every device, and changes nothing.
+            (true, _) if self.slot == SlotState::Unknown => {
+                Some(ToDevice::ModelBegin(ModelBegin::default()))
             }
             (true, _) if let Some(rate) = self.due_rate() => Some(ToDevice::SetRate { rate }),
             (true, _)
@@ -499,6 +529,12 @@ impl Commands {
     fn handle_upload(&mut self, command: ToDevice<'static>, result: AckResult) -> AckEffect {
         let UploadState::Underway(uploading) = &mut self.upload else {
             self.pending = None;
+            if self.slot == SlotState::Unknown {
+                self.slot = match result {
+                    AckResult::NotSupported | AckResult::UnknownCommand => SlotState::Missing,
+                    _ => SlotState::Exists,
+                };
+            }
             return AckEffect::NoChange;
         };
         match result {

@@ -166,6 +166,14 @@ impl Board {
         self.encoder.skip();
     }
 
+    /// Returns the announcement of the model that a command of an upload is about.
+    fn announced(&self, command: &ToDevice) -> ModelBegin {
+        match (command, &self.slot) {
+            (ToDevice::ModelBegin(begin), _) | (_, Some((begin, _))) => *begin,
+            (_, None) => ModelBegin::default(),
+        }
+    }
+
     fn model_received(&mut self) -> Vec<u8> {
         let (ModelBegin { crc, .. }, bytes) = self.slot.clone().unwrap();
         let received = ModelReceived {
@@ -267,20 +275,17 @@ impl Board {
                 {
                     result = AckResult::NotSupported;
                 }
+                ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd
+                    if self.announced(&command).bytes == 0 =>
+                {
+                    result = AckResult::BadArgument;
+                    answers.extend(self.model_received());
+                }
                 ToDevice::ModelBegin(begin) => {
                     let announced = self.slot.as_ref().map(|(announced, _)| *announced);
                     if announced != Some(begin) {
                         self.slot = Some((begin, Vec::new()));
                     }
-                    answers.extend(self.model_received());
-                }
-                ToDevice::ModelChunk(_) | ToDevice::ModelEnd
-                    if self
-                        .slot
-                        .as_ref()
-                        .is_some_and(|(begin, _)| begin.bytes == 0) =>
-                {
-                    result = AckResult::BadArgument;
                     answers.extend(self.model_received());
                 }
                 ToDevice::ModelChunk(_) => answers.extend(self.model_received()),

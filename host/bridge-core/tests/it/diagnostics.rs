@@ -141,7 +141,10 @@ fn electrodes_that_are_flat_at_the_rail_or_with_strong_mains_are_named() {
         quality.electrodes[3].mains_uv = 100.5;
         quality.electrodes[60].mains_uv = 3000.0;
     });
-    let status = harness.status_after(&message, "signal quality");
+    harness.send(0, &message);
+    let faults = harness.core.electrode_faults();
+    let status = harness.status("signal quality").unwrap();
+    assert_eq!(faults.as_ref(), Some(&status.message));
     assert_eq!(status.level, DiagnosticLevel::Warn);
     assert_eq!(
         status.message,
@@ -159,7 +162,9 @@ fn electrodes_that_are_flat_at_the_rail_or_with_strong_mains_are_named() {
 #[test]
 fn good_electrodes_are_no_warning_and_settling_is_reported() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let status = harness.status_after(&quality(|_| {}), "signal quality");
+    harness.send(0, &quality(|_| {}));
+    assert_eq!(harness.core.electrode_faults(), None);
+    let status = harness.status("signal quality").unwrap();
     assert_eq!(
         state(&status),
         (DiagnosticLevel::Ok, "61 electrodes in order")

@@ -214,6 +214,22 @@ fn a_device_that_refuses_the_model_after_a_restart_streams_its_own() {
 }
 
 #[test]
+fn a_device_is_asked_for_a_slot_at_each_start_and_does_not_stream_without_one() {
+    for (board, has_slot) in [(Board::with_slot(), true), (Board::new(), false)] {
+        let mut harness = Harness::new(PACKED, board);
+        harness.core.require_slot();
+        harness.connect();
+        assert_eq!(harness.core.lacks_slot(), !has_slot);
+        let all = ["identify", "stop", "model begin", "start"];
+        let expected = if has_slot { &all[..] } else { &all[..3] };
+        assert_eq!(commands(&harness), expected);
+        harness.board.received.clear();
+        harness.reboot(1_000_000);
+        assert_eq!(commands(&harness), expected[1..]);
+    }
+}
+
+#[test]
 fn no_model_is_sent_to_a_device_that_has_it_or_has_other_electrodes() {
     let has_it = Board {
         model_id: model().id(),

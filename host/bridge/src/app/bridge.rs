@@ -10,10 +10,9 @@ use link::Streams;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
 use tokio::sync::{mpsc, watch};
-use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use crate::app::command_line::{Options, SinkKind};
-use crate::app::log::SilenceLog;
+use crate::app::driver::{DRAIN_TIMEOUT, Driver};
 use crate::app::outlets::{Outlets, Sinks};
 use crate::app::recorders::Recorders;
 use crate::app::ros_node::{Namespace, NodeCommand, RosNode};
@@ -24,13 +23,8 @@ use crate::error::BridgeError;
 use crate::subject_models::SubjectModels;
 use crate::wire::connection::{Connection, Event, Feed};
 
-/// Time without a frame from the device after which the log reports the silence.
-const SILENCE: Duration = Duration::from_secs(5);
-/// Timeout of each of the two waits at shutdown: until the device has stopped, and until queued
-/// JSON lines are written.
-const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
-/// Timeout of the wait for queued JSON lines after the end of a recording, while no
-/// user waits for the program.
+/// Timeout of the wait for queued JSON lines after the end of a recording, while no user waits for
+/// the program.
 const END_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Configuration of a program that publishes the streams of a device.
@@ -225,13 +219,11 @@ async fn print_lines(
     }
 }
 
-/// A running bridge: the state machine [`Core`] with its connection to the device, the commands
-/// from ROS, and the outlets that execute the core's effects.
+/// A running bridge: the core at its port, the commands from ROS, and the outlets that execute the
+/// core's effects.
 struct Bridge<F> {
-    core: Box<Core>,
-    connection: F,
+    driver: Driver<F>,
     commands: mpsc::UnboundedReceiver<NodeCommand>,
-    silence_log: SilenceLog,
     outlets: Outlets,
     exit_at_end: bool,
     /// Whether the bridge ends because the device has disconnected.
@@ -247,10 +239,8 @@ impl<F: Feed> Bridge<F> {
         outlets: Outlets,
     ) -> Bridge<F> {
         Bridge {
-            core: Box::new(Core::new(settings, Some(model))),
-            connection,
+            driver: Driver::new(Core::new(settings, Some(model)), connection),
             commands,
-            silence_log: SilenceLog::default(),
             outlets,
             exit_at_end: false,
             has_ended: false,
@@ -259,14 +249,14 @@ impl<F: Feed> Bridge<F> {
 
     /// Sets what the user decides about the exclusion of electrodes.
     fn with_exclusions(mut self, exclusions: Exclusions) -> Bridge<F> {
-        self.core.set_exclusions(exclusions);
+        self.driver.core.set_exclusions(exclusions);
         self
     }
 
     /// Sets the packed model that the device is given before it streams.
     fn with_upload(mut self, upload: Option<Upload>) -> Bridge<F> {
         if let Some(upload) = upload {
-            self.core.set_upload(upload);
+            self.driver.core.set_upload(upload);
         }
         self
     }
@@ -285,7 +275,7 @@ impl<F: Feed> Bridge<F> {
     ) -> (Summary, bool, Result<(), BridgeError>) {
         let outcome = self.run(shutdown).await;
         let has_ended = self.has_ended;
-        let mut summary = self.core.summary();
+        let mut summary = self.driver.core.summary();
         let outlets = self.outlets;
         // Waits in another thread, because the tasks that write the sockets need this one.
         let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
@@ -294,54 +284,41 @@ impl<F: Feed> Bridge<F> {
     }
 
     async fn run(&mut self, shutdown: &mut Shutdown) -> Result<(), BridgeError> {
-        let mut buffer = vec![0; 4096];
-        let mut ticks = interval(Core::TICK);
-        ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
         let mut until_report = Core::TICKS_PER_REPORT;
-        let mut deadline: Option<Instant> = None;
         let mut failure = None;
         loop {
-            // While paused, the port is not read, so the device waits or drops frames; checked at
-            // every tick.
+            // Checked at every tick.
             let paused = self.outlets.must_pause();
             tokio::select! {
-                event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => {
-                    let event = event?;
-                    self.handle_connection(event, &buffer);
-                    let has_sent = self.core.wire_counters().frames > 0;
-                    if self.exit_at_end && event == Event::Closed && has_sent {
-                        self.has_ended = true;
-                        shutdown.request("the port has closed, and --exit-at-end is set");
+                event = self.driver.next(&mut self.outlets, paused) => match event? {
+                    Some(Event::Closed) => {
+                        let has_sent = self.driver.core.wire_counters().frames > 0;
+                        if self.exit_at_end && has_sent {
+                            self.has_ended = true;
+                            shutdown.request("the port has closed, and --exit-at-end is set");
+                        }
                     }
-                }
-                Some(command) = self.commands.recv() => match command {
-                    NodeCommand::Acquisition(AcquisitionCommand::Start) => self.core.set_streaming(true),
-                    NodeCommand::Acquisition(AcquisitionCommand::Stop) => self.core.set_streaming(false),
-                    NodeCommand::Acquisition(AcquisitionCommand::Quit) => shutdown.request("~quit was called"),
-                    NodeCommand::PackedRate(rate) => self.core.set_packed_rate(rate),
+                    Some(_) => {}
+                    None => {
+                        until_report -= 1;
+                        if until_report == 0 {
+                            until_report = Core::TICKS_PER_REPORT;
+                            self.report();
+                        }
+                    }
                 },
-                reason = shutdown.requested(), if deadline.is_none() => {
-                    tracing::info!("shutting down: {reason}");
-                    self.core.set_streaming(false);
-                    self.core.tick(HostTime::now(), &mut self.outlets);
-                    deadline = Some(Instant::now() + DRAIN_TIMEOUT);
+                Some(command) = self.commands.recv() => {
+                    let core = &mut self.driver.core;
+                    match command {
+                        NodeCommand::Acquisition(AcquisitionCommand::Start) => core.set_streaming(true),
+                        NodeCommand::Acquisition(AcquisitionCommand::Stop) => core.set_streaming(false),
+                        NodeCommand::Acquisition(AcquisitionCommand::Quit) => shutdown.request("~quit was called"),
+                        NodeCommand::PackedRate(rate) => core.set_packed_rate(rate),
+                    }
                 }
-                _ = ticks.tick() => {
-                    let now = HostTime::now();
-                    self.core.tick(now, &mut self.outlets);
-                    until_report -= 1;
-                    if until_report == 0 {
-                        until_report = Core::TICKS_PER_REPORT;
-                        self.report(now);
-                    }
-                    let limit = self.connection.silence_limit();
-                    let is_read = self.connection.is_open() && !paused;
-                    if is_read && self.core.is_unresponsive(now, SILENCE) {
-                        self.silence_log.log(&self.connection.name(), self.core.wire_counters());
-                    }
-                    if is_read && self.core.is_unresponsive(now, limit) {
-                        self.close();
-                    }
+                reason = shutdown.requested(), if !self.driver.is_ending() => {
+                    tracing::info!("shutting down: {reason}");
+                    self.driver.end(&mut self.outlets);
                 }
             }
             self.outlets.start_decoding().await;
@@ -351,46 +328,17 @@ impl<F: Feed> Bridge<F> {
                 shutdown.request("frames cannot be published any more");
                 failure = Some(BridgeError::Sink(error));
             }
-            let is_done = !self.connection.is_open() || self.core.is_stopped();
-            if deadline.is_some_and(|deadline| is_done || Instant::now() >= deadline) {
-                self.report(HostTime::now());
+            if self.driver.has_ended() {
+                self.report();
                 return failure.map_or(Ok(()), Err);
             }
         }
     }
 
     /// Publishes the state of core, connection and outlets on `/diagnostics`.
-    fn report(&mut self, now: HostTime) {
-        let mut report = self.core.diagnostics(now);
-        report.status.extend(self.connection.status());
+    fn report(&mut self) {
+        let mut report = self.driver.core.diagnostics(HostTime::now());
+        report.status.extend(self.driver.connection.status());
         self.outlets.publish_diagnostics(report);
-    }
-
-    fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
-        // Read the clock directly after the bytes: the device's clock is fitted to the times at
-        // which bytes arrive.
-        let now = self.connection.read_time();
-        match event {
-            Event::Opened => self.core.connected(now, &mut self.outlets),
-            Event::Bytes(count) => {
-                self.core.receive(&buffer[..count], now, &mut self.outlets);
-                let frames = self.core.wire_counters().frames;
-                self.connection.mark_stranger(frames == 0);
-            }
-            Event::Closed => {
-                if self.connection.is_stranger() {
-                    self.silence_log
-                        .log(&self.connection.name(), self.core.wire_counters());
-                }
-                self.core.disconnected();
-                self.outlets.outgoing.clear();
-            }
-        }
-    }
-
-    fn close(&mut self) {
-        self.connection.close_silently();
-        self.core.disconnected();
-        self.outlets.outgoing.clear();
     }
 }

@@ -17,34 +17,30 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use artifact::{Artifact, ModelId, Person};
-use bridge_core::{Announcement, Core, Device, Effects, HostTime, Model, Settings, Upload};
+use bridge_core::{Announcement, Core, Device, Effects, Model, Settings, Upload};
 use indicatif::ProgressBar;
 use jiff::Timestamp;
 use link::Streams;
 use neuro_ros::NeuroFrame;
-use packed_fit::{GoodSignal, PersonalModel, Track, error_at};
+use packed_fit::{FitError, GoodSignal, PersonalModel, Track, error_at};
 use tokio::sync::oneshot::{self, Receiver, error::TryRecvError};
-use tokio::time::{Instant, MissedTickBehavior, interval};
+use tokio::time::Instant;
 
 use crate::app::calibrate::display::Display;
 use crate::app::calibrate::listening::Listening;
 use crate::app::command_line::{CalibrateOptions, PortOptions};
+use crate::app::driver::{Driver, PortEffects};
 use crate::app::shutdown::Shutdown;
 use crate::error::BridgeError;
 use crate::subject_models::{NewModel, SubjectModels};
-use crate::wire::connection::{Connection, Event, Feed};
+use crate::wire::connection::Connection;
 
-/// Longest wait at the end of listening until the device has stopped.
-const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
-/// Longest wait until the device has answered the upload. 126 KB take 2 s at 921,600 baud, and lost
+/// Longest wait until the device has answered the upload. It takes 1.5 s at 921,600 baud, and lost
 /// frames are sent again after 0.5 s.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(30);
 /// Number of codes or packed blocks, 5 s of them, after which a device that has sent no filtered
 /// steps is taken for one that refuses them.
 const HOPS_WITHOUT_STEPS: u64 = 80;
-/// Number of filtered steps, 5 s of them, after which a device that has sent no packed block is
-/// taken for one that refuses them.
-const STEPS_WITHOUT_BLOCKS: u64 = 640;
 /// Interval at which the user sees how the signal is.
 const SHOW_INTERVAL: Duration = Duration::from_secs(1);
 /// Rates of the packed code that the summary shows.
@@ -173,16 +169,15 @@ fn read(
     base: &Artifact,
 ) -> Result<(GoodSignal, Vec<String>), BridgeError> {
     let mains_hz = options.mains.unwrap_or_default().into();
-    let mut report = |text: &str| {
-        if let Some((name, warning)) = text.split_once("warning: ") {
-            tracing::warn!("{name}{warning}");
-        } else {
-            tracing::info!("{text}");
+    let tracks = options.recording.iter().map(|file| {
+        let (track, warnings) = Track::read(file, &base.description, mains_hz)?;
+        tracing::info!("{track}");
+        for warning in warnings {
+            tracing::warn!("{}: {warning}", track.name);
         }
-    };
-    let files = options.recording.iter();
-    let tracks = files.map(|file| Track::read(file, &base.description, mains_hz, &mut report));
-    let tracks: Vec<Track> = tracks.collect::<Result<_, _>>()?;
+        Ok(track)
+    });
+    let tracks: Vec<Track> = tracks.collect::<Result<_, FitError>>()?;
     let electrodes = base.description.montage.electrodes.len();
     let lacks_many = |track: &&Track| 4 * track.interpolated.len() > electrodes;
     if let Some(track) = tracks.iter().find(lacks_many) {
@@ -218,9 +213,10 @@ async fn listen(
         ..Settings::default()
     };
     let model = Model::new(base).map_err(BridgeError::Model)?;
-    let mut core = Core::new(settings, None);
+    let connection = Connection::new(options.at.port.clone(), options.at.baud);
+    let mut driver = Driver::new(Core::new(settings, None), connection);
+    driver.core.require_slot();
     let mut port = Port::default();
-    let mut connection = Connection::new(options.at.port.clone(), options.at.baud);
     let labels = &base.description.montage.electrodes;
     let mut display = Display::new(&base.description, wanted);
     let mut shown = Instant::now();
@@ -228,58 +224,55 @@ async fn listen(
     // Judging the whole signal takes longer and longer; meanwhile the port must be read.
     let mut judging: Option<Receiver<GoodSignal>> = None;
     let mut judged = 0;
-    let ended = run(
-        &mut core,
-        &mut connection,
-        &mut port,
-        shutdown,
-        |core, port| {
-            if let Some(device) = &port.device
-                && !model.fits(device)
-            {
-                return Err(BridgeError::OtherMontage(device.board.clone()));
-            }
-            let (summary, steps) = (core.summary(), port.listening.steps);
-            let hops = summary.received + summary.packed.received;
-            if steps == 0 && hops >= HOPS_WITHOUT_STEPS {
-                return Err(BridgeError::NoFilteredSteps);
-            }
-            if summary.packed.received == 0 && steps >= STEPS_WITHOUT_BLOCKS {
-                return Err(BridgeError::NoPackedCode);
-            }
-            if let Some(receiver) = &mut judging {
-                match receiver.try_recv() {
-                    Ok(new) => {
-                        signal = new;
-                        judging = None;
-                    }
-                    Err(TryRecvError::Empty) => {}
-                    Err(TryRecvError::Closed) => panic!("judging the signal has panicked"),
+    let ended = run(&mut driver, &mut port, shutdown, |core, port| {
+        if let Some(device) = &port.device
+            && !model.fits(device)
+        {
+            return Err(BridgeError::OtherMontage(device.board.clone()));
+        }
+        if let Some(device) = &port.device
+            && core.lacks_slot()
+        {
+            return Err(BridgeError::NoSlot(device.board.clone()));
+        }
+        let (summary, steps) = (core.summary(), port.listening.steps);
+        let hops = summary.received + summary.packed.received;
+        if steps == 0 && hops >= HOPS_WITHOUT_STEPS {
+            return Err(BridgeError::NoFilteredSteps);
+        }
+        if let Some(receiver) = &mut judging {
+            match receiver.try_recv() {
+                Ok(new) => {
+                    signal = new;
+                    judging = None;
                 }
+                Err(TryRecvError::Empty) => {}
+                Err(TryRecvError::Closed) => panic!("judging the signal has panicked"),
             }
-            let seconds = port.listening.seconds();
-            if judging.is_none() && seconds != judged {
-                judged = seconds;
-                let (sender, receiver) = oneshot::channel();
-                let (stretches, labels) = (port.listening.stretches.clone(), labels.clone());
-                tokio::task::spawn_blocking(move || {
-                    let _ = sender.send(GoodSignal::select(&stretches, &labels));
-                });
-                judging = Some(receiver);
-            }
-            if shown.elapsed() >= SHOW_INTERVAL {
-                shown = Instant::now();
-                display.show(&signal, &port.listening);
-            }
-            Ok(signal.seconds() >= wanted)
-        },
-    );
+        }
+        let seconds = port.listening.seconds();
+        if judging.is_none() && seconds != judged {
+            judged = seconds;
+            let (sender, receiver) = oneshot::channel();
+            let (stretches, labels) = (port.listening.stretches.clone(), labels.clone());
+            tokio::task::spawn_blocking(move || {
+                let _ = sender.send(GoodSignal::select(&stretches, &labels));
+            });
+            judging = Some(receiver);
+        }
+        if shown.elapsed() >= SHOW_INTERVAL {
+            shown = Instant::now();
+            let faults = core.electrode_faults();
+            display.show(&signal, &port.listening, faults.as_deref());
+        }
+        Ok(signal.seconds() >= wanted)
+    });
     let ended = ended.await;
     display.finish();
     let good = signal.seconds();
     let bad = bad_words(&signal, labels) + &port.listening.unusable_words();
     tracing::info!("{good} of {wanted} s of good signal{bad}");
-    tracing::info!("{}", core.summary());
+    tracing::info!("{}", driver.core.summary());
     ended.map(|()| signal)
 }
 
@@ -298,16 +291,12 @@ async fn give(
     };
     let mut core = Core::new(settings, Some(model));
     core.set_upload(Upload::new(artifact.id.0, bytes.into()));
+    let mut driver = Driver::new(core, Connection::new(at.port.clone(), at.baud));
     let mut port = Port::default();
-    let mut connection = Connection::new(at.port.clone(), at.baud);
     let end = Instant::now() + UPLOAD_TIMEOUT;
-    let given = run(
-        &mut core,
-        &mut connection,
-        &mut port,
-        shutdown,
-        |_, port| Ok(port.device.is_some() || Instant::now() >= end),
-    );
+    let given = run(&mut driver, &mut port, shutdown, |_, port| {
+        Ok(port.device.is_some() || Instant::now() >= end)
+    });
     given.await.map_err(|error| match error {
         BridgeError::Interrupted => BridgeError::InterruptedUpload,
         error => error,
@@ -318,58 +307,32 @@ async fn give(
     device.map(|_| ()).ok_or(BridgeError::NotGiven)
 }
 
-/// Runs the core at the port until `is_done` says so, then stops the device. `is_done` is asked
-/// every [`Core::TICK`].
+/// Drives the core until `is_done` says so, then stops the device. `is_done` is asked every
+/// [`Core::TICK`].
 ///
 /// # Errors
 ///
 /// [`BridgeError::Interrupted`], the error of `is_done`, or that of the port.
 async fn run(
-    core: &mut Core,
-    connection: &mut Connection,
+    driver: &mut Driver<Connection>,
     port: &mut Port,
     shutdown: &mut Shutdown,
-    mut is_done: impl FnMut(&Core, &Port) -> Result<bool, BridgeError>,
+    mut is_done: impl FnMut(&mut Core, &Port) -> Result<bool, BridgeError>,
 ) -> Result<(), BridgeError> {
-    let mut buffer = vec![0; 4096];
-    let mut ticks = interval(Core::TICK);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    let mut end: Option<(Instant, Result<(), BridgeError>)> = None;
+    let mut outcome = Ok(());
     loop {
-        let mut ending = None;
-        tokio::select! {
-            event = connection.next_event(&mut buffer, &mut port.outgoing) => {
-                let now = HostTime::now();
-                match event? {
-                    Event::Opened => core.connected(now, port),
-                    Event::Bytes(count) => core.receive(&buffer[..count], now, port),
-                    Event::Closed => port.closed(core),
-                }
-            }
-            _ = shutdown.requested(), if end.is_none() => ending = Some(Err(BridgeError::Interrupted)),
-            _ = ticks.tick() => {
-                let now = HostTime::now();
-                core.tick(now, port);
-                if connection.is_open() && core.is_unresponsive(now, connection.silence_limit()) {
-                    tracing::warn!("the device is silent; reopening the port");
-                    connection.close();
-                    port.closed(core);
-                }
-                if end.is_none() {
-                    ending = is_done(core, port)
-                        .map_or_else(|error| Some(Err(error)), |done| done.then_some(Ok(())));
-                }
-            }
+        let ending = tokio::select! {
+            event = driver.next(port, false) => match event? {
+                None if !driver.is_ending() => is_done(&mut driver.core, port),
+                _ => Ok(false),
+            },
+            _ = shutdown.requested(), if !driver.is_ending() => Err(BridgeError::Interrupted),
+        };
+        if !matches!(ending, Ok(false)) {
+            outcome = ending.map(|_| ());
+            driver.end(port);
         }
-        if let Some(outcome) = ending {
-            core.set_streaming(false);
-            core.tick(HostTime::now(), port);
-            end = Some((Instant::now() + DRAIN_TIMEOUT, outcome));
-        }
-        let is_stopped = !connection.is_open() || core.is_stopped();
-        if let Some((_, outcome)) =
-            end.take_if(|(deadline, _)| is_stopped || Instant::now() >= *deadline)
-        {
+        if driver.has_ended() {
             return outcome;
         }
     }
@@ -383,10 +346,9 @@ struct Port {
     listening: Listening,
 }
 
-impl Port {
-    fn closed(&mut self, core: &mut Core) {
-        core.disconnected();
-        self.outgoing.clear();
+impl PortEffects for Port {
+    fn outgoing(&mut self) -> &mut Vec<u8> {
+        &mut self.outgoing
     }
 }
 

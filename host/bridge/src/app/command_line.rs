@@ -271,15 +271,16 @@ pub(crate) struct RecordOptions {
 
 /// Fit a packed model to the person who wears the cap, from two minutes of their EEG.
 ///
-/// Listens to the filtered signal of the device, and shows the quality of each electrode meanwhile.
-/// Seconds in which steps are missing or more than a quarter of the electrodes is bad do not count;
-/// fewer bad electrodes are interpolated. Then fits a model, which takes some seconds, compares it
-/// with the built-in one on signal that it was not fitted to, writes it to a folder, and gives it
-/// to the device until its next restart. The bridge uses it with --subject NAME. With --recording,
-/// no device is needed. Ctrl-C before the model is written leaves device and folder as they were.
+/// Asks the device whether it takes a packed model, listens to its filtered signal, and shows the
+/// quality of each electrode meanwhile. Seconds in which steps are missing or more than a quarter
+/// of the electrodes is bad do not count; fewer bad electrodes are interpolated. Then fits a model,
+/// which takes some seconds, compares it with the built-in one on signal that it was not fitted to,
+/// writes it to a folder, and gives it to the device until its next restart. The bridge uses it
+/// with --subject NAME. With --recording, no device is needed. Ctrl-C before the model is written
+/// leaves device and folder as they were.
 ///
 /// Exit status: 0 done, 1 interrupted, 2 wrong usage, too little good signal or an existing folder,
-/// 4 the device does not take the model, which is kept.
+/// 4 the device takes no packed model, or refuses this one, which is kept.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "calibrate")]
 pub(crate) struct CalibrateOptions {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command, Error};
 
-use crate::app::command_line::{CONFIG, SinkKind, command};
+use crate::app::command_line::{CONFIG, SinkKind};
 
 /// The options that the command line and the environment set. Those from the parameter server and
 /// the configuration file are not among them.
@@ -19,13 +19,15 @@ pub(crate) struct GivenOptions {
 }
 
 impl GivenOptions {
-    /// Parses the arguments; the first one is the program's name.
+    /// Parses the arguments of `command`; the first one is the program's name.
     ///
     /// # Errors
     ///
     /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
-    pub(crate) fn parse_from(arguments: &[String]) -> Result<GivenOptions, Error> {
-        let mut command = command();
+    pub(crate) fn parse_from(
+        mut command: Command,
+        arguments: &[String],
+    ) -> Result<GivenOptions, Error> {
         let matches = command.try_get_matches_from_mut(arguments)?;
         let ids = |command: &Command| -> Vec<String> {
             let ids = command.get_arguments().map(Arg::get_id);

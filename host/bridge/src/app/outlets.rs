@@ -17,6 +17,7 @@ use neuro_ros::{
 };
 use tokio::sync::watch::Sender;
 
+use crate::app::driver::PortEffects;
 use crate::app::recorders::{EventTopic, Recorders};
 use crate::app::ros_node::{Namespace, RosNode};
 use crate::app::ros_status::RosStatus;
@@ -44,7 +45,7 @@ pub(crate) struct Outlets {
     /// Number of malformed packed blocks in the previous report to `/diagnostics`.
     reported_malformed: u64,
     /// Bytes for the device that have not been written to the port yet.
-    pub(crate) outgoing: Vec<u8>,
+    outgoing: Vec<u8>,
     /// Error of the sink that failed most recently. The main loop takes it and shuts down.
     pub(crate) sink_error: Option<SinkError>,
 }
@@ -198,6 +199,12 @@ impl Outlets {
         if let Err(error) = published {
             self.sink_error = Some(error);
         }
+    }
+}
+
+impl PortEffects for Outlets {
+    fn outgoing(&mut self) -> &mut Vec<u8> {
+        &mut self.outgoing
     }
 }
 

@@ -13,17 +13,12 @@ use capture::{FileHeader, Recorder};
 use indicatif::{DecimalBytes, FormattedDuration, ProgressBar};
 use link::Streams;
 use new_file::{Existing, GrowingFile};
-use tokio::time::{MissedTickBehavior, interval};
 
 use crate::app::command_line::RecordOptions;
+use crate::app::driver::{Driver, PortEffects};
 use crate::app::shutdown::Shutdown;
 use crate::error::BridgeError;
 use crate::wire::connection::{Connection, Event, Feed};
-
-/// Time between two calls of [`Core::tick`].
-const TICK: Duration = Duration::from_millis(100);
-/// Longest time to wait at the end of the recording until the device has stopped.
-const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Summary of a finished recording; prints as one line.
 #[derive(Debug)]
@@ -63,9 +58,8 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
         packed_rate: options.asked.packed_rate,
         ..Settings::default()
     };
-    let now = HostTime::now();
     let header = FileHeader {
-        created_ns: now.wall_ns,
+        created_ns: HostTime::now().wall_ns,
         streams: settings.streams,
         mains_hz: settings.mains_hz,
     };
@@ -73,12 +67,10 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     let mut core = Core::new(settings, None);
     core.set_exclusions(options.asked.exclusion.exclusions());
     let mut recording = Recording {
-        core,
-        connection: Connection::new(options.at.port, options.at.baud),
+        driver: Driver::new(core, Connection::new(options.at.port, options.at.baud)),
         port: RecordedPort {
             recorder: Recorder::new(header),
             outgoing: Vec::new(),
-            now,
             announced: None,
         },
         model_rate,
@@ -92,7 +84,7 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
         path: options.file,
         duration: recording.start.elapsed(),
         bytes: recording.port.recorder.bytes(),
-        core: recording.core.summary(),
+        core: recording.driver.core.summary(),
     };
     let written = recording.file.finish();
     if written.is_err() {
@@ -122,11 +114,9 @@ impl ModelRate {
     }
 }
 
-/// A recording in progress: the state machine `Core` with its connection to the device, and the
-/// file.
+/// A recording in progress: the core at its port, and the file.
 struct Recording {
-    core: Core,
-    connection: Connection,
+    driver: Driver<Connection>,
     port: RecordedPort,
     /// Rate of the packed code to set on devices with the built-in model. `None` if the user chose
     /// a rate, no packed blocks are recorded, or the model has no packed code.
@@ -138,73 +128,38 @@ struct Recording {
 impl Recording {
     async fn run(&mut self, shutdown: &mut Shutdown) -> Result<(), BridgeError> {
         let spinner = ProgressBar::new_spinner();
-        spinner.enable_steady_tick(TICK);
-        let mut buffer = vec![0; 4096];
-        let mut ticks = interval(TICK);
-        ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
-        let mut deadline: Option<Instant> = None;
+        spinner.enable_steady_tick(Core::TICK);
         loop {
             tokio::select! {
-                event = self.connection.next_event(&mut buffer, &mut self.port.outgoing) => self.handle_connection(event?, &buffer),
-                reason = shutdown.requested(), if deadline.is_none() => {
+                event = self.driver.next(&mut self.port, false) => match event? {
+                    Some(_) => self.set_model_rate(),
+                    None => spinner.set_message(self.progress_text()),
+                },
+                reason = shutdown.requested(), if !self.driver.is_ending() => {
                     tracing::info!("ending the recording: {reason}");
-                    let now = self.port.set_now();
-                    self.port.recorder.ending(now);
-                    self.core.set_streaming(false);
-                    self.core.tick(now, &mut self.port);
-                    deadline = Some(Instant::now() + DRAIN_TIMEOUT);
-                }
-                _ = ticks.tick() => {
-                    let now = self.port.set_now();
-                    self.core.tick(now, &mut self.port);
-                    let limit = self.connection.silence_limit();
-                    if self.connection.is_open() && self.core.is_unresponsive(now, limit) {
-                        tracing::warn!("the device is silent; reopening the port");
-                        self.connection.close();
-                        self.closed(now);
-                    }
-                    spinner.set_message(self.progress_text());
+                    self.port.recorder.ending(HostTime::now());
+                    self.driver.end(&mut self.port);
                 }
             }
-            if !self.write() && deadline.is_none() {
+            if !self.write() && !self.driver.is_ending() {
                 shutdown.request("the file cannot be written any further");
             }
-            let is_done = !self.connection.is_open() || self.core.is_stopped();
-            if deadline.is_some_and(|deadline| is_done || Instant::now() >= deadline) {
+            if self.driver.has_ended() {
                 spinner.finish_and_clear();
                 return Ok(());
             }
         }
     }
 
-    fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
-        // Read the clock directly after the bytes: the device's clock is fitted to this time.
-        let now = self.port.set_now();
-        match event {
-            Event::Opened => {
-                self.port.recorder.opened(now);
-                self.core.connected(now, &mut self.port);
-            }
-            Event::Bytes(count) => {
-                self.port.recorder.received(&buffer[..count], now);
-                self.core.receive(&buffer[..count], now, &mut self.port);
-                if let Some(model) = self.port.announced.take()
-                    && let Some(known) = self
-                        .model_rate
-                        .as_ref()
-                        .filter(|known| known.model == model)
-                {
-                    self.core.set_model_rate(known.rate);
-                }
-            }
-            Event::Closed => self.closed(now),
+    /// Sets the rate that the built-in model gives, if a device with this model has just introduced
+    /// itself.
+    fn set_model_rate(&mut self) {
+        let announced = self.port.announced.take();
+        if let Some(known) = &self.model_rate
+            && announced == Some(known.model)
+        {
+            self.driver.core.set_model_rate(known.rate);
         }
-    }
-
-    fn closed(&mut self, now: HostTime) {
-        self.port.recorder.closed(now);
-        self.core.disconnected();
-        self.port.outgoing.clear();
     }
 
     /// Queues the bytes that the recorder has collected. Returns whether the file still accepts
@@ -214,10 +169,10 @@ impl Recording {
     }
 
     fn progress_text(&self) -> String {
-        let summary = self.core.summary();
+        let summary = self.driver.core.summary();
         let time = FormattedDuration(self.start.elapsed());
         let bytes = DecimalBytes(self.port.recorder.bytes());
-        let absent = if self.connection.is_open() {
+        let absent = if self.driver.connection.is_open() {
             ""
         } else {
             ", waiting for the device"
@@ -236,22 +191,27 @@ impl Recording {
 struct RecordedPort {
     recorder: Recorder,
     outgoing: Vec<u8>,
-    /// Host time of the event that is being handled.
-    now: HostTime,
     /// Id of the model of a device that has just introduced itself; the main loop takes it.
     announced: Option<[u8; 8]>,
 }
 
-impl RecordedPort {
-    fn set_now(&mut self) -> HostTime {
-        self.now = HostTime::now();
-        self.now
+impl PortEffects for RecordedPort {
+    fn outgoing(&mut self) -> &mut Vec<u8> {
+        &mut self.outgoing
+    }
+
+    fn note(&mut self, event: Event, bytes: &[u8], at: HostTime) {
+        match event {
+            Event::Opened => self.recorder.opened(at),
+            Event::Bytes(_) => self.recorder.received(bytes, at),
+            Event::Closed => self.recorder.closed(at),
+        }
     }
 }
 
 impl Effects for RecordedPort {
     fn send(&mut self, frame: &[u8]) {
-        self.recorder.sent(frame, self.now);
+        self.recorder.sent(frame, HostTime::now());
         self.outgoing.extend_from_slice(frame);
     }
 

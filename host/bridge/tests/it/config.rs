@@ -103,6 +103,20 @@ fn the_file_of_the_user_is_found_and_applies_to_subcommands() {
 }
 
 #[test]
+fn required_options_can_be_in_the_file() {
+    let (_folder, path) = config("subject = \"ada\"\nmains = 50\n");
+    let calibrate = [
+        "calibrate",
+        "--output=/dev/null/model",
+        "--recording=/missing.gdf",
+    ];
+    let log = Bridge::start_with(&calibrate, &[("CORTICODE_CONFIG", &path)]).failure(1);
+    assert_has(&log, ["options from", "cannot be written to /dev/null"]);
+    let log = Bridge::start_with(&calibrate, &[("CORTICODE_CONFIG", "/dev/null")]).failure(2);
+    assert_has(&log, ["--subject", "--mains"]);
+}
+
+#[test]
 fn an_unusable_file_is_status_2_and_the_message_names_file_line_and_key() {
     let folder = tempfile::tempdir().unwrap();
     let missing: PathBuf = folder.path().join("missing.toml");

@@ -460,6 +460,9 @@ fn an_uploaded_model_is_introduced_by_its_id_and_streams_what_its_host_can_decod
             "{parts:?}"
         );
         assert_eq!(end, &["received", "hello", "capabilities", "ack"]);
+        // With an empty model a host asks whether there is a slot, which changes nothing.
+        let question = ToDevice::ModelBegin(ModelBegin::default());
+        assert_eq!(device.execute(question), (None, AckResult::BadArgument));
         device.deliver(ToDevice::Identify);
         let ids = device.sent(|_, message| match message {
             ToHost::Hello(hello) => Some(hello.model_id),

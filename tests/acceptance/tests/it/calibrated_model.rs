@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use acceptance::files::{noise, write_gdf};
 use acceptance::port::free_port;
-use acceptance::printing::{self, board, bridge};
+use acceptance::printing::{self, bridge};
 use acceptance::process::Process;
 use acceptance::programs::programs;
 use artifact::Artifact;
@@ -98,11 +98,16 @@ fn a_model_is_fitted_to_a_board_s_signal_and_the_bridge_streams_with_it() {
     );
 
     let port = free();
-    let _board = board(folder, 120, &port);
+    let mut faulty = Command::new(&programs().host_sim);
+    faulty.args(["run", "--input=synthetic", "--realtime", "--duration=120"]);
+    faulty.args(["--fault=lead-off@1s:Cz", "--output", &port]);
+    let _faulty = Process::start("faulty", &mut faulty, folder).expect("host-sim starts");
     let arguments = ["calibrate", "--subject=ada", "--port", &port];
     let mut interrupted = bridge(folder, "interrupted", &arguments);
-    interrupted.wait_until("a stream", SLACK, |bridge| {
-        bridge.errors().contains("streaming packed filtered")
+    interrupted.wait_until("a report of the electrode", SLACK, |bridge| {
+        bridge
+            .errors()
+            .contains("the device finds flat: Cz; at the rail: Cz")
     });
     interrupted.signal(Signal::INT);
     assert_eq!(interrupted.wait(SLACK).code(), Some(1));
@@ -164,6 +169,9 @@ fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
     write_recording(&folder.join("bad.gdf"), labels, true);
     write_recording(&folder.join("few.gdf"), &labels[..8], false);
     fs::create_dir(folder.join("mine")).expect("a folder");
+    let without_packed = built_in.clone().with_packed(None).expect("a model");
+    let network = folder.join("network");
+    without_packed.write(&network).expect("written");
     let run = |arguments: &[&str], status| {
         let arguments = [&["calibrate", "--subject=bob", "--mains=50"], arguments].concat();
         let mut calibrating = bridge(folder, "calibrating", &arguments);
@@ -208,6 +216,7 @@ fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
             "exists",
         ),
         (&["--seconds=20", "--recording", "none.gdf"], "none.gdf"),
+        (&["--model", &path("network")], "no packed code"),
     ] {
         let [_, log] = run(arguments, 2);
         assert!(log.contains(words), "{words}: {log}");

@@ -108,6 +108,9 @@ impl Mcu for F446 {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
+        // At the same temperature, the board would start with the same session id.
+        let warmer = i32::try_from(at.0 / 1_000_000 % 1_000).unwrap_or_default();
+        self.part.adc[0].set_temperature(2_500 + warmer);
         self.exti.reset_registers();
         self.otg.reset();
     }

@@ -15,6 +15,7 @@ use rigless::soc::Bus;
 use rigless::soc::stm32h743::Stm32h743;
 use rigless::soc::stm32h743::generated::{gpioa, otg1_hs_global, spi1};
 use rigless::soc::stm32h743::peripherals::gpio::{Gpio, PORTS, Pin as PartPin};
+use rigless::soc::stm32h743::peripherals::rng::{self, Rng};
 use rigless::soc::stm32h743::peripherals::tim::{Channel, TIMERS, Tim};
 use rigless::time::VirtualNanos;
 
@@ -101,6 +102,9 @@ impl Mcu for H743 {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
+        // The part's generator would start with the same numbers, and the board with the same
+        // session id.
+        self.part.rng = Rng::seeded(rng::RESET_AHB_HZ, rng::KERNEL_HZ, at.0);
         self.watchdog = Watchdog::default();
         self.otg.reset();
     }

@@ -9,7 +9,7 @@ use std::{env, thread};
 use virtual_board::{BoardError, TcpPort, VirtualBoard, live};
 
 use crate::images::Subject;
-use crate::session::{assert_sound, power_on};
+use crate::session::{assert_sound, power_on, running};
 
 /// Longest time that one run of the bridge may take, in seconds of virtual time.
 const TIMEOUT_S: u64 = 60;
@@ -80,6 +80,18 @@ fn codes(text: &str) -> usize {
     text.lines()
         .filter(|line| line.contains("\"topic\":\"/encoded\""))
         .count()
+}
+
+/// Scenario: before `calibrate` listens to the EEG of a board without memory for a packed model, it
+/// says that the board takes none.
+pub(crate) fn calibration_is_refused(subject: Subject) -> Result<(), BoardError> {
+    let mut board = running(subject)?;
+    let output = concat!(env!("CARGO_TARGET_TMPDIR"), "/never");
+    let arguments = ["calibrate", "--subject=ada", "--output", output];
+    // It would listen for longer than [`TIMEOUT_S`], and then have no exit status.
+    let (_, status) = bridge(&mut board, &arguments, |_| false)?;
+    assert_eq!(status, Some(4));
+    assert_sound(&mut board)
 }
 
 /// Scenario: the self-test that the bridge requests passes, and the bridge publishes codes.

@@ -1,11 +1,11 @@
 //! Scenarios with restarts of the device: after failures of the firmware, and on command.
 
 use link::{ResetCause, ResetInto, Streams, ToDevice};
-use virtual_board::{BoardError, Injection, VirtualBoard};
+use virtual_board::{BoardError, Injection, Kind, VirtualBoard};
 
 use crate::images::Subject;
 use crate::session::{
-    acks, assert_no_findings_but, assert_sound, greetings, run_codes, run_up, running, start,
+    acks, assert_no_findings_but, assert_sound, greetings, pick, run_codes, run_up, running, start,
     streaming,
 };
 
@@ -90,7 +90,8 @@ fn assert_streams_after(board: &mut VirtualBoard, cause: ResetCause) -> Result<S
     Ok(fault)
 }
 
-/// Scenario: the device restarts on `Reset`, reports this as the cause, and streams again.
+/// Scenario: the device restarts on `Reset`, reports this as the cause, and streams again. Its
+/// session id is another one, by which a host recognises the restart.
 pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
@@ -100,6 +101,12 @@ pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     })?;
     let fault = assert_streams_after(&mut board, ResetCause::Software)?;
     assert_eq!(fault, "");
+    let session = |kind: &Kind| match kind {
+        Kind::Hello { session_id, .. } => Some(*session_id),
+        _ => None,
+    };
+    let sessions: Vec<u32> = pick(board.inbox().frames(), session).collect();
+    assert!(matches!(sessions[..], [first, second] if first != second));
     assert_sound(&mut board)
 }
 

@@ -13,6 +13,7 @@ mod session;
 mod simulation;
 mod start_up;
 mod trigger;
+mod upload;
 mod usb;
 mod watchdog;
 
@@ -80,6 +81,7 @@ mod h743 {
         H743:
         usb: works_after_pauses_and_suspend reconnects_after_unplugging;
         packed: packed_blocks_equal_those_of_host_sim everything_at_once_is_in_time;
+        upload: uploaded_model_is_used unsound_upload_is_refused;
     }
 }
 
@@ -88,6 +90,7 @@ mod h743_uart {
     scenarios! {
         H743_UART:
         commands: commands_arrive_while_codes_stream damaged_bytes_destroy_only_their_commands;
+        upload: uploaded_model_is_used;
     }
 }
 
@@ -97,6 +100,7 @@ mod f446 {
         F446:
         commands: damaged_bytes_destroy_only_their_commands;
         packed: compressed_samples_equal_those_of_host_sim;
+        bridge: calibration_is_refused;
     }
 }
 
@@ -109,6 +113,6 @@ mod f446_packed {
     scenarios! {
         F446_PACKED:
         start_up: starts_up;
-        packed: packed_blocks_equal_those_of_host_sim codes_are_refused;
+        packed: packed_blocks_equal_those_of_host_sim codes_and_uploads_are_refused;
     }
 }

@@ -4,8 +4,9 @@ use link::{AckResult, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, ReceivedCode};
 
 use crate::images::Subject;
-use crate::session::{assert_sound, in_time, pick, run_frames, running, start, worst_path};
+use crate::session::{answer, assert_sound, in_time, pick, run_frames, running, start, worst_path};
 use crate::simulation::{EXCLUDE, HOP, Repeatable, assert_substituted};
+use crate::upload::upload;
 
 /// Number of blocks to compare, more than there are from one block without prediction to the next.
 const BLOCKS: usize = 70;
@@ -48,18 +49,17 @@ pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), Boar
     assert_sound(&mut board)
 }
 
-/// Scenario: an image without the network refuses to stream codes, audits windows without a code,
-/// and is in time with all other streams.
-pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
+/// Scenario: an image without the network and without memory for an uploaded model refuses to
+/// stream codes and to take a model. It audits windows without a code, and is in time with all
+/// other streams.
+pub(crate) fn codes_and_uploads_are_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
+    let [begin, ..] = upload().1[..] else {
+        panic!("no announcement")
+    };
+    assert_eq!(answer(&mut board, &begin)?, AckResult::NotSupported);
     for streams in [Streams::CODES, Streams::PACKED | Streams::CODES] {
-        start(&mut board, streams)?;
-        let result = |kind: &Kind| match kind {
-            Kind::Ack(ack) => Some(ack.result),
-            _ => None,
-        };
-        let newest = pick(board.inbox().frames(), result).next_back();
-        assert_eq!(newest, Some(AckResult::BadArgument));
+        assert_eq!(start(&mut board, streams)?, AckResult::BadArgument);
     }
     // Start all other streams that the UART can carry at the same time.
     start(
@@ -84,7 +84,7 @@ fn audits(frames: &[Frame]) -> Vec<(u32, &[u8])> {
     audits.collect()
 }
 
-fn blocks(frames: &[Frame]) -> Vec<ReceivedCode> {
+pub(crate) fn blocks(frames: &[Frame]) -> Vec<ReceivedCode> {
     let block = |kind: &Kind| match kind {
         Kind::PackedCode(code) => Some(code.clone()),
         _ => None,

@@ -1,7 +1,7 @@
 //! Functions for all scenarios: they start a board and its streams, pick messages from its frames,
 //! and assert at the end that it worked without faults.
 
-use link::{Start, Streams, ToDevice};
+use link::{AckResult, Start, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard};
 
 use crate::images::Subject;
@@ -42,17 +42,29 @@ pub(crate) fn streaming(subject: Subject, streams: Streams) -> Result<VirtualBoa
     Ok(board)
 }
 
-/// Commands the device to start `streams`, and waits for its acknowledgement.
-pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) -> Result<(), BoardError> {
-    let before = acks(board.inbox().frames());
-    board.send(&ToDevice::Start(Start {
+/// Commands the device to start `streams`, and returns its answer.
+pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) -> Result<AckResult, BoardError> {
+    let start = Start {
         streams,
         mains_hz: 0,
-    }));
-    board.run_until("an acknowledgement of Start", 100_000, |frames| {
-        acks(frames) > before
-    })?;
-    Ok(())
+    };
+    answer(board, &ToDevice::Start(start))
+}
+
+/// Sends a command, and returns the result in its acknowledgement.
+pub(crate) fn answer(
+    board: &mut VirtualBoard,
+    command: &ToDevice<'_>,
+) -> Result<AckResult, BoardError> {
+    let before = acks(board.inbox().frames());
+    board.send(command);
+    board.run_until("an answer", 100_000, |frames| acks(frames) > before)?;
+    let result = |kind: &Kind| match kind {
+        Kind::Ack(ack) => Some(ack.result),
+        _ => None,
+    };
+    let newest = pick(board.inbox().frames(), result).next_back();
+    Ok(newest.expect("an answer"))
 }
 
 /// Asserts that the board has lost nothing and that no stage has missed its deadline. Returns the

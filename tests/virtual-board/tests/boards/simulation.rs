@@ -4,11 +4,11 @@ use std::fmt::Debug;
 use std::ops::RangeInclusive;
 
 use host_sim::{Identity, Outbox, VirtualBoard as Simulator, WhenFull};
-use link::{Encoder, ExclusionPolicy, Flags, MAX_FRAME, Start, Streams, ToDevice};
+use link::{AckResult, Encoder, ExclusionPolicy, Flags, MAX_FRAME, Start, Streams, ToDevice};
 use pipeline::{Mains, Sample};
 use virtual_board::{BoardError, Frame, Inbox, ReceivedCode, VirtualBoard, electrode_count};
 
-use crate::session::{acks, start};
+use crate::session::{answer, start};
 
 /// Number of samples between the starts of two consecutive windows or packed blocks.
 pub(crate) const HOP: u64 = 32;
@@ -38,9 +38,7 @@ impl Repeatable {
         commands: &[ToDevice<'static>],
     ) -> Result<Self, BoardError> {
         for command in commands {
-            let answered = acks(board.inbox().frames());
-            board.send(command);
-            board.run_until("an answer", 100_000, |frames| acks(frames) > answered)?;
+            assert_eq!(answer(board, command)?, AckResult::Done);
         }
         let before = board.converters().samples_delivered();
         start(board, streams)?;

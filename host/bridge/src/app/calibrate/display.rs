@@ -34,7 +34,6 @@ impl Display {
         let style = ProgressStyle::with_template("{bar:40} {pos} of {len} s of good signal{msg}");
         let bar = ProgressBar::new(wanted as u64);
         bar.set_style(style.expect("the template is correct"));
-        bar.set_message(": waiting for the device");
         Display {
             bar,
             rows,
@@ -44,8 +43,14 @@ impl Display {
         }
     }
 
-    /// Shows the good signal so far, and the newest second of each electrode; called every second.
-    pub(crate) fn show(&mut self, signal: &GoodSignal, listening: &Listening) {
+    /// Shows the good signal so far, the newest second of each electrode, and the faults of
+    /// electrodes that the device reports; called every second.
+    pub(crate) fn show(
+        &mut self,
+        signal: &GoodSignal,
+        listening: &Listening,
+        faults: Option<&str>,
+    ) {
         self.shown += 1;
         if listening.steps == 0 {
             return;
@@ -60,6 +65,10 @@ impl Display {
         } else {
             format!("; bad now: {}", bad.join(" "))
         };
+        if let Some(faults) = faults {
+            bad.push_str("; the device finds ");
+            bad.push_str(faults);
+        }
         bad.push_str(&listening.unusable_words());
         if self.bar.is_hidden() && self.shown.is_multiple_of(LOG_INTERVAL) {
             let (good, wanted) = (signal.seconds(), self.wanted);

@@ -63,11 +63,14 @@ impl Listening {
         seconds.sum()
     }
 
-    /// Returns in words which steps cannot be used, after a semicolon; nothing if all can.
+    /// Returns in words how many seconds cannot be used, and why, after a semicolon; nothing if all
+    /// can.
     pub(crate) fn unusable_words(&self) -> String {
         let reasons = UNUSABLE.iter().zip(self.unusable);
         let reasons = reasons.filter(|(_, steps)| *steps > 0);
-        let words = reasons.map(|((_, words), steps)| format!("{steps} steps {words}"));
+        #[expect(clippy::cast_precision_loss, reason = "some hours of steps")]
+        let seconds = |steps: u64| steps as f64 / SECOND_STEPS;
+        let words = reasons.map(|((_, words), steps)| format!("{:.1} s {words}", seconds(steps)));
         let words: Vec<String> = words.collect();
         if words.is_empty() {
             return String::new();
