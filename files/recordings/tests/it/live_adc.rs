@@ -52,17 +52,9 @@ fn recorded(rate_hz: u32, samples: &[f32]) -> Vec<[i32; 64]> {
 
 #[test]
 fn counts_are_those_of_a_recording_and_come_with_the_frame_after_the_delay() {
-    for (rate_hz, rows) in [
-        (128, 4),
-        (250, 10),
-        (256, 7),
-        (500, 25),
-        (512, 32),
-        (1000, 1),
-        (1024, 64),
-        (2000, 20),
-        (5000, 312),
-    ] {
+    for rate_hz in [128, 250, 256, 500, 512, 1000, 1024, 2000, 5000] {
+        // From 2 to 35 rows, which are whole fractions of a second or not.
+        let rows = rate_hz as usize % 37 + 1;
         let samples = samples(rate_hz);
         let expected = recorded(rate_hz, &samples);
         let map = MontageMap::new(&LABELS, &MONTAGE, Missing::Interpolate).expect("a montage");
