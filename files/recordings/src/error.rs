@@ -78,9 +78,9 @@ pub enum RecordingError {
     )]
     AdcSpec { rate_hz: u32, lsb_uv: f64 },
     #[error(
-        "signal {label} at {rate} Hz cannot be resampled to {rate_hz} Hz: the ratio of the two rates needs too long \
-         a transform, and so does every ratio within 1 ppm of it; resample the recording to a whole number of Hz, \
-         such as with raw.resample({rate_hz}) in MNE-Python"
+        "signal {label} at {rate} Hz cannot be resampled to {rate_hz} Hz: the rate is more than 1,000 times as \
+         high, or a fraction of too many digits; resample the recording first, such as with \
+         raw.resample({rate_hz}) in MNE-Python"
     )]
     Rate {
         label: String,
@@ -103,15 +103,6 @@ pub enum RecordingError {
         "the montage has {electrodes} electrodes but the ADC only {channels} channels; use a smaller montage"
     )]
     TooManyElectrodes { electrodes: usize, channels: usize },
-    /// The resampler's buffers have inconsistent sizes: a defect of this crate, not of the file.
-    #[error("the resampler's buffers do not fit; please report it with the recording's header")]
-    ResamplerBuffer,
-    /// The resampler refused a block of samples, which is a defect of this crate, not of the file.
-    #[error("the resampler failed; please report it with the recording's header")]
-    Resampler(#[from] rubato::ResampleError),
-    /// The resampler refused the pair of rates, which is a defect of this crate, not of the file.
-    #[error("the resampler cannot be built; please report it with the recording's header")]
-    ResamplerConstruction(#[from] rubato::ResamplerConstructionError),
 }
 
 impl RecordingError {

@@ -91,7 +91,7 @@ impl fmt::Display for Ratio {
     clippy::cast_precision_loss,
     reason = "rates and durations stay far below 2^53"
 )]
-fn quotient(a: u64, b: u64) -> f64 {
+pub(crate) fn quotient(a: u64, b: u64) -> f64 {
     a as f64 / b as f64
 }
 

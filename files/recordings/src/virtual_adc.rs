@@ -3,13 +3,13 @@
 mod conversion;
 mod counts;
 pub mod live_adc;
+mod low_pass;
 mod rate_converter;
 
 use crate::{
     error::RecordingError,
     montage_map::MontageMap,
     recording::{Block, Recording},
-    warning::Warning,
 };
 use conversion::{Conversion, SignalRate};
 
@@ -72,13 +72,14 @@ impl AdcCounters {
 /// counts, i24 in i32; sample k is the recording at the time k / `rate_hz`.
 ///
 /// The iterator yields `floor(duration * rate_hz)` samples, or ends after its first error. A signal
-/// at the rate of the ADC passes unchanged. Signals at other rates are resampled, band-limited and
-/// without delay, with a warning if the ratio of rates has to be approximated within 1 ppm; beyond
-/// the ends of the file, a signal keeps its first or last value. Voltages become counts by
-/// `round(uV / lsb_uv)`, ties away from zero, saturating to i24; saturation is counted. Where all
-/// eight channels of a chip would repeat their last sample, one count is added, because a driver
-/// takes repetition for a failure (`docs/decisions/0017-dither-of-repeated-samples.md`). A signal
-/// whose unit is not a voltage is treated as uV, and the recording has a warning about it.
+/// at the rate of the ADC passes unchanged. Signals at other rates are resampled without delay; the
+/// band up to 60 Hz passes, or up to 0.9 of half the lower rate, and what is above half the lower
+/// rate is attenuated by 90 dB. Beyond the ends of the file, a signal keeps its first or last
+/// value. Voltages become counts by `round(uV / lsb_uv)`, ties away from zero, saturating to i24;
+/// saturation is counted. Where all eight channels of a chip would repeat their last sample, one
+/// count is added, because a driver takes repetition for a failure
+/// (`docs/decisions/0017-dither-of-repeated-samples.md`). A signal whose unit is not a voltage is
+/// treated as uV, and the recording has a warning about it.
 pub struct VirtualAdc {
     recording: Recording,
     conversion: Conversion,
@@ -115,18 +116,6 @@ impl VirtualAdc {
             if let Err(range) = &signal.calibration {
                 let (label, range) = (signal.label.clone(), range.clone());
                 return Err(RecordingError::Range { label, range });
-            }
-        }
-        for (signal, ppm) in conversion.approximated() {
-            let signal = &recording.signals()[signal];
-            if let (label, Some(rate)) = (signal.label.clone(), signal.rate) {
-                let rate_hz = spec.rate_hz;
-                recording.warn_once(Warning::RateApproximated {
-                    label,
-                    rate,
-                    rate_hz,
-                    ppm,
-                });
             }
         }
         recording.rewind();
@@ -175,7 +164,7 @@ impl VirtualAdc {
                 self.ended = !self.recording.read_block(&mut self.block)?;
             }
             if self.ended {
-                self.conversion.flush()?;
+                self.conversion.flush();
                 continue;
             }
             let (block, recording) = (&self.block, &self.recording);
@@ -184,7 +173,7 @@ impl VirtualAdc {
                 let microvolts = microvolts.unwrap_or(1.0);
                 let samples = block.samples[signal].iter();
                 samples.map(move |sample| sample * microvolts)
-            })?;
+            });
         }
         Ok(())
     }

@@ -47,19 +47,6 @@ pub enum Warning {
         used.numerator(), used.denominator()
     )]
     DurationRounded { stated: String, used: Ratio },
-    /// The ratio of two rates has too large terms, so that a signal is resampled as if its rate
-    /// differed by `ppm`, at most 1.
-    #[error(
-        "signal {label} at {rate} Hz is resampled to {rate_hz} Hz with an error of {ppm:.2} ppm: after an hour it is \
-         {:.1} ms early or late",
-        ppm.abs() * 3.6
-    )]
-    RateApproximated {
-        label: String,
-        rate: Ratio,
-        rate_hz: u32,
-        ppm: f64,
-    },
     /// BioSemi's devices store triggers as bits of a signal, which is not read as events.
     #[error(
         "the triggers in signal {label} are not read as events; store them as annotations (docs/recordings.md, \

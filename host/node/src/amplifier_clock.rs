@@ -4,9 +4,7 @@ use std::collections::VecDeque;
 
 use bridge_core::{Clock, HostTime};
 
-/// Number of frames from which the fit knows the rate roughly.
-const LEAST_FRAMES: u32 = 16;
-/// Inverse of the largest error of the rate that the fit expects: 4 %.
+/// Inverse of the largest error of the rate that the fit expects after the first frame: 4 %.
 const MAX_ERROR: i64 = 25;
 
 /// The amplifier's count of samples as a clock, and its fit to the arrivals of frames.
@@ -27,7 +25,7 @@ pub(crate) struct AmplifierClock {
     /// Device times at which the newest frame begins and ends, and its arrival.
     newest: Option<([u64; 2], HostTime)>,
     /// Number of frames.
-    frames: u32,
+    frames: i64,
 }
 
 impl AmplifierClock {
@@ -84,11 +82,10 @@ impl AmplifierClock {
         } else {
             0
         };
-        let early_us = if self.frames < LEAST_FRAMES {
-            i64::try_from(end_us.saturating_sub(device_us)).unwrap_or(i64::MAX) / MAX_ERROR
-        } else {
-            0
-        };
+        // The error of the rate falls with each frame, and so does what is added for it: if it fell
+        // to 0 at once, the device's clock would appear to be fast at that moment.
+        let since_us = i64::try_from(end_us.saturating_sub(device_us)).unwrap_or(i64::MAX);
+        let early_us = since_us / MAX_ERROR / self.frames.max(1);
         let since_us = self.host_us(device_us) + late_us + early_us - newest.monotonic_us;
         Some(HostTime {
             monotonic_us: newest.monotonic_us + since_us,

@@ -12,8 +12,8 @@ use crate::encoder_device::STREAMS;
 
 /// Encode the EEG of any ROS-Neuro acquisition and publish its codes.
 ///
-/// Subscribes to /neurodata (rosneuro_msgs/NeuroFrame): float microvolts, any frame size, 250 to
-/// 1024 Hz, electrodes by label. Publishes /encoded, /neurodata_reconstructed and /diagnostics as
+/// Subscribes to /neurodata (rosneuro_msgs/NeuroFrame): float microvolts, any frame size, 128 Hz or
+/// more, electrodes by label. Publishes /encoded, /neurodata_reconstructed and /diagnostics as
 /// corticode-bridge does for a board, and serves ~get_info, ~start, ~stop and ~quit, as the node
 /// `corticode`. A recorder of /encoded needs the remapping
 /// /acquisition/get_info:=/corticode/get_info. Waits for an absent ROS master or acquisition. ROS's

@@ -106,7 +106,7 @@ impl SourceFeed {
         match source.check(&frame)? {
             Arrival::Lost(frames) => {
                 tracing::debug!(frames, before = frame.neuroheader.seq, "frames lost");
-                source.encode(&frame, frames, read)?;
+                source.encode(&frame, frames, read);
             }
             Arrival::Restarted => {
                 tracing::warn!(
@@ -117,7 +117,7 @@ impl SourceFeed {
                 self.held = Some((frame, read, Instant::now() + START_TIMEOUT));
             }
             // `check` returns an error for a repeated frame, so `Repeated` does not occur here.
-            Arrival::Next | Arrival::Repeated => source.encode(&frame, 0, read)?,
+            Arrival::Next | Arrival::Repeated => source.encode(&frame, 0, read),
         }
         self.log_first_pause();
         Ok(false)
@@ -153,7 +153,7 @@ impl SourceFeed {
         let silent_us = self
             .newest
             .map(|newest| HostTime::now().monotonic_us - newest.monotonic_us);
-        let block_us = source.map_or(0, Source::block_us);
+        let delay_us = source.map_or(0, Source::delay_us);
         SourceFacts {
             topic: self.subscriber.topic().to_owned(),
             layout: source.map(|source| source.layout().to_string()),
@@ -165,7 +165,7 @@ impl SourceFeed {
             dropped: self.subscriber.dropped(),
             silent_s: silent_us.map(seconds),
             is_unnumbered: source.is_some_and(Source::is_unnumbered),
-            block_s: seconds(i64::try_from(block_us).unwrap_or(i64::MAX)),
+            delay_s: seconds(i64::try_from(delay_us).unwrap_or(i64::MAX)),
         }
     }
 }
@@ -196,10 +196,8 @@ impl Feed for SourceFeed {
                     if !source.is_streaming() && Instant::now() < *deadline {
                         sleep_until(*deadline).await;
                     }
-                    if let Some((frame, read, _)) = self.held.take()
-                        && let Err(refusal) = source.encode(&frame, 0, read)
-                    {
-                        self.refuse(&refusal);
+                    if let Some((frame, read, _)) = self.held.take() {
+                        source.encode(&frame, 0, read);
                     }
                     continue;
                 }
@@ -259,14 +257,12 @@ fn log_source(source: &Source, topic: &str) {
     for warning in source.map().warnings() {
         tracing::warn!("{warning}");
     }
-    if source.block_us() > 0 {
-        tracing::warn!(
-            "{} Hz is resampled to {} Hz in blocks of {} ms: codes come in bursts, up to one and a half \
-             blocks late; their stamps are right; an acquisition at {} Hz has no such delay",
+    if source.delay_us() > 0 {
+        tracing::info!(
+            "{} Hz is resampled to {} Hz: codes come {} ms later than without; their stamps are right",
             source.layout().rate_hz,
             model::ADC_RATE_HZ,
-            source.block_us() / 1000,
-            model::ADC_RATE_HZ
+            source.delay_us().div_ceil(1000)
         );
     }
 }

@@ -6,8 +6,9 @@ use neuro_ros::NeuroFrame;
 
 use crate::refusal::Refusal;
 
-/// Supported sampling rates, Hz. A lower rate lacks a part of the model's frequency band.
-pub(crate) const RATES_HZ: std::ops::RangeInclusive<u16> = 250..=1024;
+/// Lowest supported sampling rate, Hz: the model's step rate. A lower rate lacks a part of the
+/// model's frequency band.
+pub(crate) const LEAST_RATE_HZ: u16 = model::STEP_RATE_HZ;
 
 /// Units that mean microvolts, in small letters. Simple publishers leave the unit empty.
 const UNITS: [&str; 5] = ["", "uv", "µv", "μv", "microvolt"];
@@ -31,7 +32,7 @@ impl Layout {
     /// [`Refusal`] if the frame cannot be encoded.
     pub fn from_frame(frame: &NeuroFrame) -> Result<Layout, Refusal> {
         let info = &frame.eeg.info;
-        if !RATES_HZ.contains(&frame.sr) {
+        if frame.sr < LEAST_RATE_HZ {
             return Err(Refusal::Rate(frame.sr));
         }
         let values = usize::from(info.nsamples) * usize::from(info.nchannels);

@@ -3,7 +3,7 @@
 use recordings::{MontageMapError, RecordingError};
 use thiserror::Error;
 
-use crate::layout::RATES_HZ;
+use crate::layout::LEAST_RATE_HZ;
 
 /// Why a frame of the acquisition is not encoded. The frame then counts as lost.
 #[derive(Debug, Error)]
@@ -11,11 +11,9 @@ pub enum Refusal {
     /// The message is not a `NeuroFrame`.
     #[error("a message is no NeuroFrame ({0}); publish rosneuro_msgs/NeuroFrame")]
     Message(#[from] neuro_ros::WireError),
-    /// The sampling rate is not supported. Holds the rate in Hz.
+    /// The sampling rate is too low. Holds the rate in Hz.
     #[error(
-        "the rate is {0} Hz; set sr to the sampling rate of the amplifier, {least} to {most} Hz",
-        least = RATES_HZ.start(),
-        most = RATES_HZ.end()
+        "the rate is {0} Hz; set sr to the sampling rate of the amplifier, at least {LEAST_RATE_HZ} Hz"
     )]
     Rate(u16),
     /// The numbers of labels, channels, samples and values contradict each other.

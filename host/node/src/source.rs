@@ -117,13 +117,10 @@ impl Source {
         self.sequence.is_unnumbered()
     }
 
-    /// Returns the duration of a block of samples that are resampled together, microseconds; 0 if
-    /// the samples need no resampling.
-    pub fn block_us(&self) -> u64 {
-        match self.adc.block() {
-            1 => 0,
-            samples => samples as u64 * 1_000_000 / u64::from(self.layout.rate_hz),
-        }
+    /// Returns for how long a sample waits for the resampler at most, microseconds; 0 if the
+    /// samples need no resampling.
+    pub fn delay_us(&self) -> u64 {
+        self.nominal_us(self.adc.delay() as u64)
     }
 
     /// Checks layout, values and number of a frame. Returns how it follows the previous frame.
@@ -148,7 +145,7 @@ impl Source {
     /// [`Refusal::Conversion`], which would be a defect of this program.
     pub fn restart(&mut self, read: HostTime) -> Result<(), Refusal> {
         if let Some((frame, lost, at)) = self.waiting.take() {
-            self.convert(&frame, lost, at, true)?;
+            self.convert(&frame, lost, at, true);
         }
         self.adc = adc(&self.layout, &self.map)?;
         self.session_id = self.session_id.wrapping_add(1);
@@ -166,32 +163,22 @@ impl Source {
     /// Encodes a frame that [`Source::check`] has accepted and that arrived at `read`. `lost`
     /// frames are missing before it. A frame that ends a standstill is encoded when the next one
     /// arrives.
-    ///
-    /// # Errors
-    ///
-    /// [`Refusal::Conversion`], which would be a defect of this program.
-    pub fn encode(&mut self, frame: &NeuroFrame, lost: u32, read: HostTime) -> Result<(), Refusal> {
+    pub fn encode(&mut self, frame: &NeuroFrame, lost: u32, read: HostTime) {
         let span_us = self.layout.frame_us().saturating_mul(i64::from(lost) + 1);
         let Finding { is_pause, is_open } = self.pauses.record(read.monotonic_us, span_us);
         let waiting = self.waiting.take();
         let has_waited = waiting.is_some();
         if let Some((frame, lost, at)) = waiting {
-            self.convert(&frame, lost, at, is_pause)?;
+            self.convert(&frame, lost, at, is_pause);
         }
         if is_open {
             self.waiting = Some((frame.clone(), lost, read));
-            return Ok(());
+            return;
         }
-        self.convert(frame, lost, read, is_pause && !has_waited)
+        self.convert(frame, lost, read, is_pause && !has_waited);
     }
 
-    fn convert(
-        &mut self,
-        frame: &NeuroFrame,
-        lost: u32,
-        read: HostTime,
-        after_pause: bool,
-    ) -> Result<(), Refusal> {
+    fn convert(&mut self, frame: &NeuroFrame, lost: u32, read: HostTime, after_pause: bool) {
         self.counts.encoded += 1;
         self.counts.lost += u64::from(lost);
         if lost > 0 {
@@ -199,8 +186,6 @@ impl Source {
             let first = self.inputs;
             self.inputs += samples;
             self.lost.push_back(first..self.inputs);
-            self.adc
-                .hold(usize::try_from(samples).unwrap_or(usize::MAX))?;
         }
         let start_us = self.nominal_us(self.inputs);
         self.inputs += u64::from(self.layout.samples);
@@ -210,7 +195,17 @@ impl Source {
             self.counts.pauses += 1;
         }
         self.clock.observe(start_us, end_us, read);
-        self.adc.append(&frame.eeg.data)?;
+        // One frame at a time, because a long gap at a high rate would take a lot of memory.
+        for _ in 0..lost {
+            self.adc.hold(self.layout.samples.into());
+            self.encode_samples();
+        }
+        self.adc.append(&frame.eeg.data);
+        self.encode_samples();
+    }
+
+    /// Encodes the samples that the virtual ADC has made.
+    fn encode_samples(&mut self) {
         while let Some(counts) = self.adc.next_sample() {
             let is_lost = self.is_lost();
             let at_us = self.device_us();
@@ -222,7 +217,6 @@ impl Source {
             self.device.process(&sample, is_lost, at_us);
             self.collect(at_us);
         }
-        Ok(())
     }
 
     /// Passes bytes from the host to the device; the present host time is `now`.
@@ -244,8 +238,8 @@ impl Source {
         self.device.is_streaming()
     }
 
-    /// Sends the device's counters, as a device does every second. With a resampler, codes come
-    /// less often than that.
+    /// Sends the device's counters, as a device does every second. Frames can come less often than
+    /// that.
     pub fn send_stats(&mut self) {
         if self.is_streaming() {
             let now_us = self.device_us();

@@ -30,7 +30,7 @@ pub(crate) struct SourceFacts {
     /// Whether the acquisition does not number its frames.
     pub(crate) is_unnumbered: bool,
     /// Longest time that a sample waits for the resampler, seconds.
-    pub(crate) block_s: f64,
+    pub(crate) delay_s: f64,
 }
 
 /// Returns the status. `before` are the facts of the previous report, one second earlier: losses
@@ -89,7 +89,7 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
         KeyValue::new("frames dropped", &facts.dropped),
         KeyValue::new("restarts", &facts.counts.restarts),
         KeyValue::new("pauses", &facts.counts.pauses),
-        KeyValue::new("resampling block s", &format!("{:.2}", facts.block_s)),
+        KeyValue::new("resampler delay ms", &format!("{:.1}", 1e3 * facts.delay_s)),
     ];
     if let Some(silent) = silent {
         values.push(KeyValue::new("newest frame s ago", &silent));

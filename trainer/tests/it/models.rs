@@ -168,7 +168,9 @@ fn check_measures_the_error_on_recordings() {
     };
     assert_eq!(object["real_electrodes"], 61);
     assert_eq!(object["windows"], 3694);
-    // The training card holds the figures that the trainer measured on the same person.
+    // The training card holds the figures that the trainer measured on the same person, with a
+    // filter from 160 to 512 Hz that passed the band from 60 to 80 Hz, half of which is now missing.
+    // That makes the error 0.33 % smaller.
     let shown = folder.json("show built-in --json");
     let tested = shown["description"]["training"]["tested"].as_array();
     let mut tested = tested.expect("people").iter();
@@ -181,7 +183,8 @@ fn check_measures_the_error_on_recordings() {
         ("prd_percent_pca_int8", "pca_int8"),
     ] {
         let expected = card[figure].as_f64().expect("a figure");
-        assert!((number(key) - expected).abs() < 1e-6, "{key}: {object}");
+        let change = number(key) / expected - 1.0;
+        assert!((-0.004..-0.003).contains(&change), "{key}: {change}");
     }
     assert!(number("mse_int8") <= 1.04 * number("mse_float"), "{object}");
     assert!(number("mse_float") <= number("mse_pca"), "{object}");

@@ -11,7 +11,7 @@ use super::rate_converter::RateConverter;
 use super::{AdcCounters, AdcSpec, CHANNELS};
 
 /// Limit for the magnitude of values passed to the resampler, uV. It is far beyond the ADC's range,
-/// but so small that no sum in a transform overflows; otherwise the resampler would panic.
+/// but so small that no sum of the resampler or of a mix overflows to infinity, and then to NaN.
 const LARGEST_UV: f64 = 1e100;
 
 /// Label and sampling rate of a signal of the recording.
@@ -113,60 +113,38 @@ impl Conversion {
         })
     }
 
-    /// Returns a signal of each rate whose ratio to that of the ADC is approximated, and the error
-    /// of the ratio, ppm.
-    pub(super) fn approximated(&self) -> impl Iterator<Item = (usize, f64)> {
-        let groups = self.groups.iter();
-        let groups = groups.map(|group| (group.signals[0], group.converter.error_ppm));
-        groups.filter(|(_, error_ppm)| *error_ppm != 0.0)
-    }
-
     /// Returns whether the next sample cannot be computed before more input is appended.
     pub(super) fn is_starved(&self) -> bool {
         self.converted.is_empty() && self.ready() == 0
     }
 
-    /// Returns the number of samples that are resampled in all groups but not yet converted to
-    /// counts.
+    /// Returns the number of samples that all groups can resample from what has been appended.
     fn ready(&self) -> usize {
         let ready = self.groups.iter().map(|group| group.converter.ready());
         ready.min().unwrap_or(usize::MAX)
     }
 
-    /// Appends samples to all signals and resamples them. `samples` returns the new samples of the
-    /// signal with the given index, uV.
-    ///
-    /// # Errors
-    /// Those of [`RateConverter::convert`].
-    pub(super) fn append<S: Iterator<Item = f64>>(
-        &mut self,
-        samples: impl Fn(usize) -> S,
-    ) -> Result<(), RecordingError> {
+    /// Appends samples to all signals. `samples` returns the new samples of the signal with the
+    /// given index, uV.
+    pub(super) fn append<S: Iterator<Item = f64>>(&mut self, samples: impl Fn(usize) -> S) {
         for group in &mut self.groups {
             self.counters.not_finite += group.append(&samples);
-            group.converter.convert()?;
         }
-        Ok(())
     }
 
-    /// Extends every signal by `samples` repetitions of its last finite sample, and resamples them.
-    ///
-    /// # Errors
-    /// Those of [`RateConverter::convert`].
-    pub(super) fn hold(&mut self, samples: usize) -> Result<(), RecordingError> {
-        self.groups
-            .iter_mut()
-            .try_for_each(|group| group.hold(samples))
+    /// Extends every signal by `samples` repetitions of its last finite sample.
+    pub(super) fn hold(&mut self, samples: usize) {
+        for group in &mut self.groups {
+            group.hold(samples);
+        }
     }
 
-    /// Extends every signal by one block of its resampler, filled with its last finite sample, and
-    /// resamples the block. After the last record, this yields the outputs that are still missing.
-    ///
-    /// # Errors
-    /// Those of [`RateConverter::convert`].
-    pub(super) fn flush(&mut self) -> Result<(), RecordingError> {
-        let mut groups = self.groups.iter_mut();
-        groups.try_for_each(|group| group.hold(group.converter.block()))
+    /// Extends every signal by its last finite sample, for as long as its resampler waits for later
+    /// samples. After the last record, this yields the outputs that are still missing.
+    pub(super) fn flush(&mut self) {
+        for group in &mut self.groups {
+            group.hold(group.converter.delay().max(1));
+        }
     }
 
     /// Returns the next sample. The caller must have checked that [`Self::is_starved`] is false.
@@ -185,23 +163,23 @@ impl Conversion {
     /// Converts the next resampled values of all electrodes to a block of counts.
     fn convert_to_counts(&mut self) {
         let samples = self.converted.start(self.ready());
+        for group in &mut self.groups {
+            group.converter.convert(samples);
+        }
         for (channel, mix) in self.mixes.iter().enumerate() {
             let terms = mix.iter().map(|term| {
                 let converter = &self.groups[term.group].converter;
-                (converter.next_outputs(term.member, samples), term.weight)
+                (converter.outputs(term.member, samples), term.weight)
             });
             self.converted.convert(channel, terms, self.spec.lsb_uv);
         }
-        for group in &mut self.groups {
-            group.converter.advance(samples);
-        }
     }
 
-    /// Returns the largest number of input samples that a resampler converts together; 1 if no
-    /// signal is resampled.
-    pub(super) fn block(&self) -> usize {
-        let blocks = self.groups.iter().map(|group| group.converter.block());
-        blocks.max().unwrap_or(1)
+    /// Returns the largest number of input samples for which a resampler waits; 0 if no signal is
+    /// resampled.
+    pub(super) fn delay(&self) -> usize {
+        let delays = self.groups.iter().map(|group| group.converter.delay());
+        delays.max().unwrap_or(0)
     }
 
     /// Returns the largest number of samples that are in memory for one signal.
@@ -219,27 +197,25 @@ impl RateGroup {
         let mut not_finite = 0;
         for (member, &signal) in self.signals.iter().enumerate() {
             let held = &mut self.held[member];
-            self.converter
-                .queue_mut(member)
-                .extend(samples(signal).map(|uv| {
-                    if uv.is_finite() {
-                        *held = uv.clamp(-LARGEST_UV, LARGEST_UV);
-                    } else {
-                        not_finite += 1;
-                    }
-                    *held
-                }));
+            let finite = samples(signal).map(|uv| {
+                if uv.is_finite() {
+                    *held = uv.clamp(-LARGEST_UV, LARGEST_UV);
+                } else {
+                    not_finite += 1;
+                }
+                *held
+            });
+            self.converter.append(member, finite);
         }
         not_finite
     }
 
-    /// Appends `samples` repetitions of each signal's last finite sample, and resamples them.
-    fn hold(&mut self, samples: usize) -> Result<(), RecordingError> {
+    /// Appends `samples` repetitions of each signal's last finite sample.
+    fn hold(&mut self, samples: usize) {
         for (member, &value) in self.held.iter().enumerate() {
             let held = std::iter::repeat_n(value, samples);
-            self.converter.queue_mut(member).extend(held);
+            self.converter.append(member, held);
         }
-        self.converter.convert()
     }
 }
 

@@ -6,11 +6,10 @@ use super::conversion::{Conversion, SignalRate};
 use super::{AdcCounters, AdcSpec, CHANNELS};
 
 /// Converts samples to those of an ADC as they arrive. The counts equal those of
-/// [`VirtualAdc`](super::VirtualAdc) for a recording of the same samples, bit for bit. The last
-/// samples of a resampled recording depend on its end and are therefore not converted.
+/// [`VirtualAdc`](super::VirtualAdc) for a recording of the same samples, bit for bit.
 ///
-/// Samples at the rate of the ADC are converted at once. Other rates are resampled in blocks of
-/// [`LiveAdc::block`] samples, so that counts come in bursts.
+/// Samples at the rate of the ADC are converted at once. At other rates a sample of the ADC waits
+/// for the [`LiveAdc::delay`] samples after it.
 ///
 /// ```
 /// use recordings::{AdcSpec, LiveAdc, Missing, MontageMap};
@@ -18,7 +17,7 @@ use super::{AdcCounters, AdcSpec, CHANNELS};
 /// let labels = ["Cz", "Pz"];
 /// let map = MontageMap::new(&labels, &["Pz"], Missing::Interpolate)?;
 /// let mut adc = LiveAdc::new(&labels, 512, &map, AdcSpec::ads1299(512))?;
-/// adc.append(&[0.0, 100.0])?;
+/// adc.append(&[0.0, 100.0]);
 /// // 100 uV at 22.35 nV per count.
 /// assert_eq!(adc.next_sample().map(|counts| counts[0]), Some(4474));
 /// assert_eq!(adc.next_sample(), None);
@@ -53,24 +52,17 @@ impl LiveAdc {
 
     /// Appends samples, uV: the first sample of all signals, then the second, and so on. Ignores an
     /// incomplete last sample.
-    ///
-    /// # Errors
-    /// [`RecordingError::Resampler`] or [`RecordingError::ResamplerBuffer`], both of which are
-    /// defects of this crate.
-    pub fn append(&mut self, samples: &[f32]) -> Result<(), RecordingError> {
+    pub fn append(&mut self, samples: &[f32]) {
         let signals = self.signals;
         self.conversion.append(|signal| {
             let rows = samples.chunks_exact(signals);
             rows.map(move |row| f64::from(row[signal]))
-        })
+        });
     }
 
     /// Appends `samples` repetitions of each signal's last sample in place of lost samples.
-    ///
-    /// # Errors
-    /// As [`LiveAdc::append`].
-    pub fn hold(&mut self, samples: usize) -> Result<(), RecordingError> {
-        self.conversion.hold(samples)
+    pub fn hold(&mut self, samples: usize) {
+        self.conversion.hold(samples);
     }
 
     /// Returns the next sample of the ADC, or `None` until more samples have been appended. Sample
@@ -79,9 +71,10 @@ impl LiveAdc {
         (!self.conversion.is_starved()).then(|| self.conversion.next_counts())
     }
 
-    /// Returns the number of input samples that are resampled together; 1 if nothing is resampled.
-    pub fn block(&self) -> usize {
-        self.conversion.block()
+    /// Returns the largest number of input samples from the time of a sample of the ADC to the last
+    /// one that it depends on; 0 if nothing is resampled.
+    pub fn delay(&self) -> usize {
+        self.conversion.delay()
     }
 
     /// Returns the numbers of saturated and non-finite values since the first sample.

@@ -179,11 +179,11 @@ fn a_10_10_cap_covers_the_scalp_grid() {
     let rms = |of: &dyn Fn(&(f64, f64)) -> f64| {
         (pairs.iter().map(|pair| of(pair).powi(2)).sum::<f64>() / f64::from(30 * 512)).sqrt()
     };
-    // The reference was resampled with a wider filter, which explains a measured difference of
-    // 0.894 uV rms for a signal of 52 uV rms; only 0.03 uV of it are below 70 Hz. A shift by one
-    // sample in either direction would cause 6.9 uV.
+    // The reference was resampled with a wider filter: it passes up to 80 Hz, and the virtual ADC
+    // half of the amplitude at 70 Hz. That explains a measured difference of 1.684 uV rms for a
+    // signal of 52 uV rms. A shift by one sample in either direction would cause 7 uV.
     let error = rms(&|(a, b)| a - b);
-    assert!(error < 1.2, "{error} uV rms of {}", rms(&|(_, b)| *b));
+    assert!(error < 2.0, "{error} uV rms of {}", rms(&|(_, b)| *b));
 }
 
 #[test]

@@ -36,8 +36,11 @@ fn stamps_follow_the_true_rate_within_a_millisecond() {
         case(rate, 32, -4_000.0, 100.0),
         case(rate, 20, -4_000.0, 0.0),
         case(rate, 256, 4_000.0, 0.0),
+        case(160, 10, 4_000.0, 0.0),
         case(250, 16, -4_000.0, 30.0),
+        case(500, 25, 40.0, 0.0),
         case(1000, 50, 30_000.0, 0.0),
+        case(2000, 50, -4_000.0, 0.0),
     ] {
         let Amplifier {
             rate_hz,

@@ -137,8 +137,7 @@ async fn a_publisher_that_cannot_be_reached_is_named_with_the_reason_until_it_is
 #[tokio::test]
 async fn a_resampled_acquisition_starts_once_and_names_its_interpolated_electrodes() {
     let mut graph = Graph::start(&[]).await;
-    // The first block of the resampler is complete, and codes begin, only after more than 5 s.
-    for number in 1..=56 {
+    for number in 1..=8 {
         let mut slow = frame(number);
         slow.sr = 250;
         slow.eeg.info.labels[3] = "EMG".to_owned();
@@ -154,7 +153,7 @@ async fn a_resampled_acquisition_starts_once_and_names_its_interpolated_electrod
     let missing = model::LABELS.split(' ').nth(3).unwrap();
     assert!(log.contains(&format!("interpolated: {missing}")), "{log}");
     assert!(
-        log.contains("250 Hz is resampled to 512 Hz in blocks of 5000 ms"),
+        log.contains("250 Hz is resampled to 512 Hz: codes come 48 ms later"),
         "{log}"
     );
     assert_eq!(log.matches("streaming codes").count(), 1, "{log}");

@@ -1,0 +1,178 @@
+//! Low-pass whose output can be at any position between two samples of its input.
+
+use std::f64::consts::PI;
+
+use crate::ratio::{Ratio, quotient};
+
+/// Least attenuation of the design, dB. Kaiser's formula is exact to some dB; the tests require 90.
+const ATTENUATION_DB: f64 = 93.0;
+/// Upper edge of the pass band, Hz: that of the EEG which a device encodes.
+const PASS_HZ: f64 = 60.0;
+/// Largest upper edge of the pass band, divided by half the lower of the two rates.
+const PASS_SHARE: f64 = 0.9;
+/// Number of taps of which the products are summed separately, so that the compiler can use vector
+/// instructions. The number of taps is a multiple of it.
+const LANES: usize = 4;
+/// Largest number of taps that are computed once and kept: 8 MiB.
+const KEPT_TAPS: u64 = 1 << 20;
+
+/// A sinc under a Kaiser window. The tap for a sample of the input, d samples after the position of
+/// the output, is
+///
+/// ```text
+/// h(d) = g sin(pi c d) / (pi d) I0(b sqrt(1 - (2 d / T)^2))   for |d| < T / 2, otherwise 0
+/// b = 0.1102 (A - 8.7)
+/// T = 1 + (A - 7.95) / (7.18 (s - p))
+/// c = (s + p) / 2
+/// ```
+///
+/// where I0 is the modified Bessel function, A the attenuation in dB, T the number of taps, p the
+/// end of the pass band and s the start of the stop band. c, p and s are frequencies divided by
+/// half the rate of the input; the stop band starts at half the lower of the two rates. g makes the
+/// taps of each position sum to 1, so that a constant passes unchanged. T follows from
+/// [`ATTENUATION_DB`], rounded up to a multiple of [`LANES`], and A from this T.
+///
+/// Source: J. F. Kaiser, "Nonrecursive digital filter design using the I0-sinh window function",
+/// IEEE Int. Symp. Circuits and Systems, 1974; b and T as in `scipy.signal.kaiserord`.
+pub(super) struct LowPass {
+    /// Number of taps T.
+    taps: usize,
+    /// The cut-off c: the frequency of half the amplitude, divided by half the rate of the input.
+    cutoff: f64,
+    /// Shape b of the window.
+    beta: f64,
+    /// Number of positions between two samples at which there are outputs.
+    phases: u64,
+    /// Whether the taps of all phases are in `table`, and not only those of the newest phase.
+    is_kept: bool,
+    /// Taps, `[phase][tap]`.
+    table: Vec<f64>,
+}
+
+impl LowPass {
+    /// Designs the low-pass for outputs that are `step` samples of the input apart. The input has
+    /// the rate `rate_hz`.
+    pub(super) fn new(rate_hz: f64, step: Ratio) -> Self {
+        let half_rate = rate_hz / 2.0;
+        let stop = (1.0 / step.value()).min(1.0);
+        let pass = (PASS_HZ / half_rate).min(PASS_SHARE * stop);
+        let slope_db = 7.18 * (stop - pass);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "positive; a step of at most 1,000 samples takes some 100,000 taps"
+        )]
+        let least = (1.0 + (ATTENUATION_DB - 7.95) / slope_db).ceil() as usize;
+        let taps = least.next_multiple_of(LANES);
+        let attenuation_db = 7.95 + slope_db * (quotient(taps as u64, 1) - 1.0);
+        let mut low_pass = Self {
+            taps,
+            cutoff: f64::midpoint(stop, pass),
+            beta: 0.1102 * (attenuation_db - 8.7),
+            phases: step.denominator(),
+            is_kept: step.denominator().saturating_mul(taps as u64) <= KEPT_TAPS,
+            table: Vec::new(),
+        };
+        if low_pass.is_kept {
+            let phases = (0..low_pass.phases).flat_map(|phase| low_pass.design(phase));
+            low_pass.table = phases.collect();
+        }
+        low_pass
+    }
+
+    /// Returns the number of taps, a multiple of 4.
+    pub(super) fn taps(&self) -> usize {
+        self.taps
+    }
+
+    /// Returns the taps for an output whose position is `phase` / (denominator of the step) of a
+    /// sample after a sample of the input. The first tap is that of the input T / 2 - 1 samples
+    /// before the latter.
+    pub(super) fn phase(&mut self, phase: u64) -> &[f64] {
+        if !self.is_kept {
+            self.table = self.design(phase);
+            return &self.table;
+        }
+        let at = usize::try_from(phase).unwrap_or(0) * self.taps;
+        &self.table[at..at + self.taps]
+    }
+
+    /// Computes the taps of a phase.
+    fn design(&self, phase: u64) -> Vec<f64> {
+        let half = self.taps / 2;
+        let offset = quotient(phase, self.phases) + quotient(half as u64 - 1, 1);
+        let taps = (0..self.taps as u64).map(|tap| {
+            let distance = quotient(tap, 1) - offset;
+            let edge = distance / quotient(half as u64, 1);
+            let rise = 1.0 - edge * edge;
+            if rise <= 0.0 {
+                return 0.0;
+            }
+            // `libm`, because the standard library's sine depends on the platform.
+            let sinc = if distance == 0.0 {
+                self.cutoff
+            } else {
+                libm::sin(PI * self.cutoff * distance) / (PI * distance)
+            };
+            sinc * bessel_i0(self.beta * rise.sqrt())
+        });
+        let mut taps: Vec<f64> = taps.collect();
+        let sum: f64 = taps.iter().sum();
+        for tap in &mut taps {
+            *tap /= sum;
+        }
+        taps
+    }
+}
+
+/// Returns the sum of the products of taps and input, whose lengths are equal. The order of the
+/// additions is fixed, so that the sum is the same on every machine.
+pub(super) fn weighted_sum(taps: &[f64], input: &[f64]) -> f64 {
+    let mut sums = [0.0; LANES];
+    let (taps, _) = taps.as_chunks::<LANES>();
+    let (input, _) = input.as_chunks::<LANES>();
+    for (taps, input) in taps.iter().zip(input) {
+        for ((sum, tap), value) in sums.iter_mut().zip(taps).zip(input) {
+            *sum += tap * value;
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// Returns the modified Bessel function of the first kind and order 0, by its power series, for
+/// x from 0 to some tens.
+fn bessel_i0(x: f64) -> f64 {
+    let square = x * x / 4.0;
+    let (mut sum, mut term, mut k) = (1.0, 1.0, 1.0);
+    while term > sum * f64::EPSILON / 4.0 {
+        term *= square / (k * k);
+        sum += term;
+        k += 1.0;
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn taps_are_those_of_scipy() {
+        // scipy 1.17, for 256 Hz at 512 Hz, halfway between two samples: d = arange(-11, 13) - 0.5;
+        // h = sinc((1 + 60 / 128) / 2 * d) * special.i0(beta * sqrt(1 - (d / 12)**2)); h / h.sum()
+        // with beta = 0.1102 * (7.95 + 7.18 * (1 - 60 / 128) * 23 - 8.7).
+        let mut low_pass = LowPass::new(256.0, Ratio::new(1, 2).expect("positive"));
+        let taps = low_pass.phase(1);
+        assert_eq!(taps.len(), 24);
+        for (tap, expected) in [
+            (0, 0.000_056_793_793_230_280_98),
+            (5, 0.007_591_333_231_691_272),
+            (10, -0.061_995_514_985_315_88),
+            (11, 0.577_440_206_331_631_2),
+        ] {
+            for tap in [taps[tap], taps[23 - tap]] {
+                assert!((tap - expected).abs() < 1e-15, "{tap}, not {expected}");
+            }
+        }
+    }
+}
