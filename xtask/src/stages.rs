@@ -43,9 +43,9 @@ const SLOW_TESTS: &[&str] = &[
     "a_silent_client_is_closed",
 ];
 
-/// Smallest number of tests to run in parallel, even on fewer cores: a test of the whole chain
-/// mostly waits for samples.
-const TESTS_IN_PARALLEL: usize = 6;
+/// Smallest number of tests that each of two programs runs in parallel, even on fewer cores: a test
+/// of the whole chain mostly waits for samples.
+const TESTS_IN_PARALLEL: usize = 4;
 
 /// Name of a stage, and the function that runs it.
 type Stage = (&'static str, fn() -> Result<(), Failure>);

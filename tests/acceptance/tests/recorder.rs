@@ -273,13 +273,15 @@ fn events_are_at_their_samples_after_a_restart_of_the_board() {
     let (recording, _) = session.stop();
     let recorded = Recorded::read(recording);
     let error_s = recorded.largest_error_s();
-    println!("restart: largest error of an event {:.1} ms", error_s * 1e3);
-    assert!(error_s < TOLERANCE_S, "{error_s} s");
-    assert!(
-        recorded.fillers() as f64 > 2.0 * RATE,
-        "{} fillers",
-        recorded.fillers()
+    let fillers = recorded.fillers();
+    println!(
+        "restart: largest error of an event {:.1} ms, {fillers} fillers",
+        error_s * 1e3
     );
+    assert!(error_s < TOLERANCE_S, "{error_s} s");
+    // The board is away for 2 s; on a busy machine, the bridge finds the new run's clock to some
+    // tenths of a second.
+    assert!(fillers as f64 > 1.5 * RATE, "{fillers} fillers");
     assert!(recorded.reports.contains(&0x7ffe), "{:?}", recorded.reports);
 }
 

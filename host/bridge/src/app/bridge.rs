@@ -147,7 +147,8 @@ pub(super) async fn stream(
     mut ros: NodeOptions,
     log: mpsc::Receiver<Log>,
 ) -> Result<Summary, BridgeError> {
-    options.asked.warn_about_unused();
+    let gives_a_model = options.upload_model.is_some() || options.subject.is_some();
+    options.asked.warn_about_unused(gives_a_model);
     let settings = options.settings();
     if let Some(uri) = options.ros.ros_master_uri {
         ros.master_uri = uri;

@@ -481,11 +481,17 @@ pub(crate) struct StreamOptions {
 }
 
 impl StreamOptions {
-    /// Logs a warning about options that have no effect on the chosen streams.
-    pub(crate) fn warn_about_unused(&self) {
-        if self.packed_rate.is_some() && !self.streams.contains(&StreamKind::Packed) {
+    /// Logs a warning about options that have no effect on the chosen streams. `gives_a_model`
+    /// states whether an option gives the device a packed model.
+    pub(crate) fn warn_about_unused(&self, gives_a_model: bool) {
+        if self.streams.contains(&StreamKind::Packed) {
+            return;
+        }
+        let packed_rate = self.packed_rate.map(|_| "--packed-rate");
+        let model = gives_a_model.then_some("the person's model");
+        for option in [packed_rate, model].into_iter().flatten() {
             tracing::warn!(
-                "--packed-rate has no effect, because packed is not among the streams; add it with --streams packed"
+                "{option} has no effect, because packed is not among the streams; add it with --streams packed"
             );
         }
     }
