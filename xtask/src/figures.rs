@@ -18,20 +18,14 @@ pub(crate) type Row = Map<String, Value>;
 /// Rows by the name of the machine or board; the row with an empty name belongs to the whole run.
 pub(crate) type Figures = BTreeMap<String, Row>;
 
-/// Returns the path of the file of figures for `verb`, which is not there: tests append to it.
-pub(crate) fn new_file(verb: &str) -> PathBuf {
-    let file = target_folder().join(format!("{verb}-figures.jsonl"));
-    // Removing fails if no earlier run left a file, which is no error. A test that cannot write the
-    // file reports it.
-    let _ = fs::remove_file(&file);
-    file
-}
-
 /// Makes the tests that `command` runs write their figures to a new file for `verb`, and returns
 /// its path. With `json`, the command's stdout is redirected to stderr, so that stdout holds only
 /// the JSON object.
 pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
-    let file = new_file(verb);
+    let file = target_folder().join(format!("{verb}-figures.jsonl"));
+    // Removing fails if no earlier run left a file, which is no error. A test that cannot write the
+    // file reports it.
+    let _ = fs::remove_file(&file);
     if json {
         command.stdout(stderr());
     }

@@ -10,7 +10,6 @@ mod figures;
 mod flash;
 mod images;
 mod install;
-mod pool;
 mod programs;
 mod qemu;
 mod stages;

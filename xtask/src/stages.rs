@@ -5,10 +5,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::command::{
-    AFTER_A_BUILD, AFTER_A_TEST, BOARD_TARGET, Failure, cargo, root, run, target_folder,
+    AFTER_A_BUILD, AFTER_A_TEST, BOARD_TARGET, Failure, cargo, run, target_folder,
 };
 use crate::images::{self, Board};
-use crate::{board, docs, figures, install, pool, programs, qemu};
+use crate::{board, docs, figures, install, programs, qemu};
 
 const AFTER_A_LINT: &str =
     "mend what clippy names above; a lint that is wrong gets `#[expect(.., reason = \"..\")]`";
@@ -43,9 +43,9 @@ const SLOW_TESTS: &[&str] = &[
     "a_silent_client_is_closed",
 ];
 
-/// Smallest number of tests that each of two programs runs in parallel, even on fewer cores: a test
-/// of the whole chain mostly waits for samples.
-const TESTS_IN_PARALLEL: usize = 4;
+/// Smallest number of tests to run in parallel, even on fewer cores: a test of the whole chain
+/// mostly waits for samples.
+const TESTS_IN_PARALLEL: usize = 6;
 
 /// Name of a stage, and the function that runs it.
 type Stage = (&'static str, fn() -> Result<(), Failure>);
@@ -175,59 +175,43 @@ fn lints_for_microcontrollers() -> Result<(), Failure> {
 fn fast_tests() -> Result<(), Failure> {
     let skipped = SLOW_TESTS.iter().map(|part| format!("--skip={part}"));
     let skipped: Vec<String> = skipped.collect();
-    let mut programs = test_programs("")?;
-    for program in &mut programs {
-        program.args(&skipped);
-    }
-    pool::run_all(programs, AFTER_A_TEST)
+    tests(
+        "",
+        &mut cargo(&format!("test --tests -- {}", skipped.join(" "))),
+    )
 }
 
 /// Tests all members of the workspace, and prints the figures of the emulated microcontrollers.
 fn full_tests() -> Result<(), Failure> {
-    let mut programs = test_programs("--workspace")?;
-    programs.push(cargo("test --doc --workspace"));
-    // What takes longest starts first: the programs that test the whole.
-    let whole = root().join("tests").canonicalize().unwrap_or_default();
-    programs.sort_by_key(|program| {
-        !program
-            .get_current_dir()
-            .is_some_and(|folder| folder.starts_with(&whole))
-    });
-    let figures = figures::new_file("qemu");
-    for program in &mut programs {
-        program.env("CORTICODE_REQUIRE_ROS", "1");
-        program.env("CORTICODE_FIGURES", &figures);
-    }
-    pool::run_all(programs, AFTER_A_TEST)?;
+    let mut test = cargo("test --workspace");
+    let figures = figures::attach(&mut test, "qemu", false);
+    tests("--workspace", test.env("CORTICODE_REQUIRE_ROS", "1"))?;
     qemu::report(&figures, None, false)
 }
 
-/// Builds the programs that tests start, then the tests, and returns the programs of the tests. Both
-/// commands must select the same packages: otherwise cargo would compile most crates twice, with
-/// different features.
-fn test_programs(selection: &str) -> Result<Vec<Command>, Failure> {
+/// Builds the programs that tests start, then runs the tests with these builds. Both commands must
+/// select the same packages: otherwise cargo would compile most crates twice, with different
+/// features.
+fn tests(selection: &str, test: &mut Command) -> Result<(), Failure> {
     let build = format!("build --bins --tests {selection}");
     run(&mut cargo(&build), AFTER_A_BUILD)?;
-    let mut programs = pool::test_programs(&mut cargo(&format!("test --tests {selection}")))?;
-    let folder = target_folder().join("debug");
+    let programs = target_folder().join("debug");
     let cores = thread::available_parallelism().map_or(1, usize::from);
-    let threads = cores.max(TESTS_IN_PARALLEL).to_string();
-    for program in &mut programs {
-        program.env("RUST_TEST_THREADS", &threads);
-        program.env("CORTICODE_PROGRAMS", &folder);
-    }
-    Ok(programs)
+    test.env(
+        "RUST_TEST_THREADS",
+        cores.max(TESTS_IN_PARALLEL).to_string(),
+    );
+    run(test.env("CORTICODE_PROGRAMS", programs), AFTER_A_TEST)
 }
 
 fn benchmarks() -> Result<(), Failure> {
     let next = "compare with `git log` of the crates that it names";
-    let reports = ["packed", "filters", "encoder", "lossless", "substitution"].map(|benchmark| {
+    for benchmark in ["filters", "encoder", "packed", "lossless", "substitution"] {
         let mut report = Command::new(target_folder().join("debug/report"));
         docs::attach(&mut report, &format!("bench {benchmark}"))?;
-        report.arg(benchmark);
-        Ok(report)
-    });
-    pool::run_all(reports.into_iter().collect::<Result<_, _>>()?, next)
+        run(report.arg(benchmark), next)?;
+    }
+    Ok(())
 }
 
 fn images_for_boards() -> Result<(), Failure> {
