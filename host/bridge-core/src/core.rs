@@ -4,17 +4,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use link::{Counters, Decoder, MAX_FRAME, ToHost};
-use neuro_ros::{AcquisitionInfo, DiagnosticArray, DiagnosticLevel, NeuroEvent, NeuroFrame};
+use neuro_ros::{AcquisitionInfo, DiagnosticArray, NeuroEvent, NeuroFrame};
 
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
 use crate::decoder::packed::TimedPackedBlock;
 use crate::decoder::reconstruction::TimedCode;
 use crate::device::Device;
-use crate::diagnostics::signal_quality_status;
 use crate::exclusion::Exclusions;
 use crate::session::Session;
-use crate::session::diagnosis::diagnose;
+use crate::session::diagnosis::{diagnose, electrode_faults};
 use crate::session::summary::Summary;
 use crate::settings::Settings;
 use crate::time::HostTime;
@@ -122,8 +121,8 @@ impl Core {
         self.session.commands.require_slot();
     }
 
-    /// Returns whether the device has answered, after [`Core::require_slot`], that it takes no packed
-    /// model: it has no memory for one, or no packed code.
+    /// Returns whether the device has answered, after [`Core::require_slot`], that it takes no
+    /// packed model: it has no memory for one, or no packed code.
     pub fn lacks_slot(&self) -> bool {
         self.session.commands.lacks_slot()
     }
@@ -161,9 +160,7 @@ impl Core {
     /// rail: C3 Cz", by the device's newest report; `None` if none is, or if [`Core::diagnostics`]
     /// has published the report.
     pub fn electrode_faults(&self) -> Option<String> {
-        let (quality, codes) = (&self.session.quality, &self.session.codes);
-        let status = signal_quality_status(quality.as_ref()?, &codes.as_ref()?.device().labels);
-        (status.level == DiagnosticLevel::Warn).then_some(status.message)
+        electrode_faults(&self.session)
     }
 
     /// Returns the report for `/diagnostics`. Call this once a second: only the first report after

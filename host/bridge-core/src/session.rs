@@ -53,7 +53,7 @@ pub(crate) struct Session {
     /// Whether `Hello` has arrived since the port was opened. Until then, the sequence numbers of
     /// frames are ignored.
     introduced: bool,
-    pub(crate) codes: Option<CodeStream>,
+    codes: Option<CodeStream>,
     packed: Option<PackedStream>,
     side: SideStreams,
     trigger: Trigger,
@@ -74,7 +74,7 @@ pub(crate) struct Session {
     objection: Option<String>,
     stats: Option<Stats>,
     /// Newest signal quality of the electrodes; `None` after `/diagnostics` has published it.
-    pub(crate) quality: Option<Quality>,
+    quality: Option<Quality>,
     /// Newest report of processing times; `None` after `/diagnostics` has published it.
     timing: Option<Timing>,
     /// Of all processing stages reported, the one with the largest ratio of worst time to deadline.

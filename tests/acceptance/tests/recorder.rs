@@ -279,8 +279,7 @@ fn events_are_at_their_samples_after_a_restart_of_the_board() {
         error_s * 1e3
     );
     assert!(error_s < TOLERANCE_S, "{error_s} s");
-    // The board is away for 2 s; a busy machine shifts both ends of the gap.
-    assert!(fillers as f64 > 1.5 * RATE, "{fillers} fillers");
+    assert!(fillers as f64 > 2.0 * RATE, "{fillers} fillers");
     assert!(recorded.reports.contains(&0x7ffe), "{:?}", recorded.reports);
 }
 

@@ -168,9 +168,9 @@ fn check_measures_the_error_on_recordings() {
     };
     assert_eq!(object["real_electrodes"], 61);
     assert_eq!(object["windows"], 3694);
-    // The training card holds the figures that the trainer measured on the same person, with a
-    // filter from 160 to 512 Hz that passed the band from 60 to 80 Hz, half of which is now missing.
-    // That makes the error 0.33 % smaller.
+    // The training card holds the figures that the trainer measured on the same person, with
+    // another resampler, which passed 60 to 80 Hz. The present one attenuates this band, which
+    // makes the error 0.33 % smaller.
     let shown = folder.json("show built-in --json");
     let tested = shown["description"]["training"]["tested"].as_array();
     let mut tested = tested.expect("people").iter();

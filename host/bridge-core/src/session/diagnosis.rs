@@ -12,6 +12,13 @@ use crate::streams::code::CodeStream;
 use crate::streams::ledger::SampleCounts;
 use crate::time::HostTime;
 
+/// Returns the message of the device's newest report of signal quality if it is a warning.
+pub(crate) fn electrode_faults(session: &Session) -> Option<String> {
+    let (quality, codes) = (session.quality.as_ref()?, session.codes.as_ref()?);
+    let status = signal_quality_status(quality, &codes.device().labels);
+    (status.level == DiagnosticLevel::Warn).then_some(status.message)
+}
+
 /// Builds the report for `/diagnostics`: the statuses of device, loss, link and clock, and those of
 /// packed blocks and converters once the device has sent messages about them. The statuses of
 /// electrodes and deadlines are included only if new messages about them have arrived.

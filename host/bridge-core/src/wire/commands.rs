@@ -392,7 +392,8 @@ impl Commands {
             (true, _) if let UploadState::Underway(uploading) = &self.upload => {
                 Some(uploading.command())
             }
-            // The announcement of an empty model: refused by every device, and changes nothing.
+            // Every device refuses an empty model and keeps its own; the reason of the refusal
+            // tells whether it has a slot.
             (true, _) if self.slot == SlotState::Unknown => {
                 Some(ToDevice::ModelBegin(ModelBegin::default()))
             }

@@ -11,8 +11,8 @@ use super::{ElectrodeMask, MAX_EXCLUDED, Table, WINDOW};
 /// [`MOST_USUAL`]. Added to it is the energy of the prediction, because a larger signal is
 /// predicted with a larger error.
 const EXCLUDING: u64 = 50;
-/// Largest energy that [`EXCLUDING`] can lead to: that of 70 uV RMS. Electrodes whose innovation was
-/// large in training, such as those over a temporal muscle, would otherwise be excluded late or
+/// Largest energy that [`EXCLUDING`] can lead to: that of 70 uV RMS. Electrodes whose innovation
+/// was large in training, such as those over a temporal muscle, would otherwise be excluded late or
 /// never for noise of 100 uV RMS.
 const MOST_USUAL: u64 = 280 * 280 * WINDOW as u64;
 /// Number that stands for the excluding innovation: 2^8.
