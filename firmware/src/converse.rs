@@ -88,7 +88,7 @@ pub async fn converse(
 /// State that the futures of the conversation share.
 struct Conversation<'c, 'i> {
     state: RefCell<(&'c mut Session<'i>, &'c mut Frames)>,
-    /// Time at which the newest code or packed block was queued, ticks; `None` once the port has
+    /// Time at which the newest code, block or features were queued, ticks; `None` once the port has
     /// accepted it.
     code_ticks: Cell<Option<u32>>,
     /// Set when there may be new frames to write.
@@ -132,6 +132,9 @@ impl Conversation<'_, '_> {
             Order::SetExclusion(policy) => self.shared.exclusion.signal(policy),
             order => self.shared.send_order(order),
         });
+        if let Some(filters) = session.take_filters() {
+            self.shared.filters.signal(filters);
+        }
         restart
     }
 
@@ -165,7 +168,8 @@ impl Conversation<'_, '_> {
             session.send_timing(timing, at_us, frames);
         }
         session.send(output, frames);
-        if let Payload::Code(..) | Payload::PackedCode(..) = output.payload {
+        if let Payload::Code(..) | Payload::PackedCode(..) | Payload::Features(..) = output.payload
+        {
             self.code_ticks.set(Some(queued_ticks));
         }
     }

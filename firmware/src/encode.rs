@@ -27,7 +27,9 @@ pub async fn encode(
             if !outputs.try_send(&output, shared.timing.now()) {
                 shared.outputs_lost.fetch_add(1, Relaxed);
             }
-            if let Payload::Code(..) | Payload::PackedCode(..) = output.payload {
+            if let Payload::Code(..) | Payload::PackedCode(..) | Payload::Features(..) =
+                output.payload
+            {
                 shared.timing.record(Stage::Code, slot.drdy_ticks);
             }
         };
@@ -36,6 +38,9 @@ pub async fn encode(
             && let Some(policy) = shared.exclusion.try_take()
         {
             producer.set_exclusion(policy);
+        }
+        if let Some(filters) = shared.filters.try_take() {
+            producer.set_filters(filters);
         }
         // Events up to the time of a sample are queued before the outputs of this sample. The first
         // sample of a run is the exception: it is processed before its events, because its

@@ -8,7 +8,7 @@ use embassy_sync::{
     zerocopy_channel::{Channel, Receiver, Sender},
 };
 use link::{Event, Exclusion};
-use pipeline::{Code, PackedCode, Quality};
+use pipeline::{Code, Features, PackedCode, Quality};
 
 /// Mutex that guards everything that tasks of different priorities share. Locking it disables
 /// interrupts.
@@ -46,6 +46,7 @@ enum Content {
     Bulk,
     Code(Code, Marks),
     PackedCode(PackedCode, Marks),
+    Features(Features, Marks),
     Event(Event),
     Exclusion(Exclusion),
 }
@@ -136,6 +137,7 @@ impl OutputSender {
         let content = match output.payload {
             Payload::Code(code, marks) => Content::Code(*code, marks),
             Payload::PackedCode(code, marks) => Content::PackedCode(*code, marks),
+            Payload::Features(features, marks) => Content::Features(*features, marks),
             Payload::Event(event) => Content::Event(event),
             Payload::Exclusion(exclusion) => Content::Exclusion(exclusion),
             payload => {
@@ -151,6 +153,7 @@ impl OutputSender {
                     Payload::Quality(quality) => *bulk = BulkSlot::Quality(*quality),
                     Payload::Code(..)
                     | Payload::PackedCode(..)
+                    | Payload::Features(..)
                     | Payload::Event(_)
                     | Payload::Exclusion(_) => {}
                 }
@@ -179,6 +182,7 @@ impl OutputReceiver {
             Content::Bulk => self.bulk.receive().await.payload(),
             Content::Code(code, marks) => Payload::Code(code, *marks),
             Content::PackedCode(code, marks) => Payload::PackedCode(code, *marks),
+            Content::Features(features, marks) => Payload::Features(features, *marks),
             Content::Event(event) => Payload::Event(*event),
             Content::Exclusion(exclusion) => Payload::Exclusion(*exclusion),
         };

@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicU8, AtomicU32, Ordering::Relaxed};
 use device::{Counts, Order};
 use embassy_sync::signal::Signal;
 use link::{Converters, ExclusionPolicy, SelfTest};
-use pipeline::{PackedEncoder, Rate};
+use pipeline::{FeatureFilters, PackedEncoder, Rate};
 
 use crate::{
     inputs::Inputs,
@@ -35,6 +35,8 @@ pub struct Shared {
     rate: AtomicU8,
     /// What the host has decided about the exclusion of electrodes, for the encoder.
     pub(crate) exclusion: Signal<RawMutex, ExclusionPolicy>,
+    /// Filters of the features that the host has set, for the encoder.
+    pub(crate) filters: Signal<RawMutex, FeatureFilters>,
     /// Memory for a packed model that the host uploads, if the board has some.
     pub slot: SharedSlot,
     /// Captured events at the board's inputs, for the encoder.
@@ -60,6 +62,7 @@ impl Shared {
             outputs_lost: AtomicU32::new(0),
             rate: AtomicU8::new(DEFAULT_RATE.index()),
             exclusion: Signal::new(),
+            filters: Signal::new(),
             slot: SharedSlot::new(),
             inputs: Inputs::new(),
             converter_status: Signal::new(),

@@ -46,6 +46,7 @@
     )
 )]
 
+pub mod classifier;
 mod convolution;
 mod description;
 mod error;

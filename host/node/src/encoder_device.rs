@@ -99,6 +99,9 @@ impl EncoderDevice {
                 _ => {}
             },
         );
+        if let Some(filters) = self.session.take_filters() {
+            producer.set_filters(filters);
+        }
         if let Some(run) = started {
             self.acquisition = Acquisition::new(run.mains);
             self.new_run = Some(run);

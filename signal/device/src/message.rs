@@ -1,11 +1,11 @@
 //! Wire messages, built from the types of pipeline and model.
 
 use link::{
-    Capabilities, Code as CodeMessage, CodeFormat, CodeValues, ElectrodeQuality, Flags,
-    MAX_ELECTRODES, MAX_LABELS_BYTES, MAX_RATE, MAX_TEXT_BYTES, PackedCode as PackedMessage,
-    Quality as QualityMessage,
+    Capabilities, Code as CodeMessage, CodeFormat, CodeValues, ElectrodeQuality,
+    Features as FeaturesMessage, Flags, MAX_ELECTRODES, MAX_LABELS_BYTES, MAX_RATE, MAX_TEXT_BYTES,
+    PackedCode as PackedMessage, Quality as QualityMessage,
 };
-use pipeline::{Code, Mains, PackedCode, Quality, Rate};
+use pipeline::{Code, Features, Mains, PackedCode, Quality, Rate};
 
 use crate::acquired_sample::Marks;
 use crate::chunk::narrow;
@@ -93,6 +93,23 @@ pub(crate) fn packed_code(code: &PackedCode, marks: Marks) -> PackedMessage<'_> 
         clipped: code.clipped,
         saturated: code.saturated,
         bytes: code.bytes(),
+    }
+}
+
+pub(crate) fn features(features: &Features, marks: Marks) -> FeaturesMessage<'_> {
+    let flags = with_flags(
+        marks,
+        [
+            (features.saturated != 0, Flags::SATURATED),
+            (features.settling, Flags::SETTLING),
+        ],
+    );
+    FeaturesMessage {
+        id: features.id,
+        hop: features.hop,
+        flags,
+        saturated: features.saturated,
+        levels: features.levels(),
     }
 }
 

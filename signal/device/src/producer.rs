@@ -2,7 +2,10 @@
 
 use link::{Event, EventKind, Exclusion, ExclusionPolicy, Streams};
 use model::{Packed, SUBSTITUTION};
-use pipeline::{Code, PackedCode, PackedEncoder, Quality, Rate, SignalQuality, Step, Substitution};
+use pipeline::{
+    Code, FeatureExtractor, FeatureFilters, Features, PackedCode, PackedEncoder, Quality, Rate,
+    SignalQuality, Step, Substitution,
+};
 
 use crate::acquired_sample::{AcquiredSample, Marks, WindowMarks};
 use crate::audited_window::AuditedWindow;
@@ -26,6 +29,8 @@ pub struct Producer<E> {
     encoders: E,
     /// Quantiser rate of the packed blocks, which the host can change.
     rate: Rate,
+    /// Computes band powers with the filters that the host has set.
+    features: FeatureExtractor,
     quality: SignalQuality,
     /// Finds and fills bad electrodes; empty for a model without a table.
     substitution: [Substitution; SUBSTITUTION.is_some() as usize],
@@ -82,6 +87,9 @@ pub enum Payload<'p> {
     /// A block of the packed code, with the faults in it. [`Output::at_us`] is the time of the
     /// block's last step.
     PackedCode(&'p PackedCode, Marks),
+    /// Band powers of a hop, with the faults in it. [`Output::at_us`] is the time of the hop's last
+    /// step.
+    Features(&'p Features, Marks),
     /// An edge at the trigger input. [`Output::at_us`] is the time of the edge.
     Event(Event),
     /// The excluded electrodes, when they change and once a second. [`Output::at_us`] is the time
@@ -128,6 +136,7 @@ impl<E: Encoders> Producer<E> {
             run: Run::NONE,
             encoders,
             rate: PackedEncoder::DEFAULT_RATE,
+            features: FeatureExtractor::NEW,
             quality: SignalQuality::new(Run::NONE.mains),
             substitution: [const { Substitution::NEW }; SUBSTITUTION.is_some() as usize],
             policy: ExclusionPolicy::AUTOMATIC,
@@ -147,6 +156,11 @@ impl<E: Encoders> Producer<E> {
     /// Sets the quantiser rate of the packed code from the next block on.
     pub const fn set_rate(&mut self, rate: Rate) {
         self.rate = rate;
+    }
+
+    /// Makes features with these filters from the next step on.
+    pub fn set_filters(&mut self, filters: FeatureFilters) {
+        self.features.set_filters(filters);
     }
 
     /// Sets which electrodes are excluded, from the next window of the detection on.
@@ -258,6 +272,7 @@ impl<E: Encoders> Producer<E> {
     fn start_run(&mut self, run: Run, start_us: u64) {
         self.run = run;
         self.encoders.restart();
+        self.features.restart();
         self.quality.restart(run.mains);
         for substitution in &mut self.substitution {
             substitution.restart(run.mains);
@@ -299,6 +314,13 @@ impl<E: Encoders> Producer<E> {
             if let Some(code) = self.encoders.encode_block(step, self.rate, uploaded) {
                 let at_us = drdy_us + u64::from(code.offset_us);
                 self.emit(at_us, Payload::PackedCode(&code, marks), emit);
+            }
+        }
+        if self.wants(Streams::FEATURES) {
+            let marks = self.windows.newest_hop();
+            if let Some(features) = self.features.add_step(step) {
+                let at_us = drdy_us + u64::from(features.offset_us);
+                self.emit(at_us, Payload::Features(&features, marks), emit);
             }
         }
         let marks = self.windows.end_step();

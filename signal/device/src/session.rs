@@ -4,7 +4,7 @@ use link::{
     Ack, AckResult, ClockReading, Converters, Counters, Decoder, FrameError, Hello, ResetInto,
     SelfTest, Start, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
 };
-use pipeline::{Code, Mains, Rate};
+use pipeline::{Code, FeatureFilters, Mains, Rate};
 
 use crate::acquired_sample::Counts;
 use crate::board::{Abilities, Identity, Order, Run};
@@ -33,6 +33,8 @@ pub struct Session<'i> {
     is_testing: bool,
     /// The uploaded model; `None` while the device uses the built-in one.
     uploaded: Option<UploadedModel>,
+    /// Filters that the host has set and [`Self::take_filters`] has not returned yet.
+    filters: Option<FeatureFilters>,
     decoder: Decoder<MAX_FRAME>,
     /// Counters that the session itself counts; [`Self::stats`] adds those of acquisition, sender
     /// and decoder.
@@ -51,6 +53,7 @@ impl<'i> Session<'i> {
             converters: None,
             is_testing: false,
             uploaded: None,
+            filters: None,
             decoder: Decoder::new(),
             stats: Stats::default(),
         }
@@ -134,9 +137,13 @@ impl<'i> Session<'i> {
                     let has_packed = self.abilities.streams.contains(Streams::PACKED);
                     let is_streaming = !self.run.streams.is_empty();
                     let upload = upload(&frame.message, has_packed, is_streaming, slot);
+                    let filters = filters(&frame.message);
                     let command = frame.message.without_bytes();
                     let result = if let Some(outcome) = upload {
                         self.answer_upload(outcome, now_us, sender)
+                    } else if filters.is_some() {
+                        self.filters = filters;
+                        AckResult::Done
                     } else {
                         let (result, effect) = self.execute(command, now_us, counts, sender);
                         effect.into_iter().for_each(&mut order);
@@ -151,6 +158,13 @@ impl<'i> Session<'i> {
             };
             sender.send(now_us, &ToHost::Ack(Ack { of, result }));
         }
+    }
+
+    /// Returns the filters that the host has set since the last call, for
+    /// [`Producer::set_filters`](crate::Producer::set_filters). Call this after
+    /// [`Self::receive`]. They are no [`Order`], because they take 600 bytes.
+    pub fn take_filters(&mut self) -> Option<FeatureFilters> {
+        self.filters.take()
     }
 
     fn execute(
@@ -178,6 +192,8 @@ impl<'i> Session<'i> {
             }
             ToDevice::Reset(into) => return self.reset(into),
             ToDevice::SetRate { rate } => return self.set_rate(rate),
+            // `receive` has handled filters in range.
+            ToDevice::SetFeatures(_) => return (AckResult::BadArgument, None),
             ToDevice::SetExclusion(_) if model::SUBSTITUTION.is_none() => {
                 return (AckResult::NotSupported, None);
             }
@@ -315,6 +331,9 @@ impl<'i> Session<'i> {
             Payload::PackedCode(code, marks) => {
                 ToHost::PackedCode(message::packed_code(code, marks))
             }
+            Payload::Features(features, marks) => {
+                ToHost::Features(message::features(features, marks))
+            }
             Payload::Event(event) => ToHost::Event(event),
             Payload::Exclusion(exclusion) => ToHost::Exclusion(exclusion),
             Payload::Quality(quality) => ToHost::Quality(message::quality(quality)),
@@ -428,6 +447,16 @@ fn upload<S: Slot>(
         _ => slot.end(),
     });
     Some(outcome.ok_or(AckResult::Busy))
+}
+
+/// Returns the filters of a command; `None` for every other command, and if a filter is out of
+/// range.
+fn filters(command: &ToDevice<'_>) -> Option<FeatureFilters> {
+    let ToDevice::SetFeatures(filters) = command else {
+        return None;
+    };
+    let sections = [filters.first, filters.second].map(|s| [s.gain, s.a1, s.a2]);
+    FeatureFilters::new(filters.id, sections, filters.weights)
 }
 
 /// Returns the number of unusable frames from the host; wraps.

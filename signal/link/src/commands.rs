@@ -55,12 +55,14 @@ bit_set! {
         const COMPRESSED_RAW = 5;
         /// Bit 6: one [`PackedCode`](crate::PackedCode) per hop.
         const PACKED = 6;
+        /// Bit 7: one [`Features`](crate::Features) per hop, once the host has set filters.
+        const FEATURES = 7;
     }
 }
 
 impl Streams {
     /// Every stream that this version names.
-    pub const ALL: Streams = Streams(0b111_1111);
+    pub const ALL: Streams = Streams(0b1111_1111);
 
     /// Returns this set minus the streams of `other`.
     #[must_use]

@@ -56,6 +56,7 @@ mod commands;
 mod converters;
 mod decoder;
 mod encoder;
+mod features;
 mod flags;
 mod frame;
 mod introduction;
@@ -71,6 +72,7 @@ pub use commands::{Ack, AckResult, ClockReading, ExclusionPolicy, ResetInto, Sta
 pub use converters::{ChannelFault, ChannelTest, ChipTest, Converters, MAX_CHIPS, SelfTest};
 pub use decoder::{Counters, Decoder, Frame, FrameError};
 pub use encoder::{EncodeError, Encoder, encode};
+pub use features::{BandPass, FeatureFilters, Features, MAX_FEATURES};
 pub use flags::Flags;
 pub use frame::{Header, MAX_BODY, MAX_FRAME, VERSION, frame_bytes};
 pub use introduction::{

@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::code::{Audit, Code, PackedCode};
 use crate::commands::{Ack, ClockReading, ExclusionPolicy, ResetInto, Start};
 use crate::converters::{Converters, SelfTest};
+use crate::features::{FeatureFilters, Features, MAX_FEATURES};
 use crate::introduction::{Capabilities, Hello, Substitutes};
-use crate::reports::{Exclusion, Quality, Stats, Timing};
+use crate::reports::{Exclusion, MAX_ELECTRODES, Quality, Stats, Timing};
 use crate::signal::{CompressedRaw, Event, Filtered, Raw};
 use crate::upload::{MAX_CHUNK_BYTES, ModelBegin, ModelChunk, ModelReceived};
 
@@ -86,10 +87,12 @@ pub enum ToHost<'a> {
     Exclusion(Exclusion),
     /// 18: what the device has of an announced model; the answer to each command of an upload.
     ModelReceived(ModelReceived),
+    /// 19: band powers of a hop.
+    Features(Features<'a>),
 }
 
 impl<'a> Message<'a> for ToHost<'a> {
-    const KINDS: u32 = 19;
+    const KINDS: u32 = 20;
     const DIRECTION: u8 = b'H';
 
     fn tail(&self) -> &[u8] {
@@ -97,6 +100,7 @@ impl<'a> Message<'a> for ToHost<'a> {
             ToHost::Code(code) => code.values.bytes(),
             ToHost::Audit(audit) => audit.values.bytes(),
             ToHost::PackedCode(code) => code.bytes,
+            ToHost::Features(features) => features.levels,
             _ => &[],
         }
     }
@@ -109,6 +113,10 @@ impl<'a> Message<'a> for ToHost<'a> {
             ToHost::PackedCode(code) => {
                 code.bytes = tail;
                 return Some(self);
+            }
+            ToHost::Features(features) => {
+                features.levels = tail;
+                return (1..=MAX_FEATURES).contains(&tail.len()).then_some(self);
             }
             _ => return tail.is_empty().then_some(self),
         };
@@ -160,16 +168,20 @@ pub enum ToDevice<'a> {
     /// 11: use the announced model from now on, until the device restarts. The device introduces
     /// itself again, with the model's id. Answered with `Failed` if the model is not sound.
     ModelEnd,
+    /// 12: make features with these filters from the next hop on, at any time; they are kept until
+    /// the device restarts. Filters out of range are refused with `BadArgument`.
+    SetFeatures(FeatureFilters<'a>),
 }
 
 impl<'a> Message<'a> for ToDevice<'a> {
-    const KINDS: u32 = 12;
+    const KINDS: u32 = 13;
     const DIRECTION: u8 = b'D';
 
     fn tail(&self) -> &[u8] {
         match self {
             ToDevice::ModelBegin(begin) => &begin.id,
             ToDevice::ModelChunk(chunk) => chunk.bytes,
+            ToDevice::SetFeatures(filters) => filters.weights,
             _ => &[],
         }
     }
@@ -184,6 +196,12 @@ impl<'a> Message<'a> for ToDevice<'a> {
                 chunk.bytes = tail;
                 (1..=MAX_CHUNK_BYTES).contains(&tail.len()).then_some(self)
             }
+            ToDevice::SetFeatures(filters) => {
+                filters.weights = tail;
+                (1..=MAX_FEATURES * MAX_ELECTRODES)
+                    .contains(&tail.len())
+                    .then_some(self)
+            }
             _ => tail.is_empty().then_some(self),
         }
     }
@@ -191,7 +209,7 @@ impl<'a> Message<'a> for ToDevice<'a> {
 
 impl ToDevice<'_> {
     /// Returns the command for callers that keep it longer than the buffer of its frame: a
-    /// `ModelChunk` loses its bytes.
+    /// `ModelChunk` loses its bytes, `SetFeatures` its weights.
     #[must_use]
     pub const fn without_bytes(self) -> ToDevice<'static> {
         match self {
@@ -209,6 +227,10 @@ impl ToDevice<'_> {
                 ToDevice::ModelChunk(ModelChunk { offset, bytes: &[] })
             }
             ToDevice::ModelEnd => ToDevice::ModelEnd,
+            ToDevice::SetFeatures(filters) => ToDevice::SetFeatures(FeatureFilters {
+                weights: &[],
+                ..filters
+            }),
         }
     }
 }

@@ -5,7 +5,9 @@
 //! ADC rate  filters,        128 Hz  bad          |  streaming, int8  one per hop
 //! counts    resampler,      Q27.5,  electrodes   |                   integers
 //!           scalp grid      int8    filled       +-PackedEncoder---> PackedCode
-//!                                                   int8, int16      one per hop, few bytes
+//!                                                |  int8, int16      one per hop, few bytes
+//!                                                +-FeatureExtractor> Features
+//!                                                   int8, band-pass  one per hop, band powers
 //! ```
 //!
 //! [`Pipeline`] combines [`Acquisition`], [`Substitution`] and [`Encoder`]; firmware runs the first
@@ -36,15 +38,18 @@ extern crate std;
 mod acquisition;
 mod code;
 mod encoder;
+mod features;
 mod front_end;
 mod packed_encoder;
 mod quality;
+mod quarters;
 mod sample;
 mod substitution;
 
 pub use acquisition::{Acquisition, Pipeline};
 pub use code::{Code, CodeValues};
 pub use encoder::{Encoder, EncoderMemory};
+pub use features::{FeatureExtractor, FeatureFilters, Features, MAX_FEATURES};
 pub use front_end::{Electrodes, FrontEnd, Mains};
 pub use model::{CELLS, CHANNELS, ELECTRODES};
 pub use packed::Rate;

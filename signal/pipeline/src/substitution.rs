@@ -19,6 +19,7 @@ mod judge;
 use model::{ELECTRODES, HOP, STEP_RATE_HZ, Substitution as Table};
 
 use crate::front_end::Mains;
+use crate::quarters;
 use crate::sample::{Sample, Step};
 use evidence::Evidence;
 use fill::Fill;
@@ -113,14 +114,14 @@ impl Substitution {
         if policy.automatic {
             self.exclude(railed & !policy.never, table);
         }
-        let measured = fill::quarters(&step.electrodes);
+        let measured = quarters::quarters(&step.electrodes);
         let predicted = self.fill.predict(&measured, table);
         self.evidence.add_step(&measured, &predicted, railed);
         step.excluded = self.fill.excluded();
         step.saturated &= !step.excluded;
         for electrode in self.fill.indices() {
             if let Some(&value) = predicted.get(electrode) {
-                step.replace(electrode, fill::filtered(value));
+                step.replace(electrode, quarters::filtered(value));
             }
         }
         self.settling |= step.settling;

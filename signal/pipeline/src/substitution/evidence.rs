@@ -4,10 +4,10 @@ use core::f64::consts::TAU;
 
 use model::{ELECTRODES, LSB_NV, STEP_RATE_HZ};
 
-use super::fill::{self, Quarters};
 use super::{ElectrodeMask, WINDOW};
 use crate::front_end::Mains;
 use crate::quality::FLAT_BELOW_UV;
+use crate::quarters::{LARGEST, Quarters};
 use crate::sample::Sample;
 
 /// What the steps and samples of one window say about each electrode.
@@ -161,7 +161,7 @@ const fn square(x: i32) -> u32 {
 }
 
 const _: () = assert!(
-    square(2 * fill::LARGEST - 1) as u64 * WINDOW as u64 <= u32::MAX as u64,
+    square(2 * LARGEST - 1) as u64 * WINDOW as u64 <= u32::MAX as u64,
     "the energies of a window must fit 32 bits"
 );
 

@@ -1,57 +1,10 @@
 //! Predicts every electrode from the electrodes that are not excluded.
 
-use int8_nn::{Linear, Pair, requantise};
-use model::{ELECTRODE_OUTPUTS, ELECTRODE_PAIRS, ELECTRODES, GUARD_BITS, LSB_NV};
+use int8_nn::{Linear, Pair};
+use model::{ELECTRODE_OUTPUTS, ELECTRODES};
 
 use super::{ElectrodeMask, MAX_EXCLUDED, Table};
-use crate::front_end::Electrodes;
-
-/// One value for each electrode, in quarters of a microvolt, then zeros: whole pairs of a matrix.
-pub(super) type Quarters = [i16; 2 * ELECTRODE_PAIRS];
-
-/// Number of bits of a value: -4,096..=4,095 quarters of a microvolt, which is -1,024 to 1,023.75
-/// uV. Other values saturate, so that every sum of products fits [`int8_nn::Linear`].
-const VALUE_BITS: u32 = 13;
-/// Largest magnitude of a value.
-pub(super) const LARGEST: i32 = 1 << (VALUE_BITS - 1);
-
-/// Nanovolts of one unit.
-const UNIT_NV: f64 = 250.0;
-/// Nanovolts of one unit of a filtered electrode, Q27.5.
-const FILTERED_NV: f64 = LSB_NV as f64 / (1_u32 << GUARD_BITS) as f64;
-
-/// Factor from a filtered electrode to quarters of a microvolt, Q0.32.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "below 2^31, as the assertion checks"
-)]
-const TO_QUARTERS: i32 = {
-    let factor = FILTERED_NV / UNIT_NV;
-    assert!(factor < 0.5, "the factor must fit Q0.32 with a sign");
-    (factor * 4_294_967_296.0 + 0.5) as i32
-};
-/// Factor from quarters of a microvolt to a filtered electrode, Q24.8.
-#[expect(clippy::cast_possible_truncation, reason = "some ten thousands")]
-const FROM_QUARTERS: i64 = (UNIT_NV / FILTERED_NV * 256.0 + 0.5) as i64;
-
-/// Returns filtered electrodes in quarters of a microvolt, saturated.
-pub(super) fn quarters(electrodes: &Electrodes) -> Quarters {
-    // The compiler replaces a multiplication by a known constant by several instructions; this one
-    // is a single SMMULR.
-    let factor = core::hint::black_box(TO_QUARTERS);
-    let mut quarters = [0; _];
-    for (quarters, &x) in quarters.iter_mut().zip(electrodes) {
-        *quarters = saturated(requantise(x, factor));
-    }
-    quarters
-}
-
-/// Returns a value in quarters of a microvolt as a filtered electrode, counts in Q27.5. The largest
-/// value is 1 mV, which fits.
-#[expect(clippy::cast_possible_truncation, reason = "as the comment states")]
-pub(super) fn filtered(quarters: i16) -> i32 {
-    ((i64::from(quarters) * FROM_QUARTERS + 128) >> 8) as i32
-}
+use crate::quarters::{Quarters, pairs, saturated};
 
 /// Number of sweeps over the excluded electrodes. With eight, twelve excluded electrodes are within
 /// 6 % (RMS) of their conditional mean in the tests.
@@ -174,8 +127,7 @@ impl Fill {
     /// Returns the prediction of every electrode from the `measured` ones that are not excluded.
     #[inline(never)]
     pub(super) fn predict(&self, measured: &Quarters, table: &Table<'_>) -> Quarters {
-        let mut inputs: [Pair; ELECTRODE_PAIRS] =
-            core::array::from_fn(|pair| Pair::new([measured[2 * pair], measured[2 * pair + 1]]));
+        let mut inputs = pairs(measured);
         for electrode in self.indices() {
             if let Some(pair) = inputs.get_mut(electrode / 2) {
                 *pair = pair.with(electrode % 2, 0);
@@ -251,9 +203,3 @@ const fn matrix(weights: &[Pair]) -> Linear<'_> {
 /// No table makes the sums overflow: those of the table stay below 2^23, and so do those of
 /// [`MAX_EXCLUDED`] values times 127.
 const HALF: i32 = 1 << (WEIGHT_BITS - 1);
-
-/// Limits a value to [`VALUE_BITS`] bits (SSAT).
-#[expect(clippy::cast_possible_truncation, reason = "clamped")]
-fn saturated(value: i32) -> i16 {
-    value.clamp(-LARGEST, LARGEST - 1) as i16
-}

@@ -1,0 +1,282 @@
+//! A classifier of EEG: spatial filters for the device, and a decision about their band powers for
+//! the host.
+
+mod decision;
+mod error;
+
+pub use decision::{Decision, Prediction, energy};
+pub use error::ClassifierError;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// Largest number of spatial filters that a device takes.
+pub const MAX_FEATURES: usize = 8;
+/// Largest sum of the magnitudes of a filter's weights. With inputs of 4,096 at most, the sum over
+/// all electrodes then fits the 24 bits in which a device adds it up.
+pub const LARGEST_ROW: u32 = 2_047;
+
+/// Largest gain from a filter's signal, below 2^23, to a node of the band-pass, so that none
+/// reaches 2^31.
+const LARGEST_GAIN: f64 = 256.0;
+/// Number of steps in which the impulse response of the band-pass must have decayed, and the
+/// magnitude that it may still have.
+const DECAY: (usize, f64) = (20_000, 1e-6);
+
+/// A classifier, as its file has it. [`Self::read`] and [`Self::parse`] check it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Classifier {
+    /// Version of the file format, always 1.
+    pub format: u32,
+    /// Electrodes of the montage, in the device's order.
+    pub electrodes: Vec<String>,
+    /// Steps per second.
+    pub step_rate_hz: u16,
+    /// Steps from one set of features to the next.
+    pub hop_steps: u8,
+    /// The band-pass.
+    pub band: Band,
+    /// What follows from the features.
+    pub decision: DecisionRule,
+    /// Spatial filters, 1 to [`MAX_FEATURES`]. Each yields one feature.
+    pub filters: Vec<SpatialFilter>,
+    /// On what the classifier was trained, and how well it did on what it had not seen.
+    pub training: ClassifierTraining,
+}
+
+/// The band-pass that follows each spatial filter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Band {
+    /// Lower and upper -3 dB edge, Hz.
+    pub hz: [f64; 2],
+    /// Two sections `y0 = gain (x0 - x2) + a1 y1 + a2 y2` at the step rate: gain, a1, a2 of each,
+    /// Q32.
+    pub sections: [[i64; 3]; 2],
+}
+
+/// A spatial filter: a weighted sum of all electrodes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpatialFilter {
+    /// Weight of each electrode, -127..=127; the magnitudes sum to [`LARGEST_ROW`] at most.
+    pub weights: Vec<i8>,
+    /// Activity at each electrode of the source that the filter extracts, relative to the largest
+    /// one, -1..=1; for people, not for the device.
+    pub pattern: Vec<f32>,
+}
+
+/// A linear discriminant for each class, about the logarithms of smoothed band powers.
+///
+/// With the feature's mean energy over the window, `x = ln(energy)`, the class c has the score
+/// `bias[c] + sum_f weights[c][f] x_f`, and the softmax of the scores is the probability.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DecisionRule {
+    /// The classes, two or more.
+    pub classes: Vec<Class>,
+    /// Number of hops over which each energy is averaged.
+    pub window_hops: u32,
+    /// For each class, the weight of each feature.
+    pub weights: Vec<Vec<f64>>,
+    /// For each class, its constant term.
+    pub bias: Vec<f64>,
+}
+
+/// One of the classes between which a classifier decides.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Class {
+    /// Event code, such as 769; `NeuroOutput` names classes by these numbers.
+    pub code: i32,
+    /// Label of the event in the recordings, such as `T1`.
+    pub event: String,
+}
+
+/// How a classifier was trained.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClassifierTraining {
+    /// File names of the training recordings.
+    pub train_files: Vec<String>,
+    /// Start and end of the part of each trial that was used, seconds after its event.
+    pub trial_s: [f64; 2],
+    /// Number of training trials of each class, in the order of the classes.
+    pub trials: Vec<u32>,
+    /// Results on trials of recordings that were left out of the training in turn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cross_validation: Option<ClassifierFigures>,
+    /// Results on the test recordings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test: Option<ClassifierFigures>,
+}
+
+/// How often a classifier was right on trials that it was not trained on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClassifierFigures {
+    /// Part of the trials that were classified as what they were, 0..=1.
+    pub accuracy: f64,
+    /// 95 % confidence interval of the accuracy (Wilson).
+    pub accuracy_95: [f64; 2],
+    /// Area under the receiver operating characteristic, 0..=1; the mean over all pairs of classes.
+    pub auc: f64,
+    /// Number of trials by true class (row) and decision (column).
+    pub confusion: Vec<Vec<u32>>,
+}
+
+impl Classifier {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is not a classifier, or a number in it is out of its range.
+    pub fn read(path: &Path) -> Result<Self, ClassifierError> {
+        let text = std::fs::read_to_string(path).map_err(ClassifierError::file(path))?;
+        Self::parse(&text)
+    }
+
+    /// Parses and checks the text of a file.
+    ///
+    /// # Errors
+    /// If the text is not a classifier, or a number in it is out of its range.
+    pub fn parse(text: &str) -> Result<Self, ClassifierError> {
+        let classifier: Self = toml::from_str(text)?;
+        classifier.check()?;
+        Ok(classifier)
+    }
+
+    /// Returns the text of the file.
+    ///
+    /// # Errors
+    /// If the TOML library cannot serialise a number.
+    pub fn to_toml(&self) -> Result<String, ClassifierError> {
+        Ok(toml::to_string(self)?)
+    }
+
+    /// Returns the number by which features name their filters: the first four bytes of the SHA-256
+    /// over band-pass and weights.
+    pub fn id(&self) -> u32 {
+        let mut hash = Sha256::new();
+        for coefficient in self.band.sections.as_flattened() {
+            hash.update(coefficient.to_le_bytes());
+        }
+        hash.update(self.weight_bytes());
+        let digest = hash.finalize();
+        u32::from_be_bytes([digest[0], digest[1], digest[2], digest[3]])
+    }
+
+    /// Returns the weights of all filters as bytes, in the order filter, electrode.
+    pub fn weight_bytes(&self) -> Vec<u8> {
+        let weights = self.filters.iter().flat_map(|filter| &filter.weights);
+        weights.map(|weight| weight.cast_unsigned()).collect()
+    }
+
+    /// Checks all ranges, and that no value of the device leaves 32 bits.
+    fn check(&self) -> Result<(), ClassifierError> {
+        let field = |field: &'static str, is_valid: bool, expected: &'static str| {
+            let error = ClassifierError::Field { field, expected };
+            is_valid.then_some(()).ok_or(error)
+        };
+        let Self {
+            filters, decision, ..
+        } = self;
+        let (electrodes, features) = (self.electrodes.len(), filters.len());
+        let classes = decision.classes.len();
+        field("format", self.format == 1, "1")?;
+        field(
+            "electrodes",
+            (1..=64).contains(&electrodes),
+            "1 to 64 labels",
+        )?;
+        field("hop_steps", self.hop_steps > 0, "1 or more")?;
+        field(
+            "filters",
+            (1..=MAX_FEATURES).contains(&features),
+            "1 to 8 filters",
+        )?;
+        let is_filter = |filter: &SpatialFilter| {
+            let magnitudes = filter.weights.iter().map(|w| u32::from(w.unsigned_abs()));
+            filter.weights.len() == electrodes
+                && filter.pattern.len() == electrodes
+                && !filter.weights.contains(&i8::MIN)
+                && (1..=LARGEST_ROW).contains(&magnitudes.sum::<u32>())
+        };
+        field(
+            "filters.weights",
+            filters.iter().all(is_filter),
+            "one weight and one part of the pattern for each electrode, weights from -127 to 127, \
+             and the magnitudes of a filter's weights must sum to 1 to 2,047",
+        )?;
+        field("decision.classes", classes > 1, "two or more")?;
+        let is_repeated = |(index, class): (usize, &Class)| {
+            let before = &decision.classes[..index];
+            before.iter().any(|other| other.code == class.code)
+        };
+        field(
+            "decision.classes",
+            !decision.classes.iter().enumerate().any(is_repeated),
+            "different codes",
+        )?;
+        field(
+            "decision.window_hops",
+            decision.window_hops > 0,
+            "1 or more",
+        )?;
+        let weights = decision.weights.iter();
+        let is_whole = weights.len() == classes
+            && weights.clone().all(|row| row.len() == features)
+            && decision.bias.len() == classes;
+        let mut numbers = weights.flatten().chain(&decision.bias);
+        field(
+            "decision",
+            is_whole && numbers.all(|number| number.is_finite()),
+            "a bias for each class, and a weight for each class and filter, all finite",
+        )?;
+        field(
+            "band.sections",
+            self.band.largest_gain() < LARGEST_GAIN,
+            "a stable band-pass with coefficients below 4.0 and no gain of 256 or more",
+        )
+    }
+}
+
+impl Band {
+    /// Returns the largest gain (the sum of the magnitudes of the impulse response) from the input
+    /// to the output of a section; infinite if a response does not decay.
+    fn largest_gain(&self) -> f64 {
+        let mut states = [[0.0; 4]; 2];
+        let mut gains = [0.0; 2];
+        let mut last = f64::INFINITY;
+        for n in 0..DECAY.0 {
+            let mut x = if n == 0 { 1.0 } else { 0.0 };
+            for ((coefficients, state), gain) in
+                self.sections.iter().zip(&mut states).zip(&mut gains)
+            {
+                #[expect(clippy::cast_precision_loss, reason = "coefficients are below 2^34")]
+                let [b, a1, a2] = coefficients.map(|q32| q32 as f64 / 4_294_967_296.0);
+                let [x1, x2, y1, y2] = *state;
+                let y: f64 = b * (x - x2) + a1 * y1 + a2 * y2;
+                *state = [x, x1, y, y1];
+                *gain += y.abs();
+                x = y;
+            }
+            last = x.abs();
+        }
+        let mut coefficients = self.sections.as_flattened().iter();
+        let is_small = coefficients.all(|q32| q32.unsigned_abs() <= 1 << 34);
+        let decays = states
+            .as_flattened()
+            .iter()
+            .all(|value| value.abs() < DECAY.1);
+        if is_small && decays && last < DECAY.1 {
+            gains[0].max(gains[1])
+        } else {
+            f64::INFINITY
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,134 @@
+//! From the features of each hop to the probability of each class.
+
+use super::{Classifier, ClassifierError, DecisionRule};
+use std::collections::VecDeque;
+
+/// Number of levels of a feature for each doubling of its energy, and the level of the energy 1.
+const LEVELS_PER_OCTAVE: f64 = 8.0;
+const LEVEL_OF_ONE: f64 = -80.0;
+
+/// Returns the energy that a level stands for.
+pub fn energy(level: u8) -> f64 {
+    ((f64::from(level) - LEVEL_OF_ONE) / LEVELS_PER_OCTAVE).exp2()
+}
+
+/// Running decision of a classifier: averages energies over a window of hops, and returns the
+/// probability of each class.
+#[derive(Clone, Debug)]
+pub struct Decision {
+    rule: DecisionRule,
+    /// Energies of the newest hops, oldest first, at most as many as the window has.
+    hops: VecDeque<Vec<f64>>,
+    /// The newest probabilities.
+    probabilities: Vec<f32>,
+}
+
+/// What a classifier decides at one hop.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prediction {
+    /// Probability of each class, in the order of [`DecisionRule::classes`]; they sum to 1.
+    pub probabilities: Vec<f32>,
+    /// Whether the window has as many hops as the classifier was trained with.
+    pub is_settled: bool,
+}
+
+impl Prediction {
+    /// Returns the index of the most probable class.
+    pub fn class(&self) -> usize {
+        let classes = self.probabilities.iter().enumerate();
+        let best = classes.max_by(|a, b| a.1.total_cmp(b.1));
+        best.map_or(0, |(index, _)| index)
+    }
+}
+
+impl Decision {
+    /// Creates a decision without a hop in its window; all classes are equally probable.
+    pub fn new(classifier: &Classifier) -> Self {
+        let rule = classifier.decision.clone();
+        let classes = rule.classes.len();
+        #[expect(clippy::cast_precision_loss, reason = "a few classes")]
+        let equal = 1.0 / classes as f32;
+        Self {
+            rule,
+            hops: VecDeque::new(),
+            probabilities: vec![equal; classes],
+        }
+    }
+
+    /// Adds the levels of a hop, one for each filter, and returns the decision. Of another number
+    /// of levels, those in excess or lacking are left out.
+    pub fn add_hop(&mut self, levels: &[u8]) -> Prediction {
+        let window = self.rule.window_hops as usize;
+        while self.hops.len() >= window {
+            self.hops.pop_front();
+        }
+        let energies = levels.iter().map(|&level| energy(level));
+        self.hops.push_back(energies.collect());
+        #[expect(clippy::cast_precision_loss, reason = "a window has some hops")]
+        let count = self.hops.len() as f64;
+        let features = (0..levels.len()).map(|feature| {
+            let energies = self.hops.iter().filter_map(|hop| hop.get(feature));
+            (energies.sum::<f64>() / count).ln()
+        });
+        self.probabilities = self.rule.probabilities(&features.collect::<Vec<_>>());
+        self.newest()
+    }
+
+    /// Returns the newest decision again, for a hop whose features are missing or not usable.
+    pub fn newest(&self) -> Prediction {
+        Prediction {
+            probabilities: self.probabilities.clone(),
+            is_settled: self.hops.len() >= self.rule.window_hops as usize,
+        }
+    }
+}
+
+impl DecisionRule {
+    /// Returns the score of each class for these features, `ln(energy)` each.
+    pub fn scores(&self, features: &[f64]) -> Vec<f64> {
+        let classes = self.weights.iter().zip(&self.bias);
+        let score = |(weights, bias): (&Vec<f64>, &f64)| {
+            let terms = weights.iter().zip(features).map(|(w, x)| w * x);
+            bias + terms.sum::<f64>()
+        };
+        classes.map(score).collect()
+    }
+
+    /// Returns the probability of each class for these features: the softmax of the scores.
+    pub fn probabilities(&self, features: &[f64]) -> Vec<f32> {
+        let scores = self.scores(features);
+        let largest = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let terms: Vec<f64> = scores.iter().map(|score| (score - largest).exp()).collect();
+        let sum: f64 = terms.iter().sum();
+        #[expect(clippy::cast_possible_truncation, reason = "a probability")]
+        let probability = |term: &f64| (term / sum) as f32;
+        terms.iter().map(probability).collect()
+    }
+}
+
+impl Classifier {
+    /// Checks that a device has the montage and the rates that the classifier was trained with.
+    ///
+    /// # Errors
+    /// [`ClassifierError::Device`] otherwise.
+    pub fn check_device<'a>(
+        &self,
+        labels: impl Iterator<Item = &'a str>,
+        step_rate_hz: u16,
+        hop_steps: u8,
+    ) -> Result<(), ClassifierError> {
+        let rates = |rate: u16, hop: u8| format!("{rate} steps per second in hops of {hop}");
+        let electrodes = |labels: &[&str]| format!("the electrodes {}", labels.join(" "));
+        let labels: Vec<_> = labels.collect();
+        let own: Vec<_> = self.electrodes.iter().map(String::as_str).collect();
+        let (expected, found) = if labels != own {
+            (electrodes(&own), electrodes(&labels))
+        } else if (step_rate_hz, hop_steps) != (self.step_rate_hz, self.hop_steps) {
+            let own = rates(self.step_rate_hz, self.hop_steps);
+            (own, rates(step_rate_hz, hop_steps))
+        } else {
+            return Ok(());
+        };
+        Err(ClassifierError::Device { expected, found })
+    }
+}

@@ -1,0 +1,126 @@
+//! Band power of several signals, as logarithms in one byte each.
+
+use crate::{
+    cascade::{Cascade, CascadeState},
+    filter::Filter,
+};
+
+/// Number of sections of the band-pass: a Butterworth band-pass of order 2 at each edge.
+pub const BAND_SECTIONS: usize = 2;
+
+/// Number of levels for each doubling of a power: one level is 0.376 dB.
+pub const LEVELS_PER_OCTAVE: u32 = 8;
+/// Level of the power 1. Level 0 is a power of 2^10 or less, level 255 one of 2^41.9 or more.
+pub const LEVEL_OF_ONE: i32 = -80;
+
+/// Filters and energies of `N` signals, which share one band-pass.
+///
+/// The energies are of a part of the signals, from one call of [`Self::take_levels`] to the next.
+/// The time of a call does not depend on the signals.
+#[derive(Clone, Debug)]
+pub struct BandPower<const N: usize> {
+    states: [CascadeState<BAND_SECTIONS>; N],
+    /// Sum of the squares of each signal's filtered samples; wraps.
+    energies: [u64; N],
+}
+
+impl<const N: usize> BandPower<N> {
+    /// State after a long silence.
+    pub const REST: Self = Self {
+        states: [CascadeState::REST; N],
+        energies: [0; N],
+    };
+
+    /// Filters one sample of each signal, and adds its square to the signal's energy.
+    ///
+    /// Overflow wraps: see [`Cascade`].
+    #[inline]
+    pub fn add_samples(&mut self, band: &Cascade<BAND_SECTIONS>, samples: &[i32; N]) {
+        let signals = self.states.iter_mut().zip(&mut self.energies);
+        for ((state, energy), &x) in signals.zip(samples) {
+            let y = i64::from(band.apply(state, x));
+            *energy = energy.wrapping_add(y.wrapping_mul(y).cast_unsigned());
+        }
+    }
+
+    /// Returns the [`level`] of each signal's energy, and sets the energies to 0.
+    #[inline]
+    pub fn take_levels(&mut self) -> [u8; N] {
+        core::mem::replace(&mut self.energies, [0; N]).map(level)
+    }
+}
+
+/// Lower ends of the levels within an octave: 2^31 * 2^((n + 1/2) / 8), rounded up.
+const THRESHOLDS: [u32; LEVELS_PER_OCTAVE as usize] = [
+    2_242_560_872,
+    2_445_529_972,
+    2_666_869_345,
+    2_908_241_643,
+    3_171_460_000,
+    3_458_501_654,
+    3_771_522_797,
+    4_112_874_774,
+];
+
+/// Returns `8 log2(power) - 80`, rounded, saturated to 0..=255; 0 for a power of 0.
+#[inline]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    reason = "the upper half of 64 bits, an exponent below 64, and a clamped level"
+)]
+pub fn level(power: u64) -> u8 {
+    let power = power.max(1);
+    let exponent = 63 - power.leading_zeros();
+    // The mantissa, 2^31 to 2^32, truncated: a power within 2^-31 of the end of a level can get the
+    // level below.
+    let mantissa = (power << (63 - exponent) >> 32) as u32;
+    let above = THRESHOLDS.iter().map(|end| u32::from(mantissa >= *end));
+    let eighths = exponent * LEVELS_PER_OCTAVE + above.sum::<u32>();
+    (eighths as i32 + LEVEL_OF_ONE).clamp(0, 255) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{coefficient::Coefficient, section::Section};
+
+    #[test]
+    fn a_level_is_the_rounded_logarithm_of_the_power() {
+        for exponent in 0..64 {
+            for mantissa in 0..1_000_u64 {
+                let power = (1_u64 << exponent) + ((1_u64 << exponent) / 1_000) * mantissa;
+                #[expect(clippy::cast_precision_loss, reason = "the reference is rounded")]
+                let exact = (8.0 * (power as f64).log2() - 80.0).clamp(0.0, 255.0);
+                let error = f64::from(level(power)) - exact;
+                assert!(error.abs() <= 0.500_001, "{power}: {error}");
+            }
+        }
+        assert_eq!(level(0), 0);
+        assert_eq!(level(u64::MAX), 255);
+    }
+
+    #[test]
+    fn each_signal_has_its_own_energy_and_a_new_part_starts_at_zero() {
+        // y0 = x0 - x2: twice the input at a quarter of the sampling rate, nothing at DC.
+        let section = Section::BandPass {
+            gain: Coefficient::ONE,
+            a1: Coefficient::nearest(0.0),
+            a2: Coefficient::nearest(0.0),
+        };
+        let band = Cascade {
+            sections: [section; 2],
+        };
+        let mut powers = BandPower::REST;
+        let alternating = [1_000, 0, -1_000, 0];
+        for n in 0..8 {
+            powers.add_samples(&band, &[alternating[n % 4], 1_000]);
+        }
+        // The first four outputs of the first signal, 1000 0 -3000 0, then 4000 and -4000.
+        let expected = [1_000_u64, 3_000, 4_000, 4_000].map(|y| y * y).iter().sum();
+        // The second signal's step: 1000, 1000, -1000, -1000 and then zeros.
+        assert_eq!(powers.take_levels(), [level(expected), level(4_000_000)]);
+        assert_eq!(powers.take_levels(), [0, 0]);
+    }
+}

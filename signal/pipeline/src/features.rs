@@ -1,0 +1,230 @@
+//! Band powers of spatially filtered electrodes: what a decoder of the host decides from.
+
+use fixed_dsp::{BAND_SECTIONS, BandPower, Cascade, Coefficient, Section};
+use int8_nn::{Linear, Pair};
+use model::{ELECTRODE_PAIRS, ELECTRODES, HOP};
+
+use crate::quarters::{pairs, quarters};
+use crate::sample::Step;
+
+/// Largest number of spatial filters, each of which yields one feature.
+pub const MAX_FEATURES: usize = 8;
+
+/// Largest sum of the magnitudes of a spatial filter's weights: with it, the sum over all
+/// electrodes stays below 2^23, as [`Linear::accumulate`] requires.
+const LARGEST_ROW: u32 = 2_047;
+
+/// Largest magnitude of a coefficient, Q32: 4.0, twice that of any stable section.
+const LARGEST_COEFFICIENT: u64 = 1 << 34;
+
+/// Number of hops, 1 s with a hop of 8 steps, that are marked as settling after a start or new
+/// filters: the band-pass starts at rest.
+const SETTLING_HOPS: u8 = 16;
+
+/// Number of pairs of the packed weights.
+const WEIGHT_PAIRS: usize = ELECTRODE_PAIRS * MAX_FEATURES / 2;
+
+/// Spatial filters, and the band-pass that follows them: the configuration of a
+/// [`FeatureExtractor`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FeatureFilters {
+    id: u32,
+    band: Cascade<BAND_SECTIONS>,
+    /// Number of filters, at most [`MAX_FEATURES`].
+    filters: u8,
+    /// Weights of all filters, packed for [`Linear`]; 0 for those beyond the number of filters.
+    weights: [Pair; WEIGHT_PAIRS],
+}
+
+impl FeatureFilters {
+    /// No filters: an extractor with them returns no features.
+    pub const NONE: Self = Self {
+        id: 0,
+        band: Cascade {
+            sections: [section([0; 3]); BAND_SECTIONS],
+        },
+        filters: 0,
+        weights: [Pair::ZERO; WEIGHT_PAIRS],
+    };
+
+    /// Creates filters; `None` if an argument is out of range.
+    ///
+    /// * `id`: number that the features repeat, so that the host knows whose they are.
+    /// * `sections`: the band-pass at the step rate as two [`Section::BandPass`]: gain, a1, a2 of
+    ///   each, Q32, at most 4.0. The host proves that no value of the filtered signals leaves 32
+    ///   bits; with any other coefficients, they wrap.
+    /// * `weights`: for each filter, the weight of each electrode of the montage, int8 as bytes. 1
+    ///   to [`MAX_FEATURES`] filters; no weight is -128, and the magnitudes of a filter sum to
+    ///   2,047 at most.
+    pub fn new(id: u32, sections: [[i64; 3]; BAND_SECTIONS], weights: &[u8]) -> Option<Self> {
+        let filters = weights.chunks_exact(ELECTRODES);
+        let count = u8::try_from(filters.len()).ok()?;
+        let is_row = |row: &[u8]| {
+            let magnitudes = row.iter().map(|byte| byte.cast_signed().unsigned_abs());
+            !row.contains(&i8::MIN.cast_unsigned())
+                && magnitudes.map(u32::from).sum::<u32>() <= LARGEST_ROW
+        };
+        let is_valid = weights.len().is_multiple_of(ELECTRODES)
+            && (1..=MAX_FEATURES).contains(&filters.len())
+            && filters.clone().all(is_row)
+            && (sections.as_flattened().iter())
+                .all(|coefficient| coefficient.unsigned_abs() <= LARGEST_COEFFICIENT);
+        if !is_valid {
+            return None;
+        }
+        let mut inputs = [[0; MAX_FEATURES]; ELECTRODES];
+        for (filter, row) in filters.enumerate() {
+            for (outputs, weight) in inputs.iter_mut().zip(row) {
+                if let Some(place) = outputs.get_mut(filter) {
+                    *place = weight.cast_signed();
+                }
+            }
+        }
+        let mut packed = [Pair::ZERO; WEIGHT_PAIRS];
+        Linear::pack_weights(
+            ELECTRODE_PAIRS,
+            MAX_FEATURES,
+            inputs.as_flattened(),
+            &mut packed,
+        );
+        Some(Self {
+            id,
+            band: Cascade {
+                sections: sections.map(section),
+            },
+            filters: count,
+            weights: packed,
+        })
+    }
+
+    /// Returns the matrix from the electrodes to the filtered signals.
+    const fn matrix(&self) -> Linear<'_> {
+        Linear {
+            inputs: ELECTRODE_PAIRS,
+            outputs: MAX_FEATURES,
+            weights: &self.weights,
+        }
+    }
+}
+
+/// Returns a section with these coefficients: gain, a1, a2, Q32.
+const fn section([gain, a1, a2]: [i64; 3]) -> Section {
+    Section::BandPass {
+        gain: Coefficient::from_q32(gain),
+        a1: Coefficient::from_q32(a1),
+        a2: Coefficient::from_q32(a2),
+    }
+}
+
+/// The band powers of one hop, with their position in the run and their status.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Features {
+    /// Number that the host has given the filters.
+    pub id: u32,
+    /// Index of the hop in the run, from 0; wraps. Hop `n` consists of the steps from `n * HOP` on.
+    pub hop: u32,
+    /// Time from the ADC sample that completed the hop to its last step, microseconds; see
+    /// [`Step::offset_us`].
+    pub offset_us: u16,
+    /// ADC channels that were at the rail in the hop, or between the step before it and its first
+    /// step; bit n is channel n.
+    pub saturated: u64,
+    /// True if the filters of the device or the band-pass had not settled at the hop's first step.
+    pub settling: bool,
+    filters: u8,
+    levels: [u8; MAX_FEATURES],
+}
+
+impl Features {
+    /// Returns the power of each filter's signal as a level, `8 log2(energy) - 80`, rounded and
+    /// limited to 0..=255. The energy is the sum of the squares of the hop's filtered samples; a
+    /// sample is the weighted sum of the electrodes in quarters of a microvolt.
+    pub fn levels(&self) -> &[u8] {
+        self.levels
+            .get(..usize::from(self.filters))
+            .unwrap_or_default()
+    }
+}
+
+/// Computes [`Features`], one for each hop of steps.
+///
+/// Every step takes the same number of instructions, whatever signals and filters are; the last
+/// step of a hop takes the logarithms more. `cargo xtask bench features` counts them.
+#[derive(Clone, Debug)]
+pub struct FeatureExtractor {
+    filters: FeatureFilters,
+    power: BandPower<MAX_FEATURES>,
+    /// Number of steps of the hop so far.
+    steps: u8,
+    hop: u32,
+    saturated: u64,
+    /// Whether the filters of the device had not settled at the hop's first step.
+    settling: bool,
+    /// Number of hops, this one included, until the band-pass has settled.
+    settling_hops: u8,
+}
+
+impl FeatureExtractor {
+    /// An extractor before the first step of a run, without filters.
+    pub const NEW: Self = Self {
+        filters: FeatureFilters::NONE,
+        power: BandPower::REST,
+        steps: 0,
+        hop: 0,
+        saturated: 0,
+        settling: false,
+        settling_hops: SETTLING_HOPS,
+    };
+
+    /// Starts a run in place; the filters stay.
+    pub fn restart(&mut self) {
+        self.power = BandPower::REST;
+        self.steps = 0;
+        self.hop = 0;
+        self.saturated = 0;
+        self.settling_hops = SETTLING_HOPS;
+    }
+
+    /// Uses these filters from the next step on. The hop that contains it, and the hops in which
+    /// the band-pass settles, are marked as settling.
+    pub fn set_filters(&mut self, filters: FeatureFilters) {
+        self.filters = filters;
+        self.power = BandPower::REST;
+        self.settling_hops = SETTLING_HOPS;
+    }
+
+    /// Adds a step; returns the features if the step completes a hop and there are filters.
+    #[inline(never)]
+    pub fn add_step(&mut self, step: &Step) -> Option<Features> {
+        if self.steps == 0 {
+            self.settling = step.settling;
+        }
+        self.saturated |= step.saturated;
+        let mut signals = [0; MAX_FEATURES];
+        // The matrix has its constant size, so that the product is never left out.
+        let _ = (self.filters.matrix())
+            .try_accumulate(&pairs(&quarters(&step.electrodes)), &mut signals);
+        self.power.add_samples(&self.filters.band, &signals);
+        self.steps += 1;
+        if usize::from(self.steps) < HOP {
+            return None;
+        }
+        let features = Features {
+            id: self.filters.id,
+            hop: self.hop,
+            offset_us: step.offset_us,
+            saturated: self.saturated,
+            settling: self.settling || self.settling_hops > 0,
+            filters: self.filters.filters,
+            levels: self.power.take_levels(),
+        };
+        self.steps = 0;
+        self.saturated = 0;
+        self.settling_hops = self.settling_hops.saturating_sub(1);
+        self.hop = self.hop.wrapping_add(1);
+        (self.filters.filters > 0).then_some(features)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,66 @@
+//! Electrodes in quarters of a microvolt: the inputs of 8-bit matrices.
+
+use int8_nn::{Pair, requantise};
+use model::{ELECTRODE_PAIRS, GUARD_BITS, LSB_NV};
+
+use crate::front_end::Electrodes;
+
+/// One value for each electrode, in quarters of a microvolt, then zeros: whole pairs of a matrix.
+pub(crate) type Quarters = [i16; 2 * ELECTRODE_PAIRS];
+
+/// Number of bits of a value: -4,096..=4,095 quarters of a microvolt, which is -1,024 to 1,023.75
+/// uV. Other values saturate, so that every sum of products fits [`int8_nn::Linear`].
+const VALUE_BITS: u32 = 13;
+/// Largest magnitude of a value.
+pub(crate) const LARGEST: i32 = 1 << (VALUE_BITS - 1);
+
+/// Nanovolts of one unit.
+const UNIT_NV: f64 = 250.0;
+/// Nanovolts of one unit of a filtered electrode, Q27.5.
+const FILTERED_NV: f64 = LSB_NV as f64 / (1_u32 << GUARD_BITS) as f64;
+
+/// Factor from a filtered electrode to quarters of a microvolt, Q0.32.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "below 2^31, as the assertion checks"
+)]
+const TO_QUARTERS: i32 = {
+    let factor = FILTERED_NV / UNIT_NV;
+    assert!(factor < 0.5, "the factor must fit Q0.32 with a sign");
+    (factor * 4_294_967_296.0 + 0.5) as i32
+};
+/// Factor from quarters of a microvolt to a filtered electrode, Q24.8.
+#[expect(clippy::cast_possible_truncation, reason = "some ten thousands")]
+const FROM_QUARTERS: i64 = (UNIT_NV / FILTERED_NV * 256.0 + 0.5) as i64;
+
+/// Returns filtered electrodes in quarters of a microvolt, saturated.
+pub(crate) fn quarters(electrodes: &Electrodes) -> Quarters {
+    // The compiler replaces a multiplication by a known constant by several instructions; this one
+    // is a single SMMULR.
+    let factor = core::hint::black_box(TO_QUARTERS);
+    let mut quarters = [0; _];
+    for (quarters, &x) in quarters.iter_mut().zip(electrodes) {
+        *quarters = saturated(requantise(x, factor));
+    }
+    quarters
+}
+
+/// Returns a value in quarters of a microvolt as a filtered electrode, counts in Q27.5. The largest
+/// value is 1 mV, which fits.
+#[expect(clippy::cast_possible_truncation, reason = "as the comment states")]
+pub(crate) fn filtered(quarters: i16) -> i32 {
+    ((i64::from(quarters) * FROM_QUARTERS + 128) >> 8) as i32
+}
+
+/// Returns the values as pairs, as a matrix takes them.
+#[inline]
+pub(crate) fn pairs(quarters: &Quarters) -> [Pair; ELECTRODE_PAIRS] {
+    core::array::from_fn(|pair| Pair::new([quarters[2 * pair], quarters[2 * pair + 1]]))
+}
+
+/// Limits a value to [`VALUE_BITS`] bits (SSAT).
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "clamped")]
+pub(crate) fn saturated(value: i32) -> i16 {
+    value.clamp(-LARGEST, LARGEST - 1) as i16
+}
