@@ -3,8 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use artifact::classifier::Classifier;
 use link::{Counters, Decoder, MAX_FRAME, ToHost};
-use neuro_ros::{AcquisitionInfo, DiagnosticArray, NeuroEvent, NeuroFrame};
+use neuro_ros::{AcquisitionInfo, DiagnosticArray, NeuroEvent, NeuroFrame, NeuroOutput};
 
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
@@ -116,6 +117,12 @@ impl Core {
         self.session.upload = Some(upload);
     }
 
+    /// Sets the classifier that decides from the stream of features. The device is given its
+    /// filters when it has introduced itself, and again after a restart.
+    pub fn set_classifier(&mut self, classifier: Classifier) {
+        self.session.set_classifier(classifier);
+    }
+
     /// Asks every device whether it takes a packed model, and starts it only if it does.
     pub fn require_slot(&mut self) {
         self.session.commands.require_slot();
@@ -209,6 +216,9 @@ pub trait Effects {
 
     /// Publishes a frame of filtered steps on `/neurodata_corticode`.
     fn publish_filtered(&mut self, _frame: &NeuroFrame) {}
+
+    /// Publishes the prediction of a hop.
+    fn publish_prediction(&mut self, _prediction: &NeuroOutput) {}
 
     /// Publishes an event on `/events/bus`: an edge of the trigger input, or a report about data.
     /// `row` is the row of the announced stream at which a recording must have the event, counted

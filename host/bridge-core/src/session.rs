@@ -6,9 +6,11 @@ pub(crate) mod summary;
 
 use std::sync::Arc;
 
+use artifact::classifier::Classifier;
 use link::{
-    Ack, AckResult, Code, Encoder, Exclusion, Frame, FrameError, Header, MAX_FRAME, PackedCode,
-    Quality, StageTiming, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
+    Ack, AckResult, BandPass, Code, Encoder, Exclusion, FeatureFilters, Features, Frame,
+    FrameError, Header, MAX_FRAME, PackedCode, Quality, StageTiming, Stats, Streams, Substitutes,
+    Timing, ToDevice, ToHost,
 };
 
 use crate::core::Effects;
@@ -21,6 +23,7 @@ use crate::exclusion::{self, Exclusions};
 use crate::settings::{AnnouncedStream, Settings, StreamKind};
 use crate::streams::code::CodeStream;
 use crate::streams::event::{BusEvent, Trigger};
+use crate::streams::features::FeatureStream;
 use crate::streams::hop_timeline::HopTimeline;
 use crate::streams::ledger::{Arrival, Ledger};
 use crate::streams::packed::PackedStream;
@@ -55,6 +58,9 @@ pub(crate) struct Session {
     introduced: bool,
     codes: Option<CodeStream>,
     packed: Option<PackedStream>,
+    /// The classifier that decides from features; `None` without one.
+    classifier: Option<Arc<Classifier>>,
+    features: Option<FeatureStream>,
     side: SideStreams,
     trigger: Trigger,
     /// The device that was announced last. The bridge refuses every device that is not compatible
@@ -165,6 +171,8 @@ impl Session {
             introduced: false,
             codes: None,
             packed: None,
+            classifier: None,
+            features: None,
             side: SideStreams::new(settings),
             trigger: Trigger::default(),
             announced: None,
@@ -189,6 +197,22 @@ impl Session {
             logged: LoggedOnce::default(),
             link_log: LinkLog::default(),
         }
+    }
+
+    /// Sets the classifier that decides from features.
+    pub(crate) fn set_classifier(&mut self, classifier: Classifier) {
+        let [first, second] =
+            classifier
+                .band
+                .sections
+                .map(|[gain, a1, a2]| BandPass { gain, a1, a2 });
+        self.commands.set_filters(FeatureFilters {
+            id: classifier.id(),
+            first,
+            second,
+            weights: &classifier.weight_bytes(),
+        });
+        self.classifier = Some(Arc::new(classifier));
     }
 
     /// Sets the packed code's rate to `rate`, that of the device's model.
@@ -307,6 +331,7 @@ impl Session {
             | ToHost::Audit(_)
             | ToHost::Event(_) => self.handle_side(&frame.message, at, effects),
             ToHost::PackedCode(code) => self.handle_packed(code, at, effects),
+            ToHost::Features(features) => self.handle_features(features, at, effects),
             ToHost::Exclusion(exclusion) => self.handle_exclusion(*exclusion, at, effects),
             ToHost::Converters(converters) => {
                 let report = ChainReport::from_message(self.converters.as_ref(), converters);
@@ -407,6 +432,9 @@ impl Session {
         if let Some(packed) = &mut self.packed {
             packed.timeline.restart();
         }
+        if let Some(features) = &mut self.features {
+            features.restart();
+        }
         self.side.restart();
         self.trigger.restart();
     }
@@ -419,6 +447,9 @@ impl Session {
         }
         if let Some(packed) = &mut self.packed {
             packed.end_recording();
+        }
+        if let Some(features) = &mut self.features {
+            features.end_recording();
         }
         self.side.end_recording();
         self.trigger.restart();
@@ -444,8 +475,8 @@ impl Session {
             return;
         }
         let Some(codes) = &mut self.codes else { return };
-        let codes_or_packed = Streams::CODES | Streams::PACKED;
-        let streams = stats.streams != stats.streams.without(codes_or_packed);
+        let hops = Streams::CODES | Streams::PACKED | Streams::FEATURES;
+        let streams = stats.streams != stats.streams.without(hops);
         if streams {
             self.commands.stream_received(at.read.monotonic_us);
             codes.timeline.mark_running();
@@ -508,6 +539,12 @@ impl Session {
                 tracing::warn!(
                     "the device excludes no electrodes: {}; its model has no table to fill them, or its firmware \
                      is older than this bridge; `trainer substitution` adds one",
+                    words::reason(result)
+                );
+            }
+            AckEffect::Refused(ToDevice::SetFeatures(_), result) => {
+                tracing::error!(
+                    "the device makes no features for the classifier: {}; flash a firmware of this release",
                     words::reason(result)
                 );
             }
@@ -583,6 +620,26 @@ impl Session {
         };
         let reception = at.reception(trusted, &self.clock, &self.trigger);
         packed.receive(code, reception, effects);
+    }
+
+    /// Handles the features of a hop. The device time `at` belongs to the last step of the hop.
+    fn handle_features(&mut self, message: &Features, at: MessageTimes, effects: &mut dyn Effects) {
+        let is_usable = self.expects_hops(at.read, effects);
+        let Some(features) = self.features.as_mut().filter(|_| is_usable) else {
+            self.counts.codes_unused += 1;
+            return;
+        };
+        self.commands.stream_received(at.read.monotonic_us);
+        // The clock is fitted to features only if nothing else shows the time of each hop.
+        let streams = self.commands.streams();
+        let has_hops = streams.contains(Streams::CODES) || streams.contains(Streams::PACKED);
+        let trusted = if has_hops && self.clock.is_known() {
+            self.clock.is_possible(at.device_us, at.read)
+        } else {
+            self.clock.observe(at.device_us, at.read)
+        };
+        let reception = at.reception(trusted, &self.clock, &self.trigger);
+        features.receive(message, reception, effects);
     }
 
     /// Returns whether the device's codes and packed blocks can be published: it has introduced

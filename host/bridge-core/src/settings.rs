@@ -119,6 +119,9 @@ choice! {
             "A window every 10 s, with its code; the bridge computes the code again, compares \
              packed blocks with the window, and reports the differences on /diagnostics.",
         Events = "events": "`/events/bus`: edges of the trigger input.",
+        Features = "features":
+            "Band powers for `--classifier`, which asks for them by itself: 0.5 kB/s. Named \
+             without codes, they stream alone.",
     }
 }
 
@@ -132,6 +135,7 @@ impl StreamKind {
             StreamKind::Filtered => Streams::FILTERED,
             StreamKind::Audit => Streams::AUDIT,
             StreamKind::Events => Streams::EVENTS,
+            StreamKind::Features => Streams::FEATURES,
         }
     }
 
@@ -179,9 +183,10 @@ impl RawForm {
     }
 }
 
-/// Returns `streams` with the stream of codes added, unless packed blocks are among them.
+/// Returns `streams` with the stream of codes added, unless packed blocks or features are among
+/// them.
 pub fn with_codes(streams: Streams) -> Streams {
-    if streams.contains(Streams::PACKED) {
+    if streams.contains(Streams::PACKED) || streams.contains(Streams::FEATURES) {
         streams
     } else {
         streams | Streams::CODES

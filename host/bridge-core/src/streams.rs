@@ -2,6 +2,7 @@
 
 pub(crate) mod code;
 pub(crate) mod event;
+pub(crate) mod features;
 pub(crate) mod hop_timeline;
 pub(crate) mod ledger;
 pub(crate) mod neuro_frames;

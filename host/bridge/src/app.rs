@@ -2,6 +2,7 @@
 
 pub(crate) mod bridge;
 mod calibrate;
+pub(crate) mod classifying;
 pub(crate) mod command_line;
 pub(crate) mod config_file;
 mod convert;

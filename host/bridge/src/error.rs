@@ -62,6 +62,14 @@ pub enum BridgeError {
          decodes with it as it is", .0.display()
     )]
     NothingToUpload(PathBuf),
+    /// `--classifier` names no classifier.
+    #[error("the classifier cannot be used")]
+    Classifier(#[source] artifact::classifier::ClassifierError),
+    /// Features are asked for, but nothing decides from them.
+    #[error(
+        "the stream features needs a classifier; name its file with --classifier (`trainer classify` writes one)"
+    )]
+    NoClassifier,
     /// A recording cannot be used for a fit, or nothing can be fitted to it.
     #[error("no model can be fitted")]
     Fit(#[from] FitError),

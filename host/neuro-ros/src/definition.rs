@@ -4,7 +4,7 @@
 
 use ros1::MessageType;
 
-use crate::rosneuro_msgs::{NeuroEvent, NeuroFrame};
+use crate::rosneuro_msgs::{NeuroEvent, NeuroFrame, NeuroOutput};
 use crate::standard_msgs::{DiagnosticArray, Log, UInt8};
 use crate::wire::Wire;
 
@@ -68,6 +68,17 @@ impl_ros_message!(
     "bf2c8b385ba6522f6af8df2da3585c4c",
     "std_msgs" / "Header",
     "rosneuro_msgs" / "NeuroHeader"
+);
+impl_ros_message!(
+    NeuroOutput,
+    "rosneuro_msgs" / "NeuroOutput",
+    "0460a5803a75972e2c86e91d64e44fdc",
+    "std_msgs" / "Header",
+    "rosneuro_msgs" / "NeuroHeader",
+    "rosneuro_msgs" / "NeuroDataFloat",
+    "rosneuro_msgs" / "NeuroDataInfo",
+    "rosneuro_msgs" / "NeuroDataInt32",
+    "rosneuro_msgs" / "NeuroDecoder"
 );
 impl_ros_message!(
     DiagnosticArray,

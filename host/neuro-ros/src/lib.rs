@@ -59,8 +59,8 @@ mod wire;
 
 pub use ndjson_sink::{JsonLine, NdjsonSink, NdjsonWriter};
 pub use rosneuro_msgs::{
-    Header, NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroEvent, NeuroFrame, NeuroHeader,
-    Stamp,
+    Header, NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroDecoder, NeuroEvent, NeuroFrame,
+    NeuroHeader, NeuroOutput, Stamp,
 };
 pub use shape::{BlockError, ContractError, Shape};
 pub use sink::{FrameSink, Sink, SinkError};

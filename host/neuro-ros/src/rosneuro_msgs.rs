@@ -221,6 +221,48 @@ impl_wire!(NeuroFrame {
     tri
 });
 
+/// `rosneuro_msgs/NeuroOutput`: what a decoder predicts, one value for each class.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct NeuroOutput {
+    /// ROS header. Its `stamp` is the time of the first step of the hop; its `frame_id` names the
+    /// flags of the hop, such as `filler`, separated by blanks.
+    pub header: Header,
+    /// ROS-Neuro header; its `seq` is the sequence number of the prediction.
+    pub neuroheader: NeuroHeader,
+    /// Probability of each class, 0..=1; they sum to 1.
+    pub softpredict: NeuroDataFloat,
+    /// 1 for the class that was chosen, 0 for the others; all 0 if none was, because the hop was
+    /// lost or its signals were unusable.
+    pub hardpredict: NeuroDataInt32,
+    /// What made the prediction.
+    pub decoder: NeuroDecoder,
+}
+
+impl_wire!(NeuroOutput {
+    header,
+    neuroheader,
+    softpredict,
+    hardpredict,
+    decoder
+});
+
+/// `rosneuro_msgs/NeuroDecoder`: what made a prediction.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct NeuroDecoder {
+    /// Kind of decoder, `corticode`.
+    pub r#type: String,
+    /// Id of the classifier's filters, eight hexadecimal digits.
+    pub path: String,
+    /// Event code of each class, in the order of the values of the prediction.
+    pub classes: Vec<i32>,
+}
+
+impl_wire!(NeuroDecoder {
+    r#type,
+    path,
+    classes
+});
+
 /// `rosneuro_msgs/NeuroDataInfo`: shape and meaning of a block of samples.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroDataInfo {

@@ -61,6 +61,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         topic_prefix: options.topic_prefix.clone(),
         get_info: "~get_info",
         exclusions: options.exclusion.exclusions(),
+        classifying: options.classifying.read()?,
         exit_at_end: false,
     };
     let mains = options.mains();

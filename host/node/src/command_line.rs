@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use bridge::{ExclusionOptions, choice};
+use bridge::{ClassifierOptions, ExclusionOptions, choice};
 use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, CommandFactory, Parser};
 use pipeline::Mains;
 
-use crate::encoder_device::STREAMS;
+use crate::encoder_device::CODES;
 
 /// Encode the EEG of any ROS-Neuro acquisition and publish its codes.
 ///
@@ -50,6 +50,8 @@ pub(crate) struct Options {
     pub(crate) stamp: StampPoint,
     #[command(flatten)]
     pub(crate) exclusion: ExclusionOptions,
+    #[command(flatten)]
+    pub(crate) classifying: ClassifierOptions,
     /// Replacement of a lost code
     #[arg(long, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,
@@ -110,7 +112,7 @@ impl Options {
             filler: self.filler,
             low_latency: self.low_latency,
             announced: self.announce,
-            streams: STREAMS,
+            streams: self.classifying.streams(CODES),
             event_stamps: EventStamps::Scalp,
             ..Settings::default()
         }

@@ -9,15 +9,14 @@ use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
 /// Abilities that the device reports to its host.
 const ABILITIES: Abilities = Abilities {
-    streams: STREAMS,
+    streams: Streams::from_bits(CODES.bits() | Streams::FEATURES.bits()),
     self_test: false,
     bootloader: false,
     clock: false,
 };
 
-/// Streams that the device offers: codes, and audits with which the bridge checks the codes.
-pub(crate) const STREAMS: Streams =
-    Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
+/// Codes, and audits with which the bridge checks the codes.
+pub(crate) const CODES: Streams = Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
 
 /// A device that gets its samples from this program instead of converters. It runs the code of a
 /// board: session, acquisition and encoder.

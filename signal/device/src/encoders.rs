@@ -189,7 +189,11 @@ mod tests {
         } else {
             Streams::empty()
         };
-        let others = Streams::RAW | Streams::COMPRESSED_RAW | Streams::FILTERED | Streams::EVENTS;
+        let others = Streams::RAW
+            | Streams::COMPRESSED_RAW
+            | Streams::FILTERED
+            | Streams::EVENTS
+            | Streams::FEATURES;
         let network = if HAS_NETWORK {
             Streams::CODES | Streams::AUDIT
         } else {

@@ -41,6 +41,9 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
         let report = &mut session.counts.packed_reported;
         status.extend(report.status(packed, now.monotonic_us));
     }
+    if let Some(features) = &session.features {
+        status.push(features.status());
+    }
     if let Some(line) = session.link_log.next_line(now.monotonic_us) {
         tracing::warn!("{line}");
     }
@@ -151,7 +154,8 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     let samples = RawForm::any_in(refused) || refused.contains(Streams::FILTERED);
     let packed = refused.contains(Streams::PACKED);
     let codes = refused.contains(Streams::CODES);
-    let level = if samples || packed || codes {
+    let features = refused.contains(Streams::FEATURES);
+    let level = if samples || packed || codes || features {
         DiagnosticLevel::Warn
     } else {
         DiagnosticLevel::Ok

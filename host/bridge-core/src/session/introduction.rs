@@ -12,6 +12,7 @@ use crate::session::Session;
 use crate::settings::AnnouncedStream;
 use crate::streams::code::CodeStream;
 use crate::streams::event::BusEvent;
+use crate::streams::features::FeatureStream;
 use crate::streams::packed::PackedStream;
 use crate::streams::stamps::{DecodedStream, Decoding};
 use crate::time::HostTime;
@@ -135,6 +136,9 @@ impl Session {
         if asked.contains(Streams::PACKED) {
             tracing::info!("packed blocks: {per_second} per second");
         }
+        if asked.contains(Streams::FEATURES) {
+            tracing::info!("predictions: {per_second} per second");
+        }
         if let Some(unrecorded) = device.unrecorded() {
             tracing::warn!("electrodes that were not recorded: {unrecorded}");
         }
@@ -157,6 +161,7 @@ impl Session {
         } else {
             self.codes = Some(CodeStream::new(shared, decoding, self.settings));
         }
+        self.set_classifying(&device);
         self.set_decoding(decoding, effects);
         self.is_described_asked = self.asks_for_described();
         effects.announce(&Announcement {
@@ -164,6 +169,23 @@ impl Session {
             device,
             decodable,
         });
+    }
+
+    /// Decides from the features of this device, if there is a classifier and it fits the device.
+    fn set_classifying(&mut self, device: &Arc<Device>) {
+        let Some(classifier) = &self.classifier else {
+            return;
+        };
+        let labels = device.labels.iter().map(String::as_str);
+        if let Err(error) = classifier.check_device(labels, device.step_rate_hz, device.hop_steps) {
+            tracing::error!("nothing is classified: {error}");
+            self.features = None;
+        } else if let Some(features) = &mut self.features {
+            features.timeline.device = Arc::clone(device);
+        } else {
+            let (device, classifier) = (Arc::clone(device), Arc::clone(classifier));
+            self.features = Some(FeatureStream::new(device, classifier, self.settings));
+        }
     }
 
     /// Checks that `device` matches the announced one. A device that takes the uploaded model after

@@ -1,6 +1,8 @@
 //! Decides which command to the device is due, and when it must be repeated.
 
-use link::{AckResult, ExclusionPolicy, ModelBegin, ModelReceived, Start, Streams, ToDevice};
+use link::{
+    AckResult, ExclusionPolicy, FeatureFilters, ModelBegin, ModelReceived, Start, Streams, ToDevice,
+};
 
 use crate::wire::upload::{Upload, Uploading};
 use crate::wire::wanted::{ClockQuery, WantedStreams};
@@ -34,6 +36,11 @@ pub(crate) struct Commands {
     known_exclusion: ExclusionPolicy,
     /// The policy that the device has refused.
     refused_exclusion: Option<ExclusionPolicy>,
+    /// Filters of the classifier, whose weights are in `filter_weights`; `None` without one.
+    filters: Option<FeatureFilters<'static>>,
+    filter_weights: Vec<u8>,
+    /// Whether the device has answered the command that gives it the filters, with any result.
+    has_answered_filters: bool,
     /// The model that the device is given before it streams.
     upload: UploadState,
     /// Whether the device takes a packed model, if it must to be started.
@@ -121,6 +128,9 @@ impl Commands {
             exclusion: ExclusionPolicy::AUTOMATIC,
             known_exclusion: ExclusionPolicy::AUTOMATIC,
             refused_exclusion: None,
+            filters: None,
+            filter_weights: Vec::new(),
+            has_answered_filters: false,
             upload: UploadState::NotDue,
             slot: SlotState::NotRequired,
             streams: WantedStreams::new(streams),
@@ -146,6 +156,7 @@ impl Commands {
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.answered_rate = None;
+        self.has_answered_filters = false;
         self.connected = true;
         self.refused_start = None;
         self.last_frame_us = now_us;
@@ -174,6 +185,16 @@ impl Commands {
     /// Sets which electrodes the device excludes. [`Self::next_command`] then returns the command.
     pub(crate) fn set_exclusion(&mut self, policy: ExclusionPolicy) {
         self.exclusion = policy;
+    }
+
+    /// Sets the filters of the features; [`Self::next_command`] then returns the command.
+    pub(crate) fn set_filters(&mut self, filters: FeatureFilters<'_>) {
+        self.filter_weights = filters.weights.to_vec();
+        self.filters = Some(FeatureFilters {
+            weights: &[],
+            ..filters
+        });
+        self.has_answered_filters = false;
     }
 
     /// Records the policy that the device reports. Another program may have set it.
@@ -244,6 +265,7 @@ impl Commands {
         self.owns_stream = false;
         self.streams.ask_for_all();
         self.answered_rate = None;
+        self.has_answered_filters = false;
         self.known_exclusion = ExclusionPolicy::AUTOMATIC;
         self.refused_exclusion = None;
         self.upload = UploadState::NotDue;
@@ -372,9 +394,13 @@ impl Commands {
             self.stream = StreamState::Unconfirmed;
         }
         self.pending = Some(PendingCommand::sent(repeated, command, seq, now_us));
-        Some(match &self.upload {
-            UploadState::Underway(uploading) => uploading.with_bytes(command),
-            _ => command,
+        Some(match (&self.upload, command) {
+            (_, ToDevice::SetFeatures(filters)) => ToDevice::SetFeatures(FeatureFilters {
+                weights: &self.filter_weights,
+                ..filters
+            }),
+            (UploadState::Underway(uploading), command) => uploading.with_bytes(command),
+            (_, command) => command,
         })
     }
 
@@ -404,6 +430,9 @@ impl Commands {
             {
                 Some(ToDevice::SetExclusion(self.exclusion))
             }
+            (true, _) if let Some(filters) = self.due_filters() => {
+                Some(ToDevice::SetFeatures(filters))
+            }
             (true, StreamState::Stopped) if self.clock_query.precedes_start(now_us) => None,
             (true, StreamState::Stopped | StreamState::Unconfirmed) if !refused => {
                 Some(ToDevice::Start(Start {
@@ -431,6 +460,12 @@ impl Commands {
         let has_packed = self.streams.asked().contains(Streams::PACKED);
         let is_due = |rate: &u8| has_packed && self.answered_rate != Some(*rate);
         self.rate.filter(is_due)
+    }
+
+    /// Returns the filters of the features, if the device must be given them now.
+    fn due_filters(&self) -> Option<FeatureFilters<'static>> {
+        let is_due = self.streams.asked().contains(Streams::FEATURES) && !self.has_answered_filters;
+        self.filters.filter(|_| is_due)
     }
 
     /// Returns the clock query if it is due: before a stream that continues a recording starts, and
@@ -501,6 +536,10 @@ impl Commands {
                 } else {
                     self.refused_exclusion = Some(policy);
                 }
+                self.pending = None;
+            }
+            (ToDevice::SetFeatures(_), _) => {
+                self.has_answered_filters = true;
                 self.pending = None;
             }
             // The device did not restart, so another program may have stopped its stream. If the

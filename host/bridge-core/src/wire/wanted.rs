@@ -58,9 +58,19 @@ impl WantedStreams {
 }
 
 /// Returns the sets of streams to ask the device for, best first: each choice of encoders with each
-/// choice of samples, then codes alone, because firmware before 0.2 has no other stream. Last come
-/// packed blocks in place of codes, for a device without the network.
+/// choice of samples, then codes alone, because firmware before 0.2 has no other stream. Then come
+/// packed blocks in place of codes, for a device without the network. All of them are tried
+/// without features last, which older firmware lacks.
 fn choices(wanted: Streams) -> Vec<Streams> {
+    let mut choices = choices_of_signals(wanted);
+    if wanted.contains(Streams::FEATURES) {
+        let others = with_codes(wanted.without(Streams::FEATURES));
+        choices.extend(choices_of_signals(others));
+    }
+    choices
+}
+
+fn choices_of_signals(wanted: Streams) -> Vec<Streams> {
     let with_encoders = encoder_choices(wanted).into_iter().flat_map(sample_choices);
     let without_network = sample_choices(wanted.without(Streams::CODES) | Streams::PACKED);
     let mut choices = Vec::new();

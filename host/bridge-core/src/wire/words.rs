@@ -17,6 +17,7 @@ pub(crate) fn command(command: &ToDevice) -> &'static str {
         ToDevice::ModelBegin(_) => "ModelBegin",
         ToDevice::ModelChunk(_) => "ModelChunk",
         ToDevice::ModelEnd => "ModelEnd",
+        ToDevice::SetFeatures(_) => "SetFeatures",
     }
 }
 

@@ -261,7 +261,7 @@ impl Board {
                     self.streaming = false;
                     answers.extend(self.stats(Streams::empty()));
                 }
-                ToDevice::Ping => {}
+                ToDevice::Ping | ToDevice::SetFeatures(_) => {}
                 ToDevice::SyncTime { host_time_us } if let Some(zero_us) = self.zero_us => {
                     let received_us = host_time_us - zero_us.cast_unsigned();
                     let reading = ToHost::ClockReading(ClockReading {

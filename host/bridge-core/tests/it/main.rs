@@ -11,6 +11,7 @@ mod diagnostics;
 mod events;
 mod exclusion;
 mod extreme_values;
+mod features;
 mod invalid_samples;
 mod loss;
 mod other_devices;

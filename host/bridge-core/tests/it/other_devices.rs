@@ -188,11 +188,12 @@ enum LaterToHost {
     PackedCode,
     Exclusion,
     ModelReceived,
+    Features,
     Later { channel: u8, device_time_us: u64 },
 }
 
 impl link::Message<'_> for LaterToHost {
-    const KINDS: u32 = 20;
+    const KINDS: u32 = 21;
     const DIRECTION: u8 = link::ToHost::DIRECTION;
 }
 

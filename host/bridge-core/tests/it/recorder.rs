@@ -7,7 +7,7 @@ use bridge_core::{
     Settings, StampPoint, TimedCode, TimedPackedBlock,
 };
 use link::{CodeValues, Streams, ToDevice, ToHost};
-use neuro_ros::{DiagnosticLevel, DiagnosticStatus, NeuroEvent, NeuroFrame, Shape};
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, NeuroEvent, NeuroFrame, NeuroOutput, Shape};
 
 use crate::board::{Board, at, model};
 
@@ -34,6 +34,7 @@ pub(crate) struct Recorder {
     pub(crate) finished: Vec<usize>,
     pub(crate) raw: Vec<NeuroFrame>,
     pub(crate) filtered: Vec<NeuroFrame>,
+    pub(crate) predictions: Vec<NeuroOutput>,
     pub(crate) events: Vec<NeuroEvent>,
     pub(crate) audits: Vec<AuditedWindow>,
 }
@@ -70,6 +71,10 @@ impl Effects for Recorder {
 
     fn publish_filtered(&mut self, frame: &NeuroFrame) {
         keep(&mut self.filtered, frame);
+    }
+
+    fn publish_prediction(&mut self, prediction: &NeuroOutput) {
+        self.predictions.push(prediction.clone());
     }
 
     fn publish_event(&mut self, event: &NeuroEvent, _row: Option<u64>) {
@@ -285,6 +290,7 @@ pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
         ToDevice::ModelBegin(_) => "model begin",
         ToDevice::ModelChunk(_) => "model chunk",
         ToDevice::ModelEnd => "model end",
+        ToDevice::SetFeatures(_) => "set features",
     };
     harness.board.received.iter().map(name).collect()
 }

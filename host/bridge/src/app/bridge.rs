@@ -11,6 +11,7 @@ use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
 use tokio::sync::{mpsc, watch};
 
+use crate::app::classifying::Classifying;
 use crate::app::command_line::{Options, SinkKind};
 use crate::app::driver::{DRAIN_TIMEOUT, Driver};
 use crate::app::outlets::{Outlets, Sinks};
@@ -46,6 +47,8 @@ pub struct Publication {
     pub get_info: &'static str,
     /// What the user decides about the exclusion of bad electrodes.
     pub exclusions: Exclusions,
+    /// What decides from the device's features; `None` without a classifier.
+    pub classifying: Option<Classifying>,
     /// Whether the program ends when a device that has sent frames disconnects.
     pub exit_at_end: bool,
 }
@@ -69,11 +72,15 @@ impl Publication {
     ///
     /// # Errors
     ///
-    /// [`BridgeError::AnnouncedNotStreamed`] if the announced stream is not among the streams.
+    /// [`BridgeError::AnnouncedNotStreamed`] if the announced stream is not among the streams, and
+    /// [`BridgeError::NoClassifier`] if features are, but nothing decides from them.
     fn settings(&self, model: &Model) -> Result<Settings, BridgeError> {
         let settings = self.settings;
         if !settings.announced.is_in(settings.streams) {
             return Err(BridgeError::AnnouncedNotStreamed);
+        }
+        if settings.streams.contains(Streams::FEATURES) && self.classifying.is_none() {
+            return Err(BridgeError::NoClassifier);
         }
         let of_model = || model.packed().map(|packed| packed.description.rate);
         Ok(Settings {
@@ -119,13 +126,15 @@ impl Publication {
             command_sender,
         );
         let feed = connect(&ros.node, &namespace).await?;
-        let sinks = Sinks::ros(&ros, settings, &namespace, recorders).await?;
+        let predictions = self.classifying.as_ref().map(|of| of.topic.as_str());
+        let sinks = Sinks::ros(&ros, settings, &namespace, predictions, recorders).await?;
         let announcements = Some(announcement_sender);
         let outlets = Outlets::new(sinks, settings, Arc::clone(&model), announcements);
         shutdown.watch_node(Arc::clone(&ros.node));
         let (summary, _, outcome) = Bridge::new(settings, model, feed, commands, outlets)
             .with_exclusions(self.exclusions)
             .with_upload(upload)
+            .with_classifier(self.classifying)
             .exiting_at_end(self.exit_at_end)
             .run_to_end(&mut shutdown)
             .await;
@@ -171,6 +180,7 @@ pub(super) async fn stream(
         topic_prefix: options.ros.topic_prefix,
         get_info: GET_INFO_SERVICE,
         exclusions: options.asked.exclusion.exclusions(),
+        classifying: options.asked.classifying.read()?,
         exit_at_end: options.exit_at_end,
     };
     match options.ros.sink {
@@ -194,11 +204,13 @@ async fn print_lines(
     // Without ROS nobody sends commands, but the channel that the bridge polls must stay open.
     let (_command_sender, commands) = mpsc::unbounded_channel();
     let lines = NdjsonWriter::start(WholeLines::stdout()?);
-    let sinks = Sinks::ndjson(&lines, settings.streams, &namespace)?;
+    let predictions = (publication.classifying.as_ref()).map(|of| of.topic.as_str());
+    let sinks = Sinks::ndjson(&lines, settings.streams, &namespace, predictions)?;
     let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None);
     let (summary, has_ended, outcome) = Bridge::new(settings, model, connection, commands, outlets)
         .with_exclusions(publication.exclusions)
         .with_upload(upload)
+        .with_classifier(publication.classifying)
         .exiting_at_end(publication.exit_at_end)
         .run_to_end(&mut shutdown)
         .await;
@@ -258,6 +270,14 @@ impl<F: Feed> Bridge<F> {
     fn with_upload(mut self, upload: Option<Upload>) -> Bridge<F> {
         if let Some(upload) = upload {
             self.driver.core.set_upload(upload);
+        }
+        self
+    }
+
+    /// Sets the classifier that decides from the device's features.
+    fn with_classifier(mut self, classifying: Option<Classifying>) -> Bridge<F> {
+        if let Some(Classifying { classifier, .. }) = classifying {
+            self.driver.core.set_classifier(classifier);
         }
         self
     }

@@ -15,6 +15,7 @@ use clap::{
 };
 use link::{MAX_RATE, ResetInto, Streams};
 
+use crate::app::classifying::ClassifierOptions;
 use crate::app::convert::ConvertOptions;
 use crate::app::manual::{CompletionsOptions, ManOptions};
 use crate::app::master::MasterOptions;
@@ -458,8 +459,8 @@ pub(crate) struct StreamOptions {
     /// Mains frequency that the device shall remove, Hz; the device chooses by default
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_MAINS", value_parser = mains)]
     pub(crate) mains: Option<u8>,
-    /// Streams of the device, comma-separated; codes are included unless packed is named. A device
-    /// that refuses some is asked for fewer
+    /// Streams of the device, comma-separated; codes are included unless packed or features is
+    /// named. A device that refuses some is asked for fewer
     #[arg(
         long,
         help_heading = DEVICE,
@@ -478,6 +479,8 @@ pub(crate) struct StreamOptions {
     pub(crate) raw_form: RawForm,
     #[command(flatten)]
     pub(crate) exclusion: ExclusionOptions,
+    #[command(flatten)]
+    pub(crate) classifying: ClassifierOptions,
 }
 
 impl StreamOptions {
@@ -496,13 +499,15 @@ impl StreamOptions {
         }
     }
 
-    /// Returns the streams to ask for; codes are among them unless packed blocks are.
+    /// Returns the streams to ask for; codes are among them unless packed blocks or features are
+    /// named.
     pub(crate) fn streams(&self) -> Streams {
         let asked = self.streams.iter();
-        with_codes(asked.fold(Streams::empty(), |streams, kind| match kind {
+        let streams = with_codes(asked.fold(Streams::empty(), |streams, kind| match kind {
             StreamKind::Raw => streams | self.raw_form.streams(),
             kind => streams | kind.bit(),
-        }))
+        }));
+        self.classifying.streams(streams)
     }
 }
 

@@ -13,7 +13,7 @@ use link::Streams;
 use neuro_ros::ros1::NodeError;
 use neuro_ros::{
     AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, FrameSink, KeyValue,
-    NdjsonSink, NdjsonWriter, NeuroEvent, NeuroFrame, Sink, SinkError,
+    NdjsonSink, NdjsonWriter, NeuroEvent, NeuroFrame, NeuroOutput, Sink, SinkError,
 };
 use tokio::sync::watch::Sender;
 
@@ -147,6 +147,10 @@ impl Outlets {
             ("windows not decoded", Some(decoder.not_decoded)),
             ("raw frames dropped", dropped(&sinks.raw)),
             ("filtered frames dropped", dropped(&sinks.filtered)),
+            (
+                "predictions dropped",
+                sinks.predictions.as_ref().map(|sink| sink.dropped()),
+            ),
             ("events dropped", sinks.events.as_ref().map(Events::dropped)),
         ];
         let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
@@ -275,6 +279,12 @@ impl Effects for Outlets {
         self.record_error(published.unwrap_or(Ok(())));
     }
 
+    fn publish_prediction(&mut self, prediction: &NeuroOutput) {
+        let sink = self.sinks.predictions.as_mut();
+        let published = sink.map(|sink| sink.publish(prediction));
+        self.record_error(published.unwrap_or(Ok(())));
+    }
+
     fn publish_event(&mut self, event: &NeuroEvent, row: Option<u64>) {
         match &mut self.sinks.events {
             Some(Events::Topic(topic)) => topic.publish(event, row),
@@ -314,6 +324,7 @@ pub(crate) struct Sinks {
     decoder: DecoderThread,
     raw: Option<Box<dyn FrameSink>>,
     filtered: Option<Box<dyn FrameSink>>,
+    predictions: Option<Box<dyn Sink<NeuroOutput>>>,
     events: Option<Events>,
     diagnostics: Box<dyn Sink<DiagnosticArray>>,
     /// The ROS topics on which the sinks publish; `None` if frames go to stdout.
@@ -366,12 +377,14 @@ impl Names {
 }
 
 impl Sinks {
-    /// Advertises the topics of `settings` at a ROS node and creates their sinks. `recorders` is
-    /// told each frame of the announced stream; `None` if events are not stamped for recorders.
+    /// Advertises the topics of `settings` at a ROS node and creates their sinks. `predictions` is
+    /// the topic of a classifier's predictions. `recorders` is told each frame of the announced
+    /// stream; `None` if events are not stamped for recorders.
     pub(crate) async fn ros(
         ros: &RosNode,
         settings: Settings,
         namespace: &Namespace,
+        predictions: Option<&str>,
         recorders: Option<Arc<Recorders>>,
     ) -> Result<Sinks, BridgeError> {
         let names = Names::new(settings.streams, namespace);
@@ -393,12 +406,17 @@ impl Sinks {
             decoder: DecoderThread::start(decoded)?,
             raw: optional(&names.raw, AnnouncedStream::Raw)?,
             filtered: optional(&names.filtered, AnnouncedStream::Filtered)?,
+            predictions: None,
             events: None,
             diagnostics: Box::new(topics.shared(names.diagnostics, QUEUE_EVENTS).await?),
             topics: Some(Arc::clone(&topics)),
             ros: Some(Arc::clone(&ros.status)),
             namespace: namespace.clone(),
         };
+        if let Some(topic) = predictions {
+            let topic = namespace.resolve(topic);
+            sinks.predictions = Some(Box::new(topics.shared(&topic, QUEUE_FRAMES).await?));
+        }
         if let Some(events) = names.events {
             let sink = topics.shared(&events, QUEUE_EVENTS).await?;
             sinks.events = Some(Events::Topic(EventTopic::new(sink, recorders)));
@@ -412,14 +430,20 @@ impl Sinks {
         lines: &NdjsonWriter,
         streams: Streams,
         namespace: &Namespace,
+        predictions: Option<&str>,
     ) -> io::Result<Sinks> {
         let names = Names::new(streams, namespace);
         let frames = |name: String| Box::new(lines.sink(&name)) as Box<dyn FrameSink>;
+        let predictions = predictions.map(|topic| {
+            let sink = lines.sink(&namespace.resolve(topic));
+            Box::new(sink) as Box<dyn Sink<NeuroOutput>>
+        });
         Ok(Sinks {
             encoded: frames(names.encoded),
             decoder: DecoderThread::start(frames(names.reconstructed))?,
             raw: names.raw.map(frames),
             filtered: names.filtered.map(frames),
+            predictions,
             events: names.events.map(|name| Events::Lines(lines.sink(&name))),
             diagnostics: Box::new(lines.sink(names.diagnostics)),
             topics: None,

@@ -66,6 +66,11 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     let model_rate = ModelRate::new(settings)?;
     let mut core = Core::new(settings, None);
     core.set_exclusions(options.asked.exclusion.exclusions());
+    if let Some(classifying) = options.asked.classifying.read()? {
+        core.set_classifier(classifying.classifier);
+    } else if settings.streams.contains(Streams::FEATURES) {
+        return Err(BridgeError::NoClassifier);
+    }
     let mut recording = Recording {
         driver: Driver::new(core, Connection::new(options.at.port, options.at.baud)),
         port: RecordedPort {

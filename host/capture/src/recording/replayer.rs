@@ -197,6 +197,11 @@ impl<R: Read + Seek> Replayer<R> {
             | ToDevice::ModelBegin(_)
             | ToDevice::ModelChunk(_)
             | ToDevice::ModelEnd => AckResult::NotSupported,
+            // Recorded features name the filters that they come from.
+            ToDevice::SetFeatures(_) if !self.recorded_streams.contains(Streams::FEATURES) => {
+                AckResult::NotSupported
+            }
+            ToDevice::SetFeatures(_) => AckResult::Done,
         })
     }
 
@@ -348,6 +353,7 @@ impl<R: Read + Seek> Replayer<R> {
             ToHost::Code(_) => self.streams.contains(Streams::CODES),
             ToHost::CompressedRaw(_) => self.streams.contains(Streams::COMPRESSED_RAW),
             ToHost::PackedCode(_) => self.streams.contains(Streams::PACKED),
+            ToHost::Features(_) => self.streams.contains(Streams::FEATURES),
             ToHost::Raw(_) => self.streams.contains(Streams::RAW),
             ToHost::Filtered(_) => self.streams.contains(Streams::FILTERED),
             ToHost::Audit(_) => self.streams.contains(Streams::AUDIT),

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use md5::{Digest, Md5};
 use neuro_ros::{
-    DiagnosticArray, EMPTY, GET_ACQUISITION_INFO, Log, NeuroEvent, NeuroFrame, RosMessage, UInt8,
+    DiagnosticArray, EMPTY, GET_ACQUISITION_INFO, Log, NeuroEvent, NeuroFrame, NeuroOutput,
+    RosMessage, UInt8,
 };
 
 /// Reads every `.msg` file; the keys are `package/Name`.
@@ -111,6 +112,7 @@ fn md5_sums_of_the_original_packages_are_those_of_the_definition_files() {
     for announced in [
         NeuroFrame::TYPE,
         NeuroEvent::TYPE,
+        NeuroOutput::TYPE,
         DiagnosticArray::TYPE,
         Log::TYPE,
         UInt8::TYPE,

@@ -79,6 +79,7 @@ fn keep(output: Output<'_>) -> Output<'static> {
         payload: match output.payload {
             Payload::Code(code, marks) => Payload::Code(leak(code), marks),
             Payload::PackedCode(code, marks) => Payload::PackedCode(leak(code), marks),
+            Payload::Features(features, marks) => Payload::Features(leak(features), marks),
             Payload::Event(event) => Payload::Event(event),
             Payload::Exclusion(exclusion) => Payload::Exclusion(exclusion),
             Payload::Quality(quality) => Payload::Quality(leak(quality)),
@@ -90,10 +91,18 @@ fn keep(output: Output<'_>) -> Output<'static> {
     }
 }
 
+/// Returns a filter of one electrode, with a band-pass that differentiates twice.
+fn filters() -> FeatureFilters {
+    let mut weights = [0; model::ELECTRODES];
+    weights[3] = 1;
+    FeatureFilters::new(7, [[1 << 32, 0, 0]; 2], &weights).expect("a filter in range")
+}
+
 /// Returns the outputs of a new producer for `samples`. It excludes no electrode, whatever the
 /// signal, and its reports of that are left out: a model without a table makes none.
 fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output<'static>> {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
+    producer.set_filters(filters());
     producer.set_exclusion(ExclusionPolicy {
         automatic: false,
         ..ExclusionPolicy::AUTOMATIC
@@ -157,6 +166,7 @@ fn a_run_produces_exactly_the_requested_streams() {
                 Payload::PackedCode(..) => Streams::PACKED,
                 Payload::Raw(_) => Streams::RAW,
                 Payload::CompressedRaw(_) => Streams::COMPRESSED_RAW,
+                Payload::Features(..) => Streams::FEATURES,
                 Payload::Filtered(_) => Streams::FILTERED,
                 Payload::Audit(_) => Streams::AUDIT,
                 _ => Streams::empty(),
@@ -173,11 +183,29 @@ fn a_run_produces_exactly_the_requested_streams() {
         Streams::FILTERED,
         Streams::AUDIT,
         Streams::PACKED,
+        Streams::FEATURES,
     ] {
         assert_eq!(kinds(one), [one]);
     }
     assert_eq!(kinds(Streams::EVENTS), []);
     assert!(kinds(Streams::ALL).len() > 5);
+}
+
+/// Features have the marks of their own hop, and the number and time of its last step.
+#[test]
+fn a_lost_sample_marks_the_features_of_its_hop_alone() {
+    let samples_per_hop = HOP as u64 * PER_STEP;
+    let lost = samples_per_hop + 5;
+    let outputs = outputs_of(samples(Streams::FEATURES, 3 * samples_per_hop, &[lost]));
+    let made = outputs.iter().map(|output| match output.payload {
+        Payload::Features(features, marks) => {
+            let last = (u64::from(features.hop) + 1) * HOP as u64 - 1;
+            assert_eq!((features.id, output.at_us), (7, step_us(last)));
+            (features.hop, marks.overrun)
+        }
+        other => panic!("{other:?}"),
+    });
+    assert!(made.eq([(0, false), (1, true), (2, false)]));
 }
 
 #[test]

@@ -3,7 +3,8 @@
 use std::{boxed::Box, vec::Vec};
 
 use link::{
-    EventKind, Header, MAX_CHUNK_BYTES, MAX_FRAME, ModelBegin, ModelChunk, ResetCause, model_crc,
+    BandPass, EventKind, Header, MAX_CHUNK_BYTES, MAX_FRAME, ModelBegin, ModelChunk, ResetCause,
+    model_crc,
 };
 
 use super::*;
@@ -237,6 +238,36 @@ fn resets_and_rates_are_ordered_also_during_a_run() {
         device.deliver(start(Streams::PACKED));
         device.kinds();
     }
+}
+
+/// A run goes on, because features name the filters that they come from.
+#[test]
+fn filters_in_range_are_taken_at_any_time_and_others_change_nothing() {
+    let mut device = Device::new(EVERYTHING);
+    device.run(Streams::FEATURES);
+    let section = BandPass {
+        gain: 1 << 31,
+        ..BandPass::default()
+    };
+    let filters = |weights| {
+        ToDevice::SetFeatures(link::FeatureFilters {
+            id: 3,
+            first: section,
+            second: section,
+            weights,
+        })
+    };
+    let weights = [1; model::ELECTRODES];
+    assert_eq!(device.execute(filters(&weights)), (None, AckResult::Done));
+    let expected = FeatureFilters::new(3, [[1 << 31, 0, 0]; 2], &weights);
+    assert_eq!(device.session.take_filters(), expected);
+    for weights in [&weights[1..], &[0x80; model::ELECTRODES]] {
+        assert_eq!(
+            device.execute(filters(weights)),
+            (None, AckResult::BadArgument)
+        );
+    }
+    assert_eq!(device.session.take_filters(), None);
 }
 
 #[test]

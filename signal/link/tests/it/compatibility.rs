@@ -23,11 +23,12 @@ enum LaterToDevice {
     ModelBegin(ModelBegin),
     ModelChunk { offset: u32 },
     ModelEnd,
+    SetFeatures,
     Later { pattern: u8, value: u32 },
 }
 
 impl Message<'_> for LaterToDevice {
-    const KINDS: u32 = 13;
+    const KINDS: u32 = 14;
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 

@@ -1,11 +1,11 @@
 //! One message of each kind, with the contents of the dumps in `docs/wire-format.md`.
 
 use link::{
-    Audit, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code,
-    CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event, EventKind,
-    Exclusion, ExclusionPolicy, Filtered, Flags, Hello, ModelBegin, ModelChunk, ModelReceived,
-    PackedCode, Quality, Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams,
-    Substitutes, Timing, ToHost,
+    Audit, BandPass, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading,
+    Code, CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event, EventKind,
+    Exclusion, ExclusionPolicy, FeatureFilters, Features, Filtered, Flags, Hello, ModelBegin,
+    ModelChunk, ModelReceived, PackedCode, Quality, Raw, ResetCause, SelfTest, Stage, StageTiming,
+    Stats, Streams, Substitutes, Timing, ToHost,
 };
 
 /// Announcement of a model of 300 bytes, and the part of it from byte 256 on.
@@ -18,6 +18,32 @@ pub(crate) const CHUNK: ModelChunk<'_> = ModelChunk {
     offset: 256,
     bytes: &[0, 1, 2, 0xFF, 0x80],
 };
+
+/// Two filters of two electrodes, and a band-pass of 8 to 30 Hz.
+pub(crate) const FILTERS: FeatureFilters<'_> = FeatureFilters {
+    id: 0xC0DE_F17E,
+    first: BandPass {
+        gain: 1_732_880_386,
+        a1: 6_412_710_145,
+        a2: -2_805_971_273,
+    },
+    second: BandPass {
+        gain: 1_732_880_386,
+        a1: 1_285_160_498,
+        a2: -1_524_016_507,
+    },
+    weights: &[127, 0x81, 64, 64],
+};
+
+pub(crate) fn features() -> ToHost<'static> {
+    ToHost::Features(Features {
+        id: FILTERS.id,
+        hop: 301,
+        flags: Flags::SUBSTITUTED,
+        saturated: 1 << 20,
+        levels: &[151, 96],
+    })
+}
 
 pub(crate) fn model_received() -> ToHost<'static> {
     ToHost::ModelReceived(ModelReceived {

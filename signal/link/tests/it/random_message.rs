@@ -2,9 +2,9 @@
 
 use link::{
     Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeValues, CompressedRaw,
-    ElectrodeQuality, Event, EventKind, Exclusion, ExclusionPolicy, Filtered, Flags, Hello,
-    MAX_ELECTRODES, MAX_EXPONENT, MAX_NUMBERS, MAX_STAGES, ModelReceived, PackedCode, Quality, Raw,
-    ResetCause, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
+    ElectrodeQuality, Event, EventKind, Exclusion, ExclusionPolicy, Features, Filtered, Flags,
+    Hello, MAX_ELECTRODES, MAX_EXPONENT, MAX_NUMBERS, MAX_STAGES, ModelReceived, PackedCode,
+    Quality, Raw, ResetCause, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
 };
 use proptest::prelude::*;
 
@@ -128,6 +128,18 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
                 policy,
             })
         });
+    let levels = prop::collection::vec(any::<u8>(), 1..=link::MAX_FEATURES);
+    let features = (any::<(u32, u32, u16, u64)>(), levels).prop_map(
+        |((id, hop, flags, saturated), levels)| {
+            ToHost::Features(Features {
+                id,
+                hop,
+                flags: Flags::from_bits(flags),
+                saturated,
+                levels: levels.leak(),
+            })
+        },
+    );
     let received = any::<[u32; 2]>()
         .prop_map(|[crc, bytes]| ToHost::ModelReceived(ModelReceived { crc, bytes }));
     prop_oneof![
@@ -140,7 +152,8 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
         event,
         reading,
         substitutes,
-        exclusion
+        exclusion,
+        features
     ]
 }
 

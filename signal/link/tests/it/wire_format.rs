@@ -7,10 +7,10 @@ use link::{
 };
 
 use crate::messages::{
-    CHUNK, MODEL, POLICY, audit, capabilities, clock_reading, code, code_of_16_bits,
+    CHUNK, FILTERS, MODEL, POLICY, audit, capabilities, clock_reading, code, code_of_16_bits,
     code_with_exponent, compressed_continuing, compressed_key, converters, event, exclusion,
-    filtered, hello, model_received, packed_code, quality, raw, self_test, stats, substitutes,
-    timing,
+    features, filtered, hello, model_received, packed_code, quality, raw, self_test, stats,
+    substitutes, timing,
 };
 
 const DOCUMENT: &str = include_str!("../../../../docs/wire-format.md");
@@ -96,6 +96,7 @@ fn every_dump_equals_the_encoders_output() {
         ("model-begin", (9, 0), ToDevice::ModelBegin(MODEL)),
         ("model-chunk", (10, 0), ToDevice::ModelChunk(CHUNK)),
         ("model-end", (11, 0), ToDevice::ModelEnd),
+        ("set-features", (12, 0), ToDevice::SetFeatures(FILTERS)),
     ];
     let code_at = (304, 19_871_093);
     let second = (316, 19_916_015);
@@ -122,6 +123,7 @@ fn every_dump_equals_the_encoders_output() {
         ("packed-code", (317, 19_929_687), packed_code()),
         ("exclusion", (318, 19_937_500), exclusion()),
         ("model-received", (4, 1_004_000), model_received()),
+        ("features", (319, 19_937_500), features()),
     ];
     let compared = commands.len() + messages.len();
     for command in commands {

@@ -102,9 +102,10 @@ fn levels_are_those_of_the_same_computation_in_f64() {
         assert_eq!(features.hop as usize, hop);
         assert_eq!((features.id, features.levels().len()), (7, 2));
         assert_eq!(features.settling, hop < usize::from(SETTLING_HOPS));
+        // Half a level from rounding; the rest comes from electrodes in quarters of a microvolt.
         for (level, exact) in features.levels().iter().zip(expected) {
             let error = f64::from(*level) - exact;
-            assert!(error.abs() < 0.6, "hop {hop}: {error}");
+            assert!(error.abs() < 0.75, "hop {hop}: {error}");
         }
     }
     // The levels follow the signal: alpha waxes and wanes by more than an octave.

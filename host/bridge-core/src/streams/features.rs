@@ -1,0 +1,223 @@
+//! The stream of features, from which a classifier decides.
+
+use std::sync::Arc;
+
+use artifact::classifier::{Classifier, Decision};
+use link::{Features, Flags};
+use neuro_ros::{
+    DiagnosticLevel, DiagnosticStatus, KeyValue, NeuroDataFloat, NeuroDataInfo, NeuroDataInt32,
+    NeuroDecoder, NeuroOutput,
+};
+
+use crate::core::Effects;
+use crate::device::Device;
+use crate::settings::{FillerPolicy, Settings};
+use crate::streams::hop_timeline::{HopPlace, HopTimeline};
+use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
+
+/// Flags of hops whose features say nothing about the EEG: the decision before them stays.
+const UNUSABLE: [Flags; 3] = [Flags::SETTLING, Flags::SATURATED, Flags::OVERRUN];
+
+/// Decides from features, and publishes a prediction for each hop, also for lost ones.
+///
+/// Sequence numbers and counts continue when the device restarts; the decision starts again.
+#[derive(Debug)]
+pub(crate) struct FeatureStream {
+    pub(crate) timeline: HopTimeline,
+    classifier: Arc<Classifier>,
+    decision: Decision,
+    output: NeuroOutput,
+    stamps: MonotoneStamps,
+    /// Number of features of other filters than the classifier's, which were not used.
+    foreign: u64,
+    /// Number of hops whose features were not usable, with lost ones.
+    repeated: u64,
+    /// Whether the newest prediction repeats the one before.
+    is_repeating: bool,
+}
+
+impl FeatureStream {
+    pub(crate) fn new(
+        device: Arc<Device>,
+        classifier: Arc<Classifier>,
+        settings: Settings,
+    ) -> FeatureStream {
+        let decoding = Decoding {
+            stream: DecodedStream::Codes,
+            is_possible: false,
+        };
+        FeatureStream {
+            timeline: HopTimeline::new("features", device, decoding, settings),
+            decision: Decision::new(&classifier),
+            output: output(&classifier),
+            classifier,
+            stamps: MonotoneStamps::default(),
+            foreign: 0,
+            repeated: 0,
+            is_repeating: false,
+        }
+    }
+
+    /// Starts another run: the device counts hops from 0 again, and the window of the decision is
+    /// empty.
+    pub(crate) fn restart(&mut self) {
+        self.timeline.restart();
+        self.decision = Decision::new(&self.classifier);
+    }
+
+    /// Ends the recording, because the user has stopped the stream. The pause is not filled.
+    pub(crate) fn end_recording(&mut self) {
+        self.timeline.end_recording();
+        self.decision = Decision::new(&self.classifier);
+    }
+
+    /// Returns the status for `/diagnostics`: how many hops have had no decision of their own.
+    pub(crate) fn status(&self) -> DiagnosticStatus {
+        let counts = self.timeline.counts();
+        let (level, message) = if self.foreign > 0 {
+            let message = "features of other filters arrive, which the classifier cannot use";
+            (DiagnosticLevel::Error, message.to_owned())
+        } else if self.is_repeating {
+            let message =
+                "the newest prediction is repeated: the hop was lost, or its signals were unusable";
+            (DiagnosticLevel::Warn, message.to_owned())
+        } else {
+            let classes = self.classifier.decision.classes.iter();
+            let classes: Vec<&str> = classes.map(|class| class.event.as_str()).collect();
+            (
+                DiagnosticLevel::Ok,
+                format!("decides between {}", classes.join(" and ")),
+            )
+        };
+        let values = [
+            KeyValue::new("features lost", &counts.missing()),
+            KeyValue::new("predictions repeated", &self.repeated),
+            KeyValue::new("features of other filters", &self.foreign),
+            KeyValue::new("window hops", &self.classifier.decision.window_hops),
+        ];
+        DiagnosticStatus {
+            level,
+            name: "predictions".to_owned(),
+            message,
+            hardware_id: String::new(),
+            values: values.to_vec(),
+        }
+    }
+
+    /// Publishes the prediction of a hop, after repeated ones for the hops lost before it.
+    pub(crate) fn receive(
+        &mut self,
+        features: &Features,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let expected = (self.classifier.id(), self.classifier.filters.len());
+        if (features.id, features.levels.len()) != expected {
+            if self.foreign == 0 {
+                tracing::error!(
+                    "the device's features are of filters {:08x}, not of the classifier's {:08x}; another \
+                     program has set them, or the recording was made with another classifier",
+                    features.id,
+                    self.classifier.id()
+                );
+            }
+            self.foreign += 1;
+            return;
+        }
+        if self.timeline.is_restart(features.hop) {
+            self.restart();
+        }
+        let most = effects.max_fillers();
+        let placed = self.timeline.receive(features.hop, reception, most);
+        let Some((missing, place)) = placed else {
+            return;
+        };
+        if self.timeline.settings.filler != FillerPolicy::Off {
+            self.timeline.count_fillers(missing.len());
+            for place in missing {
+                self.repeat(place, Flags::FILLER, reception, effects);
+            }
+        }
+        if UNUSABLE.iter().any(|flag| features.flags.contains(*flag)) {
+            return self.repeat(place, features.flags, reception, effects);
+        }
+        let prediction = self.decision.add_hop(features.levels);
+        self.is_repeating = false;
+        let class = prediction.is_settled.then(|| prediction.class());
+        self.publish(place, features.flags, class, reception, effects);
+    }
+
+    /// Publishes the newest probabilities again, without a chosen class.
+    fn repeat(
+        &mut self,
+        place: HopPlace,
+        flags: Flags,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        self.repeated += 1;
+        self.is_repeating = true;
+        self.publish(place, flags, None, reception, effects);
+    }
+
+    fn publish(
+        &mut self,
+        place: HopPlace,
+        flags: Flags,
+        class: Option<usize>,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        self.timeline.record(place, reception);
+        let hop = u32::from(self.timeline.device.hop_steps);
+        let time = self
+            .timeline
+            .frame_time_ns(place, [hop - 1, hop], reception);
+        let steps_back = reception.clock.wall_steps_back();
+        let output = &mut self.output;
+        output.header.stamp = self.stamps.next(time, steps_back);
+        output.neuroheader.seq = output.neuroheader.seq.wrapping_add(1);
+        output.header.seq = output.neuroheader.seq;
+        let set = Flags::NAMES
+            .iter()
+            .filter(|(flag, _)| flags.contains(*flag));
+        let names: Vec<&str> = set.map(|(_, name)| *name).collect();
+        output.header.frame_id = names.join(" ");
+        output.softpredict.data = self.decision.newest().probabilities;
+        for (index, chosen) in output.hardpredict.data.iter_mut().enumerate() {
+            *chosen = i32::from(class == Some(index));
+        }
+        effects.publish_prediction(output);
+    }
+}
+
+/// Returns the message of a classifier, without a prediction.
+fn output(classifier: &Classifier) -> NeuroOutput {
+    let [low, high] = classifier.band.hz;
+    let classes = &classifier.decision.classes;
+    let info = NeuroDataInfo {
+        nsamples: 1,
+        unit: "probability".to_owned(),
+        transducter: "spatial filters".to_owned(),
+        prefiltering: format!("BP:{low}-{high}Hz"),
+        minmax: vec![0.0, 1.0],
+        ..NeuroDataInfo::default()
+    };
+    let info = info.with_labels(classes.iter().map(|class| class.event.clone()).collect());
+    NeuroOutput {
+        softpredict: NeuroDataFloat {
+            data: vec![0.0; classes.len()],
+            info: info.clone(),
+        },
+        hardpredict: NeuroDataInt32 {
+            data: vec![0; classes.len()],
+            info: NeuroDataInfo { isint: 1, ..info },
+        },
+        decoder: NeuroDecoder {
+            r#type: "corticode".to_owned(),
+            path: format!("{:08x}", classifier.id()),
+            classes: classes.iter().map(|class| class.code).collect(),
+        },
+        ..NeuroOutput::default()
+    }
+}

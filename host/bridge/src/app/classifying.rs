@@ -1,0 +1,83 @@
+//! Options of the classifier that decides from the device's features.
+
+use std::path::PathBuf;
+
+use artifact::classifier::Classifier;
+use clap::Args;
+use link::Streams;
+
+use crate::error::BridgeError;
+
+const HEADING: &str = "Decisions";
+
+/// Options that say which classifier decides, and where its predictions go.
+#[derive(Args, Clone, Debug)]
+pub struct ClassifierOptions {
+    /// File of `trainer classify`: the device computes the features of this classifier, and a
+    /// prediction for each hop is published
+    #[arg(long, help_heading = HEADING, env = "CORTICODE_CLASSIFIER", value_name = "FILE")]
+    pub(crate) classifier: Option<PathBuf>,
+    /// Topic of the predictions, a rosneuro_msgs/NeuroOutput for each hop
+    #[arg(
+        long,
+        help_heading = HEADING,
+        env = "CORTICODE_PREDICTION_TOPIC",
+        default_value = "/smr/neuroprediction/raw",
+        value_name = "NAME"
+    )]
+    pub(crate) prediction_topic: String,
+    /// Seconds over which the band powers are averaged before each decision [default: those that
+    /// the classifier was trained with]
+    #[arg(long, help_heading = HEADING, env = "CORTICODE_PREDICTION_WINDOW", value_name = "SECONDS", value_parser = seconds)]
+    pub(crate) prediction_window: Option<f64>,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok();
+    let seconds = seconds.filter(|seconds| (0.05..=60.0).contains(seconds));
+    seconds.ok_or_else(|| "a window has 0.05 to 60 seconds".to_owned())
+}
+
+/// A classifier, and the topic of its predictions.
+#[derive(Clone, Debug)]
+pub struct Classifying {
+    pub(crate) classifier: Classifier,
+    pub(crate) topic: String,
+}
+
+impl ClassifierOptions {
+    /// Returns `streams` with the stream of features, if there is a classifier.
+    pub fn streams(&self, streams: Streams) -> Streams {
+        if self.classifier.is_some() {
+            streams | Streams::FEATURES
+        } else {
+            streams
+        }
+    }
+
+    /// Reads the classifier; `None` if none is named.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError::Classifier`] if the file is not a classifier.
+    pub fn read(&self) -> Result<Option<Classifying>, BridgeError> {
+        let Some(path) = &self.classifier else {
+            return Ok(None);
+        };
+        let mut classifier = Classifier::read(path).map_err(BridgeError::Classifier)?;
+        if let Some(seconds) = self.prediction_window {
+            let hops_per_s = f64::from(classifier.step_rate_hz) / f64::from(classifier.hop_steps);
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "at most 60 s of hops"
+            )]
+            let hops = (seconds * hops_per_s).round().max(1.0) as u32;
+            classifier.decision.window_hops = hops;
+        }
+        Ok(Some(Classifying {
+            classifier,
+            topic: self.prediction_topic.clone(),
+        }))
+    }
+}
