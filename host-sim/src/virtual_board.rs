@@ -144,6 +144,9 @@ impl VirtualBoard {
             .receive(bytes, now_us, counts, slot, sender, |order| {
                 orders.push(order);
             });
+        if let Some(filters) = self.session.take_filters() {
+            self.producer.set_filters(filters);
+        }
         for order in orders {
             self.execute(order, now_us);
         }

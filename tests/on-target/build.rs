@@ -12,7 +12,7 @@ use std::{
 use artifact::{Decimation, Golden};
 use fixed_dsp::{Cascade, Resampler};
 use model_gen::{FilterSpec, ResamplerTable};
-use pipeline::{Acquisition, Encoder, Mains, PackedEncoder, Rate};
+use pipeline::{Acquisition, Encoder, FeatureExtractor, Mains, PackedEncoder, Rate};
 
 #[path = "src/chain.rs"]
 mod chain;
@@ -33,6 +33,8 @@ const WIRE_FORMAT: &str = "../../docs/wire-format.md";
 const WINDOWS: usize = 6;
 /// Number of codes that the image compares for each mains frequency.
 const CODES: usize = 12;
+/// Number of hops whose features the image compares.
+const HOPS: usize = 24;
 /// Number of packed blocks that the image compares; enough to contain two blocks without prediction
 /// and all between them.
 const BLOCKS: u8 = 70;
@@ -50,6 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     windows(&mut golden)?;
     codes(&mut golden, "CODES_50", Mains::Hz50)?;
     codes(&mut golden, "CODES_60", Mains::Hz60)?;
+    features(&mut golden)?;
     if !has_feature("F446") {
         blocks(&mut golden)?;
     }
@@ -168,6 +171,24 @@ fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Er
     writeln!(
         golden,
         "pub(crate) static {name}: [Code; {CODES}] = {codes};"
+    )?;
+    Ok(())
+}
+
+/// Writes the first [`HOPS`] features that this PC computes for [`signal::samples`].
+fn features(golden: &mut String) -> Result<(), Box<dyn Error>> {
+    let (mut acquisition, mut extractor) = (Acquisition::new(Mains::Hz50), FeatureExtractor::NEW);
+    extractor.set_filters(signal::filters());
+    let hops = signal::samples()
+        .filter_map(|sample| extractor.add_step(&acquisition.process_sample(&sample)?));
+    let rows: Vec<Vec<u8>> = hops
+        .take(HOPS)
+        .map(|features| features.levels().to_vec())
+        .collect();
+    writeln!(
+        golden,
+        "pub(crate) static FEATURES: [[u8; {}]; {HOPS}] = {rows:?};",
+        pipeline::MAX_FEATURES
     )?;
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use int8_nn::{Linear, Pair};
 use model::{ELECTRODE_OUTPUTS, ELECTRODE_PAIRS, ELECTRODES, Substitution};
-use pipeline::Step;
+use pipeline::{FeatureFilters, MAX_FEATURES, Step};
 
 /// A table of substitutions, which stands at the start of the input file.
 #[derive(Debug)]
@@ -74,4 +74,23 @@ pub fn to_bytes(step: &Step, mask: u64) -> [u8; STEP_BYTES] {
     values.copy_from_slice(electrodes.as_flattened());
     end.copy_from_slice(&mask.to_le_bytes());
     bytes
+}
+
+/// Returns as many spatial filters as a device takes, with all sorts of weights, and a band-pass of
+/// 8 to 30 Hz.
+///
+/// # Panics
+/// If the filters are out of range, which they are on no montage.
+pub fn any_filters() -> FeatureFilters {
+    let mut weights = [[0; ELECTRODES]; MAX_FEATURES];
+    for (at, weight) in weights.as_flattened_mut().iter_mut().enumerate() {
+        *weight = (at.wrapping_mul(13) % 33) as u8;
+        *weight = weight.wrapping_sub(16);
+    }
+    let sections = [
+        [1_732_880_386, 6_412_710_145, -2_805_971_273],
+        [1_732_880_386, 1_285_160_498, -1_524_016_507],
+    ];
+    let filters = FeatureFilters::new(1, sections, weights.as_flattened());
+    filters.expect("weights of 16 at most")
 }

@@ -5,7 +5,10 @@ use std::sync::{Arc, LazyLock};
 use bridge_core::{Core, Effects, HostTime, Model, Settings, TimedPackedBlock};
 use crc::{CRC_32_ISCSI, Crc};
 use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
-use link::{Decoder, Encoder, MAX_FRAME, Message, ResetInto, Start, Streams, ToDevice, ToHost};
+use link::{
+    BandPass, Decoder, Encoder, FeatureFilters, MAX_FRAME, Message, ResetInto, Start, Streams,
+    ToDevice, ToHost,
+};
 use neuro_ros::{NeuroEvent, NeuroFrame};
 use pipeline::{Mains, Sample};
 
@@ -33,7 +36,7 @@ pub(crate) fn stream(streams: Streams) -> Vec<u8> {
         streams,
         mains_hz: 50,
     });
-    for command in [ToDevice::Identify, start] {
+    for command in [ToDevice::Identify, ToDevice::SetFeatures(FILTERS), start] {
         board.receive(&frame(&mut commands, &command), 0);
     }
     for number in 0..u64::from(model::ADC_RATE_HZ) * 3 / 2 {
@@ -47,6 +50,19 @@ pub(crate) fn stream(streams: Streams) -> Vec<u8> {
     outbox.take_all().concat()
 }
 
+/// A filter of the built-in montage.
+const FILTERS: FeatureFilters<'_> = FeatureFilters {
+    id: 1,
+    first: BAND,
+    second: BAND,
+    weights: &[16; model::ELECTRODES],
+};
+const BAND: BandPass = BandPass {
+    gain: 1 << 30,
+    a1: 1 << 31,
+    a2: -(1 << 31),
+};
+
 /// Returns the commands of a host that uses everything a device offers.
 pub(crate) fn command_seeds() -> Vec<Vec<u8>> {
     let start = |streams, mains_hz| ToDevice::Start(Start { streams, mains_hz });
@@ -57,6 +73,7 @@ pub(crate) fn command_seeds() -> Vec<Vec<u8>> {
         ToDevice::SyncTime {
             host_time_us: u64::MAX,
         },
+        ToDevice::SetFeatures(FILTERS),
         ToDevice::SelfTest,
         start(Streams::CODES, 0),
         ToDevice::Stop,

@@ -101,6 +101,10 @@ pub const VECTORS: &[Vector] = &[
         name: "samples to codes, 60 Hz mains",
         check: |device| path::check(device, pipeline::Mains::Hz60, &golden::CODES_60),
     },
+    Vector {
+        name: "samples to features",
+        check: path::check_features,
+    },
     #[cfg(not(feature = "f446"))]
     Vector {
         name: "packed code's sum",

@@ -3,7 +3,7 @@
 use core::hint::black_box;
 
 use model::{CODE, NETWORK, NETWORK_CHECKSUM};
-use pipeline::{Acquisition, Code, Encoder, Mains, Step};
+use pipeline::{Acquisition, Code, Encoder, FeatureExtractor, Mains, Step};
 #[cfg(not(feature = "f446"))]
 use {
     model::{PACKED, PACKED_CHECKSUM},
@@ -21,6 +21,7 @@ use crate::{
 pub struct Device {
     pub(crate) acquisition: Acquisition,
     pub(crate) encoder: Encoder<'static>,
+    pub(crate) features: FeatureExtractor,
     #[cfg(not(feature = "f446"))]
     pub(crate) packed: PackedEncoder,
 }
@@ -31,6 +32,7 @@ impl Device {
         Self {
             acquisition: Acquisition::new(Mains::Hz50),
             encoder: Encoder::new(),
+            features: FeatureExtractor::NEW,
             #[cfg(not(feature = "f446"))]
             packed: PackedEncoder::new(),
         }
@@ -116,6 +118,25 @@ fn numbers(code: &Code) -> [i64; NUMBERS] {
         half(0),
         half(32),
     ]
+}
+
+/// Restarts the device and compares its features for [`signal::samples`] with the golden ones. The
+/// index of a mismatch counts the levels of all hops up to it.
+pub(crate) fn check_features(device: &mut Device) -> Result<(), Mismatch> {
+    device.acquisition.restart(Mains::Hz50);
+    device.features.restart();
+    device.features.set_filters(signal::filters());
+    let mut samples = signal::samples();
+    for (hop, expected) in golden::FEATURES.iter().enumerate() {
+        let made = samples.find_map(|sample| {
+            let step = device.acquisition.process_sample(&sample)?;
+            device.features.add_step(&step)
+        });
+        let made = made.as_ref().map_or(&[][..], |features| features.levels());
+        expect_equal("levels", expected, made)
+            .map_err(|mismatch| mismatch.offset_by(expected.len() * hop))?;
+    }
+    Ok(())
 }
 
 /// Checks that the packed model in flash has the checksum that was computed at compile time.

@@ -1,7 +1,7 @@
 //! Input signals of the golden vectors, generated identically by the device and by the PC.
 //! `build.rs` includes this file as well.
 
-use pipeline::Sample;
+use pipeline::{ELECTRODES, FeatureFilters, MAX_FEATURES, Sample};
 
 /// Linear congruential generator with 32 bits of state (Numerical Recipes, section 7.1); its upper
 /// bits are the most random.
@@ -41,4 +41,18 @@ pub(crate) fn samples() -> impl Iterator<Item = Sample> {
             }
         }),
     })
+}
+
+/// Returns the filters of the golden features: random weights of 16 at most, and a band-pass of 8
+/// to 30 Hz.
+pub(crate) fn filters() -> FeatureFilters {
+    let mut noise = Noise(11);
+    let weights = [[(); ELECTRODES]; MAX_FEATURES];
+    let weights = weights.map(|row| row.map(|()| ((noise.next() >> 27) as u8).wrapping_sub(16)));
+    let sections = [
+        [1_732_880_386, 6_412_710_145, -2_805_971_273],
+        [1_732_880_386, 1_285_160_498, -1_524_016_507],
+    ];
+    let filters = FeatureFilters::new(1, sections, weights.as_flattened());
+    filters.unwrap_or(FeatureFilters::NONE)
 }

@@ -41,6 +41,7 @@ pub enum Kind {
     PackedCode(ReceivedCode),
     /// The message, encoded again as in [`ReceivedCode::bytes`].
     CompressedRaw(Vec<u8>),
+    Features(Vec<u8>),
     Stats(Box<Stats>),
     Ack(Ack),
     Timing(Box<Timing>),
@@ -128,6 +129,7 @@ impl Kind {
                 flags: code.flags,
                 bytes: encoded(message),
             }),
+            ToHost::Features(_) => Self::Features(encoded(message)),
             ToHost::CompressedRaw(_) => Self::CompressedRaw(encoded(message)),
             ToHost::Stats(stats) => Self::Stats(Box::new(*stats)),
             ToHost::Ack(ack) => Self::Ack(*ack),

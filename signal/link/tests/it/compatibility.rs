@@ -56,7 +56,7 @@ fn a_newer_message_is_an_intact_frame_that_is_ignored() {
     };
     assert_eq!(
         first(&mut decoder, bytes),
-        Some(Err(FrameError::Unknown { header, kind: 12 }))
+        Some(Err(FrameError::Unknown { header, kind: 13 }))
     );
     let bytes = encoder
         .encode(6, &LaterToDevice::Ping, &mut buffer)

@@ -48,7 +48,7 @@ fn microvolts(electrode: usize, n: usize) -> f64 {
     let (phase, t) = (electrode as f64 / 9.0, n as f64 / 128.0);
     let alpha = (core::f64::consts::TAU * 10.0 * t + phase).sin();
     let slow = (core::f64::consts::TAU * 1.0 * t + 2.0 * phase).sin();
-    12.0 * alpha * (1.0 + (0.7 * t).sin()) + 60.0 * slow
+    12.0 * alpha * (1.5 + (0.7 * t).sin()) + 60.0 * slow
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "below 100 uV")]

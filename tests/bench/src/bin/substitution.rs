@@ -1,5 +1,5 @@
-//! Image that counts the instructions of the substitution of bad electrodes: of each step, and of
-//! each sample. The documentation of the library `bench` describes the image's files.
+//! Image that counts the instructions of the substitution of bad electrodes, of each step and of
+//! each sample, and those of the features of each filled step. The documentation of the library `bench` describes the image's files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -7,31 +7,37 @@ bench::image!("substitution");
 
 #[cfg(target_os = "none")]
 mod image {
-    use core::fmt;
+    use core::{fmt, hint::black_box};
 
     use bench::{
         machine::{Clock, Files, Refused, with_clock},
         substituted::{
-            OwnedTable, SAMPLES_PER_STEP, STEP_BYTES, TABLE_BYTES, from_bytes, to_bytes,
+            OwnedTable, SAMPLES_PER_STEP, STEP_BYTES, TABLE_BYTES, any_filters, from_bytes,
+            to_bytes,
         },
         tally::Tally,
     };
     use cortex_m_rt::entry;
     use cortex_m_semihosting::hprintln;
-    use pipeline::{ExclusionPolicy, Sample, Substitution};
+    use pipeline::{ExclusionPolicy, FeatureExtractor, Sample, Substitution};
 
     /// Instruction counts of one input, each as a tally (fewest, most, total).
     struct Counts {
         steps: Tally,
         samples: Tally,
+        features: Tally,
     }
 
     impl fmt::Debug for Counts {
         /// Writes the counts as an inline TOML table, which the report reads.
         fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            let Self { steps, samples } = self;
+            let Self {
+                steps,
+                samples,
+                features,
+            } = self;
             f.write_fmt(format_args!(
-                "{{ steps = {steps:?}, samples = {samples:?} }}"
+                "{{ steps = {steps:?}, samples = {samples:?}, features = {features:?} }}"
             ))
         }
     }
@@ -44,6 +50,7 @@ mod image {
     /// Fills the steps of all inputs. Prints the counts of each input.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         hprintln!("state_bytes = {}", size_of::<Substitution>());
+        hprintln!("features_bytes = {}", size_of::<FeatureExtractor>());
         let mut files = Files::open()?;
         let steps = files.read_steps()?;
         let mut table = [0; TABLE_BYTES];
@@ -61,7 +68,9 @@ mod image {
     ) -> Result<Option<Counts>, Refused> {
         let (table, policy) = (table.borrow(), ExclusionPolicy::AUTOMATIC);
         let mut substitution = Substitution::NEW;
-        let [mut steps, mut samples] = [Tally::EMPTY; 2];
+        let mut extractor = FeatureExtractor::NEW;
+        extractor.set_filters(any_filters());
+        let [mut steps, mut samples, mut features] = [Tally::EMPTY; 3];
         let mut bytes = [0; STEP_BYTES];
         for index in 0..count {
             if !files.read(index, &mut bytes)? {
@@ -74,8 +83,15 @@ mod image {
                 samples.add(clock.count(&mut || substitution.observe_sample(&sample)));
             }
             steps.add(clock.count(&mut || substitution.fill_step(&mut step, policy, &table)));
+            features.add(clock.count(&mut || {
+                black_box(extractor.add_step(&step));
+            }));
             files.outputs.write(&to_bytes(&step, step.excluded))?;
         }
-        Ok(Some(Counts { steps, samples }))
+        Ok(Some(Counts {
+            steps,
+            samples,
+            features,
+        }))
     }
 }

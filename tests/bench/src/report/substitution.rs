@@ -25,6 +25,7 @@ const STEPS: usize = 1_024;
 #[serde(deny_unknown_fields)]
 struct Printed {
     state_bytes: usize,
+    features_bytes: usize,
     inputs: Vec<Counted>,
 }
 
@@ -34,6 +35,7 @@ struct Printed {
 struct Counted {
     steps: Tally,
     samples: Tally,
+    features: Tally,
 }
 
 /// Figures of one input on one machine.
@@ -44,6 +46,9 @@ struct Row {
     insn_fewest_step: u32,
     insn_worst_step: u32,
     insn_worst_sample: u32,
+    /// Instructions of the features of a hop, and the fewest and most of any of its steps.
+    insn_features_hop: u64,
+    insn_features_step: [u32; 2],
     /// Electrodes that are excluded in the last step.
     excluded: u32,
 }
@@ -76,12 +81,13 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     let input = images::with_steps(STEPS, bytes.into_iter().chain(steps));
     let image = Image::build("bench", "substitution", &[])?;
     let mut machines = Vec::new();
-    let mut state_bytes = 0;
+    let [mut state_bytes, mut features_bytes] = [0; 2];
     for machine in MACHINES {
         let length = STEP_BYTES * STEPS * inputs.data.len();
         let (printed, output) =
             images::run::<Printed>(&image, machine, "bench/substitution", &input, length)?;
         state_bytes = printed.state_bytes;
+        features_bytes = printed.features_bytes;
         let rows = inputs.names.iter().zip(&printed.inputs).zip(&excluded);
         machines.push(Counts {
             core: machine.core,
@@ -91,7 +97,7 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
                 .collect(),
         });
     }
-    report(&machines, state_bytes, &inputs.skipped)
+    report(&machines, [state_bytes, features_bytes], &inputs.skipped)
 }
 
 /// Returns a table with random weights, as bytes of the input file and for this PC.
@@ -136,17 +142,28 @@ impl Row {
             insn_fewest_step: counted.steps.fewest,
             insn_worst_step: counted.steps.most,
             insn_worst_sample: counted.samples.most,
+            insn_features_hop: counted.features.total * HOP as u64 / STEPS as u64,
+            insn_features_step: [counted.features.fewest, counted.features.most],
             excluded,
         }
     }
 }
 
-fn report(machines: &[Counts], state_bytes: usize, skipped: &[String]) -> anyhow::Result<Report> {
+fn report(
+    machines: &[Counts],
+    [state_bytes, features_bytes]: [usize; 2],
+    skipped: &[String],
+) -> anyhow::Result<Report> {
     let rows = || machines.iter().flat_map(|machine| &machine.rows);
     let figures = json!({
         "insn_per_step": rows().map(|row| row.insn_per_step).max(),
         "insn_worst_step": rows().map(|row| row.insn_worst_step).max(),
         "insn_worst_sample": rows().map(|row| row.insn_worst_sample).max(),
+        "insn_features_hop": rows().map(|row| row.insn_features_hop).max(),
+        "features_constant": rows().all(|row| {
+            row.insn_features_hop == rows().next().map_or(0, |first| first.insn_features_hop)
+        }),
+        "features_bytes": features_bytes,
         "steps_equal": machines.iter().all(|machine| machine.steps_equal),
         "state_bytes": state_bytes,
         "machines": machines,
@@ -171,6 +188,8 @@ mod tests {
                 insn_fewest_step: 1,
                 insn_worst_step,
                 insn_worst_sample: 1,
+                insn_features_hop: 9_000,
+                insn_features_step: [1, 2],
                 excluded: 0,
             }],
         }
@@ -178,14 +197,14 @@ mod tests {
 
     #[test]
     fn too_many_instructions_and_other_steps_are_faults() {
-        let sound = report(&[counts(9_000, 9_000, true)], 1, &[]).expect("a report");
+        let sound = report(&[counts(9_000, 9_000, true)], [1; 2], &[]).expect("a report");
         assert_eq!(sound.faults(), [""; 0]);
         for (counts, words) in [
             (counts(99_000, 9_000, true), "insn_per_step is 99000;"),
             (counts(9_000, 99_000, true), "insn_worst_step is 99000;"),
             (counts(9_000, 9_000, false), "steps_equal is false;"),
         ] {
-            let report = report(&[counts], 1, &[]).expect("a report");
+            let report = report(&[counts], [1; 2], &[]).expect("a report");
             report.assert_only_fault(words);
         }
     }

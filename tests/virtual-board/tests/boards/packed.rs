@@ -1,6 +1,6 @@
 //! Scenarios in which packed blocks and compressed samples must equal those of host-sim.
 
-use link::{AckResult, Streams, ToDevice};
+use link::{AckResult, BandPass, FeatureFilters, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, ReceivedCode};
 
 use crate::images::Subject;
@@ -18,16 +18,41 @@ const SECONDS: usize = 3;
 /// Command that sets a rate other than the model's default.
 const RATE: ToDevice<'_> = ToDevice::SetRate { rate: 6 };
 
-/// Scenario: packed blocks at a rate that the host chooses and with substituted electrodes, and the
-/// audited planes, equal those of host-sim bit for bit, and nothing is late or lost.
+/// Command that sets two spatial filters, with a band-pass of 8 to 30 Hz.
+const FILTERS: ToDevice<'_> = ToDevice::SetFeatures(FeatureFilters {
+    id: 5,
+    first: BandPass {
+        gain: 1_732_880_386,
+        a1: 6_412_710_145,
+        a2: -2_805_971_273,
+    },
+    second: BandPass {
+        gain: 1_732_880_386,
+        a1: 1_285_160_498,
+        a2: -1_524_016_507,
+    },
+    weights: &{
+        let mut weights = [31; 2 * model::ELECTRODES];
+        weights[7] = 0x81;
+        weights[80] = 127;
+        weights
+    },
+});
+
+/// Scenario: packed blocks at a rate that the host chooses and with substituted electrodes,
+/// features, and the audited planes equal those of host-sim bit for bit, and nothing is late or
+/// lost.
 pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
-    let streams = Streams::PACKED | Streams::AUDIT;
-    let run = Repeatable::start(&mut board, streams, &[RATE, EXCLUDE])?;
+    let streams = Streams::PACKED | Streams::AUDIT | Streams::FEATURES;
+    let run = Repeatable::start(&mut board, streams, &[RATE, EXCLUDE, FILTERS])?;
     run_frames(&mut board, BLOCKS, 62_500, |frames| blocks(frames).len())?;
 
     let (equal, inbox) = run.assert_equal(&board, HOP, blocks);
     assert_eq!(audits(board.inbox().frames()), audits(inbox.frames()));
+    let made = features(board.inbox().frames());
+    assert!(made.len() + 1 >= BLOCKS, "{} features", made.len());
+    assert!(features(inbox.frames()).starts_with(&made[..BLOCKS - 1]));
     assert_substituted(&blocks(board.inbox().frames()));
     let worst = worst_path(&in_time(&board));
     subject.record("blocks", equal);
@@ -73,6 +98,15 @@ pub(crate) fn codes_and_uploads_are_refused(subject: Subject) -> Result<(), Boar
     assert!(board.inbox().frames().iter().any(is_code_less));
     in_time(&board);
     assert_sound(&mut board)
+}
+
+/// Returns the features, in order.
+fn features(frames: &[Frame]) -> Vec<&[u8]> {
+    let features = pick(frames, |kind| match kind {
+        Kind::Features(bytes) => Some(&bytes[..]),
+        _ => None,
+    });
+    features.collect()
 }
 
 /// Returns the number and the planes of each audited window.
