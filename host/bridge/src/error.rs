@@ -337,6 +337,8 @@ impl BridgeError {
             | BridgeError::Convert(_)
             | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed
+            | BridgeError::Classifier(_)
+            | BridgeError::NoClassifier
             | BridgeError::Config { .. }
             | BridgeError::MasterAddress { .. }
             | BridgeError::UnknownParameter { .. }

@@ -1,9 +1,6 @@
 //! Band power of several signals, as logarithms in one byte each.
 
-use crate::{
-    cascade::{Cascade, CascadeState},
-    filter::Filter,
-};
+use crate::cascade::{Cascade, CascadeState};
 
 /// Number of sections of the band-pass: a Butterworth band-pass of order 2 at each edge.
 pub const BAND_SECTIONS: usize = 2;
@@ -36,17 +33,39 @@ impl<const N: usize> BandPower<N> {
     /// Overflow wraps: see [`Cascade`].
     #[inline]
     pub fn add_samples(&mut self, band: &Cascade<BAND_SECTIONS>, samples: &[i32; N]) {
-        let signals = self.states.iter_mut().zip(&mut self.energies);
-        for ((state, energy), &x) in signals.zip(samples) {
-            let y = i64::from(band.apply(state, x));
-            *energy = energy.wrapping_add(y.wrapping_mul(y).cast_unsigned());
+        self.add_block(band, &[*samples], N);
+    }
+
+    /// Filters `B` consecutive samples of the first `signals` signals, and adds their squares to the
+    /// energies: the same levels as from [`Self::add_samples`], with fewer instructions.
+    #[inline]
+    pub fn add_block<const B: usize>(
+        &mut self,
+        band: &Cascade<BAND_SECTIONS>,
+        samples: &[[i32; N]; B],
+        signals: usize,
+    ) {
+        let fractions = band.fractions();
+        let states = self.states.iter_mut().zip(&mut self.energies);
+        for (signal, (state, energy)) in states.enumerate().take(signals) {
+            let block = samples.map(|sample| sample[signal]);
+            for y in band.apply_block(&fractions, state, block) {
+                let y = i64::from(y);
+                *energy = energy.wrapping_add(y.wrapping_mul(y).cast_unsigned());
+            }
         }
     }
 
-    /// Returns the [`level`] of each signal's energy, and sets the energies to 0.
+    /// Returns the [`level`] of the energy of the first `signals` signals, and 0 for the others.
+    /// Sets the energies to 0.
     #[inline]
-    pub fn take_levels(&mut self) -> [u8; N] {
-        core::mem::replace(&mut self.energies, [0; N]).map(level)
+    pub fn take_levels(&mut self, signals: usize) -> [u8; N] {
+        let mut levels = [0; N];
+        for (level, energy) in levels.iter_mut().zip(&self.energies).take(signals) {
+            *level = self::level(*energy);
+        }
+        self.energies = [0; N];
+        levels
     }
 }
 
@@ -120,7 +139,7 @@ mod tests {
         // The first four outputs of the first signal, 1000 0 -3000 0, then 4000 and -4000.
         let expected = [1_000_u64, 3_000, 4_000, 4_000].map(|y| y * y).iter().sum();
         // The second signal's step: 1000, 1000, -1000, -1000 and then zeros.
-        assert_eq!(powers.take_levels(), [level(expected), level(4_000_000)]);
-        assert_eq!(powers.take_levels(), [0, 0]);
+        assert_eq!(powers.take_levels(2), [level(expected), level(4_000_000)]);
+        assert_eq!(powers.take_levels(2), [0, 0]);
     }
 }

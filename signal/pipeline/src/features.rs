@@ -4,7 +4,7 @@ use fixed_dsp::{BAND_SECTIONS, BandPower, Cascade, Coefficient, Section};
 use int8_nn::{Linear, Pair};
 use model::{ELECTRODE_PAIRS, ELECTRODES, HOP};
 
-use crate::quarters::{pairs, quarters};
+use crate::quarters::quarter_pairs;
 use crate::sample::Step;
 
 /// Largest number of spatial filters, each of which yields one feature.
@@ -20,6 +20,9 @@ const LARGEST_COEFFICIENT: u64 = 1 << 34;
 /// Number of hops, 1 s with a hop of 8 steps, that are marked as settling after a start or new
 /// filters: the band-pass starts at rest.
 const SETTLING_HOPS: u8 = 16;
+
+/// Number of consecutive steps that are filtered together.
+const BLOCK: usize = if HOP.is_multiple_of(4) { 4 } else { 1 };
 
 /// Number of pairs of the packed weights.
 const WEIGHT_PAIRS: usize = ELECTRODE_PAIRS * MAX_FEATURES / 2;
@@ -148,12 +151,15 @@ impl Features {
 
 /// Computes [`Features`], one for each hop of steps.
 ///
-/// Every step takes the same number of instructions, whatever signals and filters are; the last
-/// step of a hop takes the logarithms more. `cargo xtask bench features` counts them.
+/// A hop takes the same number of instructions, whatever the signals are. Every fourth step takes
+/// the band-pass more, and the last one also the logarithms; `cargo xtask bench substitution`
+/// counts them.
 #[derive(Clone, Debug)]
 pub struct FeatureExtractor {
     filters: FeatureFilters,
     power: BandPower<MAX_FEATURES>,
+    /// Signals of the steps that are not filtered yet.
+    block: [[i32; MAX_FEATURES]; BLOCK],
     /// Number of steps of the hop so far.
     steps: u8,
     hop: u32,
@@ -169,6 +175,7 @@ impl FeatureExtractor {
     pub const NEW: Self = Self {
         filters: FeatureFilters::NONE,
         power: BandPower::REST,
+        block: [[0; MAX_FEATURES]; BLOCK],
         steps: 0,
         hop: 0,
         saturated: 0,
@@ -200,11 +207,16 @@ impl FeatureExtractor {
             self.settling = step.settling;
         }
         self.saturated |= step.saturated;
-        let mut signals = [0; MAX_FEATURES];
+        let place = usize::from(self.steps) % BLOCK;
+        let signals = &mut self.block[place];
+        *signals = [0; MAX_FEATURES];
         // The matrix has its constant size, so that the product is never left out.
-        let _ = (self.filters.matrix())
-            .try_accumulate(&pairs(&quarters(&step.electrodes)), &mut signals);
-        self.power.add_samples(&self.filters.band, &signals);
+        let inputs = quarter_pairs(&step.electrodes);
+        let _ = (self.filters.matrix()).try_accumulate(&inputs, signals);
+        let filters = usize::from(self.filters.filters);
+        if place == BLOCK - 1 {
+            (self.power).add_block(&self.filters.band, &self.block, filters);
+        }
         self.steps += 1;
         if usize::from(self.steps) < HOP {
             return None;
@@ -216,7 +228,7 @@ impl FeatureExtractor {
             saturated: self.saturated,
             settling: self.settling || self.settling_hops > 0,
             filters: self.filters.filters,
-            levels: self.power.take_levels(),
+            levels: self.power.take_levels(filters),
         };
         self.steps = 0;
         self.saturated = 0;

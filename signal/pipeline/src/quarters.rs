@@ -52,6 +52,22 @@ pub(crate) fn filtered(quarters: i16) -> i32 {
     ((i64::from(quarters) * FROM_QUARTERS + 128) >> 8) as i32
 }
 
+/// Returns filtered electrodes in quarters of a microvolt, saturated, as a matrix takes them.
+#[inline]
+pub(crate) fn quarter_pairs(electrodes: &Electrodes) -> [Pair; ELECTRODE_PAIRS] {
+    let factor = core::hint::black_box(TO_QUARTERS);
+    let quarter = |x: i32| saturated(requantise(x, factor));
+    let mut pairs = [Pair::ZERO; _];
+    let (two, last) = electrodes.as_chunks::<2>();
+    for (pair, two) in pairs.iter_mut().zip(two) {
+        *pair = Pair::new(two.map(quarter));
+    }
+    if let (Some(pair), [last]) = (pairs.get_mut(two.len()), last) {
+        *pair = Pair::new([quarter(*last), 0]);
+    }
+    pairs
+}
+
 /// Returns the values as pairs, as a matrix takes them.
 #[inline]
 pub(crate) fn pairs(quarters: &Quarters) -> [Pair; ELECTRODE_PAIRS] {

@@ -2,7 +2,7 @@
 
 use int8_nn::{Linear, Pair};
 use model::{ELECTRODE_OUTPUTS, ELECTRODE_PAIRS, ELECTRODES, Substitution};
-use pipeline::{FeatureFilters, MAX_FEATURES, Step};
+use pipeline::{FeatureFilters, Step};
 
 /// A table of substitutions, which stands at the start of the input file.
 #[derive(Debug)]
@@ -76,13 +76,13 @@ pub fn to_bytes(step: &Step, mask: u64) -> [u8; STEP_BYTES] {
     bytes
 }
 
-/// Returns as many spatial filters as a device takes, with all sorts of weights, and a band-pass of
-/// 8 to 30 Hz.
+/// Returns six spatial filters, as `trainer classify` fits them by default, with all sorts of
+/// weights, and a band-pass of 8 to 30 Hz.
 ///
 /// # Panics
 /// If the filters are out of range, which they are on no montage.
 pub fn any_filters() -> FeatureFilters {
-    let mut weights = [[0; ELECTRODES]; MAX_FEATURES];
+    let mut weights = [[0; ELECTRODES]; 6];
     for (at, weight) in weights.as_flattened_mut().iter_mut().enumerate() {
         *weight = (at.wrapping_mul(13) % 33) as u8;
         *weight = weight.wrapping_sub(16);

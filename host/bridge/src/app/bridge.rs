@@ -5,7 +5,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use artifact::Artifact;
-use bridge_core::{Core, EventStamps, Exclusions, HostTime, Model, Settings, Summary, Upload};
+use bridge_core::{
+    AnnouncedStream, Core, EventStamps, Exclusions, HostTime, Model, Settings, Summary, Upload,
+};
 use link::Streams;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
@@ -76,7 +78,10 @@ impl Publication {
     /// [`BridgeError::NoClassifier`] if features are, but nothing decides from them.
     fn settings(&self, model: &Model) -> Result<Settings, BridgeError> {
         let settings = self.settings;
-        if !settings.announced.is_in(settings.streams) {
+        // Features alone have no frames, and so no stream to announce.
+        let has_frames =
+            (AnnouncedStream::TOPICS.iter()).any(|(_, stream)| stream.is_in(settings.streams));
+        if has_frames && !settings.announced.is_in(settings.streams) {
             return Err(BridgeError::AnnouncedNotStreamed);
         }
         if settings.streams.contains(Streams::FEATURES) && self.classifying.is_none() {

@@ -22,6 +22,7 @@ mod own_master;
 mod packed_chain;
 mod packed_loss;
 mod packed_python;
+mod predictions;
 mod qemu_chain;
 mod quantise;
 mod raw_forms;

@@ -1,0 +1,179 @@
+//! An integrator at a real roscore gets from the features of a board the predictions that the
+//! library computes from the pipeline's features.
+
+use std::path::Path;
+use std::time::Duration;
+
+use acceptance::chain::Chain;
+use acceptance::process::Process;
+use acceptance::{ros, workspace};
+use artifact::classifier::{
+    Band, Class, Classifier, ClassifierTraining, Decision, DecisionRule, SpatialFilter,
+};
+use host_sim::synthetic::{Generator, SyntheticSpec};
+use model::{ADC_RATE_HZ, ELECTRODES, HOP, MAINS_50, STEP_RATE_HZ, SUBSTITUTION};
+use pipeline::{
+    Acquisition, ExclusionPolicy, FeatureExtractor, FeatureFilters, Features, Mains, Sample,
+    Substitution,
+};
+use serde::Deserialize;
+
+/// Duration of the EEG, seconds: the filters settle in the first ten.
+const SECONDS: usize = 14;
+const HOPS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
+/// Longest wait for a condition, enough on a busy machine.
+const SLACK: Duration = Duration::from_mins(1);
+
+/// What the integrator prints of a prediction.
+#[derive(Debug, Deserialize)]
+struct Printed {
+    now: f64,
+    stamp: f64,
+    seq: u32,
+    flags: String,
+    soft: Vec<f64>,
+    hard: Vec<i32>,
+    classes: Vec<i32>,
+}
+
+/// Returns a classifier of alpha at the front and at the back of the head, which no data has
+/// trained.
+fn classifier() -> Classifier {
+    let class = |code, event: &str| Class {
+        code,
+        event: event.to_owned(),
+    };
+    let filter = |electrodes: std::ops::Range<usize>| SpatialFilter {
+        weights: (0..ELECTRODES)
+            .map(|e| if electrodes.contains(&e) { 60 } else { -15 })
+            .collect(),
+        pattern: vec![0.0; ELECTRODES],
+    };
+    Classifier {
+        format: 1,
+        electrodes: model::LABELS.split(' ').map(str::to_owned).collect(),
+        step_rate_hz: STEP_RATE_HZ,
+        hop_steps: u8::try_from(HOP).expect("a few steps"),
+        band: Band {
+            hz: [8.0, 30.0],
+            sections: [
+                [1_732_880_386, 6_412_710_145, -2_805_971_273],
+                [1_732_880_386, 1_285_160_498, -1_524_016_507],
+            ],
+        },
+        decision: DecisionRule {
+            classes: vec![class(773, "front"), class(771, "back")],
+            window_hops: 16,
+            weights: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
+            bias: vec![0.0; 2],
+        },
+        filters: vec![filter(0..17), filter(44..ELECTRODES)],
+        training: ClassifierTraining::default(),
+    }
+}
+
+/// Returns the features that the pipeline computes from the board's synthetic EEG.
+fn features(classifier: &Classifier) -> Vec<Features> {
+    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
+    let generator = Generator::new(&spec).expect("the model's electrodes");
+    let mut acquisition = Acquisition::new(Mains::Hz50);
+    let mut substitution = Box::new(Substitution::NEW);
+    let mut extractor = FeatureExtractor::NEW;
+    let weights = classifier.weight_bytes();
+    let filters = FeatureFilters::new(classifier.id(), classifier.band.sections, &weights);
+    extractor.set_filters(filters.expect("filters in range"));
+    let samples = generator.take(SECONDS * usize::from(ADC_RATE_HZ));
+    let made = samples.filter_map(|counts| {
+        substitution.observe_sample(&Sample { counts });
+        let mut step = acquisition.process_sample(&Sample { counts })?;
+        if let Some(table) = &SUBSTITUTION {
+            substitution.fill_step(&mut step, ExclusionPolicy::AUTOMATIC, table);
+        }
+        extractor.add_step(&step)
+    });
+    made.collect()
+}
+
+/// Starts `integrate.py` on the bridge's default topic.
+fn integrate(chain: &Chain<'_>, folder: &Path) -> Process {
+    let script = workspace::root().join("tests/acceptance/ros/integrate.py");
+    let mut python = chain.ros.command("python3");
+    python.arg(script.canonicalize().expect("the script exists"));
+    python.args([
+        "/smr/neuroprediction/raw",
+        "/smr/neuroprediction/integrated",
+    ]);
+    let mut integrator = Process::start("integrator", &mut python, folder).expect("python3 starts");
+    integrator.wait_until("rospy subscribes", SLACK, |integrator| {
+        integrator.output().contains("ready")
+    });
+    integrator
+}
+
+#[test]
+fn an_integrator_gets_the_predictions_that_the_library_computes() {
+    if !ros::available("predictions to an integrator") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let classifier = classifier();
+    let file = folder.path().join("classifier.toml");
+    let text = classifier.to_toml().expect("finite numbers");
+    std::fs::write(&file, text).expect("a free disk");
+    let file = file.display().to_string();
+    let chain = Chain::start_with(folder.path(), &["--classifier", &file]);
+    let mut integrator = integrate(&chain, folder.path());
+    let duration = SECONDS.to_string();
+    let mut board = chain.board(&["--input=synthetic", "--seed=7", "--duration", &duration]);
+    assert!(board.wait(SLACK).success(), "{}", board.log());
+    integrator.wait_until("all predictions", SLACK, |integrator| {
+        integrator.output().lines().count() > HOPS
+    });
+
+    let output = integrator.output();
+    let printed = output.lines().skip(1);
+    let printed: Vec<Printed> = printed
+        .map(|line| serde_json::from_str(line).expect("a prediction"))
+        .collect();
+    let features = features(&classifier);
+    assert_eq!((printed.len(), features.len()), (HOPS, HOPS));
+    let mut decision = Decision::new(&classifier);
+    let mut chosen = 0;
+    for ((number, printed), features) in (1..).zip(&printed).zip(&features) {
+        let prediction = if features.settling {
+            decision.newest()
+        } else {
+            decision.add_hop(features.levels())
+        };
+        assert_eq!(
+            (printed.seq, &printed.classes[..]),
+            (number, &[773, 771][..])
+        );
+        assert_eq!(printed.flags.contains("settling"), features.settling);
+        for (soft, probability) in printed.soft.iter().zip(&prediction.probabilities) {
+            assert!((soft - f64::from(*probability)).abs() < 1e-6, "{printed:?}");
+        }
+        let is_chosen = prediction.is_settled && !features.settling;
+        let expected = [0, 1].map(|class| i32::from(is_chosen && prediction.class() == class));
+        assert_eq!(printed.hard, expected);
+        chosen += usize::from(is_chosen);
+    }
+    assert!(chosen > 16, "{chosen} hops with a chosen class");
+
+    // From the last sample of a hop, which passes the filters later than its stamp tells.
+    let last_s = (HOP - 1) as f64 / f64::from(STEP_RATE_HZ);
+    let delay_s = last_s + f64::from(MAINS_50.group_delay_us) * 1e-6;
+    let mut latencies: Vec<f64> = printed
+        .iter()
+        .skip(HOPS / 2)
+        .map(|printed| (printed.now - printed.stamp - delay_s) * 1e3)
+        .collect();
+    latencies.sort_by(f64::total_cmp);
+    println!(
+        "{HOPS} predictions, each the library's, {chosen} with a class; from the last sample of a hop to the \
+         subscriber {:.1} ms (median), {:.1} ms (largest)",
+        latencies[latencies.len() / 2],
+        latencies[latencies.len() - 1]
+    );
+    chain.stop();
+}
