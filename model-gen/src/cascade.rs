@@ -153,6 +153,20 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
     }
 }
 
+/// Returns a Butterworth band-pass of order 2 at each edge as two sections
+/// `y0 = gain (x0 - x2) + a1 y1 + a2 y2`: gain, a1 and a2 of each, Q32. The sections share the gain
+/// evenly; the first has the lower poles.
+///
+/// Expects `0 < low_hz < high_hz < rate_hz / 2`.
+pub fn band_power_sections([low_hz, high_hz]: [f64; 2], rate_hz: f64) -> [[i64; 3]; 2] {
+    let filter = butterworth_band_pass(2, low_hz, high_hz, rate_hz);
+    let pairs = pole_pairs(&filter.poles);
+    std::array::from_fn(|section| {
+        let Feedback { a1, a2 } = Feedback::from_poles(pairs[section]);
+        [filter.gain.sqrt(), a1, a2].map(|value| Coefficient::nearest(value).to_q32())
+    })
+}
+
 /// A second-order notch: its transfer function has the numerator `gain [1, cosine, 1]` and the
 /// denominator `[1, gain cosine, 2 gain - 1]`, as coefficients of z^0, z^-1 and z^-2.
 #[derive(Clone, Copy, Debug)]

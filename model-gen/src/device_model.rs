@@ -157,6 +157,15 @@ pub fn settling_samples(description: &Description, mains_hz: u32) -> Result<usiz
     Ok(filter.settling_samples as usize)
 }
 
+/// Returns the group delay of filters and resampler together at 10 Hz, microseconds.
+///
+/// # Errors
+/// If the filters cannot be realised.
+pub fn group_delay_us(description: &Description, mains_hz: u32) -> Result<u32, ModelGenError> {
+    let resampler = resampler_table(description)?;
+    Ok(mains_filter(description, &resampler, mains_hz)?.group_delay_us)
+}
+
 fn resampler_table(description: &Description) -> Result<ResamplerTable, ModelGenError> {
     ResamplerTable::new(
         description.filters.decimation,

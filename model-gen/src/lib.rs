@@ -46,9 +46,11 @@ mod upload;
 
 use std::path::Path;
 
-pub use cascade::{FilterSpec, butterworth_band_pass, cascade, notch};
+pub use cascade::{FilterSpec, band_power_sections, butterworth_band_pass, cascade, notch};
 pub use chain::Chain;
-pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade, settling_samples};
+pub use device_model::{
+    DeviceModel, MAINS_HZ, MainsFilter, filter_cascade, group_delay_us, settling_samples,
+};
 pub use emit::rust_files;
 pub use error::{FilterError, ModelGenError};
 pub use integer_model::{IntegerLayer, IntegerModel, integer_code};

@@ -3,6 +3,7 @@
 mod terminal;
 
 use crate::check::{CheckOptions, check};
+use crate::classify::{self, ClassifyOptions};
 use crate::comparison;
 use crate::crossval::{self, CrossvalOptions, Table};
 use crate::difference::Difference;
@@ -50,6 +51,9 @@ enum Verb {
     Packed(Box<PackedOptions>),
     /// Train the table from which a device finds and substitutes bad electrodes.
     Substitution(SubstitutionOptions),
+    /// Train a classifier: spatial filters whose band powers a device sends, and the decision that
+    /// a host makes from them.
+    Classify(Box<ClassifyOptions>),
     /// Make a model from the tensors of a network that was trained elsewhere, for example in
     /// PyTorch.
     Import(Import),
@@ -156,6 +160,7 @@ pub fn run() -> ExitCode {
         Verb::Merge(args) => (merge(&args), 1),
         Verb::Packed(options) => (train_packed(&options), 1),
         Verb::Substitution(options) => (train_substitution(&options), 1),
+        Verb::Classify(options) => (classify(&options), 1),
         Verb::Import(import) => (run_import(&import), USAGE),
         Verb::Show(args) => (show(&args), USAGE),
         Verb::Diff(args) => (diff(&args), USAGE),
@@ -268,6 +273,19 @@ fn train_packed(options: &PackedOptions) -> Result<ExitCode, TrainerError> {
 /// Trains a table of substitutions, and prints its errors and how its sweeps converge.
 fn train_substitution(options: &SubstitutionOptions) -> Result<ExitCode, TrainerError> {
     new_file::print(substitution::train(options, &mut Terminal::new())?)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Trains a classifier, and prints how well it does on what it was not trained on.
+fn classify(options: &ClassifyOptions) -> Result<ExitCode, TrainerError> {
+    report::prepare(options.report.as_deref(), options.force)?;
+    let terminal = &mut Terminal::new();
+    let trained = classify::train(options, terminal)?;
+    if let Some(folder) = &options.report {
+        report::write_classifier(folder, &trained)?;
+        terminal.message(&report::message(folder));
+    }
+    print(&trained, options.json.then(|| trained.to_json()))?;
     Ok(ExitCode::SUCCESS)
 }
 

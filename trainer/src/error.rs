@@ -125,7 +125,42 @@ pub enum TrainerError {
     #[error("the training card names no test recordings; name recordings with --test")]
     NothingToTest,
 
+    #[error("--events needs two or more classes, each with another event and another code")]
+    Classes,
+    #[error(
+        "{filters} filters cannot be divided among {classes} classes; --filters takes a multiple of \
+         {classes}, at most 8"
+    )]
+    Filters { filters: usize, classes: usize },
+    #[error(
+        "--window {window_s} is not between one hop and the {trial_s} s of --trial, of which a \
+         decision is made"
+    )]
+    DecisionWindow { window_s: f64, trial_s: f64 },
+    /// No recording has this event; they have those of `found`, with their numbers.
+    #[error("no recording has the event {event}; {}", event_words(found))]
+    NoSuchEvent {
+        event: String,
+        found: Vec<(String, usize)>,
+    },
+
     // Errors of files.
+    #[error(
+        "the training recordings have {count} whole trials of {event}; at least {needed} are \
+         needed: use more recordings, or a shorter --trial"
+    )]
+    TooFewTrials {
+        event: String,
+        count: u32,
+        needed: usize,
+    },
+    #[error(
+        "nearly all trials of {0} are in one recording, so that it cannot be left out for the \
+         cross-validation; use recordings with trials of every class"
+    )]
+    UnevenTrials(String),
+    #[error("no device could run this classifier")]
+    Classifier(#[from] artifact::classifier::ClassifierError),
     #[error(transparent)]
     Fit(#[from] FitError),
     #[error("cannot access {}", .0.display())]
@@ -262,6 +297,10 @@ impl TrainerError {
                 | Self::Report(_)
                 | Self::NothingToReport
                 | Self::NothingToTest
+                | Self::Classes
+                | Self::Filters { .. }
+                | Self::DecisionWindow { .. }
+                | Self::NoSuchEvent { .. }
         )
     }
 
@@ -275,6 +314,17 @@ impl TrainerError {
     pub(crate) fn no_model(folder: &Path) -> impl Fn(artifact::ArtifactError) -> Self + Copy + '_ {
         |source| Self::NoModel(folder.to_owned(), Box::new(source))
     }
+}
+
+/// Returns in words, for an error message, which events recordings have.
+fn event_words(found: &[(String, usize)]) -> String {
+    if found.is_empty() {
+        return "they have no events within their signals".to_owned();
+    }
+    let events = found
+        .iter()
+        .map(|(event, count)| format!("{event} ({count} times)"));
+    format!("they have: {}", events.collect::<Vec<_>>().join(", "))
 }
 
 /// Returns in words, for an error message, which recordings a folder has.

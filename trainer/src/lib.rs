@@ -38,6 +38,7 @@ mod calibrate;
 mod card;
 mod check;
 mod checkpoint;
+mod classify;
 pub mod command_line;
 pub mod comparison;
 mod crossval;

@@ -1,12 +1,14 @@
 //! Report of a training run, an evaluation or a cross-validation: pictures, the values in them as
 //! CSV, and a page that shows the pictures.
 
+mod classifier;
 mod cross_validation;
 mod evaluation;
 mod learning;
 mod packed;
 mod people;
 
+use crate::classify::Trained;
 use crate::comparison::Comparison;
 use crate::crossval::Table;
 use crate::error::TrainerError;
@@ -113,5 +115,15 @@ pub(crate) fn write(
 pub(crate) fn write_crossval(folder: &Path, table: &Table) -> Result<(), TrainerError> {
     let mut report = Report::new(folder, "Cross-validation");
     cross_validation::add(&mut report, table)?;
+    report.finish()
+}
+
+/// Writes the report of a classifier into a folder.
+///
+/// # Errors
+/// If a file cannot be written.
+pub(crate) fn write_classifier(folder: &Path, trained: &Trained) -> Result<(), TrainerError> {
+    let mut report = Report::new(folder, "Classifier");
+    classifier::add(&mut report, trained)?;
     report.finish()
 }

@@ -123,8 +123,24 @@ pub struct ClassifierFigures {
     pub accuracy_95: [f64; 2],
     /// Area under the receiver operating characteristic, 0..=1; the mean over all pairs of classes.
     pub auc: f64,
+    /// The same area without quantisation: filters, energies and sums in floats.
+    pub auc_float: f64,
     /// Number of trials by true class (row) and decision (column).
     pub confusion: Vec<Vec<u32>>,
+    /// Results on each recording, or block of trials, that was left out or tested with.
+    pub parts: Vec<PartFigures>,
+}
+
+/// How often a classifier was right on one recording.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PartFigures {
+    /// File name of the recording, or number of the block of trials.
+    pub name: String,
+    /// Number of trials.
+    pub trials: u32,
+    /// Number of trials that were classified as what they were.
+    pub right: u32,
 }
 
 impl Classifier {

@@ -27,7 +27,7 @@ pub const REFERENCE: RGBColor = RGBColor(0x2f, 0x85, 0x5a);
 
 const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
 /// Height of the strip above every plot for title and subtitle, pixels.
-const HEAD: i32 = 78;
+pub(crate) const HEAD: i32 = 78;
 /// Distance of title and subtitle from the left edge of the page, pixels.
 const MARGIN: i32 = 28;
 

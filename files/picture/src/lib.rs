@@ -12,7 +12,9 @@
 //!           ├─ Curves     curves over frequency ────┼─ canvas (title, axes, colours) ── *.svg
 //! offline ──┼─ ScalpMap   a value per electrode ────┤
 //!           ├─ Histogram  counted values ───────────┤
-//! trainer ──┴─ Lines      lines and points ─────────┘
+//! trainer ──┼─ Lines      lines and points ─────────┤
+//!           ├─ Patterns   signed maps of the head ──┤
+//!           └─ Confusion  truth and decisions ──────┘
 //! ```
 //!
 //! ```
@@ -34,12 +36,14 @@
 
 pub mod axis;
 pub mod canvas;
+pub mod confusion;
 pub mod curves;
 pub mod heat_map;
 pub mod histogram;
 pub mod intervals;
 pub mod lines;
 pub mod page;
+pub mod patterns;
 pub mod scalp_map;
 pub mod spread;
 pub mod traces;

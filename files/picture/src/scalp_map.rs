@@ -35,12 +35,6 @@ pub struct ScalpMap {
 }
 
 const SIZE: (u32, u32) = (900, 860);
-/// Radius of the head's circle, pixels.
-const RADIUS: i32 = 330;
-/// Side length of the squares that make up the map, pixels.
-const SQUARE: i32 = 6;
-/// [`SQUARE`] as `usize`, the type that `step_by` needs.
-const STEP: usize = SQUARE.unsigned_abs() as usize;
 /// Distance from the nearest electrode up to which the map is coloured, in head radii.
 const REACH: f64 = 0.26;
 /// Number of colour levels.
@@ -64,19 +58,18 @@ impl ScalpMap {
     }
 
     fn draw_on(&self, area: &Area) -> Drawn {
-        let centre = (400, 380);
+        let head = Head {
+            centre: (400, 380),
+            radius: 330,
+            square: 6,
+        };
         let largest = self.places.iter().map(|place| place.value);
         let largest = largest.fold(0.0, f64::max).max(f64::MIN_POSITIVE);
-        for row in (-RADIUS..RADIUS).step_by(STEP) {
-            self.draw_row(area, centre, row, largest)?;
-        }
-        let outline = INK.stroke_width(3);
-        let nose = [(-34, 4 - RADIUS), (0, -RADIUS - 30), (34, 4 - RADIUS)];
-        let nose = nose.map(|(x, y)| (centre.0 + x, centre.1 + y));
-        area.draw(&PathElement::new(nose, outline))?;
-        area.draw(&Circle::new(centre, RADIUS, outline))?;
+        head.draw(area, |at| {
+            Some(color_of(level(self.value_at(at)? / largest)))
+        })?;
         for place in &self.places {
-            let at = pixel(centre, place.at);
+            let at = head.pixel(place.at);
             let dot = if place.is_measured {
                 INK.filled()
             } else {
@@ -96,40 +89,8 @@ impl ScalpMap {
         self.draw_scale(area, largest)
     }
 
-    /// Draws one row of the map's squares; neighbours of the same colour level form one rectangle.
-    fn draw_row(&self, area: &Area, centre: (i32, i32), row: i32, largest: f64) -> Drawn {
-        let middle = row + SQUARE / 2;
-        let squares = (-RADIUS..RADIUS).step_by(STEP).filter_map(|column| {
-            let x = column + SQUARE / 2;
-            let is_inside = x * x + middle * middle <= RADIUS * RADIUS;
-            let [x, y] = [x, -middle].map(|at| f64::from(at) / f64::from(RADIUS));
-            let value = self.value_at([x, y]).filter(|_| is_inside)?;
-            Some((column, level(value / largest)))
-        });
-        let squares: Vec<(i32, u8)> = squares.collect();
-        for run in squares.chunk_by(|a, b| a.1 == b.1 && b.0 - a.0 == SQUARE) {
-            let (first, last) = (run[0], run[run.len() - 1]);
-            let corners = [
-                (centre.0 + first.0, centre.1 + row),
-                (centre.0 + last.0 + SQUARE, centre.1 + row + SQUARE),
-            ];
-            area.draw(&Rectangle::new(corners, color_of(first.1).filled()))?;
-        }
-        Ok(())
-    }
-
-    /// Returns the value at a place between electrodes: the mean of all electrodes, weighted by the
-    /// inverse fourth power of the distance. `None` if no electrode is nearer than [`REACH`].
     fn value_at(&self, at: [f64; 2]) -> Option<f64> {
-        let (mut sum, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
-        for place in &self.places {
-            let squared = (place.at[0] - at[0]).powi(2) + (place.at[1] - at[1]).powi(2);
-            let weight = 1.0 / (squared * squared).max(1e-12);
-            sum += weight * place.value;
-            weights += weight;
-            nearest = nearest.min(squared);
-        }
-        (nearest <= REACH * REACH).then_some(sum / weights)
+        interpolated(self.places.iter().map(|place| (place.at, place.value)), at)
     }
 
     fn draw_scale(&self, area: &Area, largest: f64) -> Drawn {
@@ -164,6 +125,85 @@ impl ScalpMap {
     }
 }
 
+/// A head on a picture, seen from above.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Head {
+    /// Place of the vertex, pixels.
+    pub(crate) centre: (i32, i32),
+    /// Radius of the head's circle, pixels.
+    pub(crate) radius: i32,
+    /// Side length of the squares that make up the map, pixels; positive.
+    pub(crate) square: i32,
+}
+
+impl Head {
+    /// Draws a map, whose colours `color` returns, and the outline of the head around it.
+    pub(crate) fn draw(&self, area: &Area, color: impl Fn([f64; 2]) -> Option<RGBColor>) -> Drawn {
+        let Self {
+            centre,
+            radius,
+            square,
+        } = *self;
+        let places = || (-radius..radius).step_by(square.unsigned_abs() as usize);
+        for row in places() {
+            let middle = row + square / 2;
+            let squares = places().filter_map(|column| {
+                let x = column + square / 2;
+                let is_inside = x * x + middle * middle <= radius * radius;
+                let at = [x, -middle].map(|at| f64::from(at) / f64::from(radius));
+                Some((column, color(at).filter(|_| is_inside)?))
+            });
+            let squares: Vec<(i32, RGBColor)> = squares.collect();
+            // Neighbours of the same colour form one rectangle.
+            for run in squares.chunk_by(|a, b| a.1 == b.1 && b.0 - a.0 == square) {
+                let (first, last) = (run[0], run[run.len() - 1]);
+                let corners = [
+                    (centre.0 + first.0, centre.1 + row),
+                    (centre.0 + last.0 + square, centre.1 + row + square),
+                ];
+                area.draw(&Rectangle::new(corners, first.1.filled()))?;
+            }
+        }
+        let outline = INK.stroke_width(if radius > 200 { 3 } else { 2 });
+        let side = radius / 10;
+        let nose = [(-side, 4 - radius), (0, -radius - side), (side, 4 - radius)];
+        let nose = nose.map(|(x, y)| (centre.0 + x, centre.1 + y));
+        area.draw(&PathElement::new(nose, outline))?;
+        area.draw(&Circle::new(centre, radius, outline))
+    }
+
+    /// Returns the pixel at a place on the map.
+    pub(crate) fn pixel(&self, at: [f64; 2]) -> (i32, i32) {
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "saturates far outside the picture"
+        )]
+        let [x, y] = at.map(|at| (at * f64::from(self.radius)).round() as i32);
+        (
+            self.centre.0.saturating_add(x),
+            self.centre.1.saturating_sub(y),
+        )
+    }
+}
+
+/// Returns the value at a place between electrodes, which are given by their places and values: the
+/// mean of all electrodes, weighted by the inverse fourth power of the distance. `None` if no
+/// electrode is nearer than [`REACH`].
+pub(crate) fn interpolated(
+    electrodes: impl Iterator<Item = ([f64; 2], f64)>,
+    at: [f64; 2],
+) -> Option<f64> {
+    let (mut sum, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
+    for (place, value) in electrodes {
+        let squared = (place[0] - at[0]).powi(2) + (place[1] - at[1]).powi(2);
+        let weight = 1.0 / (squared * squared).max(1e-12);
+        sum += weight * value;
+        weights += weight;
+        nearest = nearest.min(squared);
+    }
+    (nearest <= REACH * REACH).then_some(sum / weights)
+}
+
 /// Returns the place of an electrode on the map from its position on the unit sphere: x towards the
 /// right ear, y towards the nose, z towards the vertex. Distance on the map is in proportion to the
 /// angle from the vertex; the outermost circle of the 10-20 system is at 0.9.
@@ -177,17 +217,6 @@ pub fn on_map([x, y, z]: [f64; 3]) -> [f64; 2] {
     }
     // The factor 0.9 leaves room for labels and for electrodes further down on the head.
     [x, y].map(|part| 0.9 * distance * part / direction)
-}
-
-/// Returns the pixel of a place that is given in radii of the head's circle; `centre` is the pixel
-/// of the vertex.
-fn pixel(centre: (i32, i32), [x, y]: [f64; 2]) -> (i32, i32) {
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "saturates far outside the picture"
-    )]
-    let [x, y] = [x, y].map(|at| (at * f64::from(RADIUS)).round() as i32);
-    (centre.0.saturating_add(x), centre.1.saturating_sub(y))
 }
 
 /// Formats a value with the number of decimal places that shows three digits of `largest`, at most

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! `trainer` fits models to folders of recordings, and `corticode-bridge calibrate` to what a
-//! device has just sent.
+//! device has just sent. `features` are the band powers that a device computes for a classifier.
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_precision_loss,
@@ -19,6 +19,7 @@
 pub mod bad_electrodes;
 pub mod band_power;
 pub mod directions;
+pub mod features;
 pub mod in_parallel;
 pub mod innovation;
 

@@ -114,7 +114,7 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
 fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
     let errors = &codes.electrode_errors;
     let unit = sd_uv.powi(2);
-    let places = places(errors);
+    let places = places(cells(errors));
     ScalpMap {
         places: errors
             .iter()
@@ -137,16 +137,19 @@ fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
     }
 }
 
-/// Returns the places of the electrodes on the map of the head. Their labels determine them or, if
+/// Returns the places of electrodes on the map of the head, from their labels and cells. The labels determine them or, if
 /// a label has no place in the 10-20 system, their cells of the scalp grid.
-pub(super) fn places(errors: &[ElectrodeError]) -> Vec<[f64; 2]> {
-    let labelled = errors.iter().map(|error| {
-        let Position { x, y, z } = Position::from_label(&error.label)?;
+pub(super) fn places<'a>(
+    electrodes: impl Iterator<Item = (&'a str, [usize; 2])> + Clone,
+) -> Vec<[f64; 2]> {
+    let labelled = electrodes.clone().map(|(label, _)| {
+        let Position { x, y, z } = Position::from_label(label)?;
         Some(on_map([x, y, z]))
     });
     let labelled: Option<Vec<[f64; 2]>> = labelled.collect();
     labelled.unwrap_or_else(|| {
-        let largest = [0, 1].map(|side| errors.iter().map(|error| error.cell[side]).max());
+        let cells = electrodes.map(|(_, cell)| cell);
+        let largest = [0, 1].map(|side| cells.clone().map(|cell| cell[side]).max());
         let [rows, columns] = largest.map(|largest| largest.unwrap_or(0));
         let on_side = |cell: usize, largest: usize| {
             /// Largest distance of a cell from the centre along each side of the map, small enough
@@ -159,14 +162,16 @@ pub(super) fn places(errors: &[ElectrodeError]) -> Vec<[f64; 2]> {
                 REACH * (2.0 * part - 1.0)
             }
         };
-        let place = |error: &ElectrodeError| {
-            [
-                on_side(error.cell[1], columns),
-                -on_side(error.cell[0], rows),
-            ]
-        };
-        errors.iter().map(place).collect()
+        let place = |cell: [usize; 2]| [on_side(cell[1], columns), -on_side(cell[0], rows)];
+        cells.map(place).collect()
     })
+}
+
+/// Returns label and cell of each electrode.
+pub(super) fn cells(errors: &[ElectrodeError]) -> impl Iterator<Item = (&str, [usize; 2])> + Clone {
+    errors
+        .iter()
+        .map(|error| (error.label.as_str(), error.cell))
 }
 
 fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
@@ -278,32 +283,16 @@ fn rate_csv(codes: &CodeComparison) -> String {
 mod tests {
     use super::*;
 
-    fn error(label: &str, cell: [usize; 2]) -> ElectrodeError {
-        ElectrodeError {
-            label: label.to_owned(),
-            cell,
-            is_recorded: true,
-            mse_float: 1.0,
-            mse_int8: 1.0,
-        }
-    }
-
     #[test]
     fn electrodes_are_at_the_places_of_their_labels() {
-        let [cz, oz] = [error("Cz", [0, 0]), error("Oz", [1, 0])];
-        let places = places(&[cz, oz]);
+        let places = places([("Cz", [0, 0]), ("Oz", [1, 0])].into_iter());
         assert!(places[0][0].hypot(places[0][1]) < 1e-9, "the vertex");
         assert!(places[1][0].abs() < 1e-9 && places[1][1] < -0.8, "the back");
     }
 
     #[test]
     fn a_label_without_a_place_puts_all_electrodes_at_their_cells() {
-        let errors = [
-            error("Cz", [0, 1]),
-            error("E7", [0, 0]),
-            error("E8", [2, 2]),
-        ];
-        let places = places(&errors);
+        let places = places([("Cz", [0, 1]), ("E7", [0, 0]), ("E8", [2, 2])].into_iter());
         for (place, expected) in places
             .iter()
             .zip([[0.0, 0.65], [-0.65, 0.65], [0.65, -0.65]])

@@ -1,7 +1,7 @@
 //! Part of a report: error for each person, with the substitution of bad electrodes on and off.
 
 use super::Report;
-use super::evaluation::places;
+use super::evaluation::{cells, places};
 use crate::error::TrainerError;
 use crate::person_error::PersonError;
 use picture::page::csv_field;
@@ -57,7 +57,7 @@ pub(super) fn add(report: &mut Report, people: &[PersonError]) -> Result<(), Tra
 
 fn scalp_map(error: &PersonError) -> ScalpMap {
     let [on, off] = error.of_good();
-    let places = places(&error.on.electrodes);
+    let places = places(cells(&error.on.electrodes));
     let electrodes = error.on.electrodes.iter().zip(error.of_electrodes());
     // The bad electrodes have so large an error of their own that the others would look alike.
     let good = electrodes

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod broken_import;
+mod classify;
 mod crossval;
 mod export;
 mod files;
@@ -113,18 +114,26 @@ impl Folder {
     /// Writes a GDF file of `labels` at 250 Hz: three low-pass-filtered sources, mixed, and noise.
     fn write_recording(&self, name: &str, labels: &[&str], seconds: u32, seed: u64) {
         let mix = |at: usize, sources: [f32; 3]| sources[at % 3] + 0.5 * sources[(at + 1) % 3];
-        write_gdf(&self.path(name), labels, (250, seconds), (seed, 5.0), mix);
+        write_gdf(
+            &self.path(name),
+            labels,
+            (250, seconds),
+            (seed, 5.0),
+            mix,
+            &[],
+        );
     }
 }
 
 /// Writes a GDF file of `seconds` seconds: three low-pass-filtered sources, which `mix` mixes for
-/// the electrode of each index, and noise of the given amplitude.
+/// the electrode of each index, and noise of the given amplitude. `events` are rows and GDF types.
 fn write_gdf(
     path: &Path,
     labels: &[impl AsRef<str>],
     (rate_hz, seconds): (u32, u32),
     (seed, noise): (u64, f32),
     mut mix: impl FnMut(usize, [f32; 3]) -> f32,
+    events: &[(u64, u16)],
 ) {
     let signal = |label: &_| SignalToWrite {
         label: AsRef::<str>::as_ref(label).to_owned(),
@@ -154,7 +163,7 @@ fn write_gdf(
         }
         writer.write_record(&rows).expect("a record");
     }
-    writer.finish(&[]).expect("no events");
+    writer.finish(events).expect("an event table");
 }
 
 /// Asserts that a text contains all `words`.

@@ -154,9 +154,14 @@ fn fit(name: &str) {
         .collect();
     for seed in [1, 2] {
         let path = folder.path(&format!("R{seed}.gdf"));
-        write_gdf(&path, &labels, (256, 16), (seed, 0.5), |at, sources| {
-            mix[at].iter().zip(sources).map(|(m, s)| m * s).sum()
-        });
+        write_gdf(
+            &path,
+            &labels,
+            (256, 16),
+            (seed, 0.5),
+            |at, sources| mix[at].iter().zip(sources).map(|(m, s)| m * s).sum(),
+            &[],
+        );
     }
     let mut command =
         folder.command("train --train=R1 --test=R2 --mains=50 --out=model --mode=pca");

@@ -19,7 +19,7 @@ fn write(folder: &Folder, (subject, run): (&str, u64), gain: f32, noise: f32) {
         gain * (sources[at % 3] + 0.5 * sources[(at + 1) % 3] + own)
     };
     let path = place.join(format!("{subject}R{run:02}.gdf"));
-    write_gdf(&path, &LABELS, (250, 60), (run, 5.0 * gain), mix);
+    write_gdf(&path, &LABELS, (250, 60), (run, 5.0 * gain), mix, &[]);
 }
 
 /// Returns a folder with recordings of three people: B is eight times as loud as A and otherwise

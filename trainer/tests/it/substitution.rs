@@ -94,7 +94,7 @@ fn recordings_that_do_not_determine_a_table_are_refused_and_missing_and_silent_e
         let own = sources[at % 3] + rng.random_range(-5.0..5.0);
         if is_silent { 0.0 } else { own }
     };
-    write_gdf(&silent, &LABELS, (250, 60), (4, 1e-4), mix);
+    write_gdf(&silent, &LABELS, (250, 60), (4, 1e-4), mix, &[]);
     let [_, log] = folder.run(&format!("{JOIN} --train=run1,silent --subject=me"), 0);
     for label in ["C4", "P7"] {
         let warning = format!("warning: me: electrode {label} is bad in 1 of 2 recordings");

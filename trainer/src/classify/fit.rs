@@ -1,0 +1,387 @@
+//! Fit of filters and decision to trials.
+
+use super::options::ClassifyOptions;
+use super::sessions::{Session, Trial};
+use crate::error::TrainerError;
+use artifact::Description;
+use artifact::classifier::{
+    Band, Class, Classifier, ClassifierTraining, DecisionRule, LARGEST_ROW, MAX_FEATURES,
+    SpatialFilter, energy,
+};
+use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
+use packed_fit::{FitError, Track, features};
+use std::ops::Range;
+
+/// Number of filters if the user asks for none, and the classes divide it.
+const FILTERS: usize = 6;
+/// Part of a class's covariance that is replaced by white noise of the same power.
+const SHRINKAGE: f64 = 0.01;
+/// Least number of trials of a class.
+const LEAST_TRIALS: usize = 10;
+/// Largest value of a Q32 coefficient divided by its value.
+const Q32: f64 = 4_294_967_296.0;
+
+/// What is fitted: the classes, and the shape of trials and filters.
+pub(super) struct Plan {
+    pub(super) classes: Vec<Class>,
+    /// Steps of a hop.
+    pub(super) hop: usize,
+    /// The classifier without filters and weights.
+    empty: Classifier,
+    filters_per_class: usize,
+    trial_s: [f64; 2],
+    /// Hops of a trial.
+    trial_hops: usize,
+}
+
+/// A classifier, and the same without quantisation.
+pub(super) struct Fitted {
+    pub(super) classifier: Classifier,
+    /// Float filters, `[electrode, filter]`.
+    pub(super) filters: DMatrix<f64>,
+    pub(super) float_rule: DecisionRule,
+}
+
+impl Plan {
+    /// Checks the options.
+    ///
+    /// # Errors
+    /// If there are fewer than two classes or two with the same event or code, the filters cannot
+    /// be divided among them, or the window is longer than a trial.
+    pub(super) fn new(
+        options: &ClassifyOptions,
+        description: &Description,
+    ) -> Result<Self, TrainerError> {
+        let classes = options.events.clone();
+        let count = classes.len();
+        let is_repeated = |(index, class): (usize, &Class)| {
+            let mut before = classes[..index].iter();
+            before.any(|other| other.code == class.code || other.event == class.event)
+        };
+        if count < 2 || classes.iter().enumerate().any(is_repeated) {
+            return Err(TrainerError::Classes);
+        }
+        let filters = options
+            .filters
+            .unwrap_or(FILTERS.max(count) / count * count);
+        if filters == 0 || filters > MAX_FEATURES || !filters.is_multiple_of(count) {
+            let classes = count;
+            return Err(TrainerError::Filters { filters, classes });
+        }
+        let window = &description.window;
+        let hops_per_s = f64::from(window.rate_hz) / window.hop as f64;
+        let [from_s, to_s] = options.trial;
+        let window_s = options.window.unwrap_or(to_s - from_s);
+        let hops = [to_s - from_s, window_s].map(|seconds| whole((seconds * hops_per_s).round()));
+        let [trial_hops, window_hops] = hops;
+        if !(1..=trial_hops).contains(&window_hops) {
+            let trial_s = to_s - from_s;
+            return Err(TrainerError::DecisionWindow { window_s, trial_s });
+        }
+        let narrow = |number: usize| u8::try_from(number).expect("a hop has 4 to 16 steps");
+        Ok(Self {
+            hop: window.hop,
+            empty: Classifier {
+                format: 1,
+                electrodes: description.montage.electrodes.clone(),
+                step_rate_hz: u16::try_from(window.rate_hz).expect("always 128"),
+                hop_steps: narrow(window.hop),
+                band: Band {
+                    hz: options.band,
+                    sections: model_gen::band_power_sections(
+                        options.band,
+                        f64::from(window.rate_hz),
+                    ),
+                },
+                decision: DecisionRule {
+                    classes: classes.clone(),
+                    window_hops: u32::try_from(window_hops).unwrap_or(u32::MAX),
+                    weights: Vec::new(),
+                    bias: Vec::new(),
+                },
+                filters: Vec::new(),
+                training: ClassifierTraining::default(),
+            },
+            classes,
+            filters_per_class: filters / count,
+            trial_s: options.trial,
+            trial_hops,
+        })
+    }
+
+    pub(super) fn step_rate_hz(&self) -> f64 {
+        f64::from(self.empty.step_rate_hz)
+    }
+
+    /// Returns the duration of a hop, seconds.
+    pub(super) fn hop_s(&self) -> f64 {
+        self.hop as f64 / self.step_rate_hz()
+    }
+
+    /// Returns the end of a trial, seconds after its event.
+    pub(super) fn end_s(&self) -> f64 {
+        self.trial_s[1]
+    }
+
+    /// Returns the windows of a trial whose event is `seconds` after the start of a session of
+    /// `hops` hops: as few as cover the trial, evenly spaced; `None` if it is not within the
+    /// session.
+    pub(super) fn windows(&self, seconds: f64, hops: usize) -> Option<Vec<Range<usize>>> {
+        let first = ((seconds + self.trial_s[0]) / self.hop_s()).round();
+        let first = (first >= 0.0).then(|| whole(first))?;
+        if first + self.trial_hops > hops {
+            return None;
+        }
+        let window = self.empty.decision.window_hops as usize;
+        let count = self.trial_hops.div_ceil(window);
+        let spare = self.trial_hops - window;
+        let start = |index: usize| first + index * spare / (count - 1).max(1);
+        Some(
+            (0..count)
+                .map(start)
+                .map(|start| start..start + window)
+                .collect(),
+        )
+    }
+
+    /// Returns the band-passed electrodes in microvolts, `[electrode, step]`.
+    pub(super) fn band_passed(&self, track: &Track) -> DMatrix<f64> {
+        let values = track.values.iter().map(|&uv| f64::from(uv));
+        let mut signals = DMatrix::from_iterator(track.electrodes, track.steps(), values);
+        for section in self.empty.band.sections {
+            let [gain, a1, a2] = section.map(|coefficient| coefficient as f64 / Q32);
+            let mut states = vec![[0.0; 4]; track.electrodes];
+            for mut step in signals.column_iter_mut() {
+                for (value, [x1, x2, y1, y2]) in step.iter_mut().zip(&mut states) {
+                    let x = *value;
+                    *value = gain * (x - *x2) + a1 * *y1 + a2 * *y2;
+                    (*x2, *x1, *y2, *y1) = (*x1, x, *y1, *value);
+                }
+            }
+        }
+        signals
+    }
+
+    /// Returns the number of trials of each class.
+    pub(super) fn counts(&self, sessions: &[Session]) -> Vec<u32> {
+        let mut counts = vec![0; self.classes.len()];
+        for trial in sessions.iter().flat_map(|session| &session.trials) {
+            counts[trial.class] += 1;
+        }
+        counts
+    }
+
+    /// Refuses training recordings with too few trials of a class.
+    pub(super) fn check_trials(&self, sessions: &[Session]) -> Result<(), TrainerError> {
+        for (class, count) in self.classes.iter().zip(self.counts(sessions)) {
+            if (count as usize) < LEAST_TRIALS {
+                return Err(TrainerError::TooFewTrials {
+                    event: class.event.clone(),
+                    count,
+                    needed: LEAST_TRIALS,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Fits filters and decision to trials.
+///
+/// # Errors
+/// If trials of a class are missing, or no device could run the filters.
+pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, TrainerError> {
+    let means = mean_covariances(plan, trials)?;
+    let filters =
+        common_spatial_patterns(&means, plan.filters_per_class).ok_or(FitError::Silent)?;
+    let covariance = means.iter().sum::<DMatrix<f64>>();
+    let mut classifier = plan.empty.clone();
+    for filter in filters.column_iter() {
+        let pattern = &covariance * filter;
+        let largest = pattern[pattern.iamax()];
+        let (pattern, filter) = (pattern / largest, filter * largest.signum());
+        #[expect(clippy::cast_possible_truncation, reason = "-1 to 1")]
+        let pattern = pattern.iter().map(|part| *part as f32).collect();
+        let weights = int8_weights(&filter);
+        classifier.filters.push(SpatialFilter { weights, pattern });
+    }
+    let (mut features, mut float_features) = (Vec::new(), Vec::new());
+    // Trials of a session follow each other, and share its levels.
+    for trials in trials.chunk_by(|(a, _), (b, _)| std::ptr::eq(*a, *b)) {
+        let levels = features::levels(&trials[0].0.track, &classifier);
+        for (_, trial) in trials {
+            for window in &trial.windows {
+                features.push((trial.class, log_energies(&levels[window.hops.clone()])));
+                float_features.push((trial.class, log_powers(&filters, &window.moment)));
+            }
+        }
+    }
+    discriminant(&mut classifier.decision, &features);
+    let mut float_rule = classifier.decision.clone();
+    discriminant(&mut float_rule, &float_features);
+    // Reading the file checks all ranges.
+    let classifier = Classifier::parse(&classifier.to_toml()?)?;
+    Ok(Fitted {
+        classifier,
+        filters,
+        float_rule,
+    })
+}
+
+impl Fitted {
+    /// Returns the score of each class for the last window of a trial, without quantisation.
+    pub(super) fn float_scores(&self, trial: &Trial) -> Vec<f64> {
+        let last = trial
+            .windows
+            .last()
+            .map(|window| log_powers(&self.filters, &window.moment));
+        self.float_rule.scores(&last.unwrap_or_default())
+    }
+}
+
+/// Returns the mean over the trials of each class of their second moments, each divided by its
+/// trace; shrunk by [`SHRINKAGE`].
+fn mean_covariances(
+    plan: &Plan,
+    trials: &[(&Session, &Trial)],
+) -> Result<Vec<DMatrix<f64>>, TrainerError> {
+    let electrodes = plan.empty.electrodes.len();
+    let of_class = |(index, class): (usize, &Class)| {
+        let mut sum = DMatrix::zeros(electrodes, electrodes);
+        let mut count = 0_u32;
+        for (_, trial) in trials.iter().filter(|(_, trial)| trial.class == index) {
+            let moment: DMatrix<f64> = trial.windows.iter().map(|window| &window.moment).sum();
+            let trace = moment.trace().max(f64::MIN_POSITIVE);
+            sum += moment / trace;
+            count += 1;
+        }
+        if count < 2 {
+            return Err(TrainerError::UnevenTrials(class.event.clone()));
+        }
+        let mean = sum / f64::from(count);
+        let noise = SHRINKAGE * mean.trace() / electrodes as f64;
+        Ok(mean * (1.0 - SHRINKAGE) + DMatrix::identity(electrodes, electrodes) * noise)
+    };
+    plan.classes.iter().enumerate().map(of_class).collect()
+}
+
+/// Returns common spatial patterns, `[electrode, filter]`: for each class in turn, the `count`
+/// filters with the largest power in its trials, in proportion to that in its and the others'.
+/// `None` if the covariances are not positive definite.
+fn common_spatial_patterns(means: &[DMatrix<f64>], count: usize) -> Option<DMatrix<f64>> {
+    let mut filters: Vec<DVector<f64>> = Vec::new();
+    for (class, own) in means.iter().enumerate() {
+        let others = means
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != class);
+        let others: DMatrix<f64> = others.map(|(_, mean)| mean).sum();
+        let both = own + others / (means.len() - 1) as f64;
+        // own w = lambda both w, with both = L L^T and w = L^-T v.
+        let lower = Cholesky::new(both)?.unpack();
+        let half = lower.solve_lower_triangular(own)?;
+        let whitened = lower.solve_lower_triangular(&half.transpose())?;
+        let eigen = SymmetricEigen::new((&whitened + whitened.transpose()) / 2.0);
+        let mut order: Vec<usize> = (0..own.nrows()).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        for index in order.into_iter().take(count) {
+            let vector = eigen.eigenvectors.column(index).into_owned();
+            filters.push(lower.tr_solve_lower_triangular(&vector)?);
+        }
+    }
+    Some(DMatrix::from_columns(&filters))
+}
+
+/// Returns a filter in int8: as large as a device takes it.
+fn int8_weights(filter: &DVector<f64>) -> Vec<i8> {
+    // Rounding adds at most one half to each magnitude.
+    let sum = f64::from(LARGEST_ROW) - filter.len() as f64 / 2.0;
+    let scale = (127.0 / filter.amax()).min(sum / filter.lp_norm(1));
+    #[expect(clippy::cast_possible_truncation, reason = "-127 to 127")]
+    let weights = filter.iter().map(|weight| (weight * scale).round() as i8);
+    weights.collect()
+}
+
+/// Returns the logarithm of each filter's mean energy over some hops.
+fn log_energies(levels: &[Vec<u8>]) -> Vec<f64> {
+    let filters = 0..levels.first().map_or(0, Vec::len);
+    let mean = |filter: usize| {
+        let energies = levels.iter().map(|hop| energy(hop[filter]));
+        energies.sum::<f64>() / levels.len() as f64
+    };
+    filters.map(|filter| mean(filter).ln()).collect()
+}
+
+/// Returns the logarithm of the power of each filter's signal.
+fn log_powers(filters: &DMatrix<f64>, moment: &DMatrix<f64>) -> Vec<f64> {
+    let powers = filters
+        .column_iter()
+        .map(|filter| filter.dot(&(moment * filter)));
+    powers
+        .map(|power| power.max(f64::MIN_POSITIVE).ln())
+        .collect()
+}
+
+/// Fits a linear discriminant to features and their classes, which are equally probable beforehand.
+/// The classes share a covariance, which is shrunk as Ledoit and Wolf (2004) do.
+fn discriminant(rule: &mut DecisionRule, features: &[(usize, Vec<f64>)]) {
+    let size = features.first().map_or(0, |(_, x)| x.len());
+    let means = (0..rule.classes.len()).map(|class| {
+        let own: Vec<_> = features.iter().filter(|(of, _)| *of == class).collect();
+        let sum = own
+            .iter()
+            .map(|(_, x)| DVector::from_column_slice(x))
+            .sum::<DVector<f64>>();
+        sum / own.len() as f64
+    });
+    let means: Vec<DVector<f64>> = means.collect();
+    let residuals = features
+        .iter()
+        .map(|(class, x)| DVector::from_column_slice(x) - &means[*class]);
+    let residuals = DMatrix::from_columns(&residuals.collect::<Vec<_>>());
+    let inverse = shrunk_covariance(&residuals)
+        .try_inverse()
+        .unwrap_or_else(|| DMatrix::identity(size, size));
+    let weights: Vec<DVector<f64>> = means.iter().map(|mean| &inverse * mean).collect();
+    let biases = means.iter().zip(&weights);
+    let biases: Vec<f64> = biases.map(|(mean, w)| -0.5 * mean.dot(w)).collect();
+    // Only differences between the scores of classes count.
+    let classes = means.len() as f64;
+    let common = weights.iter().sum::<DVector<f64>>() / classes;
+    let common_bias = biases.iter().sum::<f64>() / classes;
+    let weights = weights.iter().map(|weights| weights - &common);
+    rule.weights = weights
+        .map(|weights| weights.iter().copied().collect())
+        .collect();
+    rule.bias = biases.iter().map(|bias| bias - common_bias).collect();
+}
+
+/// Returns the covariance of centred columns, shrunk towards a multiple of the identity.
+fn shrunk_covariance(columns: &DMatrix<f64>) -> DMatrix<f64> {
+    let (size, count) = (columns.nrows() as f64, columns.ncols() as f64);
+    let covariance = columns * columns.transpose() / count;
+    let mean = covariance.trace() / size;
+    let target = DMatrix::identity(columns.nrows(), columns.nrows()) * mean;
+    let distance = (&covariance - &target).norm_squared();
+    let fourth: f64 = columns
+        .column_iter()
+        .map(|x| x.norm_squared().powi(2))
+        .sum();
+    let error = (fourth / count - covariance.norm_squared()) / count;
+    let shrinkage = if distance > 0.0 {
+        (error / distance).clamp(0.0, 1.0)
+    } else {
+        1.0
+    };
+    covariance * (1.0 - shrinkage) + target * shrinkage
+}
+
+/// Returns a whole number as an index; 0 for a negative one.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "saturates"
+)]
+fn whole(number: f64) -> usize {
+    number as usize
+}

@@ -1,0 +1,85 @@
+//! Options of `trainer classify`.
+
+use crate::selection::TrainingFiles;
+use artifact::classifier::Class;
+use std::path::PathBuf;
+
+/// Lowest and highest edge of a band, Hz: what the device's filters let through.
+const EDGES_HZ: [f64; 2] = [1.0, 60.0];
+/// Least width of a band, Hz.
+const LEAST_WIDTH_HZ: f64 = 1.0;
+
+/// Options of `trainer classify`.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct ClassifyOptions {
+    /// Folder of the model that the device runs: its montage, filters and hop are used.
+    #[arg(long, default_value = "signal/model/artifact")]
+    pub(super) artifact: PathBuf,
+    #[command(flatten)]
+    pub(super) files: TrainingFiles,
+    /// Events that start the trials of each class, two or more, each as LABEL=CODE: the text of an
+    /// annotation or the GDF type in the recordings, and the code of the class, such as
+    /// T1=769,T2=770. A GDF type alone is its own code.
+    #[arg(long, required = true, value_delimiter = ',', value_parser = class)]
+    pub(super) events: Vec<Class>,
+    /// Lower and upper edge of the band-pass, Hz.
+    #[arg(long, value_name = "HZ..HZ", default_value = "8..30", value_parser = band)]
+    pub(super) band: [f64; 2],
+    /// Start and end of the part of each trial that is used, seconds after its event.
+    #[arg(long, value_name = "S..S", default_value = "0.5..4", value_parser = range, allow_hyphen_values = true)]
+    pub(super) trial: [f64; 2],
+    /// Length over which a decision averages, seconds [default: that of --trial].
+    #[arg(long, value_name = "S")]
+    pub(super) window: Option<f64>,
+    /// Number of spatial filters, up to 8, the same number for each class [default: 6, or the next
+    /// smaller number that the classes divide].
+    #[arg(long)]
+    pub(super) filters: Option<usize>,
+    /// File to write the classifier to.
+    #[arg(long)]
+    pub(super) out: PathBuf,
+    /// Folder to write a report to: patterns, confusion matrix, probability over time and accuracy
+    /// of each recording, as pictures with their values and a page that shows them.
+    #[arg(long)]
+    pub(crate) report: Option<PathBuf>,
+    /// Replace the file of --out, and a report in that of --report.
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print one JSON object instead of a table.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Parses a class, `LABEL=CODE` or `CODE`.
+fn class(text: &str) -> Result<Class, String> {
+    let (event, code) = text.rsplit_once('=').unwrap_or((text, text));
+    let code = code.trim().parse().map_err(|_| {
+        format!("{code} is no code: write LABEL=CODE with a whole number, such as T1=769")
+    })?;
+    let event = event.trim().to_owned();
+    Ok(Class { code, event })
+}
+
+/// Parses a band, two frequencies in Hz.
+fn band(text: &str) -> Result<[f64; 2], String> {
+    let [low, high] = range(text)?;
+    let [least, most] = EDGES_HZ;
+    if low < least || high > most || high - low < LEAST_WIDTH_HZ {
+        return Err(format!(
+            "a band is within {least} to {most} Hz, which the filters of the device let through, \
+             and at least {LEAST_WIDTH_HZ} Hz wide"
+        ));
+    }
+    Ok([low, high])
+}
+
+/// Parses two ascending numbers, such as `0.5..4`.
+fn range(text: &str) -> Result<[f64; 2], String> {
+    let numbers = text
+        .split_once("..")
+        .map(|(low, high)| [low, high].map(str::parse));
+    match numbers {
+        Some([Ok(low), Ok(high)]) if f64::is_finite(high - low) && low < high => Ok([low, high]),
+        _ => Err("write two ascending numbers, such as 0.5..4".to_owned()),
+    }
+}

@@ -1,0 +1,217 @@
+//! Report of a classifier: patterns of its filters, and how well it decides.
+
+use super::Report;
+use super::evaluation::places;
+use crate::classify::{Course, Trained, chance, percent};
+use crate::error::TrainerError;
+use artifact::classifier::{ClassifierFigures, PartFigures};
+use picture::axis::{Axis, Scale};
+use picture::canvas::{FAINT, INK, REFERENCE, RESULT, SOURCE};
+use picture::confusion::Confusion;
+use picture::lines::{Lines, Mark, Series};
+use picture::page::csv_field;
+use picture::patterns::Patterns;
+use std::fmt::Write as _;
+
+/// Adds pictures of a classifier to a report.
+pub(super) fn add(report: &mut Report, trained: &Trained) -> Result<(), TrainerError> {
+    let classifier = &trained.classifier;
+    let [low, high] = classifier.band.hz;
+    let training = &classifier.training;
+    report.page.push_text(&format!(
+        "Classifier {:08x}, {low} to {high} Hz, trained on {}.",
+        classifier.id(),
+        training.train_files.join(", ")
+    ));
+    let patterns = patterns(trained);
+    report.add_picture(
+        "patterns",
+        |path| patterns.draw(path),
+        "Pattern of each filter: activity at the electrodes of the source that it extracts, relative \
+         to the largest. The sign of a whole pattern means nothing.",
+        &patterns_csv(trained),
+    )?;
+    let figures = [
+        ("cross-validation", &training.cross_validation),
+        ("test", &training.test),
+    ];
+    for (name, figures) in figures {
+        if let Some(figures) = figures {
+            add_figures(report, trained, name, figures)?;
+        }
+    }
+    let course = course(trained);
+    report.add_picture(
+        "probability",
+        |path| course.draw(path),
+        "Probability of the true class at each hop, mean over the trials of the class, by classifiers \
+         that were not trained on them. The decision averages over the time before it.",
+        &course_csv(trained),
+    )
+}
+
+/// Adds confusion matrix and accuracy of each recording.
+fn add_figures(
+    report: &mut Report,
+    trained: &Trained,
+    name: &str,
+    figures: &ClassifierFigures,
+) -> Result<(), TrainerError> {
+    let [low, high] = figures.accuracy_95.map(percent);
+    let subtitle = format!(
+        "{name}: accuracy {} % (95 % interval {low} to {high} %), AUC {} %",
+        percent(figures.accuracy),
+        percent(figures.auc)
+    );
+    let classes = trained.classifier.decision.classes.iter();
+    let classes: Vec<String> = classes.map(|class| class.event.clone()).collect();
+    let header = classes.iter().map(|class| csv_field(class));
+    let mut csv = format!("true,{}\n", header.collect::<Vec<_>>().join(","));
+    for (class, row) in classes.iter().zip(&figures.confusion) {
+        let row: Vec<String> = row.iter().map(ToString::to_string).collect();
+        let _ = writeln!(csv, "{},{}", csv_field(class), row.join(","));
+    }
+    let confusion = Confusion {
+        classes,
+        counts: figures.confusion.clone(),
+        title: "Truth and decisions".to_owned(),
+        subtitle: subtitle.clone(),
+    };
+    report.add_picture(
+        &format!("confusion-{name}"),
+        |path| confusion.draw(path),
+        "Numbers of trials by true class and decision.",
+        &csv,
+    )?;
+    let mut csv = "recording,trials,right\n".to_owned();
+    for PartFigures {
+        name,
+        trials,
+        right,
+    } in &figures.parts
+    {
+        let _ = writeln!(csv, "{},{trials},{right}", csv_field(name));
+    }
+    let lines = recordings(figures, subtitle);
+    report.add_picture(
+        &format!("recordings-{name}"),
+        |path| lines.draw(path),
+        "Accuracy on each recording, or block of trials. Guesses name each class as often as the \
+         classifier does.",
+        &csv,
+    )
+}
+
+fn patterns(trained: &Trained) -> Patterns {
+    let filters = &trained.classifier.filters;
+    let classes = &trained.classifier.decision.classes;
+    let per_class = filters.len() / classes.len();
+    let patterns = filters.iter().enumerate().map(|(index, filter)| {
+        let class = &classes[index / per_class].event;
+        let values = filter.pattern.iter().map(|&value| f64::from(value));
+        (
+            format!("filter {}, strong in {class}", index + 1),
+            values.collect(),
+        )
+    });
+    let electrodes = trained.electrodes.iter();
+    Patterns {
+        places: places(electrodes.map(|(label, cell)| (label.as_str(), *cell))),
+        patterns: patterns.collect(),
+        title: "Patterns of the spatial filters".to_owned(),
+        subtitle: "relative activity at the electrodes, seen from above, nose up".to_owned(),
+    }
+}
+
+fn patterns_csv(trained: &Trained) -> String {
+    let mut text = "filter,electrode,pattern,weight\n".to_owned();
+    for (index, filter) in trained.classifier.filters.iter().enumerate() {
+        let electrodes = trained.electrodes.iter().zip(&filter.pattern);
+        for (((label, _), pattern), weight) in electrodes.zip(&filter.weights) {
+            let _ = writeln!(
+                text,
+                "{},{},{pattern},{weight}",
+                index + 1,
+                csv_field(label)
+            );
+        }
+    }
+    text
+}
+
+/// Returns the chart of the accuracy on each recording.
+fn recordings(figures: &ClassifierFigures, subtitle: String) -> Lines {
+    let parts = figures.parts.iter().enumerate();
+    let points = parts.clone().map(|(index, part)| {
+        let accuracy = f64::from(part.right) / f64::from(part.trials);
+        (index as f64, 100.0 * accuracy)
+    });
+    let last = figures.parts.len() as f64 - 0.5;
+    let level = |part: f64| vec![(-0.5, 100.0 * part), (last, 100.0 * part)];
+    let mut x = Axis::new("recording", Scale::Linear);
+    x.ticks = parts
+        .map(|(index, part)| (index as f64, part.name.clone()))
+        .collect();
+    Lines {
+        title: "Accuracy on each recording".to_owned(),
+        subtitle,
+        x,
+        y: Axis::new("accuracy (%)", Scale::Linear),
+        series: vec![
+            Series::new("recording", SOURCE, Mark::Dots, points.collect()),
+            Series::new("all", SOURCE, Mark::ThinLine, level(figures.accuracy)),
+            Series::new("guesses", FAINT, Mark::ThinLine, level(chance(figures))),
+        ],
+    }
+}
+
+/// Returns the chart of the mean probability of the true class over time.
+fn course(trained: &Trained) -> Lines {
+    let classes = &trained.classifier.decision.classes;
+    let colors = [SOURCE, RESULT, REFERENCE, INK].into_iter().cycle();
+    let courses = classes.iter().zip(&trained.courses).zip(colors);
+    let series = courses.map(|((class, course), color)| {
+        Series::new(class.event.clone(), color, Mark::Line, course.clone())
+    });
+    let mut series: Vec<Series> = series.collect();
+    let line = |label: &str, points| Series::new(label, FAINT, Mark::ThinLine, points);
+    let [start_s, end_s] = trained.classifier.training.trial_s;
+    let times: Vec<f64> = trained
+        .courses
+        .iter()
+        .flatten()
+        .map(|(seconds, _)| *seconds)
+        .collect();
+    let ends = [times.first(), times.last()].into_iter().flatten();
+    let equal = 1.0 / classes.len() as f64;
+    series.extend([
+        line(
+            "equal probability",
+            ends.map(|seconds| (*seconds, equal)).collect(),
+        ),
+        line("event", vec![(0.0, 0.0), (0.0, 1.0)]),
+        line("", vec![(end_s, 0.0), (end_s, 1.0)]),
+    ]);
+    Lines {
+        title: "Probability of the true class".to_owned(),
+        subtitle: format!(
+            "mean over the trials of each class, left out of the training; trials are {start_s} to \
+             {end_s} s after the event"
+        ),
+        x: Axis::new("time since the event (s)", Scale::Linear),
+        y: Axis::new("probability", Scale::Linear),
+        series,
+    }
+}
+
+fn course_csv(trained: &Trained) -> String {
+    let mut text = "class,seconds,probability\n".to_owned();
+    let classes = trained.classifier.decision.classes.iter();
+    for (class, course) in classes.zip(&trained.courses) {
+        let course: &Course = course;
+        for (seconds, probability) in course {
+            let _ = writeln!(text, "{},{seconds},{probability}", csv_field(&class.event));
+        }
+    }
+    text
+}
