@@ -2,9 +2,9 @@
 
 use std::{boxed::Box, vec::Vec};
 
-use any_model::{any_artifact_with, any_packed_of};
+use any_model::{any_linear_for, any_packed_of};
 use artifact::reconstruction::PackedDecoder;
-use artifact::{Artifact, Mode, PackedModel};
+use artifact::{Artifact, PackedModel};
 use pipeline::{EncoderMemory, PackedEncoder, PackedMemory, Rate, Step};
 use proptest::prelude::*;
 
@@ -312,16 +312,8 @@ fn a_model_of_another_layout_or_shape_or_with_numbers_out_of_range_is_refused() 
 /// and their upload; `None` if this image takes none.
 fn another_linear() -> Option<(Artifact, Vec<u8>)> {
     let (packed, _) = another().filter(|_| HAS_SHORTCUT)?;
-    let built_in = built_in()?;
-    let linear = any_artifact_with(8, |description| {
-        *description = built_in.description.clone();
-        description.mode = Mode::Pca;
-    });
-    let mut linear = linear.expect("a model");
-    let input = built_in.calibration.tensor("input.max_abs", &[1]);
-    let input = input.expect("calibrated").to_vec();
-    linear.calibration.insert("input.max_abs", &[1], input);
-    let artifact = linear.with_packed(Some(packed)).expect("it fits");
+    let artifact = any_linear_for(8, &built_in()?).expect("a model");
+    let artifact = artifact.with_packed(Some(packed)).expect("it fits");
     let bytes = model_gen::upload(&artifact).expect("it fits");
     Some((artifact, bytes?))
 }
