@@ -69,7 +69,7 @@ mod tests {
     use crate::innovation::SECOND;
     use crate::personal_code::PersonalCode;
     use crate::track::Track;
-    use artifact::{Artifact, MontageFile, Pca};
+    use artifact::{Artifact, MontageFile, Pca, TrainingCard};
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use std::path::Path;
@@ -81,6 +81,7 @@ mod tests {
         let montage = MontageFile::parse(Path::new("cyton-8.toml"), text).unwrap();
         description.montage = montage.montage();
         description.grid = montage.grid();
+        description.training = TrainingCard::default();
         description
     }
 
