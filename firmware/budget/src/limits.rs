@@ -25,7 +25,7 @@ pub(crate) const BOARDS: [Limits; 3] = [
         is_default: true,
         memory_map: "firmware/board-h743/stm32h743.x",
         // The limits are above the sizes measured with USB: 9 % above 660 KB of flash, 5 % above 92
-        // KB of RAM. The DMA may use half of SRAM1. The AXI SRAM holds the model slot, 253 KB. The
+        // KB of RAM. The DMA may use half of SRAM1. The AXI SRAM holds the model slot, 258 KB. The
         // ITCM stays empty, because the kernels run from flash
         // (docs/decisions/0015-kernels-run-from-flash.md).
         regions: &[

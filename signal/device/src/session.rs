@@ -134,12 +134,14 @@ impl<'i> Session<'i> {
                     let is_streaming = !self.run.streams.is_empty();
                     let upload = upload(&frame.message, self.abilities.streams, is_streaming, slot);
                     let command = frame.message.without_bytes();
-                    let result = if let Some(outcome) = upload {
-                        self.answer_upload(outcome, now_us, sender)
-                    } else {
-                        let (result, effect) = self.execute(command, now_us, counts, sender);
-                        effect.into_iter().for_each(&mut order);
-                        result
+                    let result = match &upload {
+                        Some(Ok(outcome)) => self.answer_upload(outcome, now_us, sender),
+                        Some(Err(refusal)) => *refusal,
+                        None => {
+                            let (result, effect) = self.execute(command, now_us, counts, sender);
+                            effect.into_iter().for_each(&mut order);
+                            result
+                        }
                     };
                     (seq, result)
                 }
@@ -194,24 +196,16 @@ impl<'i> Session<'i> {
     /// introduces itself again.
     fn answer_upload(
         &mut self,
-        outcome: Result<UploadOutcome, AckResult>,
+        outcome: &UploadOutcome,
         now_us: u64,
         sender: &mut Sender<impl FrameQueue>,
     ) -> AckResult {
-        let UploadOutcome {
-            result,
-            received,
-            model,
-        } = match outcome {
-            Ok(outcome) => outcome,
-            Err(refusal) => return refusal,
-        };
-        sender.send(now_us, &ToHost::ModelReceived(received));
-        if self.uploaded != model {
-            self.uploaded = model;
+        sender.send(now_us, &ToHost::ModelReceived(outcome.received));
+        if self.uploaded != outcome.model {
+            self.uploaded = outcome.model;
             self.introduce(now_us, sender);
         }
-        result
+        outcome.result
     }
 
     fn stop(

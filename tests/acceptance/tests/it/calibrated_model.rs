@@ -234,13 +234,20 @@ fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
         assert!(log.contains(words), "{words}: {log}");
     }
     assert!(models(folder, "bob").is_empty());
-    let mut unknown = bridge(folder, "unknown", &["--sink=ndjson", "--subject=eve"]);
-    assert_eq!(unknown.wait(SLACK).code(), Some(2));
-    let log = unknown.errors();
-    for words in [
-        "the person's model has no effect, because packed is not among the streams",
-        "has no model of eve; there is none of anybody yet",
+    let unread = path("network");
+    for (option, words) in [
+        (
+            "--subject=eve",
+            "has no model of eve; there is none of anybody yet",
+        ),
+        (
+            &*format!("--upload-model={unread}"),
+            "the person's model has no effect, because packed is not among",
+        ),
     ] {
+        let mut refused = bridge(folder, "refused", &["--sink=ndjson", option]);
+        assert_eq!(refused.wait(SLACK).code(), Some(2));
+        let log = refused.errors();
         assert!(log.contains(words), "{words}: {log}");
     }
 }
