@@ -89,6 +89,9 @@ pub(crate) struct Board {
     pub(crate) slot: Option<(ModelBegin, Vec<u8>)>,
 }
 
+/// Length of the largest model that a board with a slot takes, bytes.
+const LARGEST_MODEL: u32 = 10_000;
+
 /// Id of the model with which a board with a slot was built.
 pub(crate) const BUILT_IN: [u8; 8] = *b"built in";
 
@@ -279,6 +282,11 @@ impl Board {
                     if self.announced(&command).bytes == 0 =>
                 {
                     result = AckResult::BadArgument;
+                    answers.extend(self.model_received());
+                }
+                // A board whose network has no linear map.
+                ToDevice::ModelBegin(begin) if begin.bytes > LARGEST_MODEL => {
+                    result = AckResult::NotSupported;
                     answers.extend(self.model_received());
                 }
                 ToDevice::ModelBegin(begin) => {
