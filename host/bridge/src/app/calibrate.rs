@@ -35,7 +35,7 @@ use crate::error::BridgeError;
 use crate::subject_models::{NewModel, SubjectModels};
 use crate::wire::connection::Connection;
 
-/// Longest wait until the device has answered the upload. It takes 1.5 s at 921,600 baud, and lost
+/// Longest wait until the device has answered the upload. It takes up to 3 s at 921,600 baud, and lost
 /// frames are sent again after 0.5 s.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(30);
 /// Number of codes or packed blocks, 5 s of them, after which a device that has sent no filtered
