@@ -381,4 +381,4 @@ impl Slot for NoSlot {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -22,7 +22,14 @@ fn another() -> Option<(PackedModel, Vec<u8>)> {
     let packed = any_packed_of(PACKED_COEFFICIENTS, 7, &artifact.description);
     let artifact = artifact.with_packed(Some(packed.clone())).expect("it fits");
     let bytes = model_gen::upload(&artifact).expect("it fits");
-    Some((packed, bytes?))
+    Some((packed, packed_alone(bytes?)))
+}
+
+/// Returns an upload without its linear code, if it has one.
+pub(crate) fn packed_alone(mut upload: Vec<u8>) -> Vec<u8> {
+    upload.truncate(size_of::<PackedContent>());
+    upload[36..40].fill(0);
+    upload
 }
 
 const ID: [u8; 8] = *b"personal";

@@ -8,6 +8,7 @@ use link::{
 
 use super::*;
 use crate::acquired_sample::Marks;
+use crate::model_slot::tests::packed_alone;
 use crate::model_slot::{ModelSlot, NoSlot};
 use crate::sender::FrameRing;
 
@@ -438,7 +439,7 @@ const ID: [u8; 8] = *b"personal";
 /// Returns the upload of the built-in packed model; `None` if there is none.
 fn packed_model() -> Option<Vec<u8>> {
     let artifact = artifact::Artifact::from_files(model::artifact_files::FILES).unwrap();
-    model_gen::upload(&artifact).unwrap()
+    model_gen::upload(&artifact).unwrap().map(packed_alone)
 }
 
 #[test]
