@@ -89,7 +89,7 @@ pub(crate) struct Board {
     pub(crate) slot: Option<(ModelBegin, Vec<u8>)>,
 }
 
-/// Length of the largest model that a board with a slot takes, bytes.
+/// Length of the largest model that a board with a slot takes, bytes: it has no linear map.
 const LARGEST_MODEL: u32 = 10_000;
 
 /// Id of the model with which a board with a slot was built.
@@ -274,7 +274,7 @@ impl Board {
                     answers.extend(self.frame(received_us, &reading));
                 }
                 ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd
-                    if self.slot.is_none() =>
+                    if self.slot.is_none() || self.announced(&command).bytes > LARGEST_MODEL =>
                 {
                     result = AckResult::NotSupported;
                 }
@@ -282,11 +282,6 @@ impl Board {
                     if self.announced(&command).bytes == 0 =>
                 {
                     result = AckResult::BadArgument;
-                    answers.extend(self.model_received());
-                }
-                // A board whose network has no linear map.
-                ToDevice::ModelBegin(begin) if begin.bytes > LARGEST_MODEL => {
-                    result = AckResult::NotSupported;
                     answers.extend(self.model_received());
                 }
                 ToDevice::ModelBegin(begin) => {
