@@ -52,7 +52,7 @@ pub async fn encode(
             producer.place_events(&slot.acquired, || shared.inputs.pop_event(), &mut hand_over);
         }
         let is_uploaded = (&shared.slot).with(|uploaded| {
-            let uploaded = uploaded.packed();
+            let uploaded = uploaded.weights();
             producer.process_with(uploaded.as_ref(), &slot.acquired, &mut hand_over);
         });
         if is_uploaded.is_none() {

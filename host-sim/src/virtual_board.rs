@@ -284,7 +284,7 @@ impl VirtualBoard {
         if !is_first {
             self.producer.place_events(&acquired, &mut next, &mut emit);
         }
-        let uploaded = self.slot.packed();
+        let uploaded = self.slot.weights();
         self.producer
             .process_with(uploaded.as_ref(), &acquired, &mut emit);
         if is_first {

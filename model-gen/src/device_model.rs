@@ -93,11 +93,7 @@ impl DeviceModel {
             .into_iter()
             .map(|mains_hz| mains_filter(&description, &resampler, mains_hz))
             .collect::<Result<_, _>>()?;
-        let unit_uv = description.adc.lsb_uv() / f64::from(1_u32 << GUARD_BITS);
-        let factor = unit_uv / f64::from(integers.input_scale_uv);
-        let input_multiplier = to_i32(factor * 4_294_967_296.0)
-            .filter(|multiplier| *multiplier >= MIN_INPUT_MULTIPLIER)
-            .ok_or(ModelGenError::InputScale(factor))?;
+        let input_multiplier = input_multiplier(&description, &integers)?;
         Ok(Self {
             id: artifact.id,
             network_id: artifact.network_id()?,
@@ -125,6 +121,18 @@ impl DeviceModel {
     pub fn window_centre_us(&self) -> u32 {
         window_centre_us(&self.description)
     }
+}
+
+/// Returns the factor from filtered samples (counts, Q27.5) to levels of the int8 input, Q0.32.
+pub(crate) fn input_multiplier(
+    description: &Description,
+    integers: &IntegerModel,
+) -> Result<i32, ModelGenError> {
+    let unit_uv = description.adc.lsb_uv() / f64::from(1_u32 << GUARD_BITS);
+    let factor = unit_uv / f64::from(integers.input_scale_uv);
+    to_i32(factor * 4_294_967_296.0)
+        .filter(|multiplier| *multiplier >= MIN_INPUT_MULTIPLIER)
+        .ok_or(ModelGenError::InputScale(factor))
 }
 
 /// Designs the cascade of an artifact's filters, for one mains frequency and an ADC's rate.

@@ -147,13 +147,17 @@ pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     let weights: Vec<i8> = (0..inputs * numbers)
         .map(|index| model.shortcut.weights[index % numbers * inputs + index / numbers])
         .collect();
-    // Zeros fill up the inputs of each time step to a multiple of eight pairs.
-    let pairs = electrodes.div_ceil(2).next_multiple_of(8);
-    matrices(&weights, numbers, steps, pairs)
+    matrices(&weights, numbers, steps, electrode_pairs(electrodes))
+}
+
+/// Returns the number of pairs of inputs of one time step. Zeros fill them up to a multiple of
+/// eight.
+pub fn electrode_pairs(electrodes: usize) -> usize {
+    electrodes.div_ceil(2).next_multiple_of(8)
 }
 
 /// Packs a table of substitutions as a matrix from electrodes to predictions. Zeros fill up the
-/// inputs to a multiple of eight pairs and the outputs to a multiple of four.
+/// outputs to a multiple of four.
 pub fn substitution(table: &SubstitutionTable) -> Vec<Pair> {
     let electrodes = table.innovation.len();
     let outputs = electrodes.next_multiple_of(4);
@@ -161,8 +165,7 @@ pub fn substitution(table: &SubstitutionTable) -> Vec<Pair> {
     for (index, &weight) in table.weights.iter().enumerate() {
         weights[index % electrodes * outputs + index / electrodes] = weight;
     }
-    let pairs = electrodes.div_ceil(2).next_multiple_of(8);
-    matrices(&weights, outputs, 1, pairs).concat()
+    matrices(&weights, outputs, 1, electrode_pairs(electrodes)).concat()
 }
 
 /// Splits weights `[input][output]` into equal parts by inputs, and packs each part for `pairs`

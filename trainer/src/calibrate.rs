@@ -5,14 +5,7 @@ use crate::error::TrainerError;
 use crate::network::Network;
 use crate::parameters::Parameters;
 use artifact::{Artifact, Description, Tensors};
-
-/// Smallest calibrated range of a dimension of the code: +-10 standard deviations of the input.
-///
-/// Muscle activity or a moving cap excites dimensions that hardly vary in the training data. With
-/// model-gen's head room of 2, one level of a dimension with this range is 10 * 2 / 127 = 0.16. On
-/// EEGMMIDB S001 R11 and R12 this limit increases the error (int8 MSE 0.0041, without it 0.0039,
-/// float 0.0030), but it protects recordings that differ more from their training set.
-const MIN_RANGE: f32 = 10.0;
+use packed_fit::MIN_RANGE;
 
 /// Builds a model from parameters and calibrates it on the windows of `dataset` at every hop. The
 /// dataset is in units of the description's `sd_uv`.

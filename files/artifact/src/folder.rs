@@ -269,8 +269,16 @@ impl Artifact {
     /// # Errors
     /// If the calibration has no `input.max_abs`; impossible after [`Artifact::read`].
     pub fn input_scale_uv(&self) -> Result<f64, ArtifactError> {
-        let max_abs = self.calibration.tensor(INPUT_RANGE, &[1])?[0];
-        Ok(f64::from(max_abs) * HEAD_ROOM / 127.0)
+        Ok(f64::from(self.largest_input_uv()?) * HEAD_ROOM / 127.0)
+    }
+
+    /// Returns the largest magnitude of the training data, microvolts, on which the scale of the
+    /// encoder's input rests.
+    ///
+    /// # Errors
+    /// If the calibration has no `input.max_abs`; impossible after [`Artifact::read`].
+    pub fn largest_input_uv(&self) -> Result<f32, ArtifactError> {
+        Ok(self.calibration.tensor(INPUT_RANGE, &[1])?[0])
     }
 
     fn check(&self) -> Result<(), ArtifactError> {

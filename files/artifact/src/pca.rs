@@ -3,7 +3,7 @@
 use crate::description::{Description, Mode};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
-use crate::shapes::calibration_shapes;
+use crate::shapes::{INPUT_RANGE, calibration_shapes};
 use crate::tensors::{PCA, Tensors};
 use std::path::Path;
 
@@ -15,6 +15,28 @@ use std::path::Path;
 pub struct Pca(Tensors);
 
 impl Pca {
+    /// Creates the PCA of windows with these principal directions. `ranges` has the smallest and
+    /// the largest value of each component, `largest_uv` is the largest magnitude of the input,
+    /// microvolts.
+    ///
+    /// # Panics
+    /// If a range has not as many values as there are directions.
+    pub fn new(directions: &[Vec<f32>], ranges: [Vec<f32>; 2], largest_uv: f32) -> Self {
+        let numbers = directions.len();
+        let values = directions.concat();
+        let mut tensors = Tensors::for_pca();
+        tensors.insert(
+            "directions",
+            &[numbers, values.len() / numbers.max(1)],
+            values,
+        );
+        tensors.insert(INPUT_RANGE, &[1], vec![largest_uv]);
+        for (name, values) in ["code.min", "code.max"].into_iter().zip(ranges) {
+            tensors.insert(name, &[numbers], values);
+        }
+        Self(tensors)
+    }
+
     /// Returns the PCA that a model of mode `pca` consists of.
     ///
     /// # Errors

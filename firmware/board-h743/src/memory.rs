@@ -23,7 +23,7 @@ pub(crate) struct DmaMemory {
 #[unsafe(link_section = ".dma")]
 static DMA_MEMORY: GroundedCell<DmaMemory> = GroundedCell::uninit();
 
-/// Memory for a packed model that the host uploads, in AXI SRAM (domain D1), which always has its
+/// Memory for a model that the host uploads, in AXI SRAM (domain D1), which always has its
 /// clock. Only the core reads and writes it, through the cache.
 #[unsafe(link_section = ".slot")]
 static MODEL_SLOT: GroundedCell<ModelSlot> = GroundedCell::uninit();

@@ -25,14 +25,14 @@ pub(crate) const BOARDS: [Limits; 3] = [
         is_default: true,
         memory_map: "firmware/board-h743/stm32h743.x",
         // The limits are above the sizes measured with USB: 9 % above 660 KB of flash, 5 % above 92
-        // KB of RAM. The DMA may use half of SRAM1. The AXI SRAM holds the model slot, 126 KB. The
+        // KB of RAM. The DMA may use half of SRAM1. The AXI SRAM holds the model slot, 258 KB. The
         // ITCM stays empty, because the kernels run from flash
         // (docs/decisions/0015-kernels-run-from-flash.md).
         regions: &[
             ("FLASH", 704 << 10),
             ("ITCM", 0),
             ("RAM", 94 << 10),
-            ("AXI", 128 << 10),
+            ("AXI", 256 << 10),
             ("SRAM1", 64 << 10),
         ],
         stack: 32 << 10,

@@ -123,13 +123,14 @@ impl Core {
         self.session.set_classifier(classifier);
     }
 
-    /// Asks every device whether it takes a packed model, and starts it only if it does.
-    pub fn require_slot(&mut self) {
-        self.session.commands.require_slot();
+    /// Asks every device whether it takes a packed model, and also a linear code if `with_linear`,
+    /// and starts it only if it does.
+    pub fn require_slot(&mut self, with_linear: bool) {
+        self.session.commands.require_slot(with_linear);
     }
 
-    /// Returns whether the device has answered, after [`Core::require_slot`], that it takes no
-    /// packed model: it has no memory for one, or no packed code.
+    /// Returns whether the device has answered, after [`Core::require_slot`], that it takes no such
+    /// model: it has no memory for one, or not the code.
     pub fn lacks_slot(&self) -> bool {
         self.session.commands.lacks_slot()
     }

@@ -126,6 +126,20 @@ pub enum BridgeError {
          --recording, and build an image with it (CORTICODE_ARTIFACT)"
     )]
     NoSlot(String),
+    /// The model has no linear map that a person's linear code could replace.
+    #[error(
+        "the network of model {0} has no linear map in whose place a person's numbers could be computed; calibrate \
+         without --numbers, or flash an image of a model of mode shortcut or pca, and name its folder with --model"
+    )]
+    NoLinearMap(ModelId),
+    /// The device takes no linear code.
+    #[error(
+        "the device, a {0}, takes no numbers of a person: it has no memory for a model, its image has no network or \
+         one without a linear map, or its firmware is older than this program; calibrate without --numbers, use a \
+         NUCLEO-H743ZI2 or host-sim, or fit to a recording, with --recording, and build an image with the model \
+         (CORTICODE_ARTIFACT)"
+    )]
+    NoNumbers(String),
     /// The device does not use the uploaded model.
     #[error(
         "the device has not taken the model: the log says why, if it has answered; the model is kept: stream with \
@@ -324,6 +338,7 @@ impl BridgeError {
             | BridgeError::NothingToUpload(_)
             | BridgeError::Fit(_)
             | BridgeError::NothingToCalibrate(_)
+            | BridgeError::NoLinearMap(_)
             | BridgeError::TooLittleSignal { .. }
             | BridgeError::OtherElectrodes { .. }
             | BridgeError::OtherMontage(_)
@@ -349,7 +364,10 @@ impl BridgeError {
                 _ => 1,
             },
             BridgeError::Node(_) | BridgeError::Unreachable { .. } => 3,
-            BridgeError::NoFilteredSteps | BridgeError::NoSlot(_) | BridgeError::NotGiven => 4,
+            BridgeError::NoFilteredSteps
+            | BridgeError::NoSlot(_)
+            | BridgeError::NoNumbers(_)
+            | BridgeError::NotGiven => 4,
             BridgeError::Query(error) => error.exit_code(),
         }
     }

@@ -128,6 +128,23 @@ pub fn any_artifact_with(
     with_any_substitution(seed, artifact)
 }
 
+/// Returns a model with a random linear code in the place of the network of `model`, as it is
+/// fitted to a person: packed model, table of substitutions and scale of the input stay.
+///
+/// # Errors
+/// When the built-in model cannot be read, or `model` has no network.
+pub fn any_linear_for(seed: u32, model: &Artifact) -> Result<Artifact, ArtifactError> {
+    let mut linear = any_artifact_with(seed, |description| {
+        *description = model.description.clone();
+        description.mode = Mode::Pca;
+    })?;
+    let input = vec![model.largest_input_uv()?];
+    linear.calibration.insert("input.max_abs", &[1], input);
+    linear
+        .with_packed(model.packed.clone())?
+        .with_substitution(model.substitution.clone())
+}
+
 /// Returns the model with a random table of substitutions if the seed is odd.
 fn with_any_substitution(seed: u32, artifact: Artifact) -> Result<Artifact, ArtifactError> {
     let table = (seed % 2 == 1).then(|| any_substitution(seed, &artifact.description));

@@ -4,7 +4,7 @@ use core::hint::black_box;
 
 use link::Streams;
 use model::{
-    HAS_NETWORK, NETWORK, NETWORK_CHECKSUM, PACKED, PACKED_CHECKSUM, Packed, SUBSTITUTION,
+    HAS_NETWORK, NETWORK, NETWORK_CHECKSUM, Network, PACKED, PACKED_CHECKSUM, Packed, SUBSTITUTION,
     SUBSTITUTION_CHECKSUM,
 };
 use pipeline::{Code, EncoderMemory, PackedCode, PackedMemory, Rate, Step};
@@ -20,8 +20,9 @@ pub trait Encoders {
     /// Resets the encoders in place: the next step is the first of a run.
     fn restart(&mut self);
 
-    /// Encodes a step with the network; returns a code if the step completes a window.
-    fn encode_window(&mut self, step: &Step) -> Option<Code>;
+    /// Encodes a step with the network; returns a code if the step completes a window. The network
+    /// is `uploaded`, or the built-in one without it.
+    fn encode_window(&mut self, step: &Step, uploaded: Option<&Network<'_>>) -> Option<Code>;
 
     /// Encodes a step with the packed code; returns a block at `rate` if the step completes a hop.
     /// The model is `uploaded`, or the built-in one without it.
@@ -57,8 +58,11 @@ impl Encoders for EncoderMemory {
         Self::restart(self);
     }
 
-    fn encode_window(&mut self, step: &Step) -> Option<Code> {
-        self.encode_step(step)
+    fn encode_window(&mut self, step: &Step, uploaded: Option<&Network<'_>>) -> Option<Code> {
+        match uploaded {
+            Some(network) => self.encode_step_with(step, network),
+            None => self.encode_step(step),
+        }
     }
 
     fn encode_block(&mut self, _: &Step, _: Rate, _: Option<&Packed<'_>>) -> Option<PackedCode> {
@@ -88,7 +92,7 @@ impl Encoders for PackedMemory {
         Self::restart(self);
     }
 
-    fn encode_window(&mut self, _: &Step) -> Option<Code> {
+    fn encode_window(&mut self, _: &Step, _: Option<&Network<'_>>) -> Option<Code> {
         None
     }
 
@@ -134,8 +138,8 @@ impl Encoders for BothEncoders {
         self.packed.restart();
     }
 
-    fn encode_window(&mut self, step: &Step) -> Option<Code> {
-        self.network.encode_window(step)
+    fn encode_window(&mut self, step: &Step, uploaded: Option<&Network<'_>>) -> Option<Code> {
+        self.network.encode_window(step, uploaded)
     }
 
     fn encode_block(
@@ -159,8 +163,8 @@ impl<E: Encoders> Encoders for &mut E {
         (**self).restart();
     }
 
-    fn encode_window(&mut self, step: &Step) -> Option<Code> {
-        (**self).encode_window(step)
+    fn encode_window(&mut self, step: &Step, uploaded: Option<&Network<'_>>) -> Option<Code> {
+        (**self).encode_window(step, uploaded)
     }
 
     fn encode_block(

@@ -64,7 +64,7 @@ pub use converters::{
 };
 pub use encoders::{BothEncoders, Encoders, streams_with};
 pub use message::CODE_FORMAT;
-pub use model_slot::{ModelSlot, NoSlot, Slot};
+pub use model_slot::{ModelSlot, NoSlot, Slot, UploadedWeights};
 pub use producer::{CapturedEvent, Output, Payload, Producer};
 pub use sender::{FrameQueue, FrameRing, MAX_FRAME, Sender};
 pub use session::Session;

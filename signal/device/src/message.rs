@@ -10,6 +10,7 @@ use pipeline::{Code, Features, Mains, PackedCode, Quality, Rate};
 use crate::acquired_sample::Marks;
 use crate::chunk::narrow;
 use crate::converters::LSB_NV;
+use crate::model_slot::CodeScales;
 
 const _: () = {
     assert!(model::ELECTRODES <= MAX_ELECTRODES);
@@ -26,7 +27,7 @@ pub const CODE_FORMAT: CodeFormat = match model::CODE_FORMAT {
     model::CodeFormat::Int16 => CodeFormat::Int16,
 };
 
-pub(crate) fn capabilities(mains: Mains) -> Capabilities<'static> {
+pub(crate) fn capabilities(mains: Mains, scales: &CodeScales) -> Capabilities<'static> {
     let filter = mains.filter();
     Capabilities {
         adc_rate_hz: model::ADC_RATE_HZ,
@@ -40,8 +41,8 @@ pub(crate) fn capabilities(mains: Mains) -> Capabilities<'static> {
         labels: model::LABELS,
         filters: filter.description,
         code_format: CODE_FORMAT,
-        code_scale: model::CODE_SCALE.into(),
-        code_zero_point: model::CODE_ZERO_POINT.into(),
+        code_scale: scales.scale.into(),
+        code_zero_point: scales.zero_point.into(),
     }
 }
 

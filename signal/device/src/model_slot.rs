@@ -1,16 +1,19 @@
-//! Memory for a packed model that the host uploads, and the access of tasks to it.
+//! Memory for a model that the host uploads, and the access of tasks to it.
 
 use int8_nn::Linear;
 use int8_nn::Pair;
 use link::{AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, ModelReceived, model_crc};
 use model::{
-    ELECTRODES, HOP, NETWORK_ID, PACKED, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS, Packed, Slice,
+    CODE, CODE_FORMAT, CODE_SCALE, CODE_ZERO_POINT, CodeFormat, ELECTRODE_PAIRS, ELECTRODES,
+    HAS_SHORTCUT, HOP, INPUT_MULTIPLIER, NETWORK, NETWORK_ID, Network, PACKED, PACKED_COEFFICIENTS,
+    PACKED_INPUT_PAIRS, Packed, SHORTCUT_PAIRS, SHORTCUT_STEPS, STEPS, Slice,
 };
 use packed::{Costs, Starts, Tables};
+use zerocopy::little_endian::I64;
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes, KnownLayout};
 
 /// Version of the layout of an uploaded model.
-const LAYOUT: u32 = 1;
+const LAYOUT: u32 = 2;
 /// Numbers of pairs in the packed weights of the analysis and of the prediction.
 const ANALYSIS_PAIRS: usize = PACKED_INPUT_PAIRS * PACKED_COEFFICIENTS / 2;
 const PREDICTION_PAIRS: usize = PACKED_COEFFICIENTS * PACKED_COEFFICIENTS / 4;
@@ -28,18 +31,43 @@ const SHAPE: [u16; 4] = [
 ];
 /// Largest energy of a misfit that is no misfit of the model, so that no sum with it overflows.
 const MAX_MISFIT: i64 = 1 << 48;
+/// Steps of a window, pairs of electrodes, numbers and format of this image's codes.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "at most 32 steps, 32 pairs, 256 numbers"
+)]
+const LINEAR_SHAPE: [u16; 4] = [
+    STEPS as u16,
+    ELECTRODE_PAIRS as u16,
+    CODE as u16,
+    match CODE_FORMAT {
+        CodeFormat::Int8 => 0,
+        CodeFormat::Int8Exponent => 1,
+        CodeFormat::Int16 => 2,
+    },
+];
 
-/// An uploaded model, byte for byte as `docs/wire-format.md` lays it out. `model_gen` writes it.
+/// An uploaded model, byte for byte as `docs/wire-format.md` lays it out. `model_gen` writes it. An
+/// image whose network has no shortcut has no memory for a linear code.
 #[derive(Clone, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 struct Content {
+    packed: PackedContent,
+    linear: [LinearContent; HAS_SHORTCUT as usize],
+}
+
+/// The packed model of an upload.
+#[derive(Clone, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
+#[repr(C)]
+struct PackedContent {
     layout: u32,
     shape: [u16; 4],
     network: [u8; 8],
     input_multiplier: i32,
-    misfit_energy: i64,
+    misfit_energy: I64,
     input_limit: i32,
-    _reserved: u32,
+    /// 1 if a linear code follows, otherwise 0.
+    has_linear: u32,
     analysis: [Pair; ANALYSIS_PAIRS],
     prediction: [Pair; PREDICTION_PAIRS],
     analysis_factors: [i32; PACKED_COEFFICIENTS],
@@ -50,12 +78,39 @@ struct Content {
     reset_levels: [u8; PACKED_COEFFICIENTS],
 }
 
+/// The linear code of an upload, which takes the place of the whole network.
+#[derive(Clone, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
+#[repr(C)]
+struct LinearContent {
+    shape: [u16; 4],
+    input_multiplier: i32,
+    scales: CodeScales,
+    multipliers: [i32; CODE],
+    weights: [[Pair; SHORTCUT_PAIRS]; SHORTCUT_STEPS],
+}
+
+/// Scale and zero point of each number of a code, with which a host dequantises it.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable, KnownLayout)]
+#[repr(C)]
+pub(crate) struct CodeScales {
+    pub(crate) scale: [f32; CODE],
+    pub(crate) zero_point: [i8; CODE],
+}
+
+impl CodeScales {
+    /// Scales of the codes that the built-in network makes.
+    pub(crate) const BUILT_IN: &Self = &Self {
+        scale: CODE_SCALE,
+        zero_point: CODE_ZERO_POINT,
+    };
+}
+
 const _: () = assert!(
     cfg!(target_endian = "little"),
     "an uploaded model is used as the host has sent it: least significant bytes first"
 );
 
-/// Memory for one uploaded packed model. A board can create it in place: all of its bytes are 0
+/// Memory for one uploaded model: a packed model, or this and a linear code. A board can create it in place: all of its bytes are 0
 /// while it is empty (`FromZeros`).
 ///
 /// Chunks arrive in order. Damaged, missing and repeated ones change nothing that was received, and
@@ -75,7 +130,7 @@ pub struct ModelSlot {
 }
 
 /// What has become of a command about an uploaded model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UploadOutcome {
     pub(crate) result: AckResult,
     /// What the slot holds of the announced model.
@@ -85,18 +140,26 @@ pub(crate) struct UploadOutcome {
 }
 
 /// An uploaded model that a device can use.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UploadedModel {
     pub(crate) id: [u8; 8],
-    /// Whether the device's network is that of the uploaded model, so that a host with the uploaded
-    /// model can decode its codes.
-    pub(crate) has_network: bool,
+    /// Scales of the codes that the device makes with this model. `None` if it has no linear code
+    /// and its network is not that of the device, so that a host with this model could not decode
+    /// the codes.
+    pub(crate) code_scales: Option<CodeScales>,
+}
+
+/// The numbers of an uploaded model that the encoders need.
+#[derive(Clone, Copy, Debug)]
+pub struct UploadedWeights<'m> {
+    /// The packed model.
+    pub packed: Packed<'m>,
+    /// The network that makes the codes; `None`: the built-in one. Of an uploaded one only the
+    /// shortcut contributes.
+    pub network: Option<Network<'m>>,
 }
 
 impl ModelSlot {
-    /// Length of an uploaded model, bytes.
-    pub const BYTES: usize = size_of::<Content>();
-
     /// Creates an empty slot, all of whose bytes are 0.
     pub fn empty() -> Self {
         Self::new_zeroed()
@@ -118,12 +181,15 @@ impl ModelSlot {
     }
 
     /// Announces a model. If it is the one whose upload has begun, or that the slot holds, what was
-    /// received stays; otherwise the slot is emptied.
-    pub(crate) fn begin(&mut self, begin: ModelBegin) -> UploadOutcome {
-        if PACKED.is_none() {
+    /// received stays; otherwise the slot is emptied. `has_codes`: the device has the network.
+    pub(crate) fn begin(&mut self, begin: ModelBegin, has_codes: bool) -> UploadOutcome {
+        const PACKED_ALONE: usize = size_of::<PackedContent>();
+        let bytes = usize::try_from(begin.bytes).unwrap_or(usize::MAX);
+        let takes_linear = HAS_SHORTCUT && has_codes;
+        if PACKED.is_none() || (bytes > PACKED_ALONE && !takes_linear) {
             return self.outcome(AckResult::NotSupported);
         }
-        if usize::try_from(begin.bytes) != Ok(Self::BYTES) {
+        if bytes != PACKED_ALONE && bytes != size_of::<Content>() {
             return self.outcome(AckResult::BadArgument);
         }
         if begin != self.announced() {
@@ -160,7 +226,7 @@ impl ModelSlot {
         if self.bytes == 0 || self.received < self.bytes {
             return self.outcome(AckResult::BadArgument);
         }
-        self.is_complete = self.content.is_sound(self.crc);
+        self.is_complete = self.content.is_sound(self.bytes, self.crc);
         if !self.is_complete {
             self.announce(ModelBegin::default());
             return self.outcome(AckResult::Failed);
@@ -169,9 +235,12 @@ impl ModelSlot {
     }
 
     fn outcome(&self, result: AckResult) -> UploadOutcome {
+        let built_in =
+            || (self.content.packed.network == NETWORK_ID).then_some(*CodeScales::BUILT_IN);
+        let linear = self.content.linear().map(|linear| linear.scales);
         let model = UploadedModel {
             id: self.id,
-            has_network: self.content.network == NETWORK_ID,
+            code_scales: linear.or_else(built_in),
         };
         UploadOutcome {
             result,
@@ -184,8 +253,8 @@ impl ModelSlot {
     }
 
     /// Returns the uploaded model; `None` if the slot has none that is complete and sound.
-    pub fn packed(&self) -> Option<Packed<'_>> {
-        let content = &self.content;
+    pub fn weights(&self) -> Option<UploadedWeights<'_>> {
+        let content = &self.content.packed;
         let packed = PACKED.as_ref().filter(|_| self.is_complete)?;
         // The shapes are those of the image's model. A slice that does not fit is not multiplied.
         let weights = |first: usize, inputs: usize| {
@@ -199,7 +268,7 @@ impl ModelSlot {
                 ..slice.matrix
             },
         };
-        Some(Packed {
+        let packed = Packed {
             analysis: packed.analysis.map(slice),
             analysis_factors: &content.analysis_factors,
             prediction: Linear {
@@ -215,26 +284,72 @@ impl ModelSlot {
             },
             input_multiplier: content.input_multiplier,
             input_limit: content.input_limit,
-            misfit_energy: content.misfit_energy,
+            misfit_energy: content.misfit_energy.get(),
             rate: packed.rate,
+        };
+        Some(UploadedWeights {
+            packed,
+            network: self.content.linear().map(LinearContent::network),
         })
     }
 }
 
 impl Content {
-    /// Returns whether the bytes have this CRC, and are a model with which the encoder neither
-    /// overflows nor divides a range that is empty.
-    fn is_sound(&self, crc: u32) -> bool {
+    /// Returns the linear code; `None` if the model has none.
+    fn linear(&self) -> Option<&LinearContent> {
+        self.linear.first().filter(|_| self.packed.has_linear != 0)
+    }
+
+    /// Returns whether the first `bytes` bytes have this CRC, and are a model with which an encoder
+    /// neither overflows nor divides a range that is empty.
+    fn is_sound(&self, bytes: u32, crc: u32) -> bool {
+        let content = usize::try_from(bytes)
+            .ok()
+            .and_then(|bytes| self.as_bytes().get(..bytes));
+        let has_linear = content.is_some_and(|content| content.len() > size_of::<PackedContent>());
+        content.is_some_and(|content| model_crc(content) == crc)
+            && self.packed.is_sound()
+            && self.packed.has_linear == u32::from(has_linear)
+            && self.linear().is_none_or(LinearContent::is_sound)
+    }
+}
+
+impl PackedContent {
+    fn is_sound(&self) -> bool {
         let tables = Tables {
             starts: &self.starts,
             costs: &self.costs,
         };
-        model_crc(self.as_bytes()) == crc
-            && self.layout == LAYOUT
+        self.layout == LAYOUT
             && self.shape == SHAPE
             && (1..=i32::from(i16::MAX)).contains(&self.input_limit)
-            && (0..=MAX_MISFIT).contains(&self.misfit_energy)
+            && (0..=MAX_MISFIT).contains(&self.misfit_energy.get())
             && tables.is_consistent()
+    }
+}
+
+impl LinearContent {
+    /// Returns whether the code is for this image's input and code. No weight or factor can
+    /// overflow a sum: of 32 steps of 64 inputs, it is below 2^26.
+    fn is_sound(&self) -> bool {
+        let is_scale = |scale: &f32| scale.is_finite() && *scale > 0.0;
+        self.shape == LINEAR_SHAPE
+            && self.input_multiplier == INPUT_MULTIPLIER
+            && self.scales.scale.iter().all(is_scale)
+    }
+
+    /// Returns the built-in network with this code's shortcut, and without the contribution of its
+    /// convolutions: their factors are 0.
+    fn network(&self) -> Network<'_> {
+        const ZEROS: &[i32; CODE] = &[0; CODE];
+        Network {
+            fc_bias: ZEROS,
+            fc_multipliers: ZEROS,
+            shortcut: self.weights.each_ref(),
+            shortcut_multipliers: &self.multipliers,
+            code_zero_point: &self.scales.zero_point,
+            ..NETWORK
+        }
     }
 }
 
@@ -266,4 +381,4 @@ impl Slot for NoSlot {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -1,7 +1,7 @@
 //! Computes codes and the other requested streams from samples and steps, for the session to send.
 
 use link::{Event, EventKind, Exclusion, ExclusionPolicy, Streams};
-use model::{Packed, SUBSTITUTION};
+use model::SUBSTITUTION;
 use pipeline::{
     Code, FeatureExtractor, FeatureFilters, Features, PackedCode, PackedEncoder, Quality, Rate,
     SignalQuality, Step, Substitution,
@@ -12,6 +12,7 @@ use crate::audited_window::AuditedWindow;
 use crate::board::Run;
 use crate::chunk::{CompressedChunk, Compressor, FilteredChunk, RawChunk};
 use crate::encoders::Encoders;
+use crate::model_slot::UploadedWeights;
 
 /// Produces codes, and the other streams that the host requested, from acquired samples.
 ///
@@ -180,11 +181,11 @@ impl<E: Encoders> Producer<E> {
         self.process_with(None, acquired, emit);
     }
 
-    /// Does what [`Self::process`] does, but makes packed blocks with the model `uploaded`, if
-    /// there is one. All samples of a run need the same model.
+    /// Does what [`Self::process`] does, but makes packed blocks, and codes if it has a network,
+    /// with the model `uploaded`, if there is one. All samples of a run need the same model.
     pub fn process_with(
         &mut self,
-        uploaded: Option<&Packed<'_>>,
+        uploaded: Option<&UploadedWeights<'_>>,
         acquired: &AcquiredSample,
         emit: &mut impl FnMut(Output<'_>),
     ) {
@@ -221,7 +222,7 @@ impl<E: Encoders> Producer<E> {
     /// Marks all of them with the faults of the lost samples, which can belong to any of them.
     fn repeat_missing_steps(
         &mut self,
-        uploaded: Option<&Packed<'_>>,
+        uploaded: Option<&UploadedWeights<'_>>,
         acquired: &AcquiredSample,
         emit: &mut impl FnMut(Output<'_>),
     ) {
@@ -300,7 +301,7 @@ impl<E: Encoders> Producer<E> {
     #[inline(never)]
     fn encode(
         &mut self,
-        uploaded: Option<&Packed<'_>>,
+        uploaded: Option<&UploadedWeights<'_>>,
         step: &Step,
         drdy_us: u64,
         emit: &mut impl FnMut(Output<'_>),
@@ -311,7 +312,8 @@ impl<E: Encoders> Producer<E> {
         let step = &step;
         if self.wants(Streams::PACKED) {
             let marks = self.windows.newest_hop();
-            if let Some(code) = self.encoders.encode_block(step, self.rate, uploaded) {
+            let packed = uploaded.map(|uploaded| &uploaded.packed);
+            if let Some(code) = self.encoders.encode_block(step, self.rate, packed) {
                 let at_us = drdy_us + u64::from(code.offset_us);
                 self.emit(at_us, Payload::PackedCode(&code, marks), emit);
             }
@@ -331,7 +333,8 @@ impl<E: Encoders> Producer<E> {
         if !codes && !audits {
             return;
         }
-        let code = self.encoders.encode_window(step);
+        let network = uploaded.and_then(|uploaded| uploaded.network.as_ref());
+        let code = self.encoders.encode_window(step, network);
         if codes && let Some(code) = &code {
             let at_us = drdy_us + u64::from(code.offset_us);
             self.emit(at_us, Payload::Code(code, marks), emit);

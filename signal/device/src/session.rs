@@ -9,7 +9,7 @@ use pipeline::{Code, FeatureFilters, Mains, Rate};
 use crate::acquired_sample::Counts;
 use crate::board::{Abilities, Identity, Order, Run};
 use crate::message;
-use crate::model_slot::{Slot, UploadOutcome, UploadedModel};
+use crate::model_slot::{CodeScales, Slot, UploadOutcome, UploadedModel};
 use crate::producer::{Output, Payload};
 use crate::sender::{FrameQueue, MAX_FRAME, Sender};
 
@@ -87,12 +87,12 @@ impl<'i> Session<'i> {
         self.uploaded.map_or(model::MODEL_ID, |model| model.id)
     }
 
-    /// Returns the streams that a `Start` can request. With an uploaded model of another network,
-    /// the network's codes are not among them: a host with that model could not decode them.
+    /// Returns the streams that a `Start` can request. Codes that a host with the uploaded model
+    /// could not decode are not among them.
     fn streams(&self) -> Streams {
         match self.uploaded {
             Some(UploadedModel {
-                has_network: false, ..
+                code_scales: None, ..
             }) => (self.abilities.streams).without(Streams::CODES | Streams::AUDIT),
             _ => self.abilities.streams,
         }
@@ -134,20 +134,22 @@ impl<'i> Session<'i> {
                 Ok(frame) => {
                     self.stats.commands = self.stats.commands.wrapping_add(1);
                     let seq = frame.header.seq;
-                    let has_packed = self.abilities.streams.contains(Streams::PACKED);
                     let is_streaming = !self.run.streams.is_empty();
-                    let upload = upload(&frame.message, has_packed, is_streaming, slot);
+                    let upload = upload(&frame.message, self.abilities.streams, is_streaming, slot);
                     let filters = filters(&frame.message);
                     let command = frame.message.without_bytes();
-                    let result = if let Some(outcome) = upload {
-                        self.answer_upload(outcome, now_us, sender)
-                    } else if filters.is_some() {
-                        self.filters = filters;
-                        AckResult::Done
-                    } else {
-                        let (result, effect) = self.execute(command, now_us, counts, sender);
-                        effect.into_iter().for_each(&mut order);
-                        result
+                    let result = match &upload {
+                        Some(Ok(outcome)) => self.answer_upload(outcome, now_us, sender),
+                        Some(Err(refusal)) => *refusal,
+                        None if filters.is_some() => {
+                            self.filters = filters;
+                            AckResult::Done
+                        }
+                        None => {
+                            let (result, effect) = self.execute(command, now_us, counts, sender);
+                            effect.into_iter().for_each(&mut order);
+                            result
+                        }
                     };
                     (seq, result)
                 }
@@ -211,24 +213,16 @@ impl<'i> Session<'i> {
     /// introduces itself again.
     fn answer_upload(
         &mut self,
-        outcome: Result<UploadOutcome, AckResult>,
+        outcome: &UploadOutcome,
         now_us: u64,
         sender: &mut Sender<impl FrameQueue>,
     ) -> AckResult {
-        let UploadOutcome {
-            result,
-            received,
-            model,
-        } = match outcome {
-            Ok(outcome) => outcome,
-            Err(refusal) => return refusal,
-        };
-        sender.send(now_us, &ToHost::ModelReceived(received));
-        if self.uploaded != model {
-            self.uploaded = model;
+        sender.send(now_us, &ToHost::ModelReceived(outcome.received));
+        if self.uploaded != outcome.model {
+            self.uploaded = outcome.model;
             self.introduce(now_us, sender);
         }
-        result
+        outcome.result
     }
 
     fn stop(
@@ -418,16 +412,20 @@ impl<'i> Session<'i> {
     }
 
     fn send_capabilities(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-        let capabilities = message::capabilities(self.run.mains);
+        let uploaded = self.uploaded.as_ref();
+        let scales = uploaded.and_then(|model| model.code_scales.as_ref());
+        let scales = scales.unwrap_or(CodeScales::BUILT_IN);
+        let capabilities = message::capabilities(self.run.mains, scales);
         sender.send(now_us, &ToHost::Capabilities(capabilities));
     }
 }
 
 /// Executes a command about an uploaded model, or returns why it is refused; `None` for every other
-/// command, and on a device without a slot or without the packed code.
+/// command, and on a device without a slot or without the packed code. `abilities`: the streams
+/// that the device has.
 fn upload<S: Slot>(
     command: &ToDevice<'_>,
-    has_packed: bool,
+    abilities: Streams,
     is_streaming: bool,
     slot: &mut S,
 ) -> Option<Result<UploadOutcome, AckResult>> {
@@ -435,14 +433,14 @@ fn upload<S: Slot>(
         command,
         ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd
     );
-    if !is_upload || !has_packed || !S::EXISTS {
+    if !is_upload || !abilities.contains(Streams::PACKED) || !S::EXISTS {
         return None;
     }
     if is_streaming {
         return Some(Err(AckResult::Busy));
     }
     let outcome = slot.with(|slot| match *command {
-        ToDevice::ModelBegin(begin) => slot.begin(begin),
+        ToDevice::ModelBegin(begin) => slot.begin(begin, abilities.contains(Streams::CODES)),
         ToDevice::ModelChunk(chunk) => slot.store(chunk),
         _ => slot.end(),
     });

@@ -1,16 +1,16 @@
-//! Upload of a packed model: its announcement, its parts, and what the device has of it.
+//! Upload of a model: its announcement, its parts, and what the device has of it.
 
 use serde::{Deserialize, Serialize};
 
 /// Largest number of bytes of a [`ModelChunk`].
 pub const MAX_CHUNK_BYTES: usize = 1024;
 
-/// Arguments of `ModelBegin`, which announces a packed model. The same announcement again, also
+/// Arguments of `ModelBegin`, which announces a model. The same announcement again, also
 /// after a reconnection, continues the upload where it stopped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelBegin {
     /// Length of the model in the layout of `docs/wire-format.md`, bytes; a device refuses every
-    /// length but that of its own packed model.
+    /// length but that of its own packed model, alone or with a linear code.
     pub bytes: u32,
     /// [`model_crc`] of these bytes.
     pub crc: u32,
@@ -43,7 +43,7 @@ pub struct ModelReceived {
     pub bytes: u32,
 }
 
-/// Returns the CRC-32C of a packed model.
+/// Returns the CRC-32C of a model.
 pub fn model_crc(model: &[u8]) -> u32 {
     crate::frame::CRC.checksum(model)
 }

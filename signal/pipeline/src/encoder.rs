@@ -60,7 +60,7 @@ impl<'w> Encoder<'w> {
 
     /// Encodes the next step; returns a code if the step completes a window.
     pub fn encode_step(&mut self, step: &Step) -> Option<Code> {
-        self.memory.encode_with(step, self.network)
+        self.memory.encode_step_with(step, self.network)
     }
 }
 
@@ -97,10 +97,12 @@ impl EncoderMemory {
     /// Encodes the next step with the built-in network; returns a code if the step completes a
     /// window.
     pub fn encode_step(&mut self, step: &Step) -> Option<Code> {
-        self.encode_with(step, &NETWORK)
+        self.encode_step_with(step, &NETWORK)
     }
 
-    fn encode_with(&mut self, step: &Step, network: &Network<'_>) -> Option<Code> {
+    /// Encodes the next step with `network`, whose shape must be that of the built-in one; returns
+    /// a code if the step completes a window. All steps of a stream need the same network.
+    pub fn encode_step_with(&mut self, step: &Step, network: &Network<'_>) -> Option<Code> {
         let index = self.steps;
         self.steps += 1;
         self.add_to_windows(index, step, network);

@@ -1,5 +1,6 @@
-//! Packed models that a host uploads to a device.
+//! Models that a host uploads to a device.
 
+use any_model::any_linear_for;
 use artifact::Artifact;
 use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
 use link::{
@@ -10,11 +11,15 @@ use pipeline::{MAX_PACKED_BYTES, Mains, Sample};
 
 use crate::Outcome;
 
-/// Returns the built-in model as it is uploaded.
+/// Returns the built-in model as it is uploaded, alone and with a linear code.
 pub(crate) fn seeds() -> Vec<Vec<u8>> {
     let artifact = Artifact::from_files(model::artifact_files::FILES).expect("a model");
-    let upload = model_gen::upload(&artifact).expect("it fits the device");
-    upload.into_iter().collect()
+    let linear = any_linear_for(2, &artifact).expect("a model");
+    let uploads = [artifact, linear].map(|model| model_gen::upload(&model));
+    let uploads = uploads.into_iter();
+    uploads
+        .filter_map(|upload| upload.expect("it fits the device"))
+        .collect()
 }
 
 /// Uploads a model whose CRC is right, whatever its bytes are, and encodes noise and rails with it.
@@ -45,13 +50,11 @@ pub(crate) fn uploaded_model(bytes: &[u8]) -> Outcome {
         );
     }
     send(&mut board, ToDevice::ModelEnd);
-    send(
-        &mut board,
-        ToDevice::Start(Start {
-            streams: Streams::PACKED,
-            mains_hz: 50,
-        }),
-    );
+    // The device refuses codes that a host with this model could not decode, and then goes on.
+    for streams in [Streams::PACKED, Streams::PACKED | Streams::CODES] {
+        let mains_hz = 50;
+        send(&mut board, ToDevice::Start(Start { streams, mains_hz }));
+    }
     for number in 0..u64::from(model::ADC_RATE_HZ) / 2 {
         let mixed = |channel: usize| {
             let noise = (number * 7919 + channel as u64 * 104_729) % 4001;

@@ -14,6 +14,11 @@ pub enum FitError {
          with this montage and hop"
     )]
     Coefficients { count: usize, most: usize },
+    /// A code cannot have more numbers than a window has values.
+    #[error(
+        "codes of {numbers} numbers are no linear map of windows of {values} values; fit the packed model alone"
+    )]
+    Numbers { numbers: usize, values: usize },
     #[error("cannot read the recording {0}")]
     Recording(String, #[source] recordings::RecordingError),
     #[error("the recording {0} does not fit the montage")]
@@ -32,6 +37,8 @@ pub enum FitError {
     Filter(u32, #[source] model_gen::FilterError),
     #[error("the decimation cannot be realised")]
     Resampler(#[source] model_gen::FilterError),
-    #[error("the filters cannot be realised")]
+    #[error("the model cannot be turned into integers")]
     Filters(#[from] model_gen::ModelGenError),
+    #[error("what was fitted is no valid model")]
+    Artifact(#[from] artifact::ArtifactError),
 }

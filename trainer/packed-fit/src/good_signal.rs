@@ -109,8 +109,14 @@ impl GoodSignal {
     }
 }
 
+/// Splits recordings into the first three quarters of their steps, and the last one.
+pub(crate) fn first_three_quarters(tracks: &[Track]) -> [Vec<Track>; 2] {
+    let steps: usize = tracks.iter().map(Track::steps).sum();
+    split(tracks, steps / 4 * 3)
+}
+
 /// Splits recordings into the first `steps` steps, and the rest.
-pub(crate) fn split(tracks: &[Track], mut steps: usize) -> [Vec<Track>; 2] {
+fn split(tracks: &[Track], mut steps: usize) -> [Vec<Track>; 2] {
     let mut parts = [Vec::new(), Vec::new()];
     for track in tracks {
         let first = steps.min(track.steps());

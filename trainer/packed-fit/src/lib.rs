@@ -1,4 +1,4 @@
-//! Fits packed models to filtered recordings, and measures their error.
+//! Fits packed models, and linear codes, to filtered recordings, and measures their error.
 //!
 //! ```text
 //! recording --> Track --> bad electrodes interpolated
@@ -30,6 +30,7 @@ mod fit;
 mod front_end;
 mod good_signal;
 mod integers;
+mod personal_code;
 mod personal_model;
 mod probabilities;
 mod ridge;
@@ -40,5 +41,6 @@ pub use error::FitError;
 pub use evaluation::{RateFigures, evaluate};
 pub use fit::{coefficients, fit, without_prediction};
 pub use good_signal::GoodSignal;
+pub use personal_code::{MIN_RANGE, PersonalCode};
 pub use personal_model::{PersonalModel, error_at};
 pub use track::{Track, settling_steps};

@@ -3,8 +3,7 @@
 use crate::error::FitError;
 use crate::evaluation::{RateFigures, evaluate};
 use crate::fit::fit;
-use crate::good_signal::{GoodSignal, split};
-use crate::track::Track;
+use crate::good_signal::{GoodSignal, first_three_quarters};
 use artifact::{Description, PackedModel};
 
 /// A packed model that was fitted to a person's signal.
@@ -35,13 +34,12 @@ impl PersonalModel {
         report: &mut dyn FnMut(&str),
     ) -> Result<Self, FitError> {
         let tracks = &signal.tracks;
-        let steps: usize = tracks.iter().map(Track::steps).sum();
-        let [first, last] = split(tracks, steps / 4 * 3);
+        let [first, last] = first_three_quarters(tracks);
         let count = other.coefficients();
         let tested = fit(&first, description, count, report)?;
         let squares = last.iter().flat_map(|track| &track.values);
         let squares = squares.map(|uv| (f64::from(*uv) / description.input.sd_uv).powi(2));
-        let values = (steps - steps / 4 * 3) * description.montage.electrodes.len();
+        let values: usize = last.iter().map(|track| track.values.len()).sum();
         let mut model = fit(tracks, description, count, report)?;
         model.description.rate = other.description.rate;
         Ok(Self {
@@ -69,7 +67,9 @@ pub fn error_at(figures: &[RateFigures], bits: f64) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::innovation::SECOND;
-    use artifact::{Artifact, MontageFile};
+    use crate::personal_code::PersonalCode;
+    use crate::track::Track;
+    use artifact::{Artifact, MontageFile, Pca, TrainingCard};
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use std::path::Path;
@@ -80,6 +80,8 @@ mod tests {
         let text = include_str!("../../../files/montages/cyton-8.toml");
         let montage = MontageFile::parse(Path::new("cyton-8.toml"), text).unwrap();
         description.montage = montage.montage();
+        description.grid = montage.grid();
+        description.training = TrainingCard::default();
         description
     }
 
@@ -138,6 +140,34 @@ mod tests {
         let unit = description().input.sd_uv.powi(2);
         let expected = power(&head(2, 20)) / unit;
         assert!((changed.power / expected - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_code_of_the_head_has_less_error_than_another_unless_the_last_quarter_is_of_another_head() {
+        let mut description = description();
+        description.code.numbers = 16;
+        let packed = fit(&[head(2, 60)], &description, 32, &mut |_| ()).unwrap();
+        let values = description.dimensions().window_electrodes();
+        let unit = |at: usize| (0..values).map(|value| f32::from(value == at)).collect();
+        let directions: Vec<Vec<f32>> = (0..16).map(unit).collect();
+        let ranges = [vec![-1.0; 16], vec![1.0; 16]];
+        let model = Pca::new(&directions, ranges, 400.0).to_model(description);
+        let model = model.unwrap().with_packed(Some(packed)).unwrap();
+        let code = |tracks: Vec<Track>, other: &Artifact| {
+            let signal = GoodSignal {
+                tracks,
+                ..GoodSignal::default()
+            };
+            PersonalCode::new(&signal, other).unwrap()
+        };
+        let other = code(vec![head(2, 60)], &model).model;
+        let same = code(vec![head(1, 80)], &other);
+        assert!(same.own_prd < 0.7 * same.other_prd, "{same:?}");
+        assert_eq!(same.model.packed, model.packed);
+        let input = model.input_scale_uv().unwrap();
+        assert!((same.model.input_scale_uv().unwrap() / input - 1.0).abs() < 1e-12);
+        let changed = code(vec![head(1, 60), head(2, 20)], &other);
+        assert!(changed.own_prd > 1.3 * changed.other_prd, "{changed:?}");
     }
 
     #[test]

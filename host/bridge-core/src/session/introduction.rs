@@ -86,7 +86,7 @@ impl Session {
         };
         if let Some(upload) = self.due_upload(&device) {
             let [own, sent] = [device.model_id, upload.id()].map(ModelId);
-            tracing::info!("the device uses model {own}; it is sent the packed model of {sent}");
+            tracing::info!("the device uses model {own}; it is sent model {sent}");
             self.commands.start_upload(upload);
             self.commands.device_introduced(true);
             return;

@@ -45,6 +45,8 @@ pub(crate) struct Commands {
     upload: UploadState,
     /// Whether the device takes a packed model, if it must to be started.
     slot: SlotState,
+    /// Length of the model with which the device is asked for a slot.
+    asked_bytes: u32,
     streams: WantedStreams,
     streaming_wanted: bool,
     device: Introduction,
@@ -133,6 +135,7 @@ impl Commands {
             has_answered_filters: false,
             upload: UploadState::NotDue,
             slot: SlotState::NotRequired,
+            asked_bytes: 0,
             streams: WantedStreams::new(streams),
             streaming_wanted: true,
             device: Introduction::Missing,
@@ -219,12 +222,14 @@ impl Commands {
         matches!(self.upload, UploadState::Refused)
     }
 
-    /// Asks the device whether it takes a packed model, and starts it only if it does.
-    pub(crate) fn require_slot(&mut self) {
+    /// Asks the device whether it takes a packed model, and also a linear code if `with_linear`,
+    /// and starts it only if it does.
+    pub(crate) fn require_slot(&mut self, with_linear: bool) {
         self.slot = SlotState::Unknown;
+        self.asked_bytes = if with_linear { u32::MAX } else { 0 };
     }
 
-    /// Returns whether the device has answered that it takes no packed model.
+    /// Returns whether the device has answered that it takes no such model.
     pub(crate) fn lacks_slot(&self) -> bool {
         self.slot == SlotState::Missing
     }
@@ -418,10 +423,13 @@ impl Commands {
             (true, _) if let UploadState::Underway(uploading) = &self.upload => {
                 Some(uploading.command())
             }
-            // Every device refuses an empty model and keeps its own; the reason of the refusal
-            // tells whether it has a slot.
+            // Every device refuses an empty model, and the largest, and keeps its own; the reason
+            // of the refusal tells whether it has a slot, and takes more than a packed model.
             (true, _) if self.slot == SlotState::Unknown => {
-                Some(ToDevice::ModelBegin(ModelBegin::default()))
+                Some(ToDevice::ModelBegin(ModelBegin {
+                    bytes: self.asked_bytes,
+                    ..ModelBegin::default()
+                }))
             }
             (true, _) if let Some(rate) = self.due_rate() => Some(ToDevice::SetRate { rate }),
             (true, _)

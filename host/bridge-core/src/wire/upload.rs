@@ -1,4 +1,4 @@
-//! Upload of a packed model to the device, between `Stop` and `Start`.
+//! Upload of a model to the device, between `Stop` and `Start`.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use link::{
 /// Number of uploads that a device may find unsound before the bridge gives up.
 const ATTEMPTS: u32 = 3;
 
-/// A packed model that the device is to use in place of the one it was built with.
+/// A model that the device is to use in place of the one it was built with.
 #[derive(Clone, Debug)]
 pub struct Upload {
     begin: ModelBegin,
@@ -17,7 +17,7 @@ pub struct Upload {
 }
 
 impl Upload {
-    /// Creates an upload of the packed model `bytes`, in the layout of `docs/wire-format.md`, from
+    /// Creates an upload of the model `bytes`, in the layout of `docs/wire-format.md`, from
     /// the model with this id.
     ///
     /// # Panics
@@ -25,7 +25,7 @@ impl Upload {
     pub fn new(id: [u8; 8], bytes: Arc<[u8]>) -> Upload {
         let begin = ModelBegin {
             id,
-            bytes: u32::try_from(bytes.len()).expect("a packed model has some hundred kilobytes"),
+            bytes: u32::try_from(bytes.len()).expect("a model has some hundred kilobytes"),
             crc: model_crc(&bytes),
         };
         Upload { begin, bytes }

@@ -57,16 +57,18 @@ pub(crate) fn refusal(refused: &ToDevice, result: AckResult) -> String {
 pub(crate) fn upload_refusal(result: AckResult) -> String {
     let remedy = match result {
         AckResult::Failed => {
-            "it has found the model unsound each time, though every frame arrived intact: another program may use \
-             its port, or its memory may be damaged; restart the device, then this program"
+            "it has found the model unsound each time, though every frame arrived intact: the scale of its input may \
+             be another, another program may use its port, or its memory may be damaged; restart the device, then \
+             this program"
         }
         _ => {
-            "it has no memory for one, its own packed model has other dimensions or none, or its firmware is older \
-             than this bridge; build an image with the model (CORTICODE_ARTIFACT), or use a NUCLEO-H743ZI2"
+            "it has no memory for one, its own packed model, window or codes have other dimensions, or its firmware \
+             is older than this bridge; build an image with the model (CORTICODE_ARTIFACT), use a NUCLEO-H743ZI2, \
+             or fit a model without --numbers"
         }
     };
     let reason = reason(result);
-    format!("the device does not take the packed model: {reason}; {remedy}")
+    format!("the device does not take the model: {reason}; {remedy}")
 }
 
 /// Returns the cause of a device's last reset, worded to follow "started by".

@@ -89,6 +89,9 @@ pub(crate) struct Board {
     pub(crate) slot: Option<(ModelBegin, Vec<u8>)>,
 }
 
+/// Length of the largest model that a board with a slot takes, bytes: it has no linear map.
+const LARGEST_MODEL: u32 = 10_000;
+
 /// Id of the model with which a board with a slot was built.
 pub(crate) const BUILT_IN: [u8; 8] = *b"built in";
 
@@ -271,7 +274,7 @@ impl Board {
                     answers.extend(self.frame(received_us, &reading));
                 }
                 ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd
-                    if self.slot.is_none() =>
+                    if self.slot.is_none() || self.announced(&command).bytes > LARGEST_MODEL =>
                 {
                     result = AckResult::NotSupported;
                 }

@@ -215,9 +215,13 @@ fn a_device_that_refuses_the_model_after_a_restart_streams_its_own() {
 
 #[test]
 fn a_device_is_asked_for_a_slot_at_each_start_and_does_not_stream_without_one() {
-    for (board, has_slot) in [(Board::with_slot(), true), (Board::new(), false)] {
+    for (board, with_linear, has_slot) in [
+        (Board::with_slot(), false, true),
+        (Board::with_slot(), true, false),
+        (Board::new(), false, false),
+    ] {
         let mut harness = Harness::new(PACKED, board);
-        harness.core.require_slot();
+        harness.core.require_slot(with_linear);
         harness.connect();
         assert_eq!(harness.core.lacks_slot(), !has_slot);
         let all = ["identify", "stop", "model begin", "start"];

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use artifact::Artifact;
+use artifact::{Artifact, Mode};
 use bridge_core::{
     AnnouncedStream, Core, EventStamps, Exclusions, HostTime, Model, Settings, Summary, Upload,
 };
@@ -14,7 +14,7 @@ use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkErr
 use tokio::sync::{mpsc, watch};
 
 use crate::app::classifying::Classifying;
-use crate::app::command_line::{Options, SinkKind};
+use crate::app::command_line::{Options, SinkKind, warn_if_not_packed};
 use crate::app::driver::{DRAIN_TIMEOUT, Driver};
 use crate::app::outlets::{Outlets, Sinks};
 use crate::app::recorders::Recorders;
@@ -63,6 +63,9 @@ impl Publication {
             return Ok((Arc::new(model.map_err(BridgeError::Model)?), None));
         };
         let artifact = Artifact::read(folder).map_err(BridgeError::Model)?;
+        if artifact.description.mode != Mode::Pca {
+            warn_if_not_packed("the person's model", self.settings.streams);
+        }
         let model = Model::new(&artifact).map_err(BridgeError::Model)?;
         let bytes = model_gen::upload(&artifact).map_err(BridgeError::Upload)?;
         let bytes = bytes.ok_or_else(|| BridgeError::NothingToUpload(folder.clone()))?;
@@ -161,8 +164,7 @@ pub(super) async fn stream(
     mut ros: NodeOptions,
     log: mpsc::Receiver<Log>,
 ) -> Result<Summary, BridgeError> {
-    let gives_a_model = options.upload_model.is_some() || options.subject.is_some();
-    options.asked.warn_about_unused(gives_a_model);
+    options.asked.warn_about_unused();
     let settings = options.settings();
     if let Some(uri) = options.ros.ros_master_uri {
         ros.master_uri = uri;

@@ -1,11 +1,11 @@
-//! The subcommand `calibrate`: fits a packed model to a person, from the signal of a device or from
-//! recordings.
+//! The subcommand `calibrate`: fits a packed model to a person, and a linear code if it is wanted,
+//! from the signal of a device or from recordings.
 //!
 //! ```text
 //! device ──filtered steps──► Listening ─┐
-//! recordings ──► Track ─────────────────┴► GoodSignal ──► PersonalModel ──► folder of a model
-//!                                                                             │
-//! device ◄───────────────────────── upload ───────────────────────────────────┘
+//! recordings ──► Track ─────────────────┴► GoodSignal ──► PersonalModel, PersonalCode ──► folder
+//!                                                                                  │
+//! device ◄────────────────────────────── upload ───────────────────────────────────┘
 //! ```
 
 mod display;
@@ -16,13 +16,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use artifact::{Artifact, ModelId, Person};
+use artifact::{Artifact, ModelId, Person, TrainingCard};
 use bridge_core::{Announcement, Core, Device, Effects, Model, Settings, Upload};
 use indicatif::ProgressBar;
 use jiff::Timestamp;
 use link::Streams;
 use neuro_ros::NeuroFrame;
-use packed_fit::{FitError, GoodSignal, PersonalModel, Track, error_at};
+use packed_fit::{FitError, GoodSignal, PersonalCode, PersonalModel, Track, error_at};
 use tokio::sync::oneshot::{self, Receiver, error::TryRecvError};
 use tokio::time::Instant;
 
@@ -35,7 +35,7 @@ use crate::error::BridgeError;
 use crate::subject_models::{NewModel, SubjectModels};
 use crate::wire::connection::Connection;
 
-/// Longest wait until the device has answered the upload. It takes 1.5 s at 921,600 baud, and lost
+/// Longest wait until the device has answered the upload. It takes up to 3 s at 921,600 baud, and lost
 /// frames are sent again after 0.5 s.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(30);
 /// Number of codes or packed blocks, 5 s of them, after which a device that has sent no filtered
@@ -50,6 +50,9 @@ const RATES: [usize; 7] = [0, 2, 3, 4, 5, 6, 8];
 #[derive(Debug)]
 pub(super) struct Calibrated {
     personal: PersonalModel,
+    /// Errors (PRD) of codes on the last quarter, of the person's code and of the other model, if
+    /// there is a code.
+    code_errors: Option<[f64; 2]>,
     id: ModelId,
     other: ModelId,
     folder: PathBuf,
@@ -70,6 +73,9 @@ pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, B
     let Some(other) = base.packed.clone() else {
         return Err(BridgeError::NothingToCalibrate(base.id));
     };
+    if options.numbers && !base.description.mode.has_shortcut() {
+        return Err(BridgeError::NoLinearMap(base.id));
+    }
     let subject = &options.subject;
     let (folder, usage) = if let Some(folder) = &options.output {
         let usage = format!("--upload-model {}", folder.display());
@@ -101,29 +107,34 @@ pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, B
     }
     signal.truncate(wanted);
     warn_about_bad(&signal, labels);
-    let description = base.description.clone();
     let person = person(subject, &signal, labels);
+    let network_card = network_card(&signal, &sources, &person, options.mains);
+    let (id, numbers) = (base.id, options.numbers);
     let fitting = move || {
         let mut report = |text: &str| tracing::debug!("{text}");
-        Ok(PersonalModel::new(
-            &signal,
-            &description,
-            &other,
-            &mut report,
-        )?)
+        let personal = PersonalModel::new(&signal, &base.description, &other, &mut report)?;
+        let code = numbers
+            .then(|| PersonalCode::new(&signal, &base))
+            .transpose()?;
+        Ok((base, personal, code))
     };
-    let mut personal = working("fitting the model", fitting, &mut shutdown).await?;
+    let (base, mut personal, code) = working("fitting the model", fitting, &mut shutdown).await?;
     let card = &mut personal.model.description.training;
     card.train_files = sources;
     card.people = vec![person];
-    let other = base.id;
-    let artifact = base.with_packed(Some(personal.model.clone()));
+    let code_errors = code.as_ref().map(|code| [code.own_prd, code.other_prd]);
+    let network = code.map_or(base, |mut code| {
+        code.model.description.training = network_card;
+        code.model
+    });
+    let artifact = network.with_packed(Some(personal.model.clone()));
     let artifact = artifact.map_err(BridgeError::Model)?;
     let folder = new_model.write(&artifact)?;
     let calibrated = Calibrated {
         personal,
+        code_errors,
         id: artifact.id,
-        other,
+        other: id,
         folder,
         usage,
     };
@@ -215,7 +226,7 @@ async fn listen(
     let model = Model::new(base).map_err(BridgeError::Model)?;
     let connection = Connection::new(options.at.port.clone(), options.at.baud);
     let mut driver = Driver::new(Core::new(settings, None), connection);
-    driver.core.require_slot();
+    driver.core.require_slot(options.numbers);
     let mut port = Port::default();
     let labels = &base.description.montage.electrodes;
     let mut display = Display::new(&base.description, wanted);
@@ -233,7 +244,12 @@ async fn listen(
         if let Some(device) = &port.device
             && core.lacks_slot()
         {
-            return Err(BridgeError::NoSlot(device.board.clone()));
+            let board = device.board.clone();
+            return Err(if options.numbers {
+                BridgeError::NoNumbers(board)
+            } else {
+                BridgeError::NoSlot(board)
+            });
         }
         let (summary, steps) = (core.summary(), port.listening.steps);
         let hops = summary.received + summary.packed.received;
@@ -276,7 +292,7 @@ async fn listen(
     ended.map(|()| signal)
 }
 
-/// Gives the device the packed model, so that it is in use until the device restarts.
+/// Gives the device the model, so that it is in use until the device restarts.
 async fn give(
     at: &PortOptions,
     artifact: &Artifact,
@@ -379,6 +395,34 @@ fn person(subject: &str, signal: &GoodSignal, labels: &[String]) -> Person {
     }
 }
 
+/// Returns the card of a linear code that was fitted to a person.
+fn network_card(
+    signal: &GoodSignal,
+    sources: &[String],
+    person: &Person,
+    mains_hz: Option<u8>,
+) -> TrainingCard {
+    let mut interpolated: Vec<String> = Vec::new();
+    for label in signal.tracks.iter().flat_map(|track| &track.interpolated) {
+        if !interpolated.contains(label) {
+            interpolated.push(label.clone());
+        }
+    }
+    TrainingCard {
+        real_electrodes: signal.bad_seconds.len() - interpolated.len(),
+        interpolated_electrodes: interpolated.len(),
+        interpolated,
+        note: format!(
+            "fitted to {} s of good signal by corticode-bridge calibrate",
+            signal.seconds()
+        ),
+        train_files: sources.to_vec(),
+        mains_hz: mains_hz.unwrap_or_default().into(),
+        people: vec![person.clone()],
+        ..TrainingCard::default()
+    }
+}
+
 /// Returns, for an error message, what was bad; nothing if nothing was.
 fn bad_words(signal: &GoodSignal, labels: &[String]) -> String {
     let bad = signal.bad_seconds.iter().zip(labels);
@@ -408,11 +452,10 @@ impl Calibrated {
     /// Warns if the person's model has a larger error than the other one.
     fn warn_if_worse(&self) {
         let rate = usize::from(self.personal.model.description.rate);
-        let Some(own) = self.personal.own.get(rate) else {
-            return;
-        };
-        let other = error_at(&self.personal.other, own.bits);
-        if other.is_some_and(|other| other < own.mse) {
+        let is_packed_worse = self.personal.own.get(rate).is_some_and(|own| {
+            error_at(&self.personal.other, own.bits).is_some_and(|other| other < own.mse)
+        });
+        if is_packed_worse || self.code_errors.is_some_and(|[own, other]| other < own) {
             tracing::warn!(
                 "on the last quarter of the signal, the model of the rest has a larger error than model {}: calibrate \
                  with more --seconds, or stream without it",
@@ -439,11 +482,19 @@ impl fmt::Display for Calibrated {
             let (rate, bits, own) = (figures.rate, figures.bits, prd(figures.mse));
             writeln!(f, "{rate:>4} {bits:>17.1} {own:>8} {other:>25}")?;
         }
+        let mut streams = " --streams packed";
+        if let Some([own, other]) = self
+            .code_errors
+            .map(|errors| errors.map(|prd| format!("{prd:.1} %")))
+        {
+            writeln!(f, "numbers of /encoded {own:>11} {other:>25}")?;
+            streams = "";
+        }
         let folder = self.folder.display();
         writeln!(f, "model {} is in {folder}", self.id)?;
         writeln!(
             f,
-            "to stream with it: corticode-bridge {} --streams packed",
+            "to stream with it: corticode-bridge {}{streams}",
             self.usage
         )
     }

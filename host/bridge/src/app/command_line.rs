@@ -294,6 +294,9 @@ pub(crate) struct CalibrateOptions {
     /// Seconds of good signal to fit the model to; of recordings, the first ones
     #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(20..=3600))]
     pub(crate) seconds: u32,
+    /// Fit the numbers of /encoded too: a linear code of the person, in the place of the network
+    #[arg(long)]
+    pub(crate) numbers: bool,
     /// Folder to write the model to, which must not exist [default:
     /// ~/.local/share/corticode/models/SUBJECT/DATE]
     #[arg(long, value_name = "FOLDER")]
@@ -484,18 +487,10 @@ pub(crate) struct StreamOptions {
 }
 
 impl StreamOptions {
-    /// Logs a warning about options that have no effect on the chosen streams. `gives_a_model`
-    /// states whether an option gives the device a packed model.
-    pub(crate) fn warn_about_unused(&self, gives_a_model: bool) {
-        if self.streams.contains(&StreamKind::Packed) {
-            return;
-        }
-        let packed_rate = self.packed_rate.map(|_| "--packed-rate");
-        let model = gives_a_model.then_some("the person's model");
-        for option in [packed_rate, model].into_iter().flatten() {
-            tracing::warn!(
-                "{option} has no effect, because packed is not among the streams; add it with --streams packed"
-            );
+    /// Logs a warning about an option that has no effect on the chosen streams.
+    pub(crate) fn warn_about_unused(&self) {
+        if self.packed_rate.is_some() {
+            warn_if_not_packed("--packed-rate", self.streams());
         }
     }
 
@@ -508,6 +503,15 @@ impl StreamOptions {
             kind => streams | kind.bit(),
         }));
         self.classifying.streams(streams)
+    }
+}
+
+/// Logs a warning that `what` has no effect if packed blocks are not among the streams.
+pub(crate) fn warn_if_not_packed(what: &str, streams: Streams) {
+    if !streams.contains(Streams::PACKED) {
+        tracing::warn!(
+            "{what} has no effect, because packed is not among the streams; add it with --streams packed"
+        );
     }
 }
 

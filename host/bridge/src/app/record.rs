@@ -50,7 +50,7 @@ impl fmt::Display for RecordSummary {
 /// recording waits.
 pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, BridgeError> {
     let mut shutdown = Shutdown::new()?;
-    options.asked.warn_about_unused(false);
+    options.asked.warn_about_unused();
     let settings = Settings {
         mains_hz: options.asked.mains.unwrap_or(0),
         filler: FillerPolicy::Off,

@@ -2,10 +2,10 @@
 
 use std::{boxed::Box, vec::Vec};
 
-use any_model::any_packed_of;
+use any_model::{any_linear_for, any_packed_of};
 use artifact::reconstruction::PackedDecoder;
 use artifact::{Artifact, PackedModel};
-use pipeline::{PackedEncoder, PackedMemory, Rate, Step};
+use pipeline::{EncoderMemory, PackedEncoder, PackedMemory, Rate, Step};
 use proptest::prelude::*;
 
 use super::*;
@@ -22,7 +22,14 @@ fn another() -> Option<(PackedModel, Vec<u8>)> {
     let packed = any_packed_of(PACKED_COEFFICIENTS, 7, &artifact.description);
     let artifact = artifact.with_packed(Some(packed.clone())).expect("it fits");
     let bytes = model_gen::upload(&artifact).expect("it fits");
-    Some((packed, bytes?))
+    Some((packed, packed_alone(bytes?)))
+}
+
+/// Returns an upload without its linear code, if it has one.
+pub(crate) fn packed_alone(mut upload: Vec<u8>) -> Vec<u8> {
+    upload.truncate(size_of::<PackedContent>());
+    upload[36..40].fill(0);
+    upload
 }
 
 const ID: [u8; 8] = *b"personal";
@@ -38,7 +45,7 @@ fn begin(bytes: &[u8]) -> ModelBegin {
 /// Uploads a model in chunks of the largest size; returns the slot and the answer to its end.
 fn uploaded(bytes: &[u8]) -> (Box<ModelSlot>, UploadOutcome) {
     let mut slot = Box::new(ModelSlot::empty());
-    assert_eq!(slot.begin(begin(bytes)).result, AckResult::Done);
+    assert_eq!(slot.begin(begin(bytes), true).result, AckResult::Done);
     let mut offset = 0;
     for bytes in bytes.chunks(MAX_CHUNK_BYTES) {
         let outcome = slot.store(ModelChunk { offset, bytes });
@@ -75,10 +82,10 @@ fn the_built_in_model_uploaded_is_the_constant_and_yields_its_blocks() {
     let (slot, end) = uploaded(&bytes);
     let model = UploadedModel {
         id: ID,
-        has_network: true,
+        code_scales: Some(*CodeScales::BUILT_IN),
     };
     assert_eq!((end.result, end.model), (AckResult::Done, Some(model)));
-    let packed = slot.packed().expect("a model in use");
+    let packed = slot.weights().expect("a model in use").packed;
     assert_eq!(packed.checksum(), constant.checksum());
     let numbers = |packed: &Packed<'_>| {
         (
@@ -104,7 +111,7 @@ fn blocks_of_an_uploaded_model_decode_to_its_own_coefficients() {
         return;
     };
     let (slot, _) = uploaded(&bytes);
-    let packed = slot.packed().expect("a model in use");
+    let packed = slot.weights().expect("a model in use").packed;
     let mut decoder = PackedDecoder::new(&model);
     let mut memory = Box::new(PackedMemory::EMPTY);
     let rate = Rate::new(6).expect("a rate");
@@ -207,7 +214,7 @@ proptest! {
                         stored.clear();
                         in_use = false;
                     }
-                    prop_assert_eq!(slot.begin(begin).received.bytes as usize, stored.len());
+                    prop_assert_eq!(slot.begin(begin, true).received.bytes as usize, stored.len());
                 }
                 Act::Chunks { count, length, skip } => for _ in 0..count {
                     let next = i64::from(slot.received) + skip;
@@ -252,7 +259,7 @@ proptest! {
                     }
                 }
             }
-            prop_assert_eq!(slot.packed().is_some(), in_use);
+            prop_assert_eq!(slot.weights().is_some(), in_use);
         }
     }
 }
@@ -270,8 +277,8 @@ fn a_model_of_another_layout_or_shape_or_with_numbers_out_of_range_is_refused() 
         return;
     };
     let starts = bytes.len() - 2 * PACKED_COEFFICIENTS - size_of::<(Starts, Costs)>();
-    let cases: [(usize, &[u8]); 10] = [
-        (0, &2_u32.to_le_bytes()),
+    let cases: [(usize, &[u8]); 11] = [
+        (0, &1_u32.to_le_bytes()),
         (4, &[1]),
         (6, &[1]),
         (8, &[1]),
@@ -280,6 +287,7 @@ fn a_model_of_another_layout_or_shape_or_with_numbers_out_of_range_is_refused() 
         (24, &i64::MAX.to_le_bytes()),
         (32, &(-1_i32).to_le_bytes()),
         (32, &32_768_i32.to_le_bytes()),
+        (36, &1_u32.to_le_bytes()),
         (starts + 4, &[0xff, 0xff]),
     ];
     for (at, new) in cases {
@@ -289,18 +297,108 @@ fn a_model_of_another_layout_or_shape_or_with_numbers_out_of_range_is_refused() 
             (AckResult::Failed, None),
             "{at} {new:?}"
         );
-        assert!(slot.packed().is_none());
+        assert!(slot.weights().is_none());
         assert_eq!(end.received, ModelReceived::default());
     }
     let mut slot = ModelSlot::empty();
-    for length in [0, 1, bytes.len() - 1, bytes.len() + 1] {
+    let longer = if HAS_SHORTCUT {
+        AckResult::BadArgument
+    } else {
+        AckResult::NotSupported
+    };
+    for (length, expected) in [
+        (0, AckResult::BadArgument),
+        (bytes.len() - 1, AckResult::BadArgument),
+        (bytes.len() + 1, longer),
+    ] {
         let begin = ModelBegin {
             bytes: u32::try_from(length).expect("short"),
             ..begin(&bytes)
         };
-        assert_eq!(slot.begin(begin).result, AckResult::BadArgument, "{length}");
+        assert_eq!(slot.begin(begin, true).result, expected, "{length}");
     }
     assert_eq!(slot.end().result, AckResult::BadArgument);
+}
+
+/// Returns a random linear code beside a random packed model, for the input of the built-in model,
+/// and their upload; `None` if this image takes none.
+fn another_linear() -> Option<(Artifact, Vec<u8>)> {
+    let (packed, _) = another().filter(|_| HAS_SHORTCUT)?;
+    let artifact = any_linear_for(8, &built_in()?).expect("a model");
+    let artifact = artifact.with_packed(Some(packed)).expect("it fits");
+    let bytes = model_gen::upload(&artifact).expect("it fits");
+    Some((artifact, bytes?))
+}
+
+#[test]
+fn codes_of_an_uploaded_linear_code_are_those_of_its_own_integers() {
+    let Some((artifact, bytes)) = another_linear() else {
+        return;
+    };
+    let integers = model_gen::quantise(&artifact).expect("it fits");
+    let (slot, end) = uploaded(&bytes);
+    let scales = end.model.expect("a model in use").code_scales;
+    let scales = scales.expect("scales of the linear code");
+    assert_eq!(scales.scale.as_slice(), integers.code_scale);
+    assert_eq!(scales.zero_point.as_slice(), integers.code_zero_point);
+    let network = slot.weights().expect("a model in use").network;
+    let network = network.expect("a linear code");
+    let mut memory = Box::new(EncoderMemory::EMPTY);
+    let mut planes: Vec<i8> = Vec::new();
+    let mut codes = 0;
+    for step in steps(100, true) {
+        let (plane, _) = pipeline::quantise(&step.electrodes);
+        planes.extend(plane);
+        let Some(code) = memory.encode_step_with(&Step { plane, ..step }, &network) else {
+            continue;
+        };
+        let window = &planes[planes.len() - STEPS * model::CELLS..];
+        let expected = integers.encode_window(window);
+        assert_eq!(code.values.integers().as_slice(), expected.values);
+        assert_eq!(code.values.exponent(), expected.exponent);
+        codes += 1;
+    }
+    assert_eq!(codes, (100 - STEPS) / HOP + 1);
+}
+
+#[test]
+fn a_linear_code_for_another_input_or_code_is_refused_and_no_content_of_it_panics() {
+    let (Some((_, packed)), Some((_, bytes))) = (another(), another_linear()) else {
+        return;
+    };
+    let start = packed.len();
+    for (at, new) in [
+        (36, [0; 4]),
+        (start, [1, 0, 0, 0]),
+        (start + 4, [1, 0, 0, 0]),
+        (start + 8, [1; 4]),
+        (start + 12, [0; 4]),
+        (start + 12, f32::NAN.to_le_bytes()),
+        (start + 12, (-1.0_f32).to_le_bytes()),
+    ] {
+        let (_, end) = uploaded(&with_bytes(&bytes, at, &new));
+        assert_eq!(end.result, AckResult::Failed, "{at} {new:?}");
+    }
+    let mut slot = ModelSlot::empty();
+    let without_codes = slot.begin(begin(&bytes), false);
+    assert_eq!(without_codes.result, AckResult::NotSupported);
+    for fill in [0x7f, 0x80, 0xff] {
+        let mut bytes = bytes.clone();
+        bytes[start + 12 + 4 * CODE..].fill(fill);
+        let (slot, _) = uploaded(&bytes);
+        let weights = slot.weights().expect("a model in use");
+        let network = weights.network.expect("a linear code");
+        let mut memory = Box::new(EncoderMemory::EMPTY);
+        for plane in [i8::MIN, i8::MAX, 0] {
+            let step = Step {
+                plane: [plane; model::CELLS],
+                ..Step::SILENCE
+            };
+            for _ in 0..STEPS {
+                memory.encode_step_with(&step, &network);
+            }
+        }
+    }
 }
 
 #[test]
@@ -309,7 +407,8 @@ fn the_network_of_another_artifact_is_told_apart() {
         return;
     };
     let (_, end) = uploaded(&with_bytes(&bytes, 12, b"notthis1"));
-    assert_eq!(end.model.map(|model| model.has_network), Some(false));
+    let model = end.model.expect("a model in use");
+    assert_eq!(model.code_scales, None);
 }
 
 #[test]
@@ -328,7 +427,7 @@ fn extreme_weights_and_tables_neither_panic_nor_make_longer_blocks() {
         bytes[tables..].fill(fill);
         let (slot, end) = uploaded(&bytes);
         assert_eq!(end.result, AckResult::Done, "{fill:#x}");
-        let packed = slot.packed().expect("a model in use");
+        let packed = slot.weights().expect("a model in use").packed;
         for rate in [0, 4, 15].map(|rate| Rate::new(rate).expect("a rate")) {
             let mut memory = Box::new(PackedMemory::EMPTY);
             let codes = steps(24 * 8, true)

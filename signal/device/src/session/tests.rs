@@ -9,6 +9,7 @@ use link::{
 
 use super::*;
 use crate::acquired_sample::Marks;
+use crate::model_slot::tests::packed_alone;
 use crate::model_slot::{ModelSlot, NoSlot};
 use crate::sender::FrameRing;
 
@@ -469,7 +470,7 @@ const ID: [u8; 8] = *b"personal";
 /// Returns the upload of the built-in packed model; `None` if there is none.
 fn packed_model() -> Option<Vec<u8>> {
     let artifact = artifact::Artifact::from_files(model::artifact_files::FILES).unwrap();
-    model_gen::upload(&artifact).unwrap()
+    model_gen::upload(&artifact).unwrap().map(packed_alone)
 }
 
 #[test]
@@ -519,6 +520,41 @@ fn an_uploaded_model_is_introduced_by_its_id_and_streams_what_its_host_can_decod
         assert_eq!(replaced, ["received", "hello", "capabilities", "ack"]);
         device.run(Streams::PACKED | Streams::CODES);
     }
+}
+
+#[test]
+fn capabilities_have_the_scales_of_an_uploaded_linear_code_until_it_is_replaced() {
+    let artifact = artifact::Artifact::from_files(model::artifact_files::FILES).unwrap();
+    if !model::HAS_SHORTCUT || artifact.packed.is_none() {
+        return;
+    }
+    let linear = any_model::any_linear_for(4, &artifact).unwrap();
+    let bytes = model_gen::upload(&linear).unwrap().unwrap();
+    let own = model_gen::quantise(&linear).unwrap().code_scale;
+    let mut device = Device::new(EVERYTHING);
+    let mut reported = |command| {
+        device.deliver(command);
+        let reports = device.sent(|_, message| match message {
+            ToHost::Capabilities(capabilities) => Some(capabilities.code_scale.to_vec()),
+            _ => None,
+        });
+        reports.into_iter().next()
+    };
+    assert_eq!(upload(&bytes).find_map(&mut reported), Some(own.clone()));
+    assert_eq!(reported(ToDevice::Identify), Some(own.clone()));
+    let start = Start {
+        streams: Streams::CODES | Streams::AUDIT,
+        mains_hz: 60,
+    };
+    assert_eq!(reported(ToDevice::Start(start)), Some(own));
+    assert_eq!(reported(ToDevice::Stop), None);
+    let other = ModelBegin {
+        id: [1; 8],
+        bytes: u32::try_from(bytes.len()).unwrap(),
+        crc: 0,
+    };
+    let built_in = Some(model::CODE_SCALE.to_vec());
+    assert_eq!(reported(ToDevice::ModelBegin(other)), built_in);
 }
 
 #[test]

@@ -185,15 +185,27 @@ fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
     };
     let (bad, few) = (path("bad.gdf"), path("few.gdf"));
     let (output, mine) = (path("models/bob"), path("mine"));
-    let [table, log] = run(
-        &["--seconds=20", "--recording", &bad, "--output", &output],
-        0,
-    );
+    let numbers = model::HAS_SHORTCUT.then_some("--numbers");
+    let mut arguments = vec!["--seconds=20", "--recording", &bad, "--output", &output];
+    arguments.extend(numbers);
+    let [table, log] = run(&arguments, 0);
     let [own, other] = errors_at("4", &table);
     assert!(own < other && table.contains("--upload-model"), "{table}");
+    if numbers.is_some() {
+        let row = table.lines().find(|line| line.starts_with("numbers"));
+        let row: Vec<_> = row.expect("a row").split_whitespace().collect();
+        let [own, other] = [row[3], row[5]].map(|error| error.parse::<f64>().expect("a number"));
+        assert!(own < other, "{table}");
+    }
     let warning = format!("electrode {} is bad in ", labels[0]);
     assert!(log.contains(&warning), "{log}");
     let artifact = Artifact::read(Path::new(&output)).expect("a model");
+    if numbers.is_some() {
+        assert_eq!(artifact.description.training.train_files, ["bad.gdf"]);
+        let [own, base] =
+            [&artifact, &built_in].map(|model| model.input_scale_uv().expect("a scale"));
+        assert!((own / base - 1.0).abs() < 1e-12);
+    }
     let packed = &artifact
         .packed
         .as_ref()
@@ -222,13 +234,20 @@ fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
         assert!(log.contains(words), "{words}: {log}");
     }
     assert!(models(folder, "bob").is_empty());
-    let mut unknown = bridge(folder, "unknown", &["--sink=ndjson", "--subject=eve"]);
-    assert_eq!(unknown.wait(SLACK).code(), Some(2));
-    let log = unknown.errors();
-    for words in [
-        "the person's model has no effect, because packed is not among the streams",
-        "has no model of eve; there is none of anybody yet",
+    let unread = path("network");
+    for (option, words) in [
+        (
+            "--subject=eve",
+            "has no model of eve; there is none of anybody yet",
+        ),
+        (
+            &*format!("--upload-model={unread}"),
+            "the person's model has no effect, because packed is not among",
+        ),
     ] {
+        let mut refused = bridge(folder, "refused", &["--sink=ndjson", option]);
+        assert_eq!(refused.wait(SLACK).code(), Some(2));
+        let log = refused.errors();
         assert!(log.contains(words), "{words}: {log}");
     }
 }

@@ -1,13 +1,13 @@
-//! A board that was built with one packed model streams with another, which the bridge gives it,
-//! also after a restart in the middle of a stream.
+//! A board that was built with one model streams with another, which the bridge gives it, also after
+//! a restart in the middle of a stream.
 
 use std::path::Path;
 use std::time::Duration;
 
 use acceptance::port::free_port;
 use acceptance::printing::{self, board, messages};
-use any_model::any_packed_of;
-use artifact::reconstruction::PackedDecoder;
+use any_model::{any_linear_for, any_packed_of};
+use artifact::reconstruction::{PackedDecoder, dequantise};
 use artifact::{Artifact, PackedModel};
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
@@ -15,26 +15,33 @@ use link::{
     Decoder, Encoder, Flags, MAX_CHUNK_BYTES, MAX_FRAME, ModelBegin, ModelChunk, Start, Streams,
     ToDevice, ToHost, model_crc,
 };
-use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ};
+use model::{ADC_RATE_HZ, HAS_SHORTCUT, HOP, STEP_RATE_HZ};
 use pipeline::{Mains, PackedEncoder, Rate, Sample};
 
 /// Longest run of a board, seconds.
 const SECONDS: usize = 6;
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
+/// Topic of the frames that the bridge decodes from blocks.
+const DECODED: &str = "/neurodata_reconstructed";
 /// Longest wait for a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
-/// Writes the built-in model with another packed model to `folder`.
+/// Writes the built-in model with another packed model, and a linear code if the board takes one,
+/// to `folder`.
 fn write_personal(folder: &Path) -> Artifact {
-    let artifact = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
+    let mut artifact = Artifact::from_files(model::artifact_files::FILES).expect("a model");
     let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &artifact.description);
+    if HAS_SHORTCUT {
+        artifact = any_linear_for(2, &artifact).expect("a model");
+    }
     let artifact = artifact.with_packed(Some(packed)).expect("it fits");
     artifact.write(folder).expect("written");
     artifact
 }
 
-/// Returns the frames that the library decodes at once from the blocks of a board with the model.
-fn expected(artifact: &Artifact, packed: &PackedModel) -> Vec<Vec<f32>> {
+/// Returns the frames that the library decodes at once from the blocks of a board with the model,
+/// and the numbers of its codes if they are linear.
+fn expected(artifact: &Artifact, packed: &PackedModel) -> [Vec<Vec<f32>>; 2] {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());
     let mut encoder = Encoder::starting_at(0);
@@ -57,7 +64,11 @@ fn expected(artifact: &Artifact, packed: &PackedModel) -> Vec<Vec<f32>> {
     }
     send(ToDevice::ModelEnd);
     send(ToDevice::Start(Start {
-        streams: Streams::PACKED,
+        streams: if HAS_SHORTCUT {
+            Streams::PACKED | Streams::CODES
+        } else {
+            Streams::PACKED
+        },
         mains_hz: 50,
     }));
     let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
@@ -69,25 +80,34 @@ fn expected(artifact: &Artifact, packed: &PackedModel) -> Vec<Vec<f32>> {
     let rate = Rate::new(packed.description.rate).expect("a rate");
     assert_eq!(rate, PackedEncoder::DEFAULT_RATE);
     let mut frames = Decoder::<MAX_FRAME>::new();
-    let mut decoded = Vec::new();
+    let integers = model_gen::quantise(artifact).expect("it fits");
+    let numbers = integers.code_scale.iter().zip(&integers.code_zero_point);
+    let (mut decoded, mut codes) = (Vec::new(), Vec::new());
     for frame in outbox.take_all() {
         let mut bytes = &frame[..];
         while let Some(frame) = frames.next::<ToHost<'_>>(&mut bytes) {
-            if let ToHost::PackedCode(code) = frame.expect("intact").message {
-                let block = decoder
-                    .decode(code.bytes, rate)
-                    .expect("a block of this model");
-                decoded.push(block.microvolts);
+            match frame.expect("intact").message {
+                ToHost::PackedCode(code) => {
+                    let block = decoder.decode(code.bytes, rate);
+                    decoded.push(block.expect("a block of this model").microvolts);
+                }
+                ToHost::Code(code) => {
+                    let levels = code.values.levels().zip(numbers.clone());
+                    let z = levels.map(|(level, (scale, zero))| dequantise(level, *scale, *zero));
+                    codes.push(z.collect());
+                }
+                _ => {}
             }
         }
     }
     assert_eq!(decoded.len(), BLOCKS);
-    decoded
+    [decoded, codes]
 }
 
-/// Returns the index of the block, and the values, of each printed frame that is no filler.
-fn printed(lines: &str) -> Vec<(u64, Vec<f32>)> {
-    let frames = messages(lines, "/neurodata_reconstructed").filter_map(|message| {
+/// Returns the index of the block or window, and the values, of each frame of a topic that was
+/// printed and is no filler.
+fn printed(lines: &str, topic: &str) -> Vec<(u64, Vec<f32>)> {
+    let frames = messages(lines, topic).filter_map(|message| {
         let word = |index: usize| message["tri"]["data"][index].as_u64().expect("a number");
         let is_filler = word(0) & u64::from(Flags::FILLER.bits()) != 0;
         let data = message["eeg"]["data"].as_array().expect("a list");
@@ -110,12 +130,17 @@ fn a_board_streams_with_the_model_that_the_bridge_gives_it_also_after_a_restart(
     let personal = folder.join("personal");
     let artifact = write_personal(&personal);
     let packed = artifact.packed.clone().expect("a packed model");
-    let expected = expected(&artifact, &packed);
+    let [blocks, codes] = expected(&artifact, &packed);
+    assert_eq!(codes.is_empty(), !HAS_SHORTCUT);
 
     let port = format!("tcp:127.0.0.1:{}", free_port().expect("a free port"));
     let personal = personal.display().to_string();
     let options = [
-        "--streams=packed",
+        if HAS_SHORTCUT {
+            "--streams=codes,packed"
+        } else {
+            "--streams=packed"
+        },
         "--low-latency",
         "--upload-model",
         &personal,
@@ -123,12 +148,12 @@ fn a_board_streams_with_the_model_that_the_bridge_gives_it_also_after_a_restart(
     let first = board(folder, SECONDS, &port);
     let mut printing = printing::print(folder, &port, &options);
     printing.wait_until("two seconds", SLACK, |bridge| {
-        printed(&bridge.output()).len() >= 2 * BLOCKS / SECONDS
+        printed(&bridge.output(), DECODED).len() >= 2 * BLOCKS / SECONDS
     });
     drop(first);
     let second = board(folder, SECONDS, &port);
     printing.wait_until("the second run", SLACK, |bridge| {
-        let frames = printed(&bridge.output());
+        let frames = printed(&bridge.output(), DECODED);
         let starts = frames.iter().filter(|(block, _)| *block == 0).count();
         starts == 2
             && frames
@@ -137,18 +162,19 @@ fn a_board_streams_with_the_model_that_the_bridge_gives_it_also_after_a_restart(
     });
     drop(second);
     let [lines, log] = printing::stop(printing, folder);
-    let frames = printed(&lines);
-    for (block, values) in &frames {
-        let expected = usize::try_from(*block)
-            .ok()
-            .and_then(|block| expected.get(block));
-        assert!(expected == Some(values), "block {block}");
+    for (topic, expected) in [(DECODED, blocks), ("/encoded", codes)] {
+        let frames = printed(&lines, topic);
+        for (at, values) in &frames {
+            let expected = usize::try_from(*at).ok().and_then(|at| expected.get(at));
+            assert!(expected == Some(values), "{topic} {at}");
+        }
+        assert!(
+            frames.len() >= expected.len() * 4 / 3,
+            "{} frames of {} and a part on {topic}",
+            frames.len(),
+            expected.len()
+        );
     }
-    assert!(
-        frames.len() >= BLOCKS * 4 / 3,
-        "{} frames of {BLOCKS} and a part",
-        frames.len()
-    );
     let uses = format!("uses model {}", artifact.id);
     assert_eq!(log.matches(&uses).count(), 2, "{log}");
     let diagnostics = messages(&lines, "/diagnostics").last().expect("a report");

@@ -1,4 +1,4 @@
-//! Scenarios in which the host gives a board a packed model.
+//! Scenarios in which the host gives a board a model.
 
 use link::{AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, Streams, ToDevice, model_crc};
 use virtual_board::{BoardError, Cable, Frame, Kind};
@@ -24,15 +24,15 @@ const A_REPORT: usize = 20;
 const fn longest_us(subject: Subject) -> u64 {
     match subject.cable {
         Cable::Usb => 2_000_000,
-        Cable::Uart => 3_000_000,
+        Cable::Uart => 4_000_000,
     }
 }
 
-/// A packed model, as `build.rs` writes it.
+/// A packed model and a linear code, as `build.rs` writes them.
 const MODEL: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/uploaded_model.bin"));
 
-/// Returns the id of a packed model with random weights, in the shape of the built-in one, and the
-/// commands that upload it.
+/// Returns the id of a model with random weights, in the shape of the built-in one, and the commands
+/// that upload it.
 pub(crate) fn upload() -> ([u8; 8], Vec<ToDevice<'static>>) {
     let (id, bytes) = MODEL.split_first_chunk().expect("an id");
     let begin = ModelBegin {
@@ -58,13 +58,14 @@ fn reported(frames: &[Frame]) -> ([u8; 8], u64) {
     reports.next_back().expect("a Hello")
 }
 
-/// Scenario: the blocks of a board that has been given a packed model equal those of host-sim with
+/// Scenario: blocks and codes of a board that has been given a model equal those of host-sim with
 /// this model bit for bit, and nothing is late or lost. The upload is as fast as the port.
 pub(crate) fn uploaded_model_is_used(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     assert_eq!(reported(board.inbox().frames()).0, model::MODEL_ID);
     let (id, commands) = upload();
-    let run = Repeatable::start(&mut board, Streams::PACKED, &commands)?;
+    let streams = Streams::PACKED | Streams::CODES;
+    let run = Repeatable::start(&mut board, streams, &commands)?;
     let frames = board.inbox().frames();
     let announced = |frame: &&Frame| matches!(frame.kind, Kind::Ack(_));
     let first = frames.iter().find(announced).expect("answers");
@@ -76,7 +77,11 @@ pub(crate) fn uploaded_model_is_used(subject: Subject) -> Result<(), BoardError>
         blocks(frames).len()
     })?;
 
-    let (equal, _) = run.assert_equal(&board, HOP, blocks);
+    let (equal, inbox) = run.assert_equal(&board, HOP, blocks);
+    let codes = board.inbox().codes().map(|(_, code)| code);
+    let expected = inbox.codes().map(|(_, code)| code);
+    let pairs: Vec<_> = codes.zip(expected).collect();
+    assert!(pairs.len() + 3 > equal && pairs.iter().all(|(code, expected)| code == expected));
     let worst = worst_path(&in_time(&board));
     subject.record("upload_us", upload_us);
     subject.record("uploaded_blocks", equal);
