@@ -48,7 +48,9 @@ impl<const N: usize> BandPower<N> {
         let fractions = band.fractions();
         let states = self.states.iter_mut().zip(&mut self.energies);
         for (signal, (state, energy)) in states.enumerate().take(signals) {
-            let block = samples.map(|sample| sample[signal]);
+            // Not `map`, which would copy all signals of each sample.
+            let block: [i32; B] =
+                core::array::from_fn(|at| samples[at].get(signal).copied().unwrap_or_default());
             for y in band.apply_block(&fractions, state, block) {
                 let y = i64::from(y);
                 *energy = energy.wrapping_add(y.wrapping_mul(y).cast_unsigned());

@@ -4,7 +4,7 @@ use fixed_dsp::{BAND_SECTIONS, BandPower, Cascade, Coefficient, Section};
 use int8_nn::{Linear, Pair};
 use model::{ELECTRODE_PAIRS, ELECTRODES, HOP};
 
-use crate::quarters::quarter_pairs;
+use crate::quarters::write_quarters;
 use crate::sample::Step;
 
 /// Largest number of spatial filters, each of which yields one feature.
@@ -158,6 +158,8 @@ impl Features {
 pub struct FeatureExtractor {
     filters: FeatureFilters,
     power: BandPower<MAX_FEATURES>,
+    /// Electrodes of the newest step, quarters of a microvolt, then zeros.
+    inputs: [Pair; ELECTRODE_PAIRS],
     /// Signals of the steps that are not filtered yet.
     block: [[i32; MAX_FEATURES]; BLOCK],
     /// Number of steps of the hop so far.
@@ -175,6 +177,7 @@ impl FeatureExtractor {
     pub const NEW: Self = Self {
         filters: FeatureFilters::NONE,
         power: BandPower::REST,
+        inputs: [Pair::ZERO; ELECTRODE_PAIRS],
         block: [[0; MAX_FEATURES]; BLOCK],
         steps: 0,
         hop: 0,
@@ -211,8 +214,8 @@ impl FeatureExtractor {
         let signals = &mut self.block[place];
         *signals = [0; MAX_FEATURES];
         // The matrix has its constant size, so that the product is never left out.
-        let inputs = quarter_pairs(&step.electrodes);
-        let _ = (self.filters.matrix()).try_accumulate(&inputs, signals);
+        write_quarters(&step.electrodes, &mut self.inputs);
+        let _ = (self.filters.matrix()).try_accumulate(&self.inputs, signals);
         let filters = usize::from(self.filters.filters);
         if place == BLOCK - 1 {
             (self.power).add_block(&self.filters.band, &self.block, filters);

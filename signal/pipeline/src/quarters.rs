@@ -52,12 +52,12 @@ pub(crate) fn filtered(quarters: i16) -> i32 {
     ((i64::from(quarters) * FROM_QUARTERS + 128) >> 8) as i32
 }
 
-/// Returns filtered electrodes in quarters of a microvolt, saturated, as a matrix takes them.
+/// Writes filtered electrodes in quarters of a microvolt, saturated, as a matrix takes them. Pairs
+/// beyond the electrodes are unchanged.
 #[inline]
-pub(crate) fn quarter_pairs(electrodes: &Electrodes) -> [Pair; ELECTRODE_PAIRS] {
+pub(crate) fn write_quarters(electrodes: &Electrodes, pairs: &mut [Pair; ELECTRODE_PAIRS]) {
     let factor = core::hint::black_box(TO_QUARTERS);
     let quarter = |x: i32| saturated(requantise(x, factor));
-    let mut pairs = [Pair::ZERO; _];
     let (two, last) = electrodes.as_chunks::<2>();
     for (pair, two) in pairs.iter_mut().zip(two) {
         *pair = Pair::new(two.map(quarter));
@@ -65,7 +65,6 @@ pub(crate) fn quarter_pairs(electrodes: &Electrodes) -> [Pair; ELECTRODE_PAIRS] 
     if let (Some(pair), [last]) = (pairs.get_mut(two.len()), last) {
         *pair = Pair::new([quarter(*last), 0]);
     }
-    pairs
 }
 
 /// Returns the values as pairs, as a matrix takes them.

@@ -35,7 +35,7 @@ pub fn levels(track: &Track, classifier: &Classifier) -> Vec<Vec<u8>> {
             });
             power.add_samples(&band, &signals);
         }
-        power.take_levels()[..filters.len()].to_vec()
+        power.take_levels(filters.len())[..filters.len()].to_vec()
     });
     levels.collect()
 }
