@@ -86,14 +86,13 @@ const THRESHOLDS: [u32; LEVELS_PER_OCTAVE as usize] = [
 /// Returns `8 log2(power) - 80`, rounded, saturated to 0..=255; 0 for a power of 0.
 #[inline]
 #[expect(
-    clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
     clippy::cast_sign_loss,
-    reason = "the upper half of 64 bits, an exponent below 64, and a clamped level"
+    reason = "an exponent below 64, and a clamped level"
 )]
 pub fn level(power: u64) -> u8 {
     let power = power.max(1);
-    let exponent = 63 - power.leading_zeros();
+    let exponent = power.ilog2();
     // The mantissa, 2^31 to 2^32, truncated: a power within 2^-31 of the end of a level can get the
     // level below.
     let mantissa = (power << (63 - exponent) >> 32) as u32;

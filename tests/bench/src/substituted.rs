@@ -83,9 +83,10 @@ pub fn to_bytes(step: &Step, mask: u64) -> [u8; STEP_BYTES] {
 /// If the filters are out of range, which they are on no montage.
 pub fn any_filters() -> FeatureFilters {
     let mut weights = [[0; ELECTRODES]; 6];
-    for (at, weight) in weights.as_flattened_mut().iter_mut().enumerate() {
-        *weight = (at.wrapping_mul(13) % 33) as u8;
-        *weight = weight.wrapping_sub(16);
+    let mut next = 0_u8;
+    for weight in weights.as_flattened_mut() {
+        *weight = (next % 33).wrapping_sub(16);
+        next = next.wrapping_add(13);
     }
     let sections = [
         [1_732_880_386, 6_412_710_145, -2_805_971_273],

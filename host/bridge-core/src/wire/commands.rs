@@ -39,8 +39,8 @@ pub(crate) struct Commands {
     /// Filters of the classifier, whose weights are in `filter_weights`; `None` without one.
     filters: Option<FeatureFilters<'static>>,
     filter_weights: Vec<u8>,
-    /// Whether the device has answered the command that gives it the filters, with any result.
-    has_answered_filters: bool,
+    /// Id of the newest filters for which the device has answered the command, with any result.
+    answered_filters: Option<u32>,
     /// The model that the device is given before it streams.
     upload: UploadState,
     /// Whether the device takes a packed model, if it must to be started.
@@ -132,7 +132,7 @@ impl Commands {
             refused_exclusion: None,
             filters: None,
             filter_weights: Vec::new(),
-            has_answered_filters: false,
+            answered_filters: None,
             upload: UploadState::NotDue,
             slot: SlotState::NotRequired,
             asked_bytes: 0,
@@ -159,7 +159,7 @@ impl Commands {
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.answered_rate = None;
-        self.has_answered_filters = false;
+        self.answered_filters = None;
         self.connected = true;
         self.refused_start = None;
         self.last_frame_us = now_us;
@@ -197,7 +197,7 @@ impl Commands {
             weights: &[],
             ..filters
         });
-        self.has_answered_filters = false;
+        self.answered_filters = None;
     }
 
     /// Records the policy that the device reports. Another program may have set it.
@@ -270,7 +270,7 @@ impl Commands {
         self.owns_stream = false;
         self.streams.ask_for_all();
         self.answered_rate = None;
-        self.has_answered_filters = false;
+        self.answered_filters = None;
         self.known_exclusion = ExclusionPolicy::AUTOMATIC;
         self.refused_exclusion = None;
         self.upload = UploadState::NotDue;
@@ -472,8 +472,9 @@ impl Commands {
 
     /// Returns the filters of the features, if the device must be given them now.
     fn due_filters(&self) -> Option<FeatureFilters<'static>> {
-        let is_due = self.streams.asked().contains(Streams::FEATURES) && !self.has_answered_filters;
-        self.filters.filter(|_| is_due)
+        let is_asked = self.streams.asked().contains(Streams::FEATURES);
+        let is_due = |filters: &FeatureFilters| self.answered_filters != Some(filters.id);
+        self.filters.filter(|filters| is_asked && is_due(filters))
     }
 
     /// Returns the clock query if it is due: before a stream that continues a recording starts, and
@@ -546,8 +547,8 @@ impl Commands {
                 }
                 self.pending = None;
             }
-            (ToDevice::SetFeatures(_), _) => {
-                self.has_answered_filters = true;
+            (ToDevice::SetFeatures(filters), _) => {
+                self.answered_filters = Some(filters.id);
                 self.pending = None;
             }
             // The device did not restart, so another program may have stopped its stream. If the

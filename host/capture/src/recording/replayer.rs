@@ -197,11 +197,14 @@ impl<R: Read + Seek> Replayer<R> {
             | ToDevice::ModelBegin(_)
             | ToDevice::ModelChunk(_)
             | ToDevice::ModelEnd => AckResult::NotSupported,
-            // Recorded features name the filters that they come from.
-            ToDevice::SetFeatures(_) if !self.recorded_streams.contains(Streams::FEATURES) => {
-                AckResult::NotSupported
+            ToDevice::SetFeatures(_) => {
+                // Recorded features name the filters that they come from.
+                if self.recorded_streams.contains(Streams::FEATURES) {
+                    AckResult::Done
+                } else {
+                    AckResult::NotSupported
+                }
             }
-            ToDevice::SetFeatures(_) => AckResult::Done,
         })
     }
 

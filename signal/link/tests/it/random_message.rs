@@ -43,6 +43,20 @@ fn timing() -> impl Strategy<Value = ToHost<'static>> {
     })
 }
 
+/// Random features of 1 to `MAX_FEATURES` levels.
+fn features() -> impl Strategy<Value = ToHost<'static>> {
+    let levels = prop::collection::vec(any::<u8>(), 1..=link::MAX_FEATURES);
+    (any::<(u32, u32, u16, u64)>(), levels).prop_map(|((id, hop, flags, saturated), levels)| {
+        ToHost::Features(Features {
+            id,
+            hop,
+            flags: Flags::from_bits(flags),
+            saturated,
+            levels: levels.leak(),
+        })
+    })
+}
+
 /// Random messages that carry byte slices, random events, and random clock readings.
 fn streamed() -> impl Strategy<Value = ToHost<'static>> {
     let bytes = || prop::collection::vec(any::<u8>(), 0..=1536).prop_map(|bytes| &*bytes.leak());
@@ -128,18 +142,6 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
                 policy,
             })
         });
-    let levels = prop::collection::vec(any::<u8>(), 1..=link::MAX_FEATURES);
-    let features = (any::<(u32, u32, u16, u64)>(), levels).prop_map(
-        |((id, hop, flags, saturated), levels)| {
-            ToHost::Features(Features {
-                id,
-                hop,
-                flags: Flags::from_bits(flags),
-                saturated,
-                levels: levels.leak(),
-            })
-        },
-    );
     let received = any::<[u32; 2]>()
         .prop_map(|[crc, bytes]| ToHost::ModelReceived(ModelReceived { crc, bytes }));
     prop_oneof![
@@ -153,7 +155,7 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
         reading,
         substitutes,
         exclusion,
-        features
+        features()
     ]
 }
 

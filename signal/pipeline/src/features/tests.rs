@@ -44,6 +44,7 @@ fn filters() -> FeatureFilters {
 }
 
 /// Microvolts of an electrode: 10 Hz, which moves over the head, and slow waves outside the band.
+#[expect(clippy::cast_precision_loss, reason = "some thousands")]
 fn microvolts(electrode: usize, n: usize) -> f64 {
     let (phase, t) = (electrode as f64 / 9.0, n as f64 / 128.0);
     let alpha = (core::f64::consts::TAU * 10.0 * t + phase).sin();
@@ -154,7 +155,9 @@ fn filters_out_of_range_are_refused_and_the_largest_ones_neither_panic_nor_overf
     let [row, _] = rows();
     let with = |weights: &[(usize, i8)]| {
         let mut row = row;
-        weights.iter().for_each(|(at, weight)| row[*at] = *weight);
+        for (at, weight) in weights {
+            row[*at] = *weight;
+        }
         FeatureFilters::new(1, q32(BAND), &bytes(&[row])).is_some()
     };
     let full: Vec<_> = (0..14).map(|at| (at + 1, 127)).collect();

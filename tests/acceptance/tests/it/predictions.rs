@@ -161,7 +161,8 @@ fn an_integrator_gets_the_predictions_that_the_library_computes() {
     assert!(chosen > 16, "{chosen} hops with a chosen class");
 
     // From the last sample of a hop, which passes the filters later than its stamp tells.
-    let last_s = (HOP - 1) as f64 / f64::from(STEP_RATE_HZ);
+    let steps = u8::try_from(HOP - 1).expect("a few steps");
+    let last_s = f64::from(steps) / f64::from(STEP_RATE_HZ);
     let delay_s = last_s + f64::from(MAINS_50.group_delay_us) * 1e-6;
     let mut latencies: Vec<f64> = printed
         .iter()
