@@ -17,9 +17,13 @@ pub const MAX_FEATURES: usize = 8;
 /// all electrodes then fits the 24 bits in which a device adds it up.
 pub const LARGEST_ROW: u32 = 2_047;
 
-/// Largest gain from a filter's signal, below 2^23, to a node of the band-pass, so that none
-/// reaches 2^31.
-const LARGEST_GAIN: f64 = 256.0;
+/// Largest gain from a filter's signal, below 2^23, to an output of a section: the difference of two
+/// outputs, which the next section multiplies, stays below 2^31.
+const LARGEST_GAIN: f64 = 128.0;
+/// Largest window of a decision: some minutes. Largest magnitude of a weight or bias, with which no
+/// score overflows.
+const LARGEST_WINDOW: u32 = 4_096;
+const LARGEST_WEIGHT: f64 = 1e6;
 /// Number of steps in which the impulse response of the band-pass must have decayed, and the
 /// magnitude that it may still have.
 const DECAY: (usize, f64) = (20_000, 1e-6);
@@ -206,6 +210,7 @@ impl Classifier {
             (1..=64).contains(&electrodes),
             "1 to 64 labels",
         )?;
+        field("step_rate_hz", self.step_rate_hz > 0, "1 or more")?;
         field("hop_steps", self.hop_steps > 0, "1 or more")?;
         field(
             "filters",
@@ -237,8 +242,8 @@ impl Classifier {
         )?;
         field(
             "decision.window_hops",
-            decision.window_hops > 0,
-            "1 or more",
+            (1..=LARGEST_WINDOW).contains(&decision.window_hops),
+            "1 to 4,096",
         )?;
         let weights = decision.weights.iter();
         let is_whole = weights.len() == classes
@@ -247,13 +252,13 @@ impl Classifier {
         let mut numbers = weights.flatten().chain(&decision.bias);
         field(
             "decision",
-            is_whole && numbers.all(|number| number.is_finite()),
-            "a bias for each class, and a weight for each class and filter, all finite",
+            is_whole && numbers.all(|number| number.abs() <= LARGEST_WEIGHT),
+            "a bias for each class, and a weight for each class and filter, of 10^6 at most",
         )?;
         field(
             "band.sections",
             self.band.largest_gain() < LARGEST_GAIN,
-            "a stable band-pass with coefficients below 4.0 and no gain of 256 or more",
+            "a stable band-pass with coefficients below 4.0 and no gain of 128 or more",
         )
     }
 }

@@ -543,8 +543,13 @@ impl Session {
                 );
             }
             AckEffect::Refused(ToDevice::SetFeatures(_), result) => {
+                let remedy = match result {
+                    AckResult::BadArgument => "train a classifier with recordings of its montage",
+                    AckResult::NotSupported => "play a recording that has features",
+                    _ => "flash a firmware of this release",
+                };
                 tracing::error!(
-                    "the device makes no features for the classifier: {}; flash a firmware of this release",
+                    "the device makes no features for the classifier: {}; {remedy}",
                     words::reason(result)
                 );
             }

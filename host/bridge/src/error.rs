@@ -63,8 +63,8 @@ pub enum BridgeError {
     )]
     NothingToUpload(PathBuf),
     /// `--classifier` names no classifier.
-    #[error("the classifier cannot be used")]
-    Classifier(#[source] artifact::classifier::ClassifierError),
+    #[error("the classifier {} cannot be used", .0.display())]
+    Classifier(PathBuf, #[source] artifact::classifier::ClassifierError),
     /// Features are asked for, but nothing decides from them.
     #[error(
         "the stream features needs a classifier; name its file with --classifier (`trainer classify` writes one)"
@@ -352,7 +352,7 @@ impl BridgeError {
             | BridgeError::Convert(_)
             | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed
-            | BridgeError::Classifier(_)
+            | BridgeError::Classifier(..)
             | BridgeError::NoClassifier
             | BridgeError::Config { .. }
             | BridgeError::MasterAddress { .. }

@@ -224,15 +224,15 @@ impl_wire!(NeuroFrame {
 /// `rosneuro_msgs/NeuroOutput`: what a decoder predicts, one value for each class.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroOutput {
-    /// ROS header. Its `stamp` is the time of the first step of the hop; its `frame_id` names the
-    /// flags of the hop, such as `filler`, separated by blanks.
+    /// ROS header. Its `stamp` is a time of the hop, as of a frame; its `frame_id` names the flags
+    /// of the hop, such as `filler`, separated by blanks.
     pub header: Header,
     /// ROS-Neuro header; its `seq` is the sequence number of the prediction.
     pub neuroheader: NeuroHeader,
     /// Probability of each class, 0..=1; they sum to 1.
     pub softpredict: NeuroDataFloat,
     /// 1 for the class that was chosen, 0 for the others; all 0 if none was, because the hop was
-    /// lost or its signals were unusable.
+    /// lost, its signals were unusable, or the decision's window is not full yet.
     pub hardpredict: NeuroDataInt32,
     /// What made the prediction.
     pub decoder: NeuroDecoder,

@@ -28,16 +28,10 @@ impl<const N: usize> BandPower<N> {
         energies: [0; N],
     };
 
-    /// Filters one sample of each signal, and adds its square to the signal's energy.
+    /// Filters `B` consecutive samples of the first `signals` signals, and adds their squares to the
+    /// energies. Blocks of other lengths yield the same levels with more instructions.
     ///
     /// Overflow wraps: see [`Cascade`].
-    #[inline]
-    pub fn add_samples(&mut self, band: &Cascade<BAND_SECTIONS>, samples: &[i32; N]) {
-        self.add_block(band, &[*samples], N);
-    }
-
-    /// Filters `B` consecutive samples of the first `signals` signals, and adds their squares to the
-    /// energies: the same levels as from [`Self::add_samples`], with fewer instructions.
     #[inline]
     pub fn add_block<const B: usize>(
         &mut self,
@@ -135,7 +129,7 @@ mod tests {
         let mut powers = BandPower::REST;
         let alternating = [1_000, 0, -1_000, 0];
         for n in 0..8 {
-            powers.add_samples(&band, &[alternating[n % 4], 1_000]);
+            powers.add_block(&band, &[[alternating[n % 4], 1_000]], 2);
         }
         // The first four outputs of the first signal, 1000 0 -3000 0, then 4000 and -4000.
         let expected = [1_000_u64, 3_000, 4_000, 4_000].map(|y| y * y).iter().sum();

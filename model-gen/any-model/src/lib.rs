@@ -23,6 +23,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod classifier;
 mod packed;
 mod stress;
 mod substitution;
@@ -38,6 +39,7 @@ use artifact::{
 };
 use model_gen::IntegerModel;
 
+pub use classifier::any_classifier;
 pub use packed::{any_packed, any_packed_of};
 pub use stress::Stress;
 use substitution::any_substitution;

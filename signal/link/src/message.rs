@@ -168,7 +168,7 @@ pub enum ToDevice<'a> {
     /// 11: use the announced model from now on, until the device restarts. The device introduces
     /// itself again, with the model's id. Answered with `Failed` if the model is not sound.
     ModelEnd,
-    /// 12: make features with these filters from the next hop on, at any time; they are kept until
+    /// 12: make features with these filters from the next step on, at any time; they are kept until
     /// the device restarts. Filters out of range are refused with `BadArgument`.
     SetFeatures(FeatureFilters<'a>),
 }

@@ -2,7 +2,7 @@
 
 use fixed_dsp::{BAND_SECTIONS, BandPower, Cascade, Coefficient, Section};
 use int8_nn::{Linear, Pair};
-use model::{ELECTRODE_PAIRS, ELECTRODES, HOP};
+use model::{ELECTRODE_PAIRS, ELECTRODES, HOP, STEP_RATE_HZ};
 
 use crate::quarters::write_quarters;
 use crate::sample::Step;
@@ -17,9 +17,15 @@ const LARGEST_ROW: u32 = 2_047;
 /// Largest magnitude of a coefficient, Q32: 4.0, twice that of any stable section.
 const LARGEST_COEFFICIENT: u64 = 1 << 34;
 
-/// Number of hops, 1 s with a hop of 8 steps, that are marked as settling after a start or new
-/// filters: the band-pass starts at rest.
-const SETTLING_HOPS: u8 = 16;
+/// Number of hops, 1 s of them, that are marked as settling after a start or new filters: the
+/// band-pass starts at rest.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "at most as many as steps per second"
+)]
+const SETTLING_HOPS: u8 = (STEP_RATE_HZ as usize).div_ceil(HOP) as u8;
+
+const _: () = assert!((STEP_RATE_HZ as usize).div_ceil(HOP) < 255);
 
 /// Number of consecutive steps that are filtered together.
 const BLOCK: usize = if HOP.is_multiple_of(4) { 4 } else { 1 };
@@ -195,12 +201,15 @@ impl FeatureExtractor {
         self.settling_hops = SETTLING_HOPS;
     }
 
-    /// Uses these filters from the next step on. The hop that contains it, and the hops in which
-    /// the band-pass settles, are marked as settling.
+    /// Uses these filters from the next step on. The hop under way, and the hops of the second
+    /// after it, in which the band-pass settles, are marked as settling. The same filters again
+    /// change nothing.
     pub fn set_filters(&mut self, filters: FeatureFilters) {
-        self.filters = filters;
-        self.power = BandPower::REST;
-        self.settling_hops = SETTLING_HOPS;
+        if filters != self.filters {
+            self.filters = filters;
+            self.power = BandPower::REST;
+            self.settling_hops = SETTLING_HOPS + u8::from(self.steps > 0);
+        }
     }
 
     /// Adds a step; returns the features if the step completes a hop and there are filters.

@@ -33,14 +33,21 @@ const TO_QUARTERS: i32 = {
 #[expect(clippy::cast_possible_truncation, reason = "some ten thousands")]
 const FROM_QUARTERS: i64 = (UNIT_NV / FILTERED_NV * 256.0 + 0.5) as i64;
 
-/// Returns filtered electrodes in quarters of a microvolt, saturated.
-pub(crate) fn quarters(electrodes: &Electrodes) -> Quarters {
+/// Returns a function that converts a filtered electrode to quarters of a microvolt, saturated.
+#[inline]
+fn to_quarters() -> impl Fn(i32) -> i16 {
     // The compiler replaces a multiplication by a known constant by several instructions; this one
     // is a single SMMULR.
     let factor = core::hint::black_box(TO_QUARTERS);
+    move |x| saturated(requantise(x, factor))
+}
+
+/// Returns filtered electrodes in quarters of a microvolt, saturated.
+pub(crate) fn quarters(electrodes: &Electrodes) -> Quarters {
+    let to_quarters = to_quarters();
     let mut quarters = [0; _];
     for (quarters, &x) in quarters.iter_mut().zip(electrodes) {
-        *quarters = saturated(requantise(x, factor));
+        *quarters = to_quarters(x);
     }
     quarters
 }
@@ -56,14 +63,13 @@ pub(crate) fn filtered(quarters: i16) -> i32 {
 /// beyond the electrodes are unchanged.
 #[inline]
 pub(crate) fn write_quarters(electrodes: &Electrodes, pairs: &mut [Pair; ELECTRODE_PAIRS]) {
-    let factor = core::hint::black_box(TO_QUARTERS);
-    let quarter = |x: i32| saturated(requantise(x, factor));
+    let to_quarters = to_quarters();
     let (two, last) = electrodes.as_chunks::<2>();
     for (pair, two) in pairs.iter_mut().zip(two) {
-        *pair = Pair::new(two.map(quarter));
+        *pair = Pair::new(two.map(&to_quarters));
     }
     if let (Some(pair), [last]) = (pairs.get_mut(two.len()), last) {
-        *pair = Pair::new([quarter(*last), 0]);
+        *pair = Pair::new([to_quarters(*last), 0]);
     }
 }
 

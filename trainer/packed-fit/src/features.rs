@@ -33,7 +33,7 @@ pub fn levels(track: &Track, classifier: &Classifier) -> Vec<Vec<u8>> {
             let signals = std::array::from_fn(|filter| {
                 (filters.get(filter)).map_or(0, |filter| signal(&filter.weights))
             });
-            power.add_samples(&band, &signals);
+            power.add_block(&band, &[signals], filters.len());
         }
         power.take_levels(filters.len())[..filters.len()].to_vec()
     });

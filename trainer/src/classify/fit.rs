@@ -18,7 +18,7 @@ const FILTERS: usize = 6;
 const SHRINKAGE: f64 = 0.01;
 /// Least number of trials of a class.
 const LEAST_TRIALS: usize = 10;
-/// Largest value of a Q32 coefficient divided by its value.
+/// Factor from a coefficient to Q32.
 const Q32: f64 = 4_294_967_296.0;
 
 /// What is fitted: the classes, and the shape of trials and filters.
@@ -129,7 +129,7 @@ impl Plan {
     pub(super) fn windows(&self, seconds: f64, hops: usize) -> Option<Vec<Range<usize>>> {
         let first = ((seconds + self.trial_s[0]) / self.hop_s()).round();
         let first = (first >= 0.0).then(|| whole(first))?;
-        if first + self.trial_hops > hops {
+        if first.saturating_add(self.trial_hops) > hops {
             return None;
         }
         let window = self.empty.decision.window_hops as usize;

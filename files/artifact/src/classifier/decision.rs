@@ -17,8 +17,9 @@ pub fn energy(level: u8) -> f64 {
 #[derive(Clone, Debug)]
 pub struct Decision {
     rule: DecisionRule,
-    /// Energies of the newest hops, oldest first, at most as many as the window has.
-    hops: VecDeque<Vec<f64>>,
+    /// Energies of the newest hops, oldest first, at most as many as the window has; `None` for a
+    /// hop without usable features.
+    hops: VecDeque<Option<Vec<f64>>>,
     /// The newest probabilities.
     probabilities: Vec<f32>,
 }
@@ -28,7 +29,7 @@ pub struct Decision {
 pub struct Prediction {
     /// Probability of each class, in the order of [`DecisionRule::classes`]; they sum to 1.
     pub probabilities: Vec<f32>,
-    /// Whether the window has as many hops as the classifier was trained with.
+    /// Whether the window is full, and at least half of its hops had usable features.
     pub is_settled: bool,
 }
 
@@ -58,28 +59,39 @@ impl Decision {
     /// Adds the levels of a hop, one for each filter, and returns the decision. Of another number
     /// of levels, those in excess or lacking are left out.
     pub fn add_hop(&mut self, levels: &[u8]) -> Prediction {
-        let window = self.rule.window_hops as usize;
-        while self.hops.len() >= window {
-            self.hops.pop_front();
-        }
         let energies = levels.iter().map(|&level| energy(level));
-        self.hops.push_back(energies.collect());
+        self.push(Some(energies.collect()));
+        let usable = self.hops.iter().flatten();
+        let count = usable.clone().count();
         #[expect(clippy::cast_precision_loss, reason = "a window has some hops")]
-        let count = self.hops.len() as f64;
         let features = (0..levels.len()).map(|feature| {
-            let energies = self.hops.iter().filter_map(|hop| hop.get(feature));
-            (energies.sum::<f64>() / count).ln()
+            let energies = usable.clone().filter_map(|hop| hop.get(feature));
+            (energies.sum::<f64>() / count as f64).ln()
         });
-        self.probabilities = self.rule.probabilities(&features.collect::<Vec<_>>());
-        self.newest()
-    }
-
-    /// Returns the newest decision again, for a hop whose features are missing or not usable.
-    pub fn newest(&self) -> Prediction {
+        let features: Vec<f64> = features.collect();
+        self.probabilities = self.rule.probabilities(&features);
+        let window = self.rule.window_hops as usize;
         Prediction {
             probabilities: self.probabilities.clone(),
-            is_settled: self.hops.len() >= self.rule.window_hops as usize,
+            is_settled: self.hops.len() == window && 2 * count >= window,
         }
+    }
+
+    /// Adds a hop whose features are missing or not usable. The probabilities stay.
+    pub fn skip_hop(&mut self) {
+        self.push(None);
+    }
+
+    /// Returns the newest probability of each class.
+    pub fn probabilities(&self) -> &[f32] {
+        &self.probabilities
+    }
+
+    fn push(&mut self, hop: Option<Vec<f64>>) {
+        while self.hops.len() >= self.rule.window_hops as usize {
+            self.hops.pop_front();
+        }
+        self.hops.push_back(hop);
     }
 }
 

@@ -105,11 +105,7 @@ fn numbers_out_of_range_are_refused_by_the_name_of_their_field() {
 #[test]
 fn a_decision_is_the_softmax_of_the_mean_energy_over_the_window() {
     let mut decision = Decision::new(&classifier());
-    let prediction = decision.newest();
-    assert_eq!(
-        (prediction.probabilities, prediction.is_settled),
-        (vec![0.5, 0.5], false)
-    );
+    assert_eq!(decision.probabilities(), [0.5, 0.5]);
     // Level 80 is the energy 2^20, at which both classes are equally probable.
     assert!((decision.add_hop(&[80]).probabilities[1] - 0.5).abs() < 1e-6);
     // The mean of 2^20 and 2^22 is 2.5 times 2^20: odds of 2.5.
@@ -117,9 +113,25 @@ fn a_decision_is_the_softmax_of_the_mean_energy_over_the_window() {
     assert!((prediction.probabilities[1] - 2.5 / 3.5).abs() < 1e-6);
     assert!(prediction.is_settled);
     assert_eq!(prediction.class(), 1);
-    assert_eq!(decision.newest(), prediction);
     // The first hop has left the window of two: 2^22 twice, odds of 4.
     assert!((decision.add_hop(&[96]).probabilities[1] - 0.8).abs() < 1e-6);
+}
+
+#[test]
+fn after_a_gap_the_window_is_settled_once_half_of_it_is_usable() {
+    let mut classifier = classifier();
+    classifier.decision.window_hops = 4;
+    let mut decision = Decision::new(&classifier);
+    let settled = (0..4)
+        .map(|_| decision.add_hop(&[96]).is_settled)
+        .collect::<Vec<_>>();
+    assert_eq!(settled, [false, false, false, true]);
+    (0..9).for_each(|_| decision.skip_hop());
+    // The probabilities are those before the gap; energies from before it are forgotten.
+    assert!((decision.probabilities()[1] - 0.8).abs() < 1e-6);
+    let prediction = decision.add_hop(&[80]);
+    assert!((prediction.probabilities[1] - 0.5).abs() < 1e-6);
+    assert!(!prediction.is_settled && decision.add_hop(&[80]).is_settled);
 }
 
 #[test]

@@ -9,6 +9,7 @@ use crate::exclusion;
 use crate::session::Session;
 use crate::settings::{AnnouncedStream, RawForm, StreamKind};
 use crate::streams::code::CodeStream;
+use crate::streams::features::FeatureStream;
 use crate::streams::ledger::SampleCounts;
 use crate::time::HostTime;
 
@@ -41,9 +42,7 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
         let report = &mut session.counts.packed_reported;
         status.extend(report.status(packed, now.monotonic_us));
     }
-    if let Some(features) = &session.features {
-        status.push(features.status());
-    }
+    status.extend(prediction_status(session));
     if let Some(line) = session.link_log.next_line(now.monotonic_us) {
         tracing::warn!("{line}");
     }
@@ -65,6 +64,21 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
         status.hardware_id.clone_from(&hardware);
     }
     DiagnosticArray { header, status }
+}
+
+/// Returns the status of the predictions; `None` without a classifier, and before a device has
+/// introduced itself.
+fn prediction_status(session: &Session) -> Option<DiagnosticStatus> {
+    session.classifier.as_ref()?;
+    session.codes.as_ref()?;
+    let unfit = || DiagnosticStatus {
+        level: DiagnosticLevel::Error,
+        name: "predictions".to_owned(),
+        message: "the classifier is for another montage or step rate than the device's".to_owned(),
+        ..DiagnosticStatus::default()
+    };
+    let features = session.features.as_ref();
+    Some(features.map_or_else(unfit, FeatureStream::status))
 }
 
 fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {

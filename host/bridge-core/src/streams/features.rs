@@ -15,16 +15,19 @@ use crate::settings::{FillerPolicy, Settings};
 use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
-/// Flags of hops whose features say nothing about the EEG: the decision before them stays.
-const UNUSABLE: [Flags; 3] = [Flags::SETTLING, Flags::SATURATED, Flags::OVERRUN];
+/// Flags of hops whose features say nothing about the EEG: the decision before them stays. So it
+/// does for a hop in which an electrode that a filter uses was at the rail.
+const UNUSABLE: [Flags; 3] = [Flags::SETTLING, Flags::OVERRUN, Flags::ADC_STATUS_BAD];
 
 /// Decides from features, and publishes a prediction for each hop, also for lost ones.
 ///
-/// Sequence numbers and counts continue when the device restarts; the decision starts again.
+/// Sequence numbers, counts and the window of the decision continue when the device restarts.
 #[derive(Debug)]
 pub(crate) struct FeatureStream {
     pub(crate) timeline: HopTimeline,
     classifier: Arc<Classifier>,
+    /// Channels of the electrodes that a filter uses; bit n is channel n.
+    used: u64,
     decision: Decision,
     output: NeuroOutput,
     stamps: MonotoneStamps,
@@ -32,8 +35,20 @@ pub(crate) struct FeatureStream {
     foreign: u64,
     /// Number of hops whose features were not usable, with lost ones.
     repeated: u64,
-    /// Whether the newest prediction repeats the one before.
-    is_repeating: bool,
+    /// What has become of the newest features.
+    newest: Newest,
+}
+
+/// What has become of a device's newest features.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Newest {
+    /// None has arrived.
+    Missing,
+    /// They are of other filters than the classifier's.
+    Foreign,
+    /// They were lost or not usable: the prediction before them was repeated.
+    Unusable,
+    Used,
 }
 
 impl FeatureStream {
@@ -48,21 +63,21 @@ impl FeatureStream {
         };
         FeatureStream {
             timeline: HopTimeline::new("features", device, decoding, settings),
+            used: used_channels(&classifier),
             decision: Decision::new(&classifier),
             output: output(&classifier),
             classifier,
             stamps: MonotoneStamps::default(),
             foreign: 0,
             repeated: 0,
-            is_repeating: false,
+            newest: Newest::Missing,
         }
     }
 
-    /// Starts another run: the device counts hops from 0 again, and the window of the decision is
-    /// empty.
+    /// Starts another run: the device counts hops from 0 again.
     pub(crate) fn restart(&mut self) {
         self.timeline.restart();
-        self.decision = Decision::new(&self.classifier);
+        self.newest = Newest::Missing;
     }
 
     /// Ends the recording, because the user has stopped the stream. The pause is not filled.
@@ -74,20 +89,23 @@ impl FeatureStream {
     /// Returns the status for `/diagnostics`: how many hops have had no decision of their own.
     pub(crate) fn status(&self) -> DiagnosticStatus {
         let counts = self.timeline.counts();
-        let (level, message) = if self.foreign > 0 {
-            let message = "features of other filters arrive, which the classifier cannot use";
-            (DiagnosticLevel::Error, message.to_owned())
-        } else if self.is_repeating {
-            let message =
-                "the newest prediction is repeated: the hop was lost, or its signals were unusable";
-            (DiagnosticLevel::Warn, message.to_owned())
-        } else {
-            let classes = self.classifier.decision.classes.iter();
-            let classes: Vec<&str> = classes.map(|class| class.event.as_str()).collect();
-            (
-                DiagnosticLevel::Ok,
-                format!("decides between {}", classes.join(" and ")),
-            )
+        let classes = self.classifier.decision.classes.iter();
+        let classes: Vec<&str> = classes.map(|class| class.event.as_str()).collect();
+        let decides = format!("decides between {}", classes.join(" and "));
+        let (level, message) = match self.newest {
+            Newest::Missing => (
+                DiagnosticLevel::Warn,
+                "no features have arrived; the log says if the device has refused them",
+            ),
+            Newest::Foreign => (
+                DiagnosticLevel::Error,
+                "features of other filters arrive, which the classifier cannot use",
+            ),
+            Newest::Unusable => (
+                DiagnosticLevel::Warn,
+                "the newest prediction is repeated: the hop was lost, or its signals were unusable",
+            ),
+            Newest::Used => (DiagnosticLevel::Ok, decides.as_str()),
         };
         let values = [
             KeyValue::new("features lost", &counts.missing()),
@@ -98,7 +116,7 @@ impl FeatureStream {
         DiagnosticStatus {
             level,
             name: "predictions".to_owned(),
-            message,
+            message: message.to_owned(),
             hardware_id: String::new(),
             values: values.to_vec(),
         }
@@ -122,6 +140,7 @@ impl FeatureStream {
                 );
             }
             self.foreign += 1;
+            self.newest = Newest::Foreign;
             return;
         }
         if self.timeline.is_restart(features.hop) {
@@ -132,17 +151,23 @@ impl FeatureStream {
         let Some((missing, place)) = placed else {
             return;
         };
-        if self.timeline.settings.filler != FillerPolicy::Off {
+        let has_fillers = self.timeline.settings.filler != FillerPolicy::Off;
+        if has_fillers {
             self.timeline.count_fillers(missing.len());
-            for place in missing {
+        }
+        for place in missing {
+            if has_fillers {
                 self.repeat(place, Flags::FILLER, reception, effects);
+            } else {
+                self.decision.skip_hop();
             }
         }
-        if UNUSABLE.iter().any(|flag| features.flags.contains(*flag)) {
+        let is_railed = features.saturated & self.used != 0;
+        if is_railed || UNUSABLE.iter().any(|flag| features.flags.contains(*flag)) {
             return self.repeat(place, features.flags, reception, effects);
         }
         let prediction = self.decision.add_hop(features.levels);
-        self.is_repeating = false;
+        self.newest = Newest::Used;
         let class = prediction.is_settled.then(|| prediction.class());
         self.publish(place, features.flags, class, reception, effects);
     }
@@ -156,7 +181,8 @@ impl FeatureStream {
         effects: &mut dyn Effects,
     ) {
         self.repeated += 1;
-        self.is_repeating = true;
+        self.newest = Newest::Unusable;
+        self.decision.skip_hop();
         self.publish(place, flags, None, reception, effects);
     }
 
@@ -183,12 +209,22 @@ impl FeatureStream {
             .filter(|(flag, _)| flags.contains(*flag));
         let names: Vec<&str> = set.map(|(_, name)| *name).collect();
         output.header.frame_id = names.join(" ");
-        output.softpredict.data = self.decision.newest().probabilities;
+        let probabilities = self.decision.probabilities();
+        output.softpredict.data.copy_from_slice(probabilities);
         for (index, chosen) in output.hardpredict.data.iter_mut().enumerate() {
             *chosen = i32::from(class == Some(index));
         }
         effects.publish_prediction(output);
     }
+}
+
+/// Returns the channels of the electrodes that have a weight in a filter.
+fn used_channels(classifier: &Classifier) -> u64 {
+    let weights = classifier.filters.iter().map(|filter| {
+        let used = filter.weights.iter().enumerate().filter(|(_, w)| **w != 0);
+        used.fold(0, |mask, (electrode, _)| mask | 1 << electrode)
+    });
+    weights.fold(0, |all, mask: u64| all | mask)
 }
 
 /// Returns the message of a classifier, without a prediction.

@@ -58,23 +58,20 @@ impl WantedStreams {
 }
 
 /// Returns the sets of streams to ask the device for, best first: each choice of encoders with each
-/// choice of samples, then codes alone, because firmware before 0.2 has no other stream. Then come
-/// packed blocks in place of codes, for a device without the network. All of them are tried
-/// without features last, which older firmware lacks.
+/// choice of samples, and the same without features, which older firmware lacks. Then codes alone,
+/// because firmware before 0.2 has no other stream. Last come packed blocks in place of codes, for a
+/// device without the network.
 fn choices(wanted: Streams) -> Vec<Streams> {
-    let mut choices = choices_of_signals(wanted);
-    if wanted.contains(Streams::FEATURES) {
-        let others = with_codes(wanted.without(Streams::FEATURES));
-        choices.extend(choices_of_signals(others));
-    }
-    choices
-}
-
-fn choices_of_signals(wanted: Streams) -> Vec<Streams> {
-    let with_encoders = encoder_choices(wanted).into_iter().flat_map(sample_choices);
-    let without_network = sample_choices(wanted.without(Streams::CODES) | Streams::PACKED);
+    let without_features = with_codes(wanted.without(Streams::FEATURES));
+    let both = [wanted, without_features];
+    let with_encoders = both.into_iter().flat_map(encoder_choices);
+    let without_network = both.map(|wanted| wanted.without(Streams::CODES) | Streams::PACKED);
     let mut choices = Vec::new();
-    for streams in with_encoders.chain([Streams::CODES]).chain(without_network) {
+    for streams in with_encoders
+        .flat_map(sample_choices)
+        .chain([Streams::CODES])
+        .chain(without_network.into_iter().flat_map(sample_choices))
+    {
         if !choices.contains(&streams) {
             choices.push(streams);
         }

@@ -51,6 +51,7 @@ struct Loop {
     harness: Harness,
     id: u32,
     hop: u32,
+    saturated: u64,
 }
 
 impl Loop {
@@ -65,6 +66,7 @@ impl Loop {
             harness,
             id,
             hop: 0,
+            saturated: 0,
         }
     }
 
@@ -75,7 +77,7 @@ impl Loop {
             id: self.id,
             hop: self.hop,
             flags,
-            saturated: 0,
+            saturated: self.saturated,
             levels: &[level],
         };
         let at_us = self.harness.now_us.unsigned_abs();
@@ -125,21 +127,29 @@ fn the_device_is_given_the_filters_before_it_streams_and_after_each_restart() {
 fn each_hop_has_a_prediction_and_lost_or_unusable_ones_repeat_the_last() {
     let mut bridge = Loop::new();
     bridge.hop(200, Flags::SETTLING);
-    bridge.hop(80, Flags::empty());
+    bridge.hop(72, Flags::empty());
     bridge.hop(96, Flags::empty());
     bridge.lose(2);
-    bridge.hop(0, Flags::SATURATED);
+    bridge.hop(0, Flags::OVERRUN);
+    // A channel without an electrode is at the rail.
+    bridge.saturated = 1 << 63;
     bridge.hop(96, Flags::SUBSTITUTED);
-    // The mean of the energies 2^20 and 2^22 has odds of 2.5, twice 2^22 has odds of 4.
-    let (both, high) = (2.5 / 3.5, 0.8);
+    bridge.saturated = 1;
+    bridge.hop(0, Flags::SATURATED);
+    bridge.saturated = 0;
+    bridge.hop(96, Flags::empty());
+    // The energy 2^19 has odds of 1/2, the mean of it and 2^22 of 2.25, and 2^22 of 4.
+    let (low, both, high) = (1.0 / 3.0, 2.25 / 3.25, 0.8);
     let expected = [
         (0.5, None, "settling"),
-        (0.5, None, ""),
+        (low, Some(0), ""),
         (both, Some(1), ""),
         (both, None, "filler"),
         (both, None, "filler"),
-        (both, None, "saturated"),
+        (both, None, "overrun"),
         (high, Some(1), "substituted"),
+        (high, None, "saturated"),
+        (high, Some(1), ""),
     ];
     let made = bridge.predictions();
     assert_eq!(made.len(), expected.len(), "{made:?}");
@@ -179,21 +189,29 @@ fn a_classifier_of_another_montage_decides_nothing() {
     let mut harness = Harness::new(FEATURES, board);
     harness.core.set_classifier(other);
     harness.connect();
-    assert!(harness.status("predictions").is_none());
+    let status = harness.status("predictions").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Error);
+    assert!(harness.recorder.predictions.is_empty());
 }
 
 #[test]
-fn firmware_without_features_streams_codes_instead() {
+fn firmware_without_features_streams_everything_else() {
+    let others = Streams::CODES | Streams::RAW | Streams::PACKED;
     let board = Board {
-        supported: Streams::CODES | Streams::EVENTS,
+        supported: Streams::ALL.without(Streams::FEATURES),
         ..Board::new()
     };
     let classifier = classifier(&board);
-    let mut harness = Harness::new(FEATURES, board);
+    let settings = Settings {
+        streams: others | Streams::FEATURES,
+        ..SETTINGS
+    };
+    let mut harness = Harness::new(settings, board);
     harness.core.set_classifier(classifier);
     harness.connect();
     harness.codes(3, 1);
     assert_eq!(harness.recorder.encoded.len(), 3);
+    assert_eq!(harness.board.streams, others);
     let (level, _) = state(&harness.status("device").unwrap());
     assert_eq!(level, DiagnosticLevel::Warn);
 }

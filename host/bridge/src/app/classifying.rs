@@ -26,9 +26,9 @@ pub struct ClassifierOptions {
         value_name = "NAME"
     )]
     pub(crate) prediction_topic: String,
-    /// Seconds over which the band powers are averaged before each decision [default: those that
-    /// the classifier was trained with]
-    #[arg(long, help_heading = HEADING, env = "CORTICODE_PREDICTION_WINDOW", value_name = "SECONDS", value_parser = seconds)]
+    /// Seconds over which the band powers are averaged before each decision, in place of those that
+    /// the classifier was trained with, for which alone its figures hold
+    #[arg(long, help_heading = HEADING, env = "CORTICODE_PREDICTION_WINDOW", value_name = "SECONDS", requires = "classifier", value_parser = seconds)]
     pub(crate) prediction_window: Option<f64>,
 }
 
@@ -64,7 +64,8 @@ impl ClassifierOptions {
         let Some(path) = &self.classifier else {
             return Ok(None);
         };
-        let mut classifier = Classifier::read(path).map_err(BridgeError::Classifier)?;
+        let mut classifier = Classifier::read(path)
+            .map_err(|source| BridgeError::Classifier(path.clone(), source))?;
         if let Some(seconds) = self.prediction_window {
             let hops_per_s = f64::from(classifier.step_rate_hz) / f64::from(classifier.hop_steps);
             #[expect(

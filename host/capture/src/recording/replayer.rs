@@ -217,6 +217,7 @@ impl<R: Read + Seek> Replayer<R> {
             Streams::COMPRESSED_RAW,
             Streams::FILTERED,
             Streams::PACKED,
+            Streams::FEATURES,
         ];
         let is_missing =
             |stream: Streams| start.streams.contains(stream) && !recorded.contains(stream);

@@ -2,8 +2,12 @@
 
 use std::io::Cursor;
 
+use artifact::classifier::Classifier;
 use neuro_ros::{Header, NeuroDataFloat, NeuroDataInfo, NeuroFrame, NeuroHeader, Stamp};
-use pipeline::{Mains, Pipeline, Sample};
+use pipeline::{
+    ExclusionPolicy, FeatureExtractor, FeatureFilters, Features, Mains, Pipeline, Sample,
+    Substitution,
+};
 use recordings::{
     AdcSpec, FileToWrite, GdfWriter, Missing, MontageMap, Recording, SignalToWrite, VirtualAdc,
 };
@@ -78,6 +82,34 @@ impl Acquisition {
 
     /// Returns the dequantised codes that host-sim makes of a recording of `frames` frames.
     pub(crate) fn codes_of_recording(&self, frames: u32, mains: Mains) -> Vec<Vec<f32>> {
+        let mut pipeline = Pipeline::new(mains);
+        let samples = self.samples_of_recording(frames);
+        let codes = samples.filter_map(|sample| pipeline.encode_sample(&sample));
+        codes.map(|code| dequantised(&code.values)).collect()
+    }
+
+    /// Returns the features of a recording of the first `frames` frames, at 50 Hz mains.
+    pub(crate) fn features(&self, frames: u32, classifier: &Classifier) -> Vec<Features> {
+        let weights = classifier.weight_bytes();
+        let filters = FeatureFilters::new(classifier.id(), classifier.band.sections, &weights);
+        let mut extractor = FeatureExtractor::NEW;
+        extractor.set_filters(filters.unwrap());
+        let mut acquisition = Box::new(pipeline::Acquisition::new(Mains::Hz50));
+        let mut substitution = Box::new(Substitution::NEW);
+        let samples = self.samples_of_recording(frames);
+        let made = samples.filter_map(|sample| {
+            substitution.observe_sample(&sample);
+            let mut step = acquisition.process_sample(&sample)?;
+            if let Some(table) = &model::SUBSTITUTION {
+                substitution.fill_step(&mut step, ExclusionPolicy::AUTOMATIC, table);
+            }
+            extractor.add_step(&step)
+        });
+        made.collect()
+    }
+
+    /// Returns the samples that host-sim reads from a recording of the first `frames` frames.
+    fn samples_of_recording(&self, frames: u32) -> impl Iterator<Item = Sample> {
         let signal = |label: &String| SignalToWrite {
             label: label.clone(),
             is_microvolt: true,
@@ -104,16 +136,14 @@ impl Acquisition {
             rate_hz: model::ADC_RATE_HZ.into(),
             lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
         };
-        let mut pipeline = Pipeline::new(mains);
         let samples = VirtualAdc::new(recording, &map, spec).unwrap();
-        let codes = samples.filter_map(|counts| {
+        samples.map(|counts| {
             // The virtual ADC can have more channels than a sample. Leave out the excess channels.
             let counts = counts.unwrap();
-            pipeline.encode_sample(&Sample {
+            Sample {
                 counts: std::array::from_fn(|channel| counts[channel]),
-            })
-        });
-        codes.map(|code| dequantised(&code.values)).collect()
+            }
+        })
     }
 }
 

@@ -1,5 +1,7 @@
 //! Codes of the acquisition's frames are bit for bit those of host-sim.
 
+use any_model::any_classifier;
+use artifact::classifier::Decision;
 use bridge_core::Model;
 use neuro_ros::DiagnosticLevel;
 use pipeline::Mains;
@@ -44,6 +46,38 @@ fn codes_of_frames_at_the_rate_of_the_adc_are_those_of_a_recording() {
     for samples in [32, 1, 7, 64, 512] {
         equals_recording(&Acquisition::new(model::ADC_RATE_HZ, samples), 8);
     }
+}
+
+/// A prediction is computed from the same steps as a code, and comes with the frame that completes
+/// its hop.
+#[test]
+fn each_hop_of_frames_has_the_prediction_of_the_pipeline_s_features() {
+    let classifier = any_classifier(model::LABELS.split(' '));
+    let acquisition = Acquisition::new(model::ADC_RATE_HZ, 32);
+    let first = acquisition.frame(0);
+    let mut harness = Harness::with_classifier(&first, Some(classifier.clone()));
+    let frames = 16 * 12;
+    harness.receive_all(&acquisition, 1..frames);
+    let made = &harness.recorder.predictions;
+    // The last frame ends with the last step of a hop but three samples.
+    let hops = usize::try_from(frames).unwrap();
+    assert_eq!(made.len(), hops);
+    let mut decision = Decision::new(&classifier);
+    let mut chosen = 0;
+    for (features, output) in acquisition.features(frames, &classifier).iter().zip(made) {
+        let class = if features.settling {
+            decision.skip_hop();
+            None
+        } else {
+            let prediction = decision.add_hop(features.levels());
+            prediction.is_settled.then(|| prediction.class())
+        };
+        assert_eq!(output.softpredict.data, decision.probabilities());
+        let expected = [0, 1].map(|of| i32::from(class == Some(of)));
+        assert_eq!(output.hardpredict.data, expected);
+        chosen += usize::from(class.is_some());
+    }
+    assert!(chosen > 16, "{chosen}");
 }
 
 #[test]

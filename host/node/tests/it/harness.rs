@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use artifact::classifier::Classifier;
 use bridge_core::{Announcement, AuditedWindow, Core, Effects, HostTime, Model, Settings};
 use link::{Flags, Streams};
-use neuro_ros::{DiagnosticStatus, NeuroFrame};
+use neuro_ros::{DiagnosticStatus, NeuroFrame, NeuroOutput};
 use node::{Arrival, Refusal, Source};
 use pipeline::Mains;
 
@@ -22,6 +23,7 @@ pub(crate) struct Recorder {
     sent: Vec<u8>,
     pub(crate) announced: Vec<Announcement>,
     pub(crate) encoded: Vec<NeuroFrame>,
+    pub(crate) predictions: Vec<NeuroOutput>,
 }
 
 impl Effects for Recorder {
@@ -35,6 +37,10 @@ impl Effects for Recorder {
 
     fn publish_encoded(&mut self, frame: &NeuroFrame) {
         self.encoded.push(frame.clone());
+    }
+
+    fn publish_prediction(&mut self, prediction: &NeuroOutput) {
+        self.predictions.push(prediction.clone());
     }
 
     fn audit(&mut self, window: AuditedWindow) {
@@ -53,9 +59,15 @@ pub(crate) struct Harness {
 impl Harness {
     /// Connects the core to a new source, and encodes `first`, the first frame.
     pub(crate) fn new(first: &NeuroFrame) -> Harness {
+        Harness::with_classifier(first, None)
+    }
+
+    /// As [`Self::new`], for a core that decides with a classifier.
+    pub(crate) fn with_classifier(first: &NeuroFrame, classifier: Option<Classifier>) -> Harness {
+        let features = classifier.as_ref().map(|_| Streams::FEATURES);
         let settings = Settings {
             mains_hz: 50,
-            streams: Streams::CODES | Streams::AUDIT,
+            streams: Streams::CODES | Streams::AUDIT | features.unwrap_or_default(),
             ..Settings::default()
         };
         let model = Arc::new(Model::embedded().unwrap());
@@ -65,6 +77,9 @@ impl Harness {
             recorder: Recorder::default(),
             now: START,
         };
+        if let Some(classifier) = classifier {
+            harness.core.set_classifier(classifier);
+        }
         harness.core.connected(START, &mut harness.recorder);
         harness.exchange();
         assert!(harness.source.is_streaming());

@@ -7,11 +7,10 @@ use std::time::Duration;
 use acceptance::chain::Chain;
 use acceptance::process::Process;
 use acceptance::{ros, workspace};
-use artifact::classifier::{
-    Band, Class, Classifier, ClassifierTraining, Decision, DecisionRule, SpatialFilter,
-};
+use any_model::any_classifier;
+use artifact::classifier::{Classifier, Decision};
 use host_sim::synthetic::{Generator, SyntheticSpec};
-use model::{ADC_RATE_HZ, ELECTRODES, HOP, MAINS_50, STEP_RATE_HZ, SUBSTITUTION};
+use model::{ADC_RATE_HZ, HOP, MAINS_50, STEP_RATE_HZ, SUBSTITUTION};
 use pipeline::{
     Acquisition, ExclusionPolicy, FeatureExtractor, FeatureFilters, Features, Mains, Sample,
     Substitution,
@@ -34,42 +33,6 @@ struct Printed {
     soft: Vec<f64>,
     hard: Vec<i32>,
     classes: Vec<i32>,
-}
-
-/// Returns a classifier of alpha at the front and at the back of the head, which no data has
-/// trained.
-fn classifier() -> Classifier {
-    let class = |code, event: &str| Class {
-        code,
-        event: event.to_owned(),
-    };
-    let filter = |electrodes: std::ops::Range<usize>| SpatialFilter {
-        weights: (0..ELECTRODES)
-            .map(|e| if electrodes.contains(&e) { 60 } else { -15 })
-            .collect(),
-        pattern: vec![0.0; ELECTRODES],
-    };
-    Classifier {
-        format: 1,
-        electrodes: model::LABELS.split(' ').map(str::to_owned).collect(),
-        step_rate_hz: STEP_RATE_HZ,
-        hop_steps: u8::try_from(HOP).expect("a few steps"),
-        band: Band {
-            hz: [8.0, 30.0],
-            sections: [
-                [1_732_880_386, 6_412_710_145, -2_805_971_273],
-                [1_732_880_386, 1_285_160_498, -1_524_016_507],
-            ],
-        },
-        decision: DecisionRule {
-            classes: vec![class(773, "front"), class(771, "back")],
-            window_hops: 16,
-            weights: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
-            bias: vec![0.0; 2],
-        },
-        filters: vec![filter(0..17), filter(44..ELECTRODES)],
-        training: ClassifierTraining::default(),
-    }
 }
 
 /// Returns the features that the pipeline computes from the board's synthetic EEG.
@@ -116,7 +79,7 @@ fn an_integrator_gets_the_predictions_that_the_library_computes() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
-    let classifier = classifier();
+    let classifier = any_classifier(model::LABELS.split(' '));
     let file = folder.path().join("classifier.toml");
     let text = classifier.to_toml().expect("finite numbers");
     std::fs::write(&file, text).expect("a free disk");
@@ -140,23 +103,23 @@ fn an_integrator_gets_the_predictions_that_the_library_computes() {
     let mut decision = Decision::new(&classifier);
     let mut chosen = 0;
     for ((number, printed), features) in (1..).zip(&printed).zip(&features) {
-        let prediction = if features.settling {
-            decision.newest()
+        let class = if features.settling {
+            decision.skip_hop();
+            None
         } else {
-            decision.add_hop(features.levels())
+            let prediction = decision.add_hop(features.levels());
+            prediction.is_settled.then(|| prediction.class())
         };
         assert_eq!(
             (printed.seq, &printed.classes[..]),
             (number, &[773, 771][..])
         );
         assert_eq!(printed.flags.contains("settling"), features.settling);
-        for (soft, probability) in printed.soft.iter().zip(&prediction.probabilities) {
+        for (soft, probability) in printed.soft.iter().zip(decision.probabilities()) {
             assert!((soft - f64::from(*probability)).abs() < 1e-6, "{printed:?}");
         }
-        let is_chosen = prediction.is_settled && !features.settling;
-        let expected = [0, 1].map(|class| i32::from(is_chosen && prediction.class() == class));
-        assert_eq!(printed.hard, expected);
-        chosen += usize::from(is_chosen);
+        assert_eq!(printed.hard, [0, 1].map(|of| i32::from(class == Some(of))));
+        chosen += usize::from(class.is_some());
     }
     assert!(chosen > 16, "{chosen} hops with a chosen class");
 
