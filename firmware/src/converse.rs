@@ -14,7 +14,13 @@ use embassy_time::{Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 use link::{ResetInto, Stage, Start};
 
-use crate::{deadlines, memory::Frames, queues::OutputReceiver, shared::Shared, stack::Stack};
+use crate::{
+    deadlines,
+    memory::Frames,
+    queues::OutputReceiver,
+    shared::{FILTERS, Shared},
+    stack::Stack,
+};
 
 /// Largest number of bytes read from the port in one call: one bulk packet of full-speed USB.
 const PACKET: usize = 64;
@@ -133,7 +139,7 @@ impl Conversation<'_, '_> {
             order => self.shared.send_order(order),
         });
         if let Some(filters) = session.take_filters() {
-            self.shared.filters.signal(filters);
+            FILTERS.signal(filters);
         }
         restart
     }

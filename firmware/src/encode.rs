@@ -8,7 +8,7 @@ use model::SUBSTITUTION;
 
 use crate::{
     queues::{OutputSender, SampleReceiver},
-    shared::Shared,
+    shared::{FILTERS, Shared},
 };
 
 /// Runs the encoder: produces, from the queued samples, every output that the host has requested.
@@ -39,7 +39,7 @@ pub async fn encode(
         {
             producer.set_exclusion(policy);
         }
-        if let Some(filters) = shared.filters.try_take() {
+        if let Some(filters) = FILTERS.try_take() {
             producer.set_filters(filters);
         }
         // Events up to the time of a sample are queued before the outputs of this sample. The first

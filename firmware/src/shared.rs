@@ -17,6 +17,10 @@ use crate::{
 
 const DEFAULT_RATE: Rate = PackedEncoder::DEFAULT_RATE;
 
+/// Filters of the features that the host has set, for the encoder. Not a part of [`Shared`], all of
+/// which takes flash for its initial values: this static is all zeros at first.
+pub(crate) static FILTERS: Signal<RawMutex, FeatureFilters> = Signal::new();
+
 /// Shared state of the tasks; a board declares one static of this type. Only the acquisition writes
 /// the counts that [`counts`](Self::counts) returns.
 pub struct Shared {
@@ -35,8 +39,6 @@ pub struct Shared {
     rate: AtomicU8,
     /// What the host has decided about the exclusion of electrodes, for the encoder.
     pub(crate) exclusion: Signal<RawMutex, ExclusionPolicy>,
-    /// Filters of the features that the host has set, for the encoder.
-    pub(crate) filters: Signal<RawMutex, FeatureFilters>,
     /// Memory for a packed model that the host uploads, if the board has some.
     pub slot: SharedSlot,
     /// Captured events at the board's inputs, for the encoder.
@@ -62,7 +64,6 @@ impl Shared {
             outputs_lost: AtomicU32::new(0),
             rate: AtomicU8::new(DEFAULT_RATE.index()),
             exclusion: Signal::new(),
-            filters: Signal::new(),
             slot: SharedSlot::new(),
             inputs: Inputs::new(),
             converter_status: Signal::new(),

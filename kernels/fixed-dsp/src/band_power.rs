@@ -1,6 +1,10 @@
 //! Band power of several signals, as logarithms in one byte each.
 
-use crate::cascade::{Cascade, CascadeState};
+use crate::{
+    cascade::{Cascade, CascadeState},
+    coefficient::Coefficient,
+    section::Section,
+};
 
 /// Number of sections of the band-pass: a Butterworth band-pass of order 2 at each edge.
 pub const BAND_SECTIONS: usize = 2;
@@ -9,6 +13,29 @@ pub const BAND_SECTIONS: usize = 2;
 pub const LEVELS_PER_OCTAVE: u32 = 8;
 /// Level of the power 1. Level 0 is a power of 2^10 or less, level 255 one of 2^41.9 or more.
 pub const LEVEL_OF_ONE: i32 = -80;
+
+/// Section `y0 = gain (x0 - x2) + a1 y1 + a2 y2` of a band-pass: [`Section::BandPass`] as the only
+/// type, so that the code of no other type is needed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BandPass {
+    /// Factor of the input term `x0 - x2`.
+    pub gain: Coefficient,
+    /// Factor of the previous output, `y1`.
+    pub a1: Coefficient,
+    /// Factor of the output before the previous one, `y2`.
+    pub a2: Coefficient,
+}
+
+impl BandPass {
+    /// Creates a section from gain, a1 and a2, Q32; each magnitude must be below 2^62.
+    pub const fn from_q32([gain, a1, a2]: [i64; 3]) -> Self {
+        Self {
+            gain: Coefficient::from_q32(gain),
+            a1: Coefficient::from_q32(a1),
+            a2: Coefficient::from_q32(a2),
+        }
+    }
+}
 
 /// Filters and energies of `N` signals, which share one band-pass.
 ///
@@ -35,10 +62,13 @@ impl<const N: usize> BandPower<N> {
     #[inline]
     pub fn add_block<const B: usize>(
         &mut self,
-        band: &Cascade<BAND_SECTIONS>,
+        band: &[BandPass; BAND_SECTIONS],
         samples: &[[i32; N]; B],
         signals: usize,
     ) {
+        let band = Cascade {
+            sections: band.map(|BandPass { gain, a1, a2 }| Section::BandPass { gain, a1, a2 }),
+        };
         let fractions = band.fractions();
         let states = self.states.iter_mut().zip(&mut self.energies);
         for (signal, (state, energy)) in states.enumerate().take(signals) {
@@ -98,7 +128,6 @@ pub fn level(power: u64) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{coefficient::Coefficient, section::Section};
 
     #[test]
     fn a_level_is_the_rounded_logarithm_of_the_power() {
@@ -118,14 +147,7 @@ mod tests {
     #[test]
     fn each_signal_has_its_own_energy_and_a_new_part_starts_at_zero() {
         // y0 = x0 - x2: twice the input at a quarter of the sampling rate, nothing at DC.
-        let section = Section::BandPass {
-            gain: Coefficient::ONE,
-            a1: Coefficient::nearest(0.0),
-            a2: Coefficient::nearest(0.0),
-        };
-        let band = Cascade {
-            sections: [section; 2],
-        };
+        let band = [BandPass::from_q32([1 << 32, 0, 0]); 2];
         let mut powers = BandPower::REST;
         let alternating = [1_000, 0, -1_000, 0];
         for n in 0..8 {

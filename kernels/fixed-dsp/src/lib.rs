@@ -47,7 +47,7 @@ mod filter;
 mod resampler;
 mod section;
 
-pub use band_power::{BAND_SECTIONS, BandPower, LEVEL_OF_ONE, LEVELS_PER_OCTAVE, level};
+pub use band_power::{BAND_SECTIONS, BandPass, BandPower, LEVEL_OF_ONE, LEVELS_PER_OCTAVE, level};
 pub use cascade::{Cascade, CascadeState, MAX_SECTIONS};
 pub use coefficient::Coefficient;
 pub use filter::{BLOCK, Compiled, Design, Filter};

@@ -1,6 +1,6 @@
 //! Band powers of spatially filtered electrodes: what a decoder of the host decides from.
 
-use fixed_dsp::{BAND_SECTIONS, BandPower, Cascade, Coefficient, Section};
+use fixed_dsp::{BAND_SECTIONS, BandPass, BandPower};
 use int8_nn::{Linear, Pair};
 use model::{ELECTRODE_PAIRS, ELECTRODES, HOP, STEP_RATE_HZ};
 
@@ -38,7 +38,7 @@ const WEIGHT_PAIRS: usize = ELECTRODE_PAIRS * MAX_FEATURES / 2;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FeatureFilters {
     id: u32,
-    band: Cascade<BAND_SECTIONS>,
+    band: [BandPass; BAND_SECTIONS],
     /// Number of filters, at most [`MAX_FEATURES`].
     filters: u8,
     /// Weights of all filters, packed for [`Linear`]; 0 for those beyond the number of filters.
@@ -49,9 +49,7 @@ impl FeatureFilters {
     /// No filters: an extractor with them returns no features.
     pub const NONE: Self = Self {
         id: 0,
-        band: Cascade {
-            sections: [section([0; 3]); BAND_SECTIONS],
-        },
+        band: [BandPass::from_q32([0; 3]); BAND_SECTIONS],
         filters: 0,
         weights: [Pair::ZERO; WEIGHT_PAIRS],
     };
@@ -59,8 +57,8 @@ impl FeatureFilters {
     /// Creates filters; `None` if an argument is out of range.
     ///
     /// * `id`: number that the features repeat, so that the host knows whose they are.
-    /// * `sections`: the band-pass at the step rate as two [`Section::BandPass`]: gain, a1, a2 of
-    ///   each, Q32, at most 4.0. The host proves that no value of the filtered signals leaves 32
+    /// * `sections`: the band-pass at the step rate as two [`BandPass`] sections: gain, a1, a2
+    ///   of each, Q32, at most 4.0. The host proves that no value of the filtered signals leaves 32
     ///   bits; with any other coefficients, they wrap.
     /// * `weights`: for each filter, the weight of each electrode of the montage, int8 as bytes. 1
     ///   to [`MAX_FEATURES`] filters; no weight is -128, and the magnitudes of a filter sum to
@@ -98,9 +96,7 @@ impl FeatureFilters {
         );
         Some(Self {
             id,
-            band: Cascade {
-                sections: sections.map(section),
-            },
+            band: sections.map(BandPass::from_q32),
             filters: count,
             weights: packed,
         })
@@ -113,15 +109,6 @@ impl FeatureFilters {
             outputs: MAX_FEATURES,
             weights: &self.weights,
         }
-    }
-}
-
-/// Returns a section with these coefficients: gain, a1, a2, Q32.
-const fn section([gain, a1, a2]: [i64; 3]) -> Section {
-    Section::BandPass {
-        gain: Coefficient::from_q32(gain),
-        a1: Coefficient::from_q32(a1),
-        a2: Coefficient::from_q32(a2),
     }
 }
 

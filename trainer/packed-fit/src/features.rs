@@ -2,7 +2,7 @@
 
 use crate::track::Track;
 use artifact::classifier::{Classifier, MAX_FEATURES};
-use fixed_dsp::{BandPower, Cascade, Coefficient, Section};
+use fixed_dsp::{BandPass, BandPower};
 
 /// Range of an electrode in quarters of a microvolt, 13 bits.
 const QUARTERS: [f64; 2] = [-4_096.0, 4_095.0];
@@ -12,14 +12,7 @@ const QUARTERS: [f64; 2] = [-4_096.0, 4_095.0];
 ///
 /// The band-pass starts at rest. The recording must have the electrodes of the classifier.
 pub fn levels(track: &Track, classifier: &Classifier) -> Vec<Vec<u8>> {
-    let coefficient = Coefficient::from_q32;
-    let band = Cascade {
-        sections: (classifier.band.sections).map(|[gain, a1, a2]| Section::BandPass {
-            gain: coefficient(gain),
-            a1: coefficient(a1),
-            a2: coefficient(a2),
-        }),
-    };
+    let band = classifier.band.sections.map(BandPass::from_q32);
     let filters = &classifier.filters;
     let mut power = BandPower::<MAX_FEATURES>::REST;
     let hops = (track.values).chunks_exact(track.electrodes * usize::from(classifier.hop_steps));
