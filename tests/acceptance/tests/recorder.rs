@@ -30,6 +30,8 @@ use rustix::process::Signal;
 
 /// Sampling rate of the recording, Hz.
 const RATE: f64 = 512.0;
+/// Number of samples in a frame of `/neurodata`.
+const FRAME: usize = 32;
 /// Largest permitted error of an event's time in the recording, seconds. On a busy machine, the
 /// first frame reaches the recorder late by up to this time, which shifts all events.
 const TOLERANCE_S: f64 = 0.03;
@@ -195,12 +197,14 @@ impl Recorded {
     fn largest_error_s(&self) -> f64 {
         for (sample, frame) in self.frames.iter().enumerate() {
             let since_start = frame - self.frames[0];
-            assert_eq!(since_start as usize, sample / 32, "sample {sample}");
+            assert_eq!(since_start as usize, sample / FRAME, "sample {sample}");
         }
         let pairs = self.trigger.windows(2).enumerate();
         let rises = pairs
             .filter(|(_, pair)| *pair == [0, 1])
-            .map(|(sample, _)| sample + 1);
+            .map(|(sample, _)| sample + 1)
+            // The event of an edge in the first frame came before the recording.
+            .filter(|sample| *sample >= FRAME);
         let errors = rises.map(|sample| {
             // The trigger input rose between the sample before and this one.
             let errors = self.rises.iter().map(|rise| rise - (sample as f64 - 0.5));
