@@ -15,8 +15,9 @@ const PROGRAMS: [&str; 2] = ["corticode-bridge", "corticode-node"];
 const NEXT: &str = "`apt-get install dpkg-dev binutils gzip`; then free space on the disk";
 /// Files in `packaging/`, each with its path in the package.
 #[rustfmt::skip]
-const FILES: [(&str, &str); 10] = [
+const FILES: [(&str, &str); 11] = [
     ("60-corticode.rules", "lib/udev/rules.d/60-corticode.rules"),
+    ("60-corticode.conf", "etc/security/limits.d/60-corticode.conf"),
     ("corticode-bridge.service", "lib/systemd/system/corticode-bridge.service"),
     ("bridge.toml", "etc/corticode/bridge.toml"),
     ("corticode-bridge.default", "etc/default/corticode-bridge"),

@@ -9,6 +9,8 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::realtime::{REMEDY, Refusal};
+
 /// Severity of what a check found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -141,6 +143,15 @@ pub(crate) fn check_clock(synchronised: Option<bool>) -> Check {
             "its synchronisation cannot be read here",
             "timedatectl, or chronyc tracking",
         ),
+    }
+}
+
+/// Checks whether the operating system grants real-time priority and locked memory.
+pub(crate) fn check_realtime(granted: Result<(), Refusal>) -> Check {
+    const NAME: &str = "real time";
+    match granted {
+        Ok(()) => Check::ok(NAME, "real-time priority and locked memory are permitted"),
+        Err(refusal) => Check::warning(NAME, refusal.to_string(), REMEDY),
     }
 }
 

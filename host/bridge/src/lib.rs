@@ -18,6 +18,7 @@ mod doctor;
 mod error;
 mod ports;
 mod query;
+mod realtime;
 mod subject_models;
 mod wire;
 
@@ -31,5 +32,6 @@ pub use app::parameters::{read as read_parameters, to_flags as parameters_to_fla
 pub use app::ros_node::Namespace;
 pub use app::run;
 pub use error::BridgeError;
+pub use realtime::RealtimeOption;
 pub use wire::connection::Event as FeedEvent;
 pub use wire::connection::Feed;

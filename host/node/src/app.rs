@@ -63,6 +63,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         exclusions: options.exclusion.exclusions(),
         classifying: options.classifying.read()?,
         exit_at_end: false,
+        realtime: options.realtime.realtime,
     };
     let mains = options.mains();
     let connect = async |node: &Node, namespace: &Namespace| {

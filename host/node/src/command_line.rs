@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bridge::{ClassifierOptions, ExclusionOptions, choice};
+use bridge::{ClassifierOptions, ExclusionOptions, RealtimeOption, choice};
 use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, CommandFactory, Parser};
@@ -67,6 +67,8 @@ pub(crate) struct Options {
         value_parser = BoolishValueParser::new()
     )]
     pub(crate) low_latency: bool,
+    #[command(flatten)]
+    pub(crate) realtime: RealtimeOption,
     /// Stream that ~get_info describes; record this one and no other
     #[arg(
         long,

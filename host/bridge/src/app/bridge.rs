@@ -23,6 +23,7 @@ use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
 use crate::app::whole_lines::WholeLines;
 use crate::error::BridgeError;
+use crate::realtime;
 use crate::subject_models::SubjectModels;
 use crate::wire::connection::{Connection, Event, Feed};
 
@@ -53,6 +54,8 @@ pub struct Publication {
     pub classifying: Option<Classifying>,
     /// Whether the program ends when a device that has sent frames disconnects.
     pub exit_at_end: bool,
+    /// Whether to ask for real-time scheduling.
+    pub realtime: bool,
 }
 
 impl Publication {
@@ -138,6 +141,7 @@ impl Publication {
         let sinks = Sinks::ros(&ros, settings, &namespace, predictions, recorders).await?;
         let announcements = Some(announcement_sender);
         let outlets = Outlets::new(sinks, settings, Arc::clone(&model), announcements);
+        schedule(self.realtime);
         shutdown.watch_node(Arc::clone(&ros.node));
         let (summary, _, outcome) = Bridge::new(settings, model, feed, commands, outlets)
             .with_exclusions(self.exclusions)
@@ -148,6 +152,18 @@ impl Publication {
             .await;
         ros.shutdown().await;
         outcome.map(|()| summary)
+    }
+}
+
+/// Asks for real-time scheduling of this thread, if `realtime` is set, and logs the answer. The
+/// decoder's thread, which has started before, keeps its ordinary priority.
+fn schedule(realtime: bool) {
+    if !realtime {
+        return;
+    }
+    match realtime::request() {
+        Ok(()) => tracing::info!("real-time priority, and memory locked"),
+        Err(refusal) => tracing::warn!("no real-time priority: {refusal}; {}", realtime::REMEDY),
     }
 }
 
@@ -189,6 +205,7 @@ pub(super) async fn stream(
         exclusions: options.asked.exclusion.exclusions(),
         classifying: options.asked.classifying.read()?,
         exit_at_end: options.exit_at_end,
+        realtime: options.realtime.realtime,
     };
     match options.ros.sink {
         SinkKind::Ros => {
@@ -214,6 +231,7 @@ async fn print_lines(
     let predictions = (publication.classifying.as_ref()).map(|of| of.topic.as_str());
     let sinks = Sinks::ndjson(&lines, settings.streams, &namespace, predictions)?;
     let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None);
+    schedule(publication.realtime);
     let (summary, has_ended, outcome) = Bridge::new(settings, model, connection, commands, outlets)
         .with_exclusions(publication.exclusions)
         .with_upload(upload)

@@ -20,6 +20,7 @@ use crate::app::convert::ConvertOptions;
 use crate::app::manual::{CompletionsOptions, ManOptions};
 use crate::app::master::MasterOptions;
 use crate::app::replay::ReplayOptions;
+use crate::realtime::RealtimeOption;
 use crate::subject_models::subject_name;
 use crate::wire::port::PortAddress;
 
@@ -108,6 +109,8 @@ pub(crate) struct Options {
         value_parser = BoolishValueParser::new()
     )]
     pub(crate) exit_at_end: bool,
+    #[command(flatten, next_help_heading = DEVICE)]
+    pub(crate) realtime: RealtimeOption,
     /// Stream that /acquisition/get_info describes; record this one and no other [default: encoded,
     /// or reconstructed if codes do not stream]
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_ANNOUNCE", value_parser = choice::<AnnouncedStream>())]
@@ -410,7 +413,7 @@ pub(crate) struct PortsOptions {
     pub(crate) udev_rule: bool,
 }
 
-/// Check what the bridge needs: port, device, model, ROS, clock and disk.
+/// Check what the bridge needs: port, device, model, ROS, clock, disk and real-time priority.
 ///
 /// Prints one line for each check, with ok, warning, error or unknown, and a second line with the
 /// command that helps. Asks the device to identify itself, and leaves its streams as they are. With
@@ -430,6 +433,8 @@ pub(crate) struct DoctorOptions {
     pub(crate) ros: RosOptions,
     #[command(flatten)]
     pub(crate) asked: StreamOptions,
+    #[command(flatten)]
+    pub(crate) realtime: RealtimeOption,
     /// Print JSON instead of text
     #[arg(long)]
     pub(crate) json: bool,

@@ -15,10 +15,11 @@ use crate::app::ros_node::Namespace;
 use crate::doctor::device_checks::{DeviceAnswer, Probe, check_device};
 use crate::doctor::port_checks::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
 use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros, master_is_here};
-use crate::doctor::{Level, Report, check_clock, check_disk};
+use crate::doctor::{Level, Report, check_clock, check_disk, check_realtime};
 use crate::ports::access::Program;
 use crate::ports::finder::{BoardFinder, FindError};
 use crate::ports::system_root::{Likeness, SystemRoot};
+use crate::realtime;
 use crate::wire::port::{Port, PortAddress, Transfer};
 
 /// Longest wait for the device's introduction and for the answer of `timedatectl`.
@@ -62,6 +63,11 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     let disk = rustix::fs::statvfs(".");
     let free = disk.map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize));
     checks.push(check_disk(free.ok()));
+    if options.realtime.realtime {
+        // In a thread of its own, which ends with the priority that it is granted.
+        let granted = std::thread::spawn(realtime::request).join();
+        checks.extend(granted.ok().map(check_realtime));
+    }
     Report::new(checks)
 }
 

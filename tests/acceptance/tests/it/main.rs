@@ -27,6 +27,7 @@ mod qemu_chain;
 mod quantise;
 mod raw_forms;
 mod readme;
+mod realtime;
 mod ros_chain;
 mod samples_chain;
 mod service;

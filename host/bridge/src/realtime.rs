@@ -1,0 +1,93 @@
+//! Real-time scheduling of the thread that reads the port and writes the sockets.
+
+use std::io;
+
+use clap::builder::BoolishValueParser;
+use clap::{ArgAction, Args};
+use thiserror::Error;
+use thread_priority::{
+    Error as PriorityError, RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue,
+    ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id,
+};
+
+/// Priority under `SCHED_FIFO`, of 1 to 99: above every ordinary program, and below the threads in
+/// which Linux handles interrupts, which have 50.
+const PRIORITY: u8 = 20;
+/// What permits real-time scheduling to the members of the group `dialout`.
+pub(crate) const REMEDY: &str = "sudo install -m 644 packaging/60-corticode.conf /etc/security/limits.d/ \
+                                 (the Debian package has done it), join the group dialout, log in again";
+
+/// Option that asks for real-time scheduling.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct RealtimeOption {
+    /// Ask Linux for real-time priority (SCHED_FIFO) and keep the program's memory in RAM, so that
+    /// other programs do not delay frames. If that is not permitted, the program warns and goes on
+    #[arg(
+        long,
+        env = "CORTICODE_REALTIME",
+        action = ArgAction::Set,
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "false",
+        default_missing_value = "true",
+        value_parser = BoolishValueParser::new()
+    )]
+    pub realtime: bool,
+}
+
+/// Why the operating system did not grant real-time scheduling.
+#[derive(Debug, Error)]
+pub(crate) enum Refusal {
+    #[error(
+        "real-time priority {PRIORITY} is not permitted: {0}; the limit is that of `ulimit -r`"
+    )]
+    Priority(io::Error),
+    #[error("memory may not be locked without limit; the limit is that of `ulimit -l`")]
+    MemoryLimit,
+    #[error("memory cannot be locked: {0}")]
+    Memory(io::Error),
+}
+
+/// Gives the calling thread real-time priority, and keeps the memory of the program in RAM. Threads
+/// that this thread starts later inherit the priority; those that run already keep their own.
+///
+/// # Errors
+///
+/// [`Refusal`] if the limits `rtprio` and `memlock` do not permit it, and the capabilities
+/// `CAP_SYS_NICE` and `CAP_IPC_LOCK` are missing.
+pub(crate) fn request() -> Result<(), Refusal> {
+    lock_memory()?;
+    let refused = |error| {
+        Refusal::Priority(match error {
+            PriorityError::OS(code) => io::Error::from_raw_os_error(code),
+            other => io::Error::other(other),
+        })
+    };
+    let priority = ThreadPriorityValue::try_from(PRIORITY)
+        .map_err(|error| Refusal::Priority(io::Error::other(error)))?;
+    let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    let (thread, priority) = (thread_native_id(), ThreadPriority::Crossplatform(priority));
+    set_thread_priority_and_policy(thread, priority, fifo).map_err(refused)
+}
+
+#[cfg(target_os = "linux")]
+fn lock_memory() -> Result<(), Refusal> {
+    use rustix::mm::{MlockAllFlags, mlockall};
+    use rustix::process::{Resource, getrlimit};
+    use rustix::thread::{CapabilitySet, capabilities};
+
+    let may_exceed_limit =
+        capabilities(None).is_ok_and(|of| of.effective.contains(CapabilitySet::IPC_LOCK));
+    // Below a limit, memory would be locked now, and an allocation would fail later.
+    if getrlimit(Resource::Memlock).current.is_some() && !may_exceed_limit {
+        return Err(Refusal::MemoryLimit);
+    }
+    let locked = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE);
+    locked.map_err(|error| Refusal::Memory(error.into()))
+}
+
+/// Only Linux can lock all memory of a program.
+#[cfg(not(target_os = "linux"))]
+fn lock_memory() -> Result<(), Refusal> {
+    Ok(())
+}
