@@ -1,10 +1,10 @@
 """The paper's node in rospy, timed for comparison by `cargo xtask bench node`.
 
-    python3 rospy_node.py INPUT OUTPUT FIRST LENGTH RATE [MODEL] < DEFINITION
+    python3 rospy_node.py INPUT OUTPUT LENGTH RATE A B C [MODEL] < DEFINITION
 
 Subscribes to the NeuroFrames of an acquisition on INPUT, and publishes a NeuroFrame of the shape of a code,
-LENGTH values at RATE codes per second, on OUTPUT for each frame from number FIRST on: the windows that these
-frames complete. With MODEL, the request of offline_torch.py, it filters with scipy and encodes with PyTorch on one
+LENGTH values at RATE codes per second, on OUTPUT for each window: frame n has the last step of window
+floor((A n - B) / C), unless a frame before it has. With MODEL, the request of offline_torch.py, it filters with scipy and encodes with PyTorch on one
 thread. Without MODEL it encodes nothing, so that its times are those of rospy alone. DEFINITION is the full
 definition of the message.
 """
@@ -18,15 +18,18 @@ from rospy_code import Codes
 
 def main():
     source, topic = sys.argv[1:3]
-    first, length, rate = (int(number) for number in sys.argv[3:6])
-    encode = encoder(json.loads(sys.argv[6])) if len(sys.argv) > 6 else None
+    length, rate, a, b, c = (int(number) for number in sys.argv[3:8])
+    encode = encoder(json.loads(sys.argv[8])) if len(sys.argv) > 8 else None
     codes = Codes("rospy_node", topic, length, rate)
+    newest = -1
 
     def handle(frame):
+        nonlocal newest
         # Every frame passes the filters, also those before the first window.
         values = encode(frame) if encode else frame.eeg.data[:length]
-        window = frame.neuroheader.seq - first
-        if window >= 0:
+        window = (a * frame.neuroheader.seq - b) // c
+        if window > newest:
+            newest = window
             codes.publish(window + 1, window, values)
 
     rospy.Subscriber(source, codes.NeuroFrame, handle, queue_size=16, tcp_nodelay=True)

@@ -113,6 +113,9 @@ enum Benchmark {
     /// Node for other amplifiers on this PC: intervals and latency of codes at a subscriber; a node
     /// in rospy for comparison, where it is installed.
     Node {
+        /// Rate of the amplifier, Hz; by default that of the model's ADC.
+        #[arg(long, value_parser = clap::value_parser!(u16).range(128..=20_000))]
+        rate: Option<u16>,
         /// Duration of the measurement, seconds.
         #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
         seconds: u32,
@@ -158,7 +161,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         Benchmark::Offline { seconds } => offline::measure(*seconds)?,
         Benchmark::Training => training::measure()?,
         Benchmark::Bridge { seconds } => nodes::bridge::measure(*seconds)?,
-        Benchmark::Node { seconds } => nodes::node::measure(*seconds)?,
+        Benchmark::Node { rate, seconds } => nodes::node::measure(*rate, *seconds)?,
     };
     if let Some(file) = std::env::var_os(OBJECT) {
         let file = Path::new(&file);

@@ -10,6 +10,10 @@ const ATTENUATION_DB: f64 = 93.0;
 const PASS_HZ: f64 = 60.0;
 /// Largest upper edge of the pass band, divided by half the lower of the two rates.
 const PASS_SHARE: f64 = 0.9;
+/// Frequency up to which the images of the input are in the stop band, Hz. The image of a frequency
+/// f is at the input's rate minus f. The images of higher ones lie beyond half that rate, where a
+/// device's band-pass attenuates them by more than the original.
+const IMAGES_HZ: f64 = 90.0;
 /// Number of taps of which the products are summed separately, so that the compiler can use vector
 /// instructions. The number of taps is a multiple of it.
 const LANES: usize = 4;
@@ -28,9 +32,11 @@ const KEPT_TAPS: u64 = 1 << 20;
 ///
 /// where I0 is the modified Bessel function, A the attenuation in dB, T the number of taps, p the
 /// end of the pass band and s the start of the stop band. c, p and s are frequencies divided by
-/// half the rate of the input; the stop band starts at half the lower of the two rates. g makes the
-/// taps of each position sum to 1, so that a constant passes unchanged. T follows from
-/// [`ATTENUATION_DB`], rounded up to a multiple of [`LANES`], and A from this T.
+/// half the rate of the input. The stop band starts at half the rate of the output or, where the
+/// input has the lower rate, at the image of [`IMAGES_HZ`] if that is lower, but not below half the
+/// rate of the input. g makes the taps of each position sum to 1, so that a constant passes
+/// unchanged. T follows from [`ATTENUATION_DB`], rounded up to a multiple of [`LANES`], and A from
+/// this T.
 ///
 /// Source: J. F. Kaiser, "Nonrecursive digital filter design using the I0-sinh window function",
 /// IEEE Int. Symp. Circuits and Systems, 1974; b and T as in `scipy.signal.kaiserord`.
@@ -54,8 +60,10 @@ impl LowPass {
     /// the rate `rate_hz`.
     pub(super) fn new(rate_hz: f64, step: Ratio) -> Self {
         let half_rate = rate_hz / 2.0;
-        let stop = (1.0 / step.value()).min(1.0);
-        let pass = (PASS_HZ / half_rate).min(PASS_SHARE * stop);
+        let half_output = 1.0 / step.value();
+        let pass = (PASS_HZ / half_rate).min(PASS_SHARE * half_output.min(1.0));
+        let image = (rate_hz - IMAGES_HZ) / half_rate;
+        let stop = image.max(1.0).min(half_output);
         let slope_db = 7.18 * (stop - pass);
         #[expect(
             clippy::cast_possible_truncation,
@@ -158,19 +166,19 @@ mod tests {
 
     #[test]
     fn taps_are_those_of_scipy() {
-        // scipy 1.17, for 256 Hz at 512 Hz, halfway between two samples: d = arange(-11, 13) - 0.5;
-        // h = sinc((1 + 60 / 128) / 2 * d) * special.i0(beta * sqrt(1 - (d / 12)**2)); h / h.sum()
-        // with beta = 0.1102 * (7.95 + 7.18 * (1 - 60 / 128) * 23 - 8.7).
+        // scipy 1.17, for 256 Hz at 512 Hz, halfway between two samples: d = arange(-7, 9) - 0.5;
+        // h = sinc((166 + 60) / 256 * d) * special.i0(beta * sqrt(1 - (d / 8)**2)); h / h.sum()
+        // with beta = 0.1102 * (7.95 + 7.18 * (166 - 60) / 128 * 15 - 8.7).
         let mut low_pass = LowPass::new(256.0, Ratio::new(1, 2).expect("positive"));
         let taps = low_pass.phase(1);
-        assert_eq!(taps.len(), 24);
+        assert_eq!(taps.len(), 16);
         for (tap, expected) in [
-            (0, 0.000_056_793_793_230_280_98),
-            (5, 0.007_591_333_231_691_272),
-            (10, -0.061_995_514_985_315_88),
-            (11, 0.577_440_206_331_631_2),
+            (0, 0.000_119_950_291_652_996_01),
+            (3, -0.001_237_788_152_453_259),
+            (6, -0.153_393_661_202_406_05),
+            (7, 0.614_679_407_277_457_4),
         ] {
-            for tap in [taps[tap], taps[23 - tap]] {
+            for tap in [taps[tap], taps[15 - tap]] {
                 assert!((tap - expected).abs() < 1e-15, "{tap}, not {expected}");
             }
         }

@@ -112,7 +112,7 @@ fn the_frame_that_completes_a_window_publishes_its_code_also_when_it_is_resample
     let delays = [
         (rate, 0),
         (160, 26),
-        (250, 12),
+        (250, 8),
         (500, 10),
         (1000, 16),
         (2000, 32),

@@ -153,7 +153,7 @@ async fn a_resampled_acquisition_starts_once_and_names_its_interpolated_electrod
     let missing = model::LABELS.split(' ').nth(3).unwrap();
     assert!(log.contains(&format!("interpolated: {missing}")), "{log}");
     assert!(
-        log.contains("250 Hz is resampled to 512 Hz: codes come 48 ms later"),
+        log.contains("250 Hz is resampled to 512 Hz: codes come 32 ms later"),
         "{log}"
     );
     assert_eq!(log.matches("streaming codes").count(), 1, "{log}");

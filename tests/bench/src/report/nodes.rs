@@ -23,6 +23,10 @@ use picture::intervals::{Intervals, Series};
 use ros1::{Master, Node, NodeOptions};
 use serde_json::{Value as Json, json};
 use tempfile::TempDir;
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+    set_thread_priority_and_policy, thread_native_id,
+};
 use tokio::time::sleep;
 
 use self::figures::{Figures, Times, Usage};
@@ -39,6 +43,9 @@ const START: Duration = Duration::from_secs(30);
 const WARM_UP: Duration = Duration::from_secs(3);
 /// Longest time to wait after a measurement for its last codes to arrive, on a busy machine.
 const STRAGGLERS: Duration = Duration::from_secs(10);
+/// Priority of the threads that send and receive, under `SCHED_FIFO`: above that of the bridge with
+/// `--realtime`.
+const PRIORITY: u8 = 30;
 /// Time before the end of a wait in which the thread spins, because a sleep may end that much late.
 const BUSY: Duration = Duration::from_millis(2);
 
@@ -192,6 +199,18 @@ fn wait_until(due: Instant) {
     }
 }
 
+/// Gives this thread real-time priority where that is permitted, so that what is measured is the
+/// jitter of the nodes and not that of the measurement.
+fn run_before_others() {
+    let Ok(priority) = ThreadPriorityValue::try_from(PRIORITY) else {
+        return;
+    };
+    let (thread, priority) = (thread_native_id(), ThreadPriority::Crossplatform(priority));
+    let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    // Without the permission, the figures of both nodes have the jitter of the measurement.
+    let _ = set_thread_priority_and_policy(thread, priority, fifo);
+}
+
 /// Our node and the node in rospy, with a subscriber of each node's codes.
 #[derive(Debug)]
 struct Nodes {
@@ -221,6 +240,8 @@ impl Nodes {
     /// # Errors
     /// A node has ended.
     async fn measure(&self, seconds: u32, sent: impl Fn() -> [Times; 2]) -> anyhow::Result<Pair> {
+        // The nodes run already, and would inherit it.
+        run_before_others();
         sleep(WARM_UP).await;
         let before = self.usage()?;
         let start = Instant::now();

@@ -1,4 +1,4 @@
-//! A simulated amplifier, which publishes frames of one hop each in real time.
+//! A simulated amplifier, which publishes frames of at most one hop in real time.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,18 +9,53 @@ use neuro_ros::{Header, NeuroDataFloat, NeuroDataInfo, NeuroFrame, NeuroHeader, 
 use ros1::Publisher;
 
 use super::figures::{SharedTimes, Times};
-use super::wait_until;
+use super::{run_before_others, wait_until};
 
-/// Number of samples per time step of the encoder.
-const SAMPLES_PER_STEP: usize = (model::ADC_RATE_HZ / model::STEP_RATE_HZ) as usize;
-/// Number of samples in a published frame: one hop.
-const SAMPLES: usize = model::HOP * SAMPLES_PER_STEP;
-/// Number, counted from 1, of the frame that completes window 0.
-#[expect(clippy::cast_possible_truncation, reason = "some frames")]
-pub(super) const FIRST: u32 = ((model::STEPS - 1) * SAMPLES_PER_STEP / SAMPLES) as u32 + 1;
-/// Time from one published frame to the next.
-const PERIOD: Duration =
-    Duration::from_nanos(1_000_000_000 * SAMPLES as u64 / model::ADC_RATE_HZ as u64);
+/// Frames that an amplifier publishes: their rate, and which windows they complete.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Frames {
+    /// Samples per second.
+    rate_hz: u32,
+    /// Samples in a frame: those of a hop or, where these are no whole number, of 20 ms.
+    samples: u32,
+}
+
+impl Frames {
+    /// Returns the frames of an amplifier of `rate_hz`; `None` if neither a hop nor 20 ms has a
+    /// whole number of samples.
+    pub(super) fn new(rate_hz: u16) -> Option<Frames> {
+        let rate_hz = u32::from(rate_hz);
+        let per_second = [u32::from(model::STEP_RATE_HZ) / HOP, 50];
+        let per_second = per_second
+            .into_iter()
+            .find(|frames| rate_hz.is_multiple_of(*frames))?;
+        let samples = rate_hz / per_second;
+        Some(Frames { rate_hz, samples })
+    }
+
+    /// Returns a, b and c such that floor((a n - b) / c) is the newest window whose last step is in
+    /// frame n or before, where n counts from 1.
+    pub(super) fn windows(self) -> [i64; 3] {
+        let step_rate = i64::from(model::STEP_RATE_HZ);
+        let rate = i64::from(self.rate_hz);
+        [
+            i64::from(self.samples) * step_rate,
+            step_rate + (i64::from(STEPS) - 1) * rate,
+            i64::from(HOP) * rate,
+        ]
+    }
+
+    fn period(self) -> Duration {
+        Duration::from_secs(1) * self.samples / self.rate_hz
+    }
+}
+
+/// Number of steps of a window.
+#[expect(clippy::cast_possible_truncation, reason = "some steps")]
+const STEPS: u32 = model::STEPS as u32;
+/// Number of steps from one code to the next.
+#[expect(clippy::cast_possible_truncation, reason = "some steps")]
+const HOP: u32 = model::HOP as u32;
 
 /// A thread that publishes each frame on two topics, on the second topic half a period later.
 #[derive(Debug)]
@@ -31,22 +66,25 @@ pub(super) struct Amplifier {
 }
 
 impl Amplifier {
-    pub(super) fn start(publishers: [Publisher; 2]) -> Amplifier {
+    pub(super) fn start(frames: Frames, publishers: [Publisher; 2]) -> Amplifier {
         let sent = <[SharedTimes; 2]>::default();
         let stop = Arc::<AtomicBool>::default();
         let (times, stopped) = (sent.clone(), Arc::clone(&stop));
         let thread = thread::spawn(move || {
-            let start = Instant::now();
+            run_before_others();
+            let (start, period) = (Instant::now(), frames.period());
+            let [a, b, c] = frames.windows();
             let mut number = 0;
             while !stopped.load(Ordering::Relaxed) {
                 number += 1;
-                let mut frame = frame(number);
+                let mut frame = frames.frame(number);
+                let window = (a * i64::from(number) - b).div_euclid(c);
                 for ((half, publisher), times) in (0_u32..).zip(&publishers).zip(&times) {
-                    wait_until(start + (2 * number + half) * PERIOD / 2);
+                    wait_until(start + (2 * number + half) * period / 2);
                     frame.header.stamp = Stamp::now();
                     let bytes = frame.to_bytes();
-                    if number >= FIRST {
-                        times.note(u64::from(number - FIRST), Instant::now());
+                    if let Ok(window) = u64::try_from(window) {
+                        times.note(window, Instant::now());
                     }
                     publisher.publish(&bytes);
                 }
@@ -59,7 +97,7 @@ impl Amplifier {
         }
     }
 
-    /// Returns, for both topics, when the frame that completes each window was sent.
+    /// Returns, for both topics, when the frame with the last step of each window was sent.
     pub(super) fn times(&self) -> [Times; 2] {
         self.sent.each_ref().map(SharedTimes::so_far)
     }
@@ -75,35 +113,37 @@ impl Drop for Amplifier {
     }
 }
 
-/// Returns frame `number`: a hop of noise at the model's electrodes, from 0 to 255 uV.
-fn frame(number: u32) -> NeuroFrame {
-    let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
-    let values = SAMPLES * labels.len();
-    let mut state = number;
-    let value = |_| {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f32::from((state >> 24).to_le_bytes()[0])
-    };
-    let narrow = |length: usize| u16::try_from(length).unwrap_or(u16::MAX);
-    NeuroFrame {
-        header: Header {
-            seq: number,
-            ..Header::default()
-        },
-        neuroheader: NeuroHeader { seq: number },
-        sr: model::ADC_RATE_HZ,
-        eeg: NeuroDataFloat {
-            info: NeuroDataInfo {
-                nsamples: narrow(SAMPLES),
-                nchannels: narrow(labels.len()),
-                stride: narrow(4 * labels.len()),
-                unit: "uV".to_owned(),
-                minmax: vec![-187_500.0, 187_500.0],
-                labels,
-                ..NeuroDataInfo::default()
+impl Frames {
+    /// Returns frame `number`: noise at the model's electrodes, from 0 to 255 uV.
+    fn frame(self, number: u32) -> NeuroFrame {
+        let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
+        let values = self.samples as usize * labels.len();
+        let mut state = number;
+        let value = |_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f32::from((state >> 24).to_le_bytes()[0])
+        };
+        let channels = u16::try_from(labels.len()).unwrap_or(u16::MAX);
+        NeuroFrame {
+            header: Header {
+                seq: number,
+                ..Header::default()
             },
-            data: (0..values).map(value).collect(),
-        },
-        ..NeuroFrame::default()
+            neuroheader: NeuroHeader { seq: number },
+            sr: u16::try_from(self.rate_hz).unwrap_or(u16::MAX),
+            eeg: NeuroDataFloat {
+                info: NeuroDataInfo {
+                    nsamples: u16::try_from(self.samples).unwrap_or(u16::MAX),
+                    nchannels: channels,
+                    stride: 4 * channels,
+                    unit: "uV".to_owned(),
+                    minmax: vec![-187_500.0, 187_500.0],
+                    labels,
+                    ..NeuroDataInfo::default()
+                },
+                data: (0..values).map(value).collect(),
+            },
+            ..NeuroFrame::default()
+        }
     }
 }

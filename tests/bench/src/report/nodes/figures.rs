@@ -53,6 +53,9 @@ pub(super) struct Figures {
     interval_max_ms: f64,
     /// 99th percentile of |interval - [`HOP_MS`]| over the arrivals, ms.
     pub(super) deviation_p99_ms: f64,
+    /// Largest number of successive codes of which each came less than a quarter of a hop after the
+    /// one before it.
+    pub(super) codes_per_burst: usize,
     /// Median time from the sending of a code to its arrival, ms.
     pub(super) latency_median_ms: f64,
     pub(super) latency_p99_ms: f64,
@@ -100,6 +103,7 @@ impl Figures {
             interval_p99_ms: quantile(&intervals_ms, 0.99),
             interval_max_ms: quantile(&intervals_ms, 1.0),
             deviation_p99_ms: quantile(&deviations, 0.99),
+            codes_per_burst: longest_burst(&intervals_ms),
             latency_median_ms: quantile(&latencies, 0.5),
             latency_p99_ms: quantile(&latencies, 0.99),
             cpu_percent: 100.0 * usage.processor.as_secs_f64() / (end - start).as_secs_f64(),
@@ -108,6 +112,12 @@ impl Figures {
             sent_intervals_ms,
         }
     }
+}
+
+/// Returns the largest number of successive codes whose intervals are less than a quarter of a hop.
+fn longest_burst(intervals_ms: &[f64]) -> usize {
+    let bursts = intervals_ms.split(|ms| *ms >= HOP_MS / 4.0);
+    bursts.map(|burst| burst.len() + 1).max().unwrap_or(1)
 }
 
 /// Returns the times between codes of successive windows, ms. Pairs with a lost code are left out.
@@ -234,6 +244,12 @@ mod tests {
                 "{figure} is not {expected}"
             );
         }
+    }
+
+    #[test]
+    fn a_burst_has_one_code_more_than_intervals() {
+        assert_eq!(longest_burst(&[62.0, 63.0]), 1);
+        assert_eq!(longest_burst(&[62.0, 0.1, 0.2, 180.0, 0.1]), 3);
     }
 
     #[test]

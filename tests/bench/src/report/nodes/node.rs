@@ -9,18 +9,20 @@
 //! ```
 //!
 //! The node in rospy gets its frames half an interval later, so that neither waits for the
-//! processor because of the other. Where scipy and PyTorch are installed, it filters and encodes as
-//! the paper's node does; otherwise it encodes nothing, and its times are those of rospy alone.
+//! processor because of the other. At the rate of the model's ADC, and where scipy and PyTorch are
+//! installed, it filters and encodes as the paper's node does; otherwise it encodes nothing, and its
+//! times are those of rospy alone. Latency counts from the frame that has the last step of a code's
+//! window.
 
 use std::time::{Duration, Instant};
 
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 use neuro_ros::{NeuroFrame, RosMessage};
 use ros1::{Node, Publisher, PublisherOptions};
 use serde_json::json;
 use tokio::time::sleep;
 
-use super::amplifier::{Amplifier, FIRST};
+use super::amplifier::{Amplifier, Frames};
 use super::subscriber::Subscriber;
 use super::{Nodes, Pair, Programs, Ros, START};
 use crate::report::checked_in;
@@ -35,25 +37,25 @@ const TOPICS: [[&str; 2]; 2] = [
     ["/rospy/neurodata", "/rospy/encoded"],
 ];
 
-/// Measures both nodes for `seconds`. Without rospy, only `corticode-node` is measured.
+/// Measures both nodes for `seconds`, with frames of `rate_hz`, by default the rate of the model's
+/// ADC. Without rospy, only `corticode-node` is measured.
 ///
 /// # Errors
 /// A program is missing, does not start, or loses its connection.
-pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
-    ensure!(
-        model::ADC_RATE_HZ.is_multiple_of(model::STEP_RATE_HZ),
-        "a hop of this model is no whole number of samples at {} Hz, which the frames of this benchmark hold\n  \
-         next: measure a model whose ADC has a multiple of {} Hz",
-        model::ADC_RATE_HZ,
-        model::STEP_RATE_HZ
-    );
+pub(crate) fn measure(rate_hz: Option<u16>, seconds: u32) -> anyhow::Result<Report> {
+    let rate_hz = rate_hz.unwrap_or(model::ADC_RATE_HZ);
+    let frames = Frames::new(rate_hz).with_context(|| {
+        format!("neither a hop nor 20 ms is a whole number of samples at {rate_hz} Hz\n  next: --rate=500")
+    })?;
     let programs = Programs::find("node", &[NODE])?;
-    let torch = find_rospy_with_torch();
-    let pair = super::block_on(run(&programs, torch, seconds))?;
+    let torch = (rate_hz == model::ADC_RATE_HZ)
+        .then(find_rospy_with_torch)
+        .flatten();
+    let pair = super::block_on(run(&programs, frames, torch, seconds))?;
     let rival = rival_name(torch.is_some());
     let names = ["through corticode-node", "frames sent to it", rival];
     programs.draw("node", &pair.intervals(names, "of another acquisition"))?;
-    report(&pair, torch.is_some(), seconds)
+    report(&pair, rate_hz, torch.is_some(), seconds)
 }
 
 /// Finds a Python interpreter that can import rospy, scipy and PyTorch.
@@ -64,7 +66,12 @@ fn find_rospy_with_torch() -> Option<Python> {
 }
 
 /// Starts both nodes and the amplifier that sends them frames, and returns the nodes' figures.
-async fn run(programs: &Programs, torch: Option<Python>, seconds: u32) -> anyhow::Result<Pair> {
+async fn run(
+    programs: &Programs,
+    frames: Frames,
+    torch: Option<Python>,
+    seconds: u32,
+) -> anyhow::Result<Pair> {
     let ros = Ros::start().await?;
     let codes = [
         Subscriber::start(&ros.node, TOPICS[0][1]).await?,
@@ -75,9 +82,10 @@ async fn run(programs: &Programs, torch: Option<Python>, seconds: u32) -> anyhow
         advertise(&ros.node, TOPICS[1][0]).await?,
     ];
     let own = ros.start_program(programs, NODE, &["--ros-master-uri", ros.master.uri()])?;
-    let first = FIRST.to_string();
     let [length, rate] = super::code_arguments();
-    let mut arguments = vec![TOPICS[1][0], TOPICS[1][1], &first, &length, &rate];
+    let windows = frames.windows().map(|number| number.to_string());
+    let mut arguments = vec![TOPICS[1][0], TOPICS[1][1], &length, &rate];
+    arguments.extend(windows.iter().map(String::as_str));
     let model = programs::model(&checked_in::artifact()?.description).to_string();
     if torch.is_some() {
         arguments.push(&model);
@@ -87,7 +95,7 @@ async fn run(programs: &Programs, torch: Option<Python>, seconds: u32) -> anyhow
     let rospy = rospy.transpose()?;
     let nodes = Nodes { own, rospy, codes };
     wait_for_subscribers(&publishers[..nodes.measured_codes().len()]).await?;
-    let amplifier = Amplifier::start(publishers);
+    let amplifier = Amplifier::start(frames, publishers);
     nodes.wait_for_codes().await?;
     nodes.measure(seconds, || amplifier.times()).await
 }
@@ -122,9 +130,13 @@ fn rival_name(encodes: bool) -> &'static str {
     }
 }
 
-fn report(pair: &Pair, rospy_encodes: bool, seconds: u32) -> anyhow::Result<Report> {
+fn report(pair: &Pair, rate_hz: u16, rospy_encodes: bool, seconds: u32) -> anyhow::Result<Report> {
     let node = &pair.own;
     let figures = json!({
+        "rate_hz": rate_hz,
+        "latency_median_ms": node.latency_median_ms,
+        "latency_p99_ms": node.latency_p99_ms,
+        "codes_per_burst": node.codes_per_burst,
         "interval_mean_ms": node.interval_mean_ms,
         "interval_sd_ms": node.interval_sd_ms,
         "interval_sd_ratio_rospy": pair.ratio(&|node| node.interval_sd_ms),
@@ -150,7 +162,7 @@ mod tests {
             skip_unless_required("the benchmark of the node", error.to_string());
             return;
         }
-        let report = measure(2).expect("both nodes are measured");
+        let report = measure(None, 2).expect("both nodes are measured");
         super::super::assert_two_seconds(&report, 1..=2);
     }
 }

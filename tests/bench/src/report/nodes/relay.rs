@@ -12,7 +12,7 @@ use anyhow::Context;
 use link::{Decoder, ToHost};
 
 use super::figures::{SharedTimes, Times};
-use super::wait_until;
+use super::{run_before_others, wait_until};
 
 /// Time from one code to the next in real time.
 const HOP: Duration =
@@ -57,9 +57,15 @@ impl Relay {
         let (codes, later) = channel();
         let (mut commands, mut back) = (bridge.try_clone()?, source.try_clone()?);
         thread::spawn(move || io::copy(&mut commands, &mut back));
-        thread::spawn(move || forward(source, bridge, &to_bridge, &codes));
+        thread::spawn(move || {
+            run_before_others();
+            forward(source, bridge, &to_bridge, &codes)
+        });
         if let Some(rospy) = rospy {
-            thread::spawn(move || delay(&later, rospy, &to_rospy));
+            thread::spawn(move || {
+                run_before_others();
+                delay(&later, rospy, &to_rospy)
+            });
         }
         Ok(Self(sent))
     }
