@@ -27,9 +27,10 @@ const WAITING: [&str; 3] = [
     "the host name localhost of ROS_MASTER_URI does not resolve",
 ];
 /// Paths of files that the package must install.
-const INSTALLED: [&str; 8] = [
+const INSTALLED: [&str; 9] = [
     "/usr/bin/corticode-bridge",
     "/usr/bin/corticode-node",
+    "/etc/security/limits.d/60-corticode.conf",
     "/lib/udev/rules.d/60-corticode.rules",
     "/lib/systemd/system/corticode-bridge.service",
     "/etc/corticode/bridge.toml",
