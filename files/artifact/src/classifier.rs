@@ -193,6 +193,15 @@ impl Classifier {
         weights.map(|weight| weight.cast_unsigned()).collect()
     }
 
+    /// Returns the electrodes that have a weight in a filter; bit n is electrode n.
+    pub fn used_electrodes(&self) -> u64 {
+        let weights = self.filters.iter().map(|filter| {
+            let used = filter.weights.iter().enumerate().filter(|(_, w)| **w != 0);
+            used.fold(0, |mask, (electrode, _)| mask | 1 << electrode)
+        });
+        weights.fold(0, |all, mask: u64| all | mask)
+    }
+
     /// Checks all ranges, and that no value of the device leaves 32 bits.
     fn check(&self) -> Result<(), ClassifierError> {
         let field = |field: &'static str, is_valid: bool, expected: &'static str| {

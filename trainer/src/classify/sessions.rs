@@ -5,7 +5,7 @@ use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
 use nalgebra::DMatrix;
 use packed_fit::{FitError, Track};
-use recordings::{EventLabel, Recording};
+use recordings::Recording;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -81,7 +81,7 @@ pub(super) fn read(
         let track = track.part(skipped.min(track.steps())..track.steps());
         let mut events = Vec::new();
         for (seconds, label) in onsets.seconds.iter().zip(&onsets.labels) {
-            let label = name(label);
+            let label = label.name();
             let class = plan.classes.iter().position(|class| class.event == label);
             events.extend(class.map(|class| (seconds - start_s, class)));
             *counts.entry(label).or_default() += 1;
@@ -107,14 +107,5 @@ pub(super) fn read(
             found: counts.into_iter().collect(),
         }),
         None => Ok(sessions),
-    }
-}
-
-/// Returns the name of an event, as `--events` has it.
-fn name(label: &EventLabel) -> String {
-    match label {
-        EventLabel::Type(kind) => kind.to_string(),
-        EventLabel::Text(text) => text.trim().to_owned(),
-        EventLabel::SparseSample(_) => label.to_string(),
     }
 }

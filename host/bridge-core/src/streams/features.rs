@@ -63,7 +63,7 @@ impl FeatureStream {
         };
         FeatureStream {
             timeline: HopTimeline::new("features", device, decoding, settings),
-            used: used_channels(&classifier),
+            used: classifier.used_electrodes(),
             decision: Decision::new(&classifier),
             output: output(&classifier),
             classifier,
@@ -216,15 +216,6 @@ impl FeatureStream {
         }
         effects.publish_prediction(output);
     }
-}
-
-/// Returns the channels of the electrodes that have a weight in a filter.
-fn used_channels(classifier: &Classifier) -> u64 {
-    let weights = classifier.filters.iter().map(|filter| {
-        let used = filter.weights.iter().enumerate().filter(|(_, w)| **w != 0);
-        used.fold(0, |mask, (electrode, _)| mask | 1 << electrode)
-    });
-    weights.fold(0, |all, mask: u64| all | mask)
 }
 
 /// Returns the message of a classifier, without a prediction.

@@ -1,0 +1,146 @@
+//! Plays a recording through host-sim and the bridge, and reads the predictions.
+
+use std::path::Path;
+use std::process::Stdio;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use model::{HOP, STEP_RATE_HZ};
+use pipeline::Mains;
+use serde::Deserialize;
+use tokio::io::{AsyncBufReadExt as _, BufReader};
+use tokio::time::timeout;
+
+use super::{Options, Own, Pace, Prediction, filter_delay_s, mains_hz};
+use crate::Failure;
+use crate::program::{BOARD, BRIDGE, Program};
+
+/// Topic of the predictions.
+const TOPIC: &str = "/smr/neuroprediction/raw";
+/// Longest time without a line from the bridge, which reports once a second, and from the end of
+/// the recording to the bridge's end.
+const SILENCE: Duration = Duration::from_secs(20);
+
+/// A prediction that has arrived.
+#[derive(Debug, Clone)]
+pub struct Received {
+    /// Number of its hop, from 1.
+    pub hop: usize,
+    /// What was decided.
+    pub prediction: Prediction,
+    /// Time from the hop's last sample to the arrival, milliseconds; means nothing unless the
+    /// recording is played in real time.
+    pub latency_ms: f64,
+}
+
+/// The fields of a line of JSON that matter here.
+#[derive(Deserialize)]
+struct Line {
+    topic: String,
+    message: serde_json::Value,
+}
+
+/// The fields of a `NeuroOutput` that matter here.
+#[derive(Deserialize)]
+struct Message {
+    header: Header,
+    softpredict: Numbers<f32>,
+    hardpredict: Numbers<i32>,
+}
+
+#[derive(Deserialize)]
+struct Header {
+    seq: usize,
+    stamp: Stamp,
+}
+
+#[derive(Deserialize)]
+struct Stamp {
+    secs: u32,
+    nsecs: u32,
+}
+
+#[derive(Deserialize)]
+struct Numbers<T> {
+    data: Vec<T>,
+}
+
+/// Plays a recording to its end, and passes each prediction to `show` when it arrives. `folders`
+/// are that of the programs, and one for temporary files.
+///
+/// # Errors
+/// A program does not start, fails or stays silent.
+pub(super) async fn play(
+    own: &Own,
+    options: &Options,
+    [programs, folder]: [&Path; 2],
+    mut show: impl FnMut(&Received),
+) -> Result<Vec<Received>, Failure> {
+    let port = folder.join("board").display().to_string();
+    let [recording, classifier] =
+        [&own.recording, &own.classifier].map(|path| path.display().to_string());
+    #[rustfmt::skip]
+    let arguments = [
+        "--port", &port, "--classifier", &classifier, "--streams", "features",
+        "--mains", mains_hz(options.mains), "--sink", "ndjson", "--exit-at-end",
+        "--config", "/dev/null",
+    ];
+    let (program, piped) = (programs.join(BRIDGE), Some(Stdio::piped()));
+    let mut bridge = Program::start_with(&program, &arguments, folder, piped)?;
+    let lines = bridge.child.stdout.take().ok_or_else(|| bridge.ended())?;
+    let mut lines = BufReader::new(lines).lines();
+    let port = format!("pty:{port}");
+    let pace = match options.pace {
+        Pace::Realtime => "--realtime",
+        Pace::Fast => "--fast",
+    };
+    let arguments = ["run", "--input", &recording, "--output", &port, pace];
+    let mut board = Program::start(&programs.join(BOARD), &arguments, folder)?;
+    let mut received = Vec::new();
+    let mut board_ended = false;
+    loop {
+        tokio::select! {
+            line = timeout(SILENCE, lines.next_line()) => match line {
+                Ok(Ok(Some(line))) => {
+                    if let Some(prediction) = prediction(&line, options.mains) {
+                        show(&prediction);
+                        received.push(prediction);
+                    }
+                }
+                Ok(_) => break,
+                Err(_) => return Err(bridge.timed_out("the bridge reported nothing", SILENCE)),
+            },
+            status = board.child.wait(), if !board_ended => {
+                if !status.is_ok_and(|status| status.success()) {
+                    return Err(board.ended());
+                }
+                board_ended = true;
+            }
+        }
+    }
+    match timeout(SILENCE, bridge.child.wait()).await {
+        Ok(Ok(status)) if status.success() && !received.is_empty() => Ok(received),
+        _ => Err(bridge.ended()),
+    }
+}
+
+/// Returns the prediction in a line of the bridge; `None` if it holds another message.
+fn prediction(line: &str, mains: Mains) -> Option<Received> {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?;
+    let line: Line = serde_json::from_str(line).ok()?;
+    if line.topic != TOPIC {
+        return None;
+    }
+    let message = Message::deserialize(line.message).ok()?;
+    let Stamp { secs, nsecs } = message.header.stamp;
+    let stamp = Duration::new(secs.into(), nsecs);
+    // The stamp is the time at which the hop's first step was at the electrodes.
+    let delay_s = (HOP - 1) as f64 / f64::from(STEP_RATE_HZ) + filter_delay_s(mains);
+    Some(Received {
+        hop: message.header.seq,
+        latency_ms: (now.as_secs_f64() - stamp.as_secs_f64() - delay_s) * 1e3,
+        prediction: Prediction {
+            probabilities: message.softpredict.data,
+            class: message.hardpredict.data.iter().position(|chosen| *chosen == 1),
+        },
+    })
+}
