@@ -4,7 +4,9 @@
 mod decision;
 mod error;
 
-pub use decision::{Decision, Prediction, energy};
+pub use decision::{
+    Decision, LEVEL_OF_ONE, LEVELS_PER_OCTAVE, Prediction, energy, log_energies,
+};
 pub use error::ClassifierError;
 
 use serde::{Deserialize, Serialize};
