@@ -139,7 +139,10 @@ pub enum TrainerError {
     DecisionWindow { window_s: f64, trial_s: f64 },
     /// No recording of the option `files` has this event; they have those of `found`, with their
     /// numbers.
-    #[error("no recording of {files} has the event {event}; {}", event_words(found))]
+    #[error(
+        "no recording of {files} has the event {event}; {}",
+        event_words(found)
+    )]
     NoSuchEvent {
         files: &'static str,
         event: String,

@@ -4,9 +4,7 @@
 mod decision;
 mod error;
 
-pub use decision::{
-    Decision, LEVEL_OF_ONE, LEVELS_PER_OCTAVE, Prediction, energy, log_energies,
-};
+pub use decision::{Decision, LEVEL_OF_ONE, LEVELS_PER_OCTAVE, Prediction, energy, log_energies};
 pub use error::ClassifierError;
 
 use serde::{Deserialize, Serialize};

@@ -125,7 +125,12 @@ async fn fitted(options: &Options, programs: &Path, folder: &Path) -> Result<Own
         "--trial", cued_recording::TRIAL, "--out", &out,
     ];
     let mut trainer = Program::start(&programs.join(TRAINER), &arguments, folder)?;
-    if !trainer.child.wait().await.is_ok_and(|status| status.success()) {
+    if !trainer
+        .child
+        .wait()
+        .await
+        .is_ok_and(|status| status.success())
+    {
         return Err(trainer.ended());
     }
     Ok(Own {
@@ -203,14 +208,19 @@ fn line(trial: &Trial, classes: &[Class], prediction: &Prediction) -> String {
     };
     let event = &classes[trial.class].event;
     let cue_s = trial.cue_s;
-    format!("{cue_s:6.1} s  cue {event}  probabilities {}  {verdict}", probabilities.join(" "))
+    format!(
+        "{cue_s:6.1} s  cue {event}  probabilities {}  {verdict}",
+        probabilities.join(" ")
+    )
 }
 
 impl Outcome {
     /// Returns the numbers of trials with the right decision, and with any.
     pub fn right_and_decided(&self) -> [usize; 2] {
         let decided = self.trials.iter().filter(|trial| trial.decision.is_some());
-        let right = decided.clone().filter(|trial| trial.decision == Some(trial.class));
+        let right = decided
+            .clone()
+            .filter(|trial| trial.decision == Some(trial.class));
         [right.count(), decided.count()]
     }
 
@@ -248,7 +258,11 @@ impl Outcome {
 /// Returns the value below which the part `part` of sorted values lies.
 fn quantile(sorted: &[f64], part: f64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "some thousands of values")]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "an index"
+    )]
     let place = ((sorted.len() as f64 * part) as usize).min(sorted.len().saturating_sub(1));
     sorted.get(place).copied().unwrap_or(f64::NAN)
 }
@@ -260,8 +274,18 @@ fn ratio(part: usize, all: usize) -> f64 {
 
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { classifier, recording, hops, equal, .. } = self;
-        let classes = classifier.decision.classes.iter().map(|class| class.event.as_str());
+        let Self {
+            classifier,
+            recording,
+            hops,
+            equal,
+            ..
+        } = self;
+        let classes = classifier
+            .decision
+            .classes
+            .iter()
+            .map(|class| class.event.as_str());
         let [low, high] = classifier.band.hz;
         writeln!(
             f,
@@ -279,7 +303,10 @@ impl fmt::Display for Outcome {
             100.0 * self.chance(),
             self.trials.len() - decided
         )?;
-        writeln!(f, "predictions: {equal} of {hops} equal those of the integers offline")?;
+        writeln!(
+            f,
+            "predictions: {equal} of {hops} equal those of the integers offline"
+        )?;
         let latencies = self.latencies_ms();
         if latencies.is_empty() {
             return writeln!(f, "played as fast as possible, so there are no latencies");

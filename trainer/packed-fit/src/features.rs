@@ -58,9 +58,8 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     // A classifier has the filters that a device takes.
-    const _: () = assert!(
-        MAX_FEATURES == pipeline::MAX_FEATURES && LARGEST_ROW == pipeline::LARGEST_ROW
-    );
+    const _: () =
+        assert!(MAX_FEATURES == pipeline::MAX_FEATURES && LARGEST_ROW == pipeline::LARGEST_ROW);
 
     #[test]
     fn levels_equal_those_of_the_device() {

@@ -101,8 +101,8 @@ fn predictions(fitted: &Fitted, session: &Session) -> Vec<Prediction> {
 fn decide(fitted: &Fitted, name: &str, trials: &[Trial], predictions: &[Prediction]) -> Part {
     let decided = trials.iter().map(|trial| {
         let prediction = &predictions[last_hop(trial)];
-        let scores = (prediction.probabilities.iter())
-            .map(|&p| f64::from(p).max(f64::MIN_POSITIVE).ln());
+        let scores =
+            (prediction.probabilities.iter()).map(|&p| f64::from(p).max(f64::MIN_POSITIVE).ln());
         Decided {
             class: trial.class,
             decision: prediction.class(),
@@ -141,11 +141,7 @@ fn courses(
 }
 
 /// Returns the mean over trials of what [`courses`] returns for each.
-fn mean_course(
-    plan: &Plan,
-    trials: &[&Vec<Option<f32>>],
-    [before, after]: [usize; 2],
-) -> Course {
+fn mean_course(plan: &Plan, trials: &[&Vec<Option<f32>>], [before, after]: [usize; 2]) -> Course {
     let mean = |hop: usize| {
         let values = trials.iter().filter_map(|trial| trial[hop]);
         let (sum, count) = values.fold((0.0, 0.0), |(sum, count), p| {

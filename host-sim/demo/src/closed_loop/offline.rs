@@ -81,11 +81,7 @@ impl Reference {
     /// # Errors
     /// The recording cannot be read, it has no event of a class, or the classifier is for another
     /// model than the built-in one.
-    pub(super) fn new(
-        path: &Path,
-        classifier: &Classifier,
-        mains: Mains,
-    ) -> Result<Self, Failure> {
+    pub(super) fn new(path: &Path, classifier: &Classifier, mains: Mains) -> Result<Self, Failure> {
         let fits = classifier.check_device(model::LABELS.split(' '), STEP_RATE_HZ, HOP as u8);
         let next = "fit it with this model as --artifact, or build with CORTICODE_ARTIFACT=FOLDER";
         fits.map_err(|error| Failure::check("the classifier", error, next))?;
@@ -96,7 +92,10 @@ impl Reference {
         if trials.is_empty() {
             let classes = classifier.decision.classes.iter();
             let classes: Vec<&str> = classes.map(|class| class.event.as_str()).collect();
-            return Err(unusable(&format!("it has no event {}", classes.join(" or "))));
+            return Err(unusable(&format!(
+                "it has no event {}",
+                classes.join(" or ")
+            )));
         }
         let mut failed = None;
         let samples = played.adc.map_while(|counts| {
@@ -121,7 +120,11 @@ impl Reference {
 fn trials(played: &Played, classifier: &Classifier, mains: Mains) -> Vec<Trial> {
     let delay_s = filter_delay_s(mains);
     let [from_s, to_s] = classifier.training.trial_s;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturates"
+    )]
     let hops = |seconds: f64| (seconds * f64::from(STEP_RATE_HZ) / HOP as f64).round() as usize;
     let events = played.onsets.seconds.iter().zip(&played.onsets.labels);
     let trials = events.filter_map(|(&cue_s, label)| {

@@ -51,10 +51,17 @@ fn probabilities(outcome: &Outcome) -> Lines {
         let decisions = chosen.map(|received| (time_s(received.hop), DECISIONS));
         series.push(Series::new("", color, Mark::Dots, decisions.collect()));
         let points = outcome.received.iter();
-        let points = points.map(|Received { hop, prediction, .. }| {
-            (time_s(*hop), prediction.probabilities[index].into())
-        });
-        series.push(Series::new(&class.event, color, Mark::Line, points.collect()));
+        let points = points.map(
+            |Received {
+                 hop, prediction, ..
+             }| { (time_s(*hop), prediction.probabilities[index].into()) },
+        );
+        series.push(Series::new(
+            &class.event,
+            color,
+            Mark::Line,
+            points.collect(),
+        ));
         let own = outcome.trials.iter().filter(|trial| trial.class == index);
         cues.extend(own.map(|trial| {
             let ends = [0.0, to_s].map(|seconds| (trial.cue_s + seconds, CUES));
@@ -94,7 +101,11 @@ fn probabilities(outcome: &Outcome) -> Lines {
 fn histogram(latencies: &[f64], [low, high]: [f64; 2]) -> Histogram {
     let mut counts = vec![0; BINS];
     for latency in latencies {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=BINS")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "0..=BINS"
+        )]
         let bin = ((latency - low) / (high - low) * BINS as f64) as usize;
         counts[bin.min(BINS - 1)] += 1;
     }

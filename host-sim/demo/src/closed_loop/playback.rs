@@ -140,7 +140,11 @@ fn prediction(line: &str, mains: Mains) -> Option<Received> {
         latency_ms: (now.as_secs_f64() - stamp.as_secs_f64() - delay_s) * 1e3,
         prediction: Prediction {
             probabilities: message.softpredict.data,
-            class: message.hardpredict.data.iter().position(|chosen| *chosen == 1),
+            class: message
+                .hardpredict
+                .data
+                .iter()
+                .position(|chosen| *chosen == 1),
         },
     })
 }

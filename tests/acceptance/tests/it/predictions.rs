@@ -8,13 +8,10 @@ use acceptance::chain::Chain;
 use acceptance::process::Process;
 use acceptance::{ros, workspace};
 use any_model::any_classifier;
-use artifact::classifier::{Classifier, Decision};
+use demo::closed_loop::{features, predictions};
 use host_sim::synthetic::{Generator, SyntheticSpec};
-use model::{ADC_RATE_HZ, HOP, MAINS_50, STEP_RATE_HZ, SUBSTITUTION};
-use pipeline::{
-    Acquisition, ExclusionPolicy, FeatureExtractor, FeatureFilters, Features, Mains, Sample,
-    Substitution,
-};
+use model::{ADC_RATE_HZ, HOP, MAINS_50, STEP_RATE_HZ};
+use pipeline::{Mains, Sample};
 use serde::Deserialize;
 
 /// Duration of the EEG, seconds: the filters settle in the first ten.
@@ -35,26 +32,12 @@ struct Printed {
     classes: Vec<i32>,
 }
 
-/// Returns the features that the pipeline computes from the board's synthetic EEG.
-fn features(classifier: &Classifier) -> Vec<Features> {
+/// Returns the board's synthetic EEG.
+fn samples() -> impl Iterator<Item = Sample> {
     let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
     let generator = Generator::new(&spec).expect("the model's electrodes");
-    let mut acquisition = Acquisition::new(Mains::Hz50);
-    let mut substitution = Box::new(Substitution::NEW);
-    let mut extractor = FeatureExtractor::NEW;
-    let weights = classifier.weight_bytes();
-    let filters = FeatureFilters::new(classifier.id(), classifier.band.sections, &weights);
-    extractor.set_filters(filters.expect("filters in range"));
-    let samples = generator.take(SECONDS * usize::from(ADC_RATE_HZ));
-    let made = samples.filter_map(|counts| {
-        substitution.observe_sample(&Sample { counts });
-        let mut step = acquisition.process_sample(&Sample { counts })?;
-        if let Some(table) = &SUBSTITUTION {
-            substitution.fill_step(&mut step, ExclusionPolicy::AUTOMATIC, table);
-        }
-        extractor.add_step(&step)
-    });
-    made.collect()
+    let samples = generator.map(|counts| Sample { counts });
+    samples.take(SECONDS * usize::from(ADC_RATE_HZ))
 }
 
 /// Starts `integrate.py` on the bridge's default topic.
@@ -98,29 +81,24 @@ fn an_integrator_gets_the_predictions_that_the_library_computes() {
     let printed: Vec<Printed> = printed
         .map(|line| serde_json::from_str(line).expect("a prediction"))
         .collect();
-    let features = features(&classifier);
+    let features = features(samples(), Mains::Hz50, &classifier);
+    let expected = predictions(&features, &classifier);
     assert_eq!((printed.len(), features.len()), (HOPS, HOPS));
-    let mut decision = Decision::new(&classifier);
-    let mut chosen = 0;
-    for ((number, printed), features) in (1..).zip(&printed).zip(&features) {
-        let class = if features.settling {
-            decision.skip_hop();
-            None
-        } else {
-            let prediction = decision.add_hop(features.levels());
-            prediction.is_settled.then(|| prediction.class())
-        };
+    for ((number, printed), (features, expected)) in
+        (1..).zip(&printed).zip(features.iter().zip(&expected))
+    {
         assert_eq!(
             (printed.seq, &printed.classes[..]),
             (number, &[773, 771][..])
         );
         assert_eq!(printed.flags.contains("settling"), features.settling);
-        for (soft, probability) in printed.soft.iter().zip(decision.probabilities()) {
+        for (soft, probability) in printed.soft.iter().zip(&expected.probabilities) {
             assert!((soft - f64::from(*probability)).abs() < 1e-6, "{printed:?}");
         }
-        assert_eq!(printed.hard, [0, 1].map(|of| i32::from(class == Some(of))));
-        chosen += usize::from(class.is_some());
+        let hard = [0, 1].map(|class| i32::from(expected.class == Some(class)));
+        assert_eq!(printed.hard, hard);
     }
+    let chosen = expected.iter().filter(|of| of.class.is_some()).count();
     assert!(chosen > 16, "{chosen} hops with a chosen class");
 
     // From the last sample of a hop, which passes the filters later than its stamp tells.
