@@ -216,7 +216,7 @@ pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, 
         for (_, trial) in trials {
             for window in &trial.windows {
                 let hops = levels[window.hops.clone()].iter().map(Vec::as_slice);
-                features.push((trial.class, log_energies(hops, classifier.filters.len())));
+                features.push((trial.class, log_energies(&hops, classifier.filters.len())));
                 float_features.push((trial.class, log_powers(&filters, &window.moment)));
             }
         }

@@ -15,7 +15,10 @@ pub fn energy(level: u8) -> f64 {
 
 /// Returns the logarithm of each feature's mean energy over hops, each with the level of every
 /// feature.
-pub fn log_energies<'a>(hops: impl Iterator<Item = &'a [u8]> + Clone, features: usize) -> Vec<f64> {
+pub fn log_energies<'a>(
+    hops: &(impl Iterator<Item = &'a [u8]> + Clone),
+    features: usize,
+) -> Vec<f64> {
     #[expect(clippy::cast_precision_loss, reason = "a window has some hops")]
     let count = hops.clone().count() as f64;
     let features = (0..features).map(|feature| {
@@ -75,7 +78,7 @@ impl Decision {
         self.push(Some(levels.to_vec()));
         let usable = self.hops.iter().flatten().map(Vec::as_slice);
         let count = usable.clone().count();
-        let features = log_energies(usable, levels.len());
+        let features = log_energies(&usable, levels.len());
         self.probabilities = self.rule.probabilities(&features);
         let window = self.rule.window_hops as usize;
         Prediction {

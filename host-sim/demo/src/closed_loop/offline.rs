@@ -13,6 +13,7 @@ use recordings::Missing;
 
 use super::{Trial, filter_delay_s};
 use crate::Failure;
+use crate::comparison::seconds;
 
 /// What is decided at a hop.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,6 +83,7 @@ impl Reference {
     /// The recording cannot be read, it has no event of a class, or the classifier is for another
     /// model than the built-in one.
     pub(super) fn new(path: &Path, classifier: &Classifier, mains: Mains) -> Result<Self, Failure> {
+        #[expect(clippy::cast_possible_truncation, reason = "a hop has 4 to 16 steps")]
         let fits = classifier.check_device(model::LABELS.split(' '), STEP_RATE_HZ, HOP as u8);
         let next = "fit it with this model as --artifact, or build with CORTICODE_ARTIFACT=FOLDER";
         fits.map_err(|error| Failure::check("the classifier", error, next))?;
@@ -125,7 +127,7 @@ fn trials(played: &Played, classifier: &Classifier, mains: Mains) -> Vec<Trial> 
         clippy::cast_sign_loss,
         reason = "saturates"
     )]
-    let hops = |seconds: f64| (seconds * f64::from(STEP_RATE_HZ) / HOP as f64).round() as usize;
+    let hops = |duration_s: f64| (duration_s / seconds(HOP)).round() as usize;
     let events = played.onsets.seconds.iter().zip(&played.onsets.labels);
     let trials = events.filter_map(|(&cue_s, label)| {
         let name = label.name();

@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use model::{HOP, STEP_RATE_HZ};
+use model::HOP;
 use picture::axis::{Axis, Scale};
 use picture::canvas::{FAINT, INK, REFERENCE, RESULT, SOURCE};
 use picture::histogram::Histogram;
@@ -11,12 +11,13 @@ use picture::lines::{Lines, Mark, Series};
 
 use super::{Outcome, Received, quantile};
 use crate::Failure;
+use crate::comparison::seconds;
 
 /// Heights at which cues and decisions are drawn, above and below the probabilities.
 const CUES: f64 = 1.12;
 const DECISIONS: f64 = -0.12;
 /// Number of bins of the latencies.
-const BINS: usize = 40;
+const BINS: u32 = 40;
 
 /// Draws the pictures of an outcome into `folder`.
 ///
@@ -40,7 +41,7 @@ pub(super) fn draw_all(outcome: &Outcome, folder: &Path) -> Result<(), Failure> 
 /// Returns the chart of cues, probabilities and decisions.
 fn probabilities(outcome: &Outcome) -> Lines {
     let [right, decided] = outcome.right_and_decided();
-    let time_s = |hop: usize| hop as f64 * HOP as f64 / f64::from(STEP_RATE_HZ);
+    let time_s = |hop: usize| seconds(hop * HOP);
     let [from_s, to_s] = outcome.classifier.training.trial_s;
     let (mut series, mut cues) = (Vec::new(), Vec::new());
     let colors = [SOURCE, RESULT, REFERENCE, INK].into_iter().cycle();
@@ -99,15 +100,15 @@ fn probabilities(outcome: &Outcome) -> Lines {
 
 /// Returns the histogram of sorted latencies, milliseconds.
 fn histogram(latencies: &[f64], [low, high]: [f64; 2]) -> Histogram {
-    let mut counts = vec![0; BINS];
+    let mut counts = vec![0; BINS as usize];
     for latency in latencies {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "0..=BINS"
         )]
-        let bin = ((latency - low) / (high - low) * BINS as f64) as usize;
-        counts[bin.min(BINS - 1)] += 1;
+        let bin = ((latency - low) / (high - low) * f64::from(BINS)) as usize;
+        counts[bin.min(BINS as usize - 1)] += 1;
     }
     let [half, most] = [0.5, 0.99].map(|part| quantile(latencies, part));
     Histogram {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use model::{HOP, STEP_RATE_HZ};
+use model::HOP;
 use pipeline::Mains;
 use serde::Deserialize;
 use tokio::io::{AsyncBufReadExt as _, BufReader};
@@ -12,6 +12,7 @@ use tokio::time::timeout;
 
 use super::{Options, Own, Pace, Prediction, filter_delay_s, mains_hz};
 use crate::Failure;
+use crate::comparison::seconds;
 use crate::program::{BOARD, BRIDGE, Program};
 
 /// Topic of the predictions.
@@ -134,7 +135,7 @@ fn prediction(line: &str, mains: Mains) -> Option<Received> {
     let Stamp { secs, nsecs } = message.header.stamp;
     let stamp = Duration::new(secs.into(), nsecs);
     // The stamp is the time at which the hop's first step was at the electrodes.
-    let delay_s = (HOP - 1) as f64 / f64::from(STEP_RATE_HZ) + filter_delay_s(mains);
+    let delay_s = seconds(HOP - 1) + filter_delay_s(mains);
     Some(Received {
         hop: message.header.seq,
         latency_ms: (now.as_secs_f64() - stamp.as_secs_f64() - delay_s) * 1e3,

@@ -1,17 +1,20 @@
 //! An integrator at a real roscore gets from the features of a board the predictions that the
-//! library computes from the pipeline's features.
+//! library computes from the pipeline's features, and so does who converts a recording.
 
 use std::path::Path;
+use std::process::Command;
 use std::time::Duration;
 
 use acceptance::chain::Chain;
 use acceptance::process::Process;
+use acceptance::programs::programs;
 use acceptance::{ros, workspace};
 use any_model::any_classifier;
 use demo::closed_loop::{features, predictions};
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{ADC_RATE_HZ, HOP, MAINS_50, STEP_RATE_HZ};
 use pipeline::{Mains, Sample};
+use rustix::process::Signal;
 use serde::Deserialize;
 
 /// Duration of the EEG, seconds: the filters settle in the first ten.
@@ -118,4 +121,69 @@ fn an_integrator_gets_the_predictions_that_the_library_computes() {
         latencies[latencies.len() - 1]
     );
     chain.stop();
+}
+
+#[test]
+fn a_recording_of_features_is_converted_to_the_same_predictions() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [port, classifier_file, wire] =
+        ["board", "classifier.toml", "run.wire"].map(|name| folder.path().join(name));
+    let classifier = any_classifier(model::LABELS.split(' '));
+    let text = classifier.to_toml().expect("finite numbers");
+    std::fs::write(&classifier_file, text).expect("a free disk");
+    let bridge = |word: &str| {
+        let mut command = Command::new(&programs().bridge);
+        command
+            .arg(word)
+            .arg(&wire)
+            .env("CORTICODE_CONFIG", "/dev/null");
+        command.arg("--classifier").arg(&classifier_file);
+        command
+    };
+    let mut record = bridge("record");
+    record.args(["--streams", "features", "--port"]).arg(&port);
+    let recorder = Process::start("record", &mut record, folder.path()).expect("it starts");
+    let mut board = Command::new(&programs().host_sim);
+    board.args([
+        "run",
+        "--input=synthetic",
+        "--seed=7",
+        "--fast",
+        "--duration=14",
+    ]);
+    board.arg(format!("--output=pty:{}", port.display()));
+    let mut board = Process::start("board", &mut board, folder.path()).expect("it starts");
+    assert!(board.wait(SLACK).success(), "{}", board.log());
+    assert!(recorder.stop(Signal::TERM, SLACK).success());
+    let convert = bridge("convert").args(["--to", "csv"]).output();
+    let printed = String::from_utf8_lossy(&convert.expect("it starts").stderr).into_owned();
+    assert!(printed.contains("; predictions: "), "{printed}");
+
+    let table = std::fs::read_to_string(wire.with_extension("predictions.csv")).expect(&printed);
+    let mut lines = table.lines();
+    let classes = &classifier.decision.classes;
+    let labels = format!(",{},{},decision", classes[0].event, classes[1].event);
+    assert!(
+        lines.next().is_some_and(|head| head.ends_with(&labels)),
+        "{table}"
+    );
+    let expected = predictions(&features(samples(), Mains::Hz50, &classifier), &classifier);
+    // The last hops may still be on their way when the recorder is stopped.
+    assert!(lines.clone().count() > HOPS - 16, "{printed}");
+    for (line, expected) in lines.zip(&expected) {
+        let values: Vec<f32> = line
+            .split(',')
+            .skip(12)
+            .filter_map(|x| x.parse().ok())
+            .collect();
+        #[expect(clippy::cast_precision_loss, reason = "a small code")]
+        let decision = expected
+            .class
+            .map_or(0.0, |class| classes[class].code as f32);
+        assert_eq!(
+            values,
+            [&expected.probabilities[..], &[decision]].concat(),
+            "{line}"
+        );
+    }
 }
