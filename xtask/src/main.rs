@@ -47,7 +47,7 @@ enum Verb {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
-    /// Show a closed loop: a recording with cues, virtual board, bridge, classifier, pictures
+    /// Show a closed loop: a recording with cues, virtual board, bridge, classifier, a picture
     Loop {
         /// Recording to play, whose events are the cues; by default the command makes recordings of
         /// synthetic EEG, fits a classifier to two of them, and plays a third

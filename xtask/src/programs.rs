@@ -30,7 +30,7 @@ pub(crate) fn closed_loop(
     own: &[PathBuf],
 ) -> Result<(), Failure> {
     eprintln!(
-        "A closed loop: a recording with cues, virtual board, bridge, classifier; pictures in target/loop/.\n\
+        "A closed loop: a recording with cues, virtual board, bridge, classifier, and a picture, target/loop/loop.svg.\n\
          First its programs are built, which takes about three minutes the first time."
     );
     let build = "build --profile quick --package demo --package host-sim --package bridge --package trainer --bins";

@@ -27,33 +27,17 @@ use offline::Reference;
 /// What to play, and how.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// `None` makes three recordings of synthetic EEG from the seed, fits a classifier to two of
-    /// them, and plays the third.
-    pub own: Option<Own>,
+    /// A recording whose events are the cues, and the classifier between them, a file of `trainer
+    /// classify`. `None` makes three recordings of synthetic EEG from the seed, fits a classifier
+    /// to two of them, and plays the third.
+    pub own: Option<[PathBuf; 2]>,
     /// Mains frequency that the device's notch removes.
     pub mains: Mains,
     /// Seed of the synthetic EEG.
     pub seed: u64,
-    /// How fast the recording is played.
-    pub pace: Pace,
-}
-
-/// Files of the user.
-#[derive(Debug, Clone)]
-pub struct Own {
-    /// Recording whose events are the cues.
-    pub recording: PathBuf,
-    /// Classifier between the events; file of `trainer classify`.
-    pub classifier: PathBuf,
-}
-
-/// How fast a recording is played.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Pace {
-    /// As a board samples it.
-    Realtime,
-    /// As fast as board and bridge can; there are no latencies.
-    Fast,
+    /// Whether the recording is played as fast as board and bridge can, without latencies, in the
+    /// place of real time.
+    pub fast: bool,
 }
 
 /// A cue of the recording, and what was decided about it.
@@ -77,7 +61,7 @@ pub struct Outcome {
     pub classifier: Classifier,
     /// File name of the recording.
     recording: String,
-    pace: Pace,
+    is_fast: bool,
     /// All cues, in the order of time.
     pub trials: Vec<Trial>,
     /// All predictions that arrived, in their order.
@@ -99,21 +83,25 @@ pub fn run(
 ) -> Result<Outcome, Failure> {
     require(programs, &[BOARD, BRIDGE, TRAINER], "cargo loop")?;
     let outcome = in_a_folder(async |folder| {
-        let own = match &options.own {
+        let [recording, classifier] = match &options.own {
             Some(own) => own.clone(),
             None => fitted(options, programs, folder).await?,
         };
-        play(&own, options, programs, folder).await
+        play([&recording, &classifier], options, [programs, folder]).await
     })?;
     if let Some(folder) = pictures {
-        pictures::draw_all(&outcome, folder)?;
+        pictures::draw(&outcome, folder)?;
     }
     Ok(outcome)
 }
 
-/// Makes recordings, and fits a classifier to all but the last one. Returns classifier and last
-/// recording.
-async fn fitted(options: &Options, programs: &Path, folder: &Path) -> Result<Own, Failure> {
+/// Makes recordings, and fits a classifier to all but the last one. Returns the last recording and
+/// the classifier.
+async fn fitted(
+    options: &Options,
+    programs: &Path,
+    folder: &Path,
+) -> Result<[PathBuf; 2], Failure> {
     let [.., recording] = cued_recording::write(folder, options.mains, options.seed)?;
     let classifier = folder.join("classifier.toml");
     let [train, out] = [folder, &classifier].map(|path| path.display().to_string());
@@ -133,26 +121,19 @@ async fn fitted(options: &Options, programs: &Path, folder: &Path) -> Result<Own
     {
         return Err(trainer.ended());
     }
-    Ok(Own {
-        recording,
-        classifier,
-    })
+    Ok([recording, classifier])
 }
 
-async fn play(
-    own: &Own,
-    options: &Options,
-    programs: &Path,
-    folder: &Path,
-) -> Result<Outcome, Failure> {
-    let classifier = Classifier::read(&own.classifier);
+async fn play(own: [&Path; 2], options: &Options, folders: [&Path; 2]) -> Result<Outcome, Failure> {
+    let [recording, classifier] = own;
+    let classifier = Classifier::read(classifier);
     let next = "`trainer classify` writes one; docs/closed-loop.md has the steps";
     let classifier = classifier.map_err(|error| Failure::check("the classifier", error, next))?;
-    let reference = Reference::new(&own.recording, &classifier, options.mains)?;
+    let reference = Reference::new(recording, &classifier, options.mains)?;
     let hops = reference.predictions.len();
     let mut trials = reference.trials;
     let bar = progress::bar(hops as u64);
-    let received = playback::play(own, options, [programs, folder], |received| {
+    let received = playback::play(own, options, folders, |received| {
         bar.inc(1);
         let ended = trials.iter_mut().filter(|trial| trial.hop == received.hop);
         for trial in ended {
@@ -168,11 +149,11 @@ async fn play(
         let expected = place.and_then(|place| reference.predictions.get(place));
         expected == Some(&received.prediction)
     };
-    let recording = own.recording.file_name().unwrap_or_default();
+    let recording = recording.file_name().unwrap_or_default();
     Ok(Outcome {
         equal: received.iter().filter(is_equal).count(),
         recording: recording.to_string_lossy().into_owned(),
-        pace: options.pace,
+        is_fast: options.fast,
         classifier,
         trials,
         received,
@@ -232,15 +213,6 @@ impl Outcome {
         ratio(most.unwrap_or(0), decided.clone().count())
     }
 
-    /// Returns the times from the last sample of a hop to the arrival of its prediction, sorted,
-    /// milliseconds; none if the recording was not played in real time.
-    fn latencies_ms(&self) -> Vec<f64> {
-        let in_time = self.received.iter().filter(|_| self.pace == Pace::Realtime);
-        let mut latencies: Vec<f64> = in_time.map(|received| received.latency_ms).collect();
-        latencies.sort_by(f64::total_cmp);
-        latencies
-    }
-
     /// Returns an error if a prediction is missing, or differs from that of the integers offline.
     ///
     /// # Errors
@@ -253,18 +225,6 @@ impl Outcome {
         let next = "is the machine busy? run it again, or with --fast";
         Err(Failure::check("the loop", why, next))
     }
-}
-
-/// Returns the value below which the part `part` of sorted values lies.
-fn quantile(sorted: &[f64], part: f64) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "some thousands of values")]
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "an index"
-    )]
-    let place = ((sorted.len() as f64 * part) as usize).min(sorted.len().saturating_sub(1));
-    sorted.get(place).copied().unwrap_or(f64::NAN)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "some hundreds of trials")]
@@ -307,11 +267,14 @@ impl fmt::Display for Outcome {
             f,
             "predictions: {equal} of {hops} equal those of the integers offline"
         )?;
-        let latencies = self.latencies_ms();
-        if latencies.is_empty() {
+        if self.is_fast {
             return writeln!(f, "played as fast as possible, so there are no latencies");
         }
-        let [half, most] = [0.5, 0.99].map(|part| quantile(&latencies, part));
+        let latencies = self.received.iter().map(|received| received.latency_ms);
+        let mut latencies: Vec<f64> = latencies.collect();
+        latencies.sort_by(f64::total_cmp);
+        let at = |percent: usize| latencies.get(latencies.len() * percent / 100);
+        let [half, most] = [50, 99].map(|percent| at(percent).copied().unwrap_or(f64::NAN));
         writeln!(
             f,
             "played in real time: from the last sample of a hop to its probability {half:.1} ms \

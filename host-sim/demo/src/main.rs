@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use demo::Failure;
-use demo::closed_loop::{self, Own, Pace};
+use demo::closed_loop::{self, Options};
 use pipeline::Mains;
 
 fn main() -> ExitCode {
@@ -49,33 +49,25 @@ fn run_loop(
     own: &[&str],
     programs: &Path,
 ) -> Result<(), Failure> {
-    let mains = if mains == "60" {
-        Mains::Hz60
-    } else {
-        Mains::Hz50
-    };
-    let pace = if pace == "fast" {
-        Pace::Fast
-    } else {
-        Pace::Realtime
-    };
-    let own = match own {
-        [recording, classifier] => Some(Own {
-            recording: PathBuf::from(recording),
-            classifier: PathBuf::from(classifier),
-        }),
-        _ => None,
-    };
-    let options = closed_loop::Options {
-        own,
-        mains,
+    let options = Options {
+        own: <[&str; 2]>::try_from(own)
+            .ok()
+            .map(|own| own.map(PathBuf::from)),
+        mains: if mains == "60" {
+            Mains::Hz60
+        } else {
+            Mains::Hz50
+        },
         seed,
-        pace,
+        fast: pace == "fast",
     };
-    let pictures = programs.with_file_name("loop");
-    let outcome = closed_loop::run(&options, programs, Some(&pictures))?;
+    let folder = programs.with_file_name("loop");
+    let outcome = closed_loop::run(&options, programs, Some(&folder))?;
     let next = "make room on the disk and run it again";
-    new_file::print(format_args!("{outcome}pictures: {}\n", pictures.display()))
-        .map_err(|error| Failure::check("printing", error, next))?;
+    new_file::print(format_args!(
+        "{outcome}picture: {}/loop.svg\n",
+        folder.display()
+    ))
+    .map_err(|error| Failure::check("printing", error, next))?;
     outcome.check()
 }

@@ -1,4 +1,4 @@
-//! Draws a closed loop: cues, probabilities and decisions over time, and latencies.
+//! Draws a closed loop: cues, probabilities and decisions over time.
 
 use std::error::Error;
 use std::path::Path;
@@ -6,40 +6,31 @@ use std::path::Path;
 use model::HOP;
 use picture::axis::{Axis, Scale};
 use picture::canvas::{FAINT, INK, REFERENCE, RESULT, SOURCE};
-use picture::histogram::Histogram;
 use picture::lines::{Lines, Mark, Series};
 
-use super::{Outcome, Received, quantile};
+use super::{Outcome, Received};
 use crate::Failure;
 use crate::comparison::seconds;
 
 /// Heights at which cues and decisions are drawn, above and below the probabilities.
 const CUES: f64 = 1.12;
 const DECISIONS: f64 = -0.12;
-/// Number of bins of the latencies.
-const BINS: u32 = 40;
 
-/// Draws the pictures of an outcome into `folder`.
+/// Draws an outcome into `folder`.
 ///
 /// # Errors
 /// The folder or a file cannot be written.
-pub(super) fn draw_all(outcome: &Outcome, folder: &Path) -> Result<(), Failure> {
+pub(super) fn draw(outcome: &Outcome, folder: &Path) -> Result<(), Failure> {
     let draw = || -> Result<(), Box<dyn Error>> {
         std::fs::create_dir_all(folder)?;
-        probabilities(outcome).draw(&folder.join("probabilities.svg"))?;
-        let latencies = outcome.latencies_ms();
-        if let (Some(low), Some(high)) = (latencies.first(), latencies.last()) {
-            histogram(&latencies, [low.min(0.0), high.max(low + 0.1)])
-                .draw(&folder.join("latencies.svg"))?;
-        }
-        Ok(())
+        Ok(chart(outcome).draw(&folder.join("loop.svg"))?)
     };
     let next = format!("is {} writable, and the disk not full?", folder.display());
-    draw().map_err(|error| Failure::check("drawing the pictures", error, &next))
+    draw().map_err(|error| Failure::check("drawing the picture", error, &next))
 }
 
 /// Returns the chart of cues, probabilities and decisions.
-fn probabilities(outcome: &Outcome) -> Lines {
+fn chart(outcome: &Outcome) -> Lines {
     let [right, decided] = outcome.right_and_decided();
     let time_s = |hop: usize| seconds(hop * HOP);
     let [from_s, to_s] = outcome.classifier.training.trial_s;
@@ -95,31 +86,5 @@ fn probabilities(outcome: &Outcome) -> Lines {
         x: Axis::new("time since the start of the recording (s)", Scale::Linear),
         y,
         series,
-    }
-}
-
-/// Returns the histogram of sorted latencies, milliseconds.
-fn histogram(latencies: &[f64], [low, high]: [f64; 2]) -> Histogram {
-    let mut counts = vec![0; BINS as usize];
-    for latency in latencies {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "0..=BINS"
-        )]
-        let bin = ((latency - low) / (high - low) * f64::from(BINS)) as usize;
-        counts[bin.min(BINS as usize - 1)] += 1;
-    }
-    let [half, most] = [0.5, 0.99].map(|part| quantile(latencies, part));
-    Histogram {
-        range: [low, high],
-        counts,
-        title: "From the last sample of a hop to its probability".to_owned(),
-        subtitle: format!(
-            "{} hops through PTY and bridge on this machine: median {half:.1} ms, 99 % within \
-             {most:.1} ms",
-            latencies.len()
-        ),
-        x: "latency (ms)".to_owned(),
     }
 }

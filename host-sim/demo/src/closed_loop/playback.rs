@@ -6,11 +6,11 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use model::HOP;
 use pipeline::Mains;
-use serde::Deserialize;
+use serde_json::Value;
 use tokio::io::{AsyncBufReadExt as _, BufReader};
 use tokio::time::timeout;
 
-use super::{Options, Own, Pace, Prediction, filter_delay_s, mains_hz};
+use super::{Options, Prediction, filter_delay_s, mains_hz};
 use crate::Failure;
 use crate::comparison::seconds;
 use crate::program::{BOARD, BRIDGE, Program};
@@ -33,52 +33,19 @@ pub struct Received {
     pub latency_ms: f64,
 }
 
-/// The fields of a line of JSON that matter here.
-#[derive(Deserialize)]
-struct Line {
-    topic: String,
-    message: serde_json::Value,
-}
-
-/// The fields of a `NeuroOutput` that matter here.
-#[derive(Deserialize)]
-struct Message {
-    header: Header,
-    softpredict: Numbers<f32>,
-    hardpredict: Numbers<i32>,
-}
-
-#[derive(Deserialize)]
-struct Header {
-    seq: usize,
-    stamp: Stamp,
-}
-
-#[derive(Deserialize)]
-struct Stamp {
-    secs: u32,
-    nsecs: u32,
-}
-
-#[derive(Deserialize)]
-struct Numbers<T> {
-    data: Vec<T>,
-}
-
 /// Plays a recording to its end, and passes each prediction to `show` when it arrives. `folders`
 /// are that of the programs, and one for temporary files.
 ///
 /// # Errors
 /// A program does not start, fails or stays silent.
 pub(super) async fn play(
-    own: &Own,
+    own: [&Path; 2],
     options: &Options,
     [programs, folder]: [&Path; 2],
     mut show: impl FnMut(&Received),
 ) -> Result<Vec<Received>, Failure> {
     let port = folder.join("board").display().to_string();
-    let [recording, classifier] =
-        [&own.recording, &own.classifier].map(|path| path.display().to_string());
+    let [recording, classifier] = own.map(|path| path.display().to_string());
     #[rustfmt::skip]
     let arguments = [
         "--port", &port, "--classifier", &classifier, "--streams", "features",
@@ -90,10 +57,7 @@ pub(super) async fn play(
     let lines = bridge.child.stdout.take().ok_or_else(|| bridge.ended())?;
     let mut lines = BufReader::new(lines).lines();
     let port = format!("pty:{port}");
-    let pace = match options.pace {
-        Pace::Realtime => "--realtime",
-        Pace::Fast => "--fast",
-    };
+    let pace = if options.fast { "--fast" } else { "--realtime" };
     let arguments = ["run", "--input", &recording, "--output", &port, pace];
     let mut board = Program::start(&programs.join(BOARD), &arguments, folder)?;
     let mut received = Vec::new();
@@ -127,25 +91,26 @@ pub(super) async fn play(
 /// Returns the prediction in a line of the bridge; `None` if it holds another message.
 fn prediction(line: &str, mains: Mains) -> Option<Received> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?;
-    let line: Line = serde_json::from_str(line).ok()?;
-    if line.topic != TOPIC {
+    let line: Value = serde_json::from_str(line).ok()?;
+    if line["topic"] != TOPIC {
         return None;
     }
-    let message = Message::deserialize(line.message).ok()?;
-    let Stamp { secs, nsecs } = message.header.stamp;
-    let stamp = Duration::new(secs.into(), nsecs);
+    let message = &line["message"];
+    let header = &message["header"];
+    let stamp = &header["stamp"];
+    let stamp_s = stamp["secs"].as_f64()? + stamp["nsecs"].as_f64()? * 1e-9;
     // The stamp is the time at which the hop's first step was at the electrodes.
     let delay_s = seconds(HOP - 1) + filter_delay_s(mains);
+    let numbers = |field: &str| message[field]["data"].as_array();
+    let probabilities = numbers("softpredict")?.iter().filter_map(Value::as_f64);
+    let mut chosen = numbers("hardpredict")?.iter();
+    #[expect(clippy::cast_possible_truncation, reason = "written as an f32")]
     Some(Received {
-        hop: message.header.seq,
-        latency_ms: (now.as_secs_f64() - stamp.as_secs_f64() - delay_s) * 1e3,
+        hop: usize::try_from(header["seq"].as_u64()?).ok()?,
+        latency_ms: (now.as_secs_f64() - stamp_s - delay_s) * 1e3,
         prediction: Prediction {
-            probabilities: message.softpredict.data,
-            class: message
-                .hardpredict
-                .data
-                .iter()
-                .position(|chosen| *chosen == 1),
+            probabilities: probabilities.map(|p| p as f32).collect(),
+            class: chosen.position(|chosen| *chosen == 1),
         },
     })
 }

@@ -2,7 +2,7 @@
 //! not seen, with the programs that users start.
 
 use acceptance::programs::{programs, trainer};
-use demo::closed_loop::{Options, Pace, run};
+use demo::closed_loop::{Options, run};
 use pipeline::Mains;
 
 #[test]
@@ -16,7 +16,7 @@ fn cues_of_a_held_out_recording_are_decided_as_offline() {
         own: None,
         mains: Mains::Hz50,
         seed: 1,
-        pace: Pace::Fast,
+        fast: true,
     };
     let pictures = tempfile::tempdir().expect("a folder");
     let outcome = run(&options, folder.expect("a folder"), Some(pictures.path()));
@@ -30,5 +30,5 @@ fn cues_of_a_held_out_recording_are_decided_as_offline() {
         [640, 640],
         "{outcome}"
     );
-    assert!(pictures.path().join("probabilities.svg").exists());
+    assert!(pictures.path().join("loop.svg").exists());
 }
