@@ -65,7 +65,7 @@ pub(crate) async fn run(
         master.uri(),
         "--config=/dev/null",
     ];
-    let mut bridge = Program::start(&programs.join(BRIDGE), &arguments, folder)?;
+    let mut bridge = Program::start(&programs.join(BRIDGE), &arguments, folder, None)?;
     bar.set_message("waiting for the bridge to announce its topics");
     listener.wait_for_links(&mut bridge).await?;
     let arguments = [
@@ -76,7 +76,7 @@ pub(crate) async fn run(
         &format!("--duration={seconds}"),
         &format!("--output=pty:{port}"),
     ];
-    let mut board = Program::start(&programs.join(BOARD), &arguments, folder)?;
+    let mut board = Program::start(&programs.join(BOARD), &arguments, folder, None)?;
     bar.set_message("waiting for the first code");
     listener.listen(&bar, &mut board, &mut bridge).await?;
     drop(bar);

@@ -112,16 +112,11 @@ async fn fitted(
         "--mains", mains_hz(options.mains), "--events", cued_recording::EVENTS,
         "--trial", cued_recording::TRIAL, "--out", &out,
     ];
-    let mut trainer = Program::start(&programs.join(TRAINER), &arguments, folder)?;
-    if !trainer
-        .child
-        .wait()
-        .await
-        .is_ok_and(|status| status.success())
-    {
-        return Err(trainer.ended());
+    let mut trainer = Program::start(&programs.join(TRAINER), &arguments, folder, None)?;
+    match trainer.child.wait().await {
+        Ok(status) if status.success() => Ok([recording, classifier]),
+        _ => Err(trainer.ended()),
     }
-    Ok([recording, classifier])
 }
 
 async fn play(own: [&Path; 2], options: &Options, folders: [&Path; 2]) -> Result<Outcome, Failure> {
@@ -170,11 +165,7 @@ fn mains_hz(mains: Mains) -> &'static str {
 
 /// Returns the group delay of the device's filters, seconds.
 fn filter_delay_s(mains: Mains) -> f64 {
-    let filters = match mains {
-        Mains::Hz50 => model::MAINS_50,
-        Mains::Hz60 => model::MAINS_60,
-    };
-    f64::from(filters.group_delay_us) * 1e-6
+    f64::from(mains.filter().group_delay_us) * 1e-6
 }
 
 /// Returns a line that compares a trial's cue with the prediction at its end.

@@ -27,13 +27,9 @@ pub(crate) struct Program {
 }
 
 impl Program {
-    /// Starts the program at `path`. Its stdout and stderr go to a file in `logs`.
-    pub(crate) fn start(path: &Path, arguments: &[&str], logs: &Path) -> Result<Self, Failure> {
-        Self::start_with(path, arguments, logs, None)
-    }
-
-    /// Like [`Self::start`], but stdout goes to `stdout`.
-    pub(crate) fn start_with(
+    /// Starts the program at `path`. Its stderr goes to a file in `logs`, and so does its stdout
+    /// unless `stdout` has another place for it.
+    pub(crate) fn start(
         path: &Path,
         arguments: &[&str],
         logs: &Path,

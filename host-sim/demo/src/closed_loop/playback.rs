@@ -53,13 +53,13 @@ pub(super) async fn play(
         "--config", "/dev/null",
     ];
     let (program, piped) = (programs.join(BRIDGE), Some(Stdio::piped()));
-    let mut bridge = Program::start_with(&program, &arguments, folder, piped)?;
+    let mut bridge = Program::start(&program, &arguments, folder, piped)?;
     let lines = bridge.child.stdout.take().ok_or_else(|| bridge.ended())?;
     let mut lines = BufReader::new(lines).lines();
     let port = format!("pty:{port}");
     let pace = if options.fast { "--fast" } else { "--realtime" };
     let arguments = ["run", "--input", &recording, "--output", &port, pace];
-    let mut board = Program::start(&programs.join(BOARD), &arguments, folder)?;
+    let mut board = Program::start(&programs.join(BOARD), &arguments, folder, None)?;
     let mut received = Vec::new();
     let mut board_ended = false;
     loop {
