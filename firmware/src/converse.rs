@@ -7,7 +7,7 @@ use core::{
     sync::atomic::Ordering::Relaxed,
 };
 
-use device::{MAX_FRAME, Order, Output, Payload, Session};
+use device::{MAX_FRAME, Order, Output, Session};
 use embassy_futures::join::join5;
 use embassy_sync::{blocking_mutex::raw::NoopRawMutex, signal::Signal};
 use embassy_time::{Instant, Timer, with_timeout};
@@ -174,8 +174,7 @@ impl Conversation<'_, '_> {
             session.send_timing(timing, at_us, frames);
         }
         session.send(output, frames);
-        if let Payload::Code(..) | Payload::PackedCode(..) | Payload::Features(..) = output.payload
-        {
+        if output.payload.is_of_hop() {
             self.code_ticks.set(Some(queued_ticks));
         }
     }

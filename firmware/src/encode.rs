@@ -2,7 +2,7 @@
 
 use core::sync::atomic::Ordering::Relaxed;
 
-use device::{Encoders, Output, Payload, Producer, Slot};
+use device::{Encoders, Output, Producer, Slot};
 use link::Stage;
 use model::SUBSTITUTION;
 
@@ -27,9 +27,7 @@ pub async fn encode(
             if !outputs.try_send(&output, shared.timing.now()) {
                 shared.outputs_lost.fetch_add(1, Relaxed);
             }
-            if let Payload::Code(..) | Payload::PackedCode(..) | Payload::Features(..) =
-                output.payload
-            {
+            if output.payload.is_of_hop() {
                 shared.timing.record(Stage::Code, slot.drdy_ticks);
             }
         };

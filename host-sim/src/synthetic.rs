@@ -1,8 +1,8 @@
 //! Synthetic EEG: seeded, endless, in ADC counts.
 //!
 //! Each sample is the sum of several components: a 1/f^1.7 background from dipoles in the cortex
-//! (`background`), alpha bursts from the occipital cortex (`alpha`) and blinks (`blink`); white
-//! noise of the sensors; mains, an electrode offset and its slow drift; and, on request, episodes
+//! (`background`), alpha bursts from the occipital cortex (`alpha`), on request the sensorimotor
+//! rhythm of both hand areas (`mu`), and blinks (`blink`); white noise of the sensors; mains, an electrode offset and its slow drift; and, on request, episodes
 //! at the ADC's rail (`interference`). Each component has a separate random stream, so switching
 //! blinks or rails off does not change the others. The dipoles are drawn from the seed, and the
 //! potentials at an electrode do not depend on the other electrodes.
@@ -36,6 +36,7 @@ mod blink;
 mod dipole;
 mod head;
 mod interference;
+mod mu;
 mod noise;
 mod phasor;
 mod scalp;
@@ -49,9 +50,11 @@ use self::alpha::Alpha;
 use self::background::Background;
 use self::blink::Blinks;
 use self::interference::{Interference, Rails};
+use self::mu::Mu;
 pub(crate) use self::noise::Noise;
 use self::scalp::Scalp;
 
+pub use mu::Hand;
 pub use spec::{SyntheticError, SyntheticSpec};
 
 /// Range of a 24-bit ADC, counts.
@@ -72,6 +75,8 @@ pub struct Generator {
     background: Background,
     sensors: Option<Noise>,
     alpha: Alpha,
+    mu: Option<Mu>,
+    moving: Option<Hand>,
     blinks: Option<Blinks>,
     interference: Interference,
     rails: Option<Rails>,
@@ -99,6 +104,7 @@ impl Generator {
         for (name, value) in [
             ("background_uv", spec.background_uv),
             ("alpha_uv", spec.alpha_uv),
+            ("mu_uv", spec.mu_uv),
             ("mains_uv", spec.mains_uv),
             ("offset_mv", spec.offset_mv),
             ("drift_uv", spec.drift_uv),
@@ -119,6 +125,8 @@ impl Generator {
             electrodes,
             background: Background::new(noise(1), &scalp, rate, spec.background_uv),
             alpha: Alpha::new(noise(2), &scalp, rate, spec.alpha_uv),
+            mu: (spec.mu_uv > 0.0).then(|| Mu::new(noise(7), &scalp, rate, spec.mu_uv)),
+            moving: None,
             blinks: spec.blinks.then(|| Blinks::new(noise(3), &scalp, rate)),
             interference: Interference::new(noise(4), spec),
             sensors: (spec.background_uv > 0.0).then(|| noise(6)),
@@ -133,6 +141,9 @@ impl Generator {
         let scalp = &mut microvolts[..self.electrodes];
         self.background.add(scalp);
         self.alpha.add(scalp);
+        if let Some(mu) = &mut self.mu {
+            mu.add(self.moving, scalp);
+        }
         if let Some(sensors) = &mut self.sensors {
             for uv in &mut *scalp {
                 *uv += SENSOR_UV * sensors.normal();
@@ -152,6 +163,12 @@ impl Generator {
             let count = counts.clamp(*RAILS.start(), *RAILS.end()) as i32;
             count
         })
+    }
+
+    /// Sets which hand moves from the next sample on, in EEG with a sensorimotor rhythm; `None` is
+    /// rest.
+    pub fn move_hand(&mut self, hand: Option<Hand>) {
+        self.moving = hand;
     }
 
     /// Returns the number of counts that were clipped to a rail so far.

@@ -63,8 +63,9 @@ pub(crate) fn train(
     let existing = Existing::from_force(options.force);
     let mut file = NewFile::create(&options.out, existing, &inputs)?;
 
-    let train = read(&selected.train, options, description, &plan, observer)?;
-    let test = read(&selected.test, options, description, &plan, observer)?;
+    let mut read = |files, option| read(files, option, options, description, &plan, observer);
+    let train = read(&selected.train, "--train")?;
+    let test = read(&selected.test, "--test")?;
     plan.check_trials(&train)?;
     let folds = validation::folds(&train);
     let (cross_validation, courses) = validation::cross_validate(&plan, &train, &folds)?;
@@ -81,7 +82,7 @@ pub(crate) fn train(
     training.cross_validation = Some(cross_validation);
     if plan.counts(&test).iter().any(|&trials| trials > 0) {
         let decided = validation::decide_sessions(&fitted, &test);
-        training.test = Some(figures::figures(&decided, plan.classes.len()));
+        training.test = Some(figures::figures(&decided, plan.classes().len()));
     }
     let mut write = || {
         file.write_all(classifier.to_toml()?.as_bytes())
@@ -112,6 +113,7 @@ pub(crate) fn train(
 /// Reads recordings with their trials, bad electrodes interpolated.
 fn read(
     files: &[PathBuf],
+    option: &'static str,
     options: &ClassifyOptions,
     description: &Description,
     plan: &Plan,
@@ -124,7 +126,7 @@ fn read(
     let start_step = packed_fit::settling_steps(description, options.files.mains_hz)?;
     let delay_us = model_gen::group_delay_us(description, options.files.mains_hz)?;
     let start_s = start_step as f64 / plan.step_rate_hz() - f64::from(delay_us) * 1e-6;
-    sessions::read(files, tracks, (start_step, start_s), plan, observer)
+    sessions::read(files, tracks, (start_step, start_s), plan, option, observer)
 }
 
 impl Trained {

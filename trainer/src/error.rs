@@ -137,9 +137,14 @@ pub enum TrainerError {
          decision is made"
     )]
     DecisionWindow { window_s: f64, trial_s: f64 },
-    /// No recording has this event; they have those of `found`, with their numbers.
-    #[error("no recording has the event {event}; {}", event_words(found))]
+    /// No recording of the option `files` has this event; they have those of `found`, with their
+    /// numbers.
+    #[error(
+        "no recording of {files} has the event {event}; {}",
+        event_words(found)
+    )]
     NoSuchEvent {
+        files: &'static str,
         event: String,
         found: Vec<(String, usize)>,
     },

@@ -47,6 +47,24 @@ enum Verb {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
+    /// Show a closed loop: a recording with cues, virtual board, bridge, classifier, a picture
+    Loop {
+        /// Recording to play, whose events are the cues; by default the command makes recordings of
+        /// synthetic EEG, fits a classifier to two of them, and plays a third
+        #[arg(requires = "classifier")]
+        recording: Option<PathBuf>,
+        /// Classifier between these cues, a file of `trainer classify`
+        classifier: Option<PathBuf>,
+        /// Mains frequency, Hz
+        #[arg(long, default_value = "50", value_parser = ["50", "60"])]
+        mains: String,
+        /// Seed of the synthetic EEG
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Play as fast as this machine can, without latencies, instead of in real time
+        #[arg(long)]
+        fast: bool,
+    },
     /// Count instructions on an emulated microcontroller, for the checked-in model or another one,
     /// measure and draw the filters' noise, or time the encoder, the bridge or the node on this PC;
     /// `cargo xtask bench --help` lists the options
@@ -136,6 +154,16 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().verb {
         Verb::Test { fast } => stages::test(fast),
         Verb::Demo { seconds, seed } => programs::demo(seconds, seed),
+        Verb::Loop {
+            recording,
+            classifier,
+            mains,
+            seed,
+            fast,
+        } => {
+            let own = recording.into_iter().chain(classifier).collect::<Vec<_>>();
+            programs::closed_loop([&mains, &seed.to_string()], fast, &own)
+        }
         Verb::Bench { words } => programs::bench(&words),
         Verb::Qemu {
             live: true, port, ..

@@ -1,5 +1,6 @@
 //! Verbs of `cargo xtask` that run one program and pass on its output and exit status.
 
+use std::path::PathBuf;
 use std::process::Command;
 
 use crate::command::{
@@ -19,6 +20,24 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     run(&mut cargo(build), AFTER_A_BUILD)?;
     let mut demo = Command::new(target_folder().join("quick/demo"));
     replace(demo.args([seconds.to_string(), seed.to_string()]))
+}
+
+/// Builds the demo, host-sim, the bridge and the trainer with one call of cargo, then runs the
+/// closed loop: on the recording and with the classifier in `own`, or on synthetic EEG.
+pub(crate) fn closed_loop(
+    mains_and_seed: [&str; 2],
+    fast: bool,
+    own: &[PathBuf],
+) -> Result<(), Failure> {
+    eprintln!(
+        "A closed loop: a recording with cues, virtual board, bridge, classifier, and a picture, target/loop/loop.svg.\n\
+         First its programs are built, which takes about three minutes the first time."
+    );
+    let build = "build --profile quick --package demo --package host-sim --package bridge --package trainer --bins";
+    run(&mut cargo(build), AFTER_A_BUILD)?;
+    let mut demo = Command::new(target_folder().join("quick/demo"));
+    let pace = if fast { "fast" } else { "realtime" };
+    replace(demo.arg("loop").args(mains_and_seed).arg(pace).args(own))
 }
 
 /// Runs the program `report` of the benchmarks with the arguments `words`. It is optimised only for

@@ -4,7 +4,7 @@
 mod decision;
 mod error;
 
-pub use decision::{Decision, Prediction, energy};
+pub use decision::{Decision, LEVEL_OF_ONE, LEVELS_PER_OCTAVE, Prediction, energy, log_energies};
 pub use error::ClassifierError;
 
 use serde::{Deserialize, Serialize};
@@ -191,6 +191,15 @@ impl Classifier {
     pub fn weight_bytes(&self) -> Vec<u8> {
         let weights = self.filters.iter().flat_map(|filter| &filter.weights);
         weights.map(|weight| weight.cast_unsigned()).collect()
+    }
+
+    /// Returns the electrodes that have a weight in a filter; bit n is electrode n.
+    pub fn used_electrodes(&self) -> u64 {
+        let weights = self.filters.iter().map(|filter| {
+            let used = filter.weights.iter().enumerate().filter(|(_, w)| **w != 0);
+            used.fold(0, |mask, (electrode, _)| mask | 1 << electrode)
+        });
+        weights.fold(0, |all, mask: u64| all | mask)
     }
 
     /// Checks all ranges, and that no value of the device leaves 32 bits.

@@ -36,7 +36,6 @@
 
 pub mod axis;
 pub mod canvas;
-pub mod confusion;
 pub mod curves;
 pub mod heat_map;
 pub mod histogram;

@@ -19,6 +19,18 @@ pub enum EventLabel {
     Text(String),
 }
 
+impl EventLabel {
+    /// Returns the name by which a user names the event: the text without blanks around it, or the
+    /// type as a decimal number.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Type(kind) => kind.to_string(),
+            Self::Text(text) => text.trim().to_owned(),
+            Self::SparseSample(_) => self.to_string(),
+        }
+    }
+}
+
 impl fmt::Display for EventLabel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

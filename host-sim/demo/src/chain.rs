@@ -10,14 +10,9 @@ use ros1::{Master, Node, NodeOptions, Subscriber};
 use tokio::time::{sleep, sleep_until};
 
 use crate::Failure;
-use crate::program::Program;
+use crate::program::{BOARD, BRIDGE, Program};
 use crate::progress;
 use crate::run::{Received, Run};
-
-/// Name of the program that simulates the board.
-pub(crate) const BOARD: &str = "host-sim";
-/// Name of the bridge's program.
-pub(crate) const BRIDGE: &str = "corticode-bridge";
 
 /// Rate at which the board makes codes, Hz.
 const CODE_RATE_HZ: u64 = model::STEP_RATE_HZ as u64 / model::HOP as u64;
@@ -35,19 +30,13 @@ const QUEUE: usize = 64;
 /// received.
 ///
 /// # Errors
-/// One of the programs does not start, ends early or stays silent, or the user presses Ctrl-C.
-pub(crate) async fn run(seconds: u32, seed: u64, programs: &Path) -> Result<Run, Failure> {
-    let folder = tempfile::tempdir().map_err(|error| {
-        let next = "is the disk full? is TMPDIR writable?";
-        Failure::check("making a temporary folder", error, next)
-    })?;
-    tokio::select! {
-        run = path(seconds, seed, programs, folder.path()) => run,
-        _ = tokio::signal::ctrl_c() => Err(Failure::interrupted()),
-    }
-}
-
-async fn path(seconds: u32, seed: u64, programs: &Path, folder: &Path) -> Result<Run, Failure> {
+/// One of the programs does not start, ends early or stays silent.
+pub(crate) async fn run(
+    seconds: u32,
+    seed: u64,
+    programs: &Path,
+    folder: &Path,
+) -> Result<Run, Failure> {
     let bar = progress::bar(u64::from(seconds) * CODE_RATE_HZ);
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let master = Master::start(address).await.map_err(no_master)?;
@@ -76,7 +65,7 @@ async fn path(seconds: u32, seed: u64, programs: &Path, folder: &Path) -> Result
         master.uri(),
         "--config=/dev/null",
     ];
-    let mut bridge = Program::start(&programs.join(BRIDGE), &arguments, folder)?;
+    let mut bridge = Program::start(&programs.join(BRIDGE), &arguments, folder, None)?;
     bar.set_message("waiting for the bridge to announce its topics");
     listener.wait_for_links(&mut bridge).await?;
     let arguments = [
@@ -87,7 +76,7 @@ async fn path(seconds: u32, seed: u64, programs: &Path, folder: &Path) -> Result
         &format!("--duration={seconds}"),
         &format!("--output=pty:{port}"),
     ];
-    let mut board = Program::start(&programs.join(BOARD), &arguments, folder)?;
+    let mut board = Program::start(&programs.join(BOARD), &arguments, folder, None)?;
     bar.set_message("waiting for the first code");
     listener.listen(&bar, &mut board, &mut bridge).await?;
     drop(bar);

@@ -4,7 +4,6 @@ use std::error::Error;
 use std::path::Path;
 
 use artifact::Artifact;
-use demo::response::{Response, Twin};
 use link::Flags;
 use picture::heat_map::HeatMap;
 use picture::intervals::{Intervals, Series};
@@ -12,12 +11,13 @@ use picture::traces::{Trace, Traces};
 
 use crate::Failure;
 use crate::comparison::{Comparison, seconds};
+use crate::response::{Response, Twin};
 use crate::run::{Received, Run};
 
 /// Largest number of electrodes in the picture of traces.
 const SHOWN: usize = 7;
 /// Folder of the model with which the demo was built.
-const MODEL: &str = match option_env!("CORTICODE_ARTIFACT") {
+pub(crate) const MODEL: &str = match option_env!("CORTICODE_ARTIFACT") {
     Some(folder) => folder,
     None => concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact"),
 };

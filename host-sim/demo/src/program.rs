@@ -12,6 +12,13 @@ use tokio::time::timeout;
 
 use crate::Failure;
 
+/// Name of the program that simulates the board.
+pub(crate) const BOARD: &str = "host-sim";
+/// Name of the bridge's program.
+pub(crate) const BRIDGE: &str = "corticode-bridge";
+/// Name of the program that trains models and classifiers.
+pub(crate) const TRAINER: &str = "trainer";
+
 /// A running child process; killed when dropped.
 pub(crate) struct Program {
     name: String,
@@ -20,8 +27,14 @@ pub(crate) struct Program {
 }
 
 impl Program {
-    /// Starts the program at `path`. Its stdout and stderr go to a file in `logs`.
-    pub(crate) fn start(path: &Path, arguments: &[&str], logs: &Path) -> Result<Self, Failure> {
+    /// Starts the program at `path`. Its stderr goes to a file in `logs`, and so does its stdout
+    /// unless `stdout` has another place for it.
+    pub(crate) fn start(
+        path: &Path,
+        arguments: &[&str],
+        logs: &Path,
+        stdout: Option<Stdio>,
+    ) -> Result<Self, Failure> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let log = logs.join(&*name).with_extension("log");
         let start = || -> io::Result<Child> {
@@ -29,7 +42,10 @@ impl Program {
             Command::new(path)
                 .args(arguments)
                 .stdin(Stdio::null())
-                .stdout(file.try_clone()?)
+                .stdout(match stdout {
+                    Some(stdout) => stdout,
+                    None => file.try_clone()?.into(),
+                })
                 .stderr(file)
                 // The child gets its own process group, so that Ctrl-C in the terminal reaches only
                 // the demo, which stops its children.
@@ -62,7 +78,7 @@ impl Program {
             "{what} within {} s; {name} printed:\n{log}",
             after.as_secs_f64()
         );
-        let next = "is the machine very busy? `cargo demo` again";
+        let next = "is the machine very busy? run it again";
         Failure::unreachable("the path", why, next)
     }
 

@@ -32,7 +32,6 @@ pub(super) struct Alpha {
     noise: Noise,
     rate: f64,
     damping: f64,
-    drive: f64,
     phasors: Vec<Phasor>,
     /// Amplitude of each dipole at each electrode in a burst, uV RMS.
     amplitudes: Vec<Vec<f64>>,
@@ -48,12 +47,10 @@ impl Alpha {
         let powers = scalp.powers_at(&dipoles, SITES);
         let scale = rms_uv / powers.into_iter().fold(0.0, f64::max).sqrt();
         let amplitudes = dipoles.iter().map(|dipole| scalp.potentials(dipole, scale));
-        let damping = pole(HALF_WIDTH, rate);
         Self {
             noise,
             rate,
-            damping,
-            drive: (1.0 - damping * damping).sqrt(),
+            damping: pole(HALF_WIDTH, rate),
             phasors: vec![Phasor::new(ALPHA_HZ, rate); DIPOLES.len()],
             amplitudes: amplitudes.collect(),
             in_burst: false,
@@ -71,13 +68,8 @@ impl Alpha {
         }
         let target = if self.in_burst { 1.0 } else { REST };
         self.envelope = target + self.envelope_pole * (self.envelope - target);
-        for phasor in &mut self.phasors {
-            phasor.rotate(self.damping);
-            phasor.point.0 += self.drive * self.noise.normal();
-            phasor.point.1 += self.drive * self.noise.normal();
-        }
-        for (phasor, amplitudes) in self.phasors.iter().zip(&self.amplitudes) {
-            let activity = phasor.point.0 * self.envelope;
+        for (phasor, amplitudes) in self.phasors.iter_mut().zip(&self.amplitudes) {
+            let activity = phasor.resonate(self.damping, &mut self.noise) * self.envelope;
             for (uv, amplitude) in microvolts.iter_mut().zip(amplitudes) {
                 *uv += amplitude * activity;
             }

@@ -1,12 +1,13 @@
 //! Computes cosine and sine of a linearly growing angle by rotating a point.
 
+use super::noise::Noise;
+
 /// A point that rotates on a circle by `frequency / rate` of a turn per sample.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Phasor {
     /// Cosine and sine of the angle by which the point rotates per sample.
     rotation: (f64, f64),
-    /// Coordinates of the point. [`Alpha`](super::alpha::Alpha) adds noise to both.
-    pub(super) point: (f64, f64),
+    point: (f64, f64),
 }
 
 impl Phasor {
@@ -38,8 +39,18 @@ impl Phasor {
         self.point
     }
 
+    /// Rotates by one sample, damped by the factor `damping` < 1, and returns a coordinate of the
+    /// point. Noise, which drives both coordinates, keeps its variance at 1.
+    pub(super) fn resonate(&mut self, damping: f64, noise: &mut Noise) -> f64 {
+        let drive = (1.0 - damping * damping).sqrt();
+        self.rotate(damping);
+        self.point.0 += drive * noise.normal();
+        self.point.1 += drive * noise.normal();
+        self.point.0
+    }
+
     /// Rotates by one sample and scales the radius by `factor`.
-    pub(super) fn rotate(&mut self, factor: f64) {
+    fn rotate(&mut self, factor: f64) {
         let (x, y) = self.point;
         let (cos, sin) = self.rotation;
         self.point = (factor * (x * cos - y * sin), factor * (x * sin + y * cos));

@@ -20,6 +20,9 @@ pub struct SyntheticSpec {
     /// Amplitude of the alpha rhythm during a burst, uV RMS at that electrode over the back of the
     /// head where it is largest.
     pub alpha_uv: f64,
+    /// Amplitude of the sensorimotor rhythm of each hand area at rest, uV RMS at C3 and C4. No hand
+    /// moves until [`Generator::move_hand`](super::Generator::move_hand).
+    pub mu_uv: f64,
     /// Mains frequency, Hz, > 0 and below half the rate.
     pub mains_hz: u32,
     /// Mean peak amplitude of mains interference, uV. A random factor of 0.5 to 1.5 scales it at
@@ -51,6 +54,7 @@ impl SyntheticSpec {
             electrodes: electrodes.into_iter().map(Into::into).collect(),
             background_uv: 25.0,
             alpha_uv: 20.0,
+            mu_uv: 0.0,
             mains_hz: 50,
             mains_uv: 20.0,
             offset_mv: 20.0,

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use artifact::classifier::Classifier;
 use link::{Counters, Decoder, MAX_FRAME, ToHost};
-use neuro_ros::{AcquisitionInfo, DiagnosticArray, NeuroEvent, NeuroFrame, NeuroOutput};
+use neuro_ros::{AcquisitionInfo, DiagnosticArray, NeuroEvent, NeuroFrame, NeuroOutput, TriWords};
 
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
@@ -218,8 +218,8 @@ pub trait Effects {
     /// Publishes a frame of filtered steps on `/neurodata_corticode`.
     fn publish_filtered(&mut self, _frame: &NeuroFrame) {}
 
-    /// Publishes the prediction of a hop.
-    fn publish_prediction(&mut self, _prediction: &NeuroOutput) {}
+    /// Publishes the prediction of a hop, whose status words are `_words`.
+    fn publish_prediction(&mut self, _prediction: &NeuroOutput, _words: TriWords) {}
 
     /// Publishes an event on `/events/bus`: an edge of the trigger input, or a report about data.
     /// `row` is the row of the announced stream at which a recording must have the event, counted

@@ -72,7 +72,7 @@ pub use query::report::{
     ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport, write_columns,
 };
 pub use query::{Answer, Query, QueryError, QueryResult, Request};
-pub use session::summary::{PackedSummary, Summary};
+pub use session::summary::{PackedSummary, PredictionSummary, Summary};
 pub use settings::{
     AnnouncedStream, Choice, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
     with_codes,

@@ -117,9 +117,9 @@ struct SessionCounts {
     connections: u64,
     /// Number of detected resets of the device. A change to another device counts as a reset.
     resets: u64,
-    /// Number of codes and packed blocks that were not used, because they came before the device's
-    /// introduction or from a refused device.
-    codes_unused: u64,
+    /// Number of codes, packed blocks and features that were not used, because they came before the
+    /// device's introduction or from a refused device, or nothing decides from features.
+    hops_unused: u64,
     /// Number of missing codes at the last report to `/diagnostics`.
     missing_reported: u64,
     /// Counts of the packed blocks at the last report to `/diagnostics`.
@@ -588,7 +588,7 @@ impl Session {
     fn handle_code(&mut self, code: &Code, at: MessageTimes, effects: &mut dyn Effects) {
         let is_usable = self.expects_hops(at.read, effects);
         let Some(codes) = self.codes.as_mut().filter(|_| is_usable) else {
-            self.counts.codes_unused += 1;
+            self.counts.hops_unused += 1;
             return;
         };
         self.commands.stream_received(at.read.monotonic_us);
@@ -607,7 +607,7 @@ impl Session {
     fn handle_packed(&mut self, code: &PackedCode, at: MessageTimes, effects: &mut dyn Effects) {
         let is_usable = self.expects_hops(at.read, effects);
         let Some(packed) = self.packed.as_mut().filter(|_| is_usable) else {
-            self.counts.codes_unused += 1;
+            self.counts.hops_unused += 1;
             return;
         };
         self.commands.stream_received(at.read.monotonic_us);
@@ -631,7 +631,7 @@ impl Session {
     fn handle_features(&mut self, message: &Features, at: MessageTimes, effects: &mut dyn Effects) {
         let is_usable = self.expects_hops(at.read, effects);
         let Some(features) = self.features.as_mut().filter(|_| is_usable) else {
-            self.counts.codes_unused += 1;
+            self.counts.hops_unused += 1;
             return;
         };
         self.commands.stream_received(at.read.monotonic_us);

@@ -23,7 +23,7 @@ mod subject_models;
 mod wire;
 
 pub use app::bridge::Publication;
-pub use app::classifying::{ClassifierOptions, Classifying};
+pub use app::classifying::{ClassifierOptions, Classifying, PredictionOptions};
 pub use app::command_line::ignore_empty_variable;
 pub use app::command_line::{ExclusionOptions, choice};
 pub use app::config_file::ConfigError;

@@ -20,6 +20,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use artifact::classifier::Classifier;
 use bridge_core::{Choice, EventStamps, Model, Settings, Summary};
 use new_file::{Existing, NewFile, NewFileError};
 use thiserror::Error;
@@ -43,6 +44,8 @@ pub struct Conversion {
     pub to: FileFormat,
     /// Whether existing files with the names of the new ones are replaced.
     pub force: bool,
+    /// What decides from the features in the recording; `None` writes no predictions.
+    pub classifier: Option<Classifier>,
 }
 
 /// Reason why a recording cannot be converted.
@@ -196,6 +199,7 @@ pub fn convert<R: Read>(
         path: &options.file,
         bytes: std::fs::metadata(&options.file).map_or(0, |file| file.len()),
         model,
+        classifier: options.classifier.as_ref(),
         progress,
     };
     // Both passes would log the same messages, so the first one logs none.
@@ -342,6 +346,7 @@ struct Input<'a, P> {
     /// is not read, so that both passes read the same.
     bytes: u64,
     model: Arc<Model>,
+    classifier: Option<&'a Classifier>,
     progress: P,
 }
 
@@ -362,6 +367,9 @@ impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
         let mut reader = RecordingReader::new(source).map_err(unusable)?;
         let settings = settings(reader.header());
         let mut playback = Playback::new(settings, Arc::clone(&self.model), listener);
+        if let Some(classifier) = self.classifier {
+            playback.core.set_classifier(classifier.clone());
+        }
         while let Some(record) = reader.next_record().map_err(unusable)? {
             playback.play(record);
             check(&mut playback.collector.listener)?;

@@ -46,7 +46,8 @@ pub enum RecordingError {
     Version(u16),
     /// The file has no code or sample from a device that has introduced itself.
     #[error(
-        "it holds no codes or samples of a device; record again, and check that the device answers"
+        "it holds no codes or samples of a device; record again, and check that the device answers; \
+         features alone need their --classifier"
     )]
     NoDevice,
     /// The file has nothing that this program can publish. Holds the reason and the remedy.

@@ -53,6 +53,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
     all.extend(arguments.into_iter().skip(1));
     let options = Options::from_arg_matches(&matches(&all)).unwrap_or_else(|error| error.exit());
     let log = start_log(&ros, options.log_level())?;
+    let classifier = options.classifying.read()?;
     let publication = Publication {
         settings: options.settings(),
         model: options.model.clone(),
@@ -61,7 +62,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         topic_prefix: options.topic_prefix.clone(),
         get_info: "~get_info",
         exclusions: options.exclusion.exclusions(),
-        classifying: options.classifying.read()?,
+        classifying: classifier.map(|classifier| options.predicting.classifying(classifier)),
         exit_at_end: false,
         realtime: options.realtime.realtime,
     };

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bridge::{ClassifierOptions, ExclusionOptions, RealtimeOption, choice};
+use bridge::{ExclusionOptions, PredictionOptions, RealtimeOption, choice};
 use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, CommandFactory, Parser};
@@ -52,6 +52,8 @@ pub(crate) struct Options {
     pub(crate) exclusion: ExclusionOptions,
     #[command(flatten)]
     pub(crate) classifying: ClassifierOptions,
+    #[command(flatten)]
+    pub(crate) predicting: PredictionOptions,
     /// Replacement of a lost code
     #[arg(long, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,

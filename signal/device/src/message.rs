@@ -97,6 +97,8 @@ pub(crate) fn packed_code(code: &PackedCode, marks: Marks) -> PackedMessage<'_> 
     }
 }
 
+const _: () = assert!(pipeline::MAX_FEATURES == link::MAX_FEATURES);
+
 pub(crate) fn features(features: &Features, marks: Marks) -> FeaturesMessage<'_> {
     let flags = with_flags(
         marks,

@@ -110,6 +110,17 @@ pub enum Payload<'p> {
     Audit(&'p AuditedWindow),
 }
 
+impl Payload<'_> {
+    /// Returns whether this is what a device makes of a hop: a code, a packed block or features.
+    #[inline]
+    pub const fn is_of_hop(&self) -> bool {
+        matches!(
+            self,
+            Self::Code(..) | Self::PackedCode(..) | Self::Features(..)
+        )
+    }
+}
+
 /// An edge at the trigger input, with its time from the capture hardware or from the interrupt
 /// handler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -12,7 +12,7 @@ pub const MAX_FEATURES: usize = 8;
 
 /// Largest sum of the magnitudes of a spatial filter's weights: with it, the sum over all
 /// electrodes stays below 2^23, as [`Linear::accumulate`] requires.
-const LARGEST_ROW: u32 = 2_047;
+pub const LARGEST_ROW: u32 = 2_047;
 
 /// Largest magnitude of a coefficient, Q32: 4.0, twice that of any stable section.
 const LARGEST_COEFFICIENT: u64 = 1 << 34;

@@ -49,7 +49,7 @@ mod substitution;
 pub use acquisition::{Acquisition, Pipeline};
 pub use code::{Code, CodeValues};
 pub use encoder::{Encoder, EncoderMemory};
-pub use features::{FeatureExtractor, FeatureFilters, Features, MAX_FEATURES};
+pub use features::{FeatureExtractor, FeatureFilters, Features, LARGEST_ROW, MAX_FEATURES};
 pub use front_end::{Electrodes, FrontEnd, Mains};
 pub use model::{CELLS, CHANNELS, ELECTRODES};
 pub use packed::Rate;

@@ -1,8 +1,13 @@
 //! Features of a recording: the integers that a device computes for a classifier.
 
 use crate::track::Track;
-use artifact::classifier::{Classifier, MAX_FEATURES};
+use artifact::classifier::{Classifier, LEVEL_OF_ONE, LEVELS_PER_OCTAVE, MAX_FEATURES};
 use fixed_dsp::{BandPass, BandPower};
+
+// A classifier reads the levels that a device makes.
+const _: () = assert!(
+    LEVELS_PER_OCTAVE == fixed_dsp::LEVELS_PER_OCTAVE && LEVEL_OF_ONE == fixed_dsp::LEVEL_OF_ONE
+);
 
 /// Range of an electrode in quarters of a microvolt, 13 bits.
 const QUARTERS: [f64; 2] = [-4_096.0, 4_095.0];
@@ -45,10 +50,16 @@ fn quarters(uv: f32) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use artifact::classifier::{Band, Class, ClassifierTraining, DecisionRule, SpatialFilter};
+    use artifact::classifier::{
+        Band, Class, ClassifierTraining, DecisionRule, LARGEST_ROW, SpatialFilter,
+    };
     use pipeline::{ELECTRODES, FeatureExtractor, FeatureFilters, Step};
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
+
+    // A classifier has the filters that a device takes.
+    const _: () =
+        assert!(MAX_FEATURES == pipeline::MAX_FEATURES && LARGEST_ROW == pipeline::LARGEST_ROW);
 
     #[test]
     fn levels_equal_those_of_the_device() {

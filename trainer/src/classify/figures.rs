@@ -16,28 +16,19 @@ pub(super) struct Part {
 pub(super) struct Decided {
     /// The true class.
     pub(super) class: usize,
+    /// The class that was decided.
+    pub(super) decision: usize,
     /// Score of each class; only their differences count.
     pub(super) scores: Vec<f64>,
     /// The same without quantisation.
     pub(super) float_scores: Vec<f64>,
 }
 
-impl Decided {
-    fn decision(&self) -> usize {
-        let best = self
-            .scores
-            .iter()
-            .enumerate()
-            .max_by(|a, b| a.1.total_cmp(b.1));
-        best.map_or(0, |(class, _)| class)
-    }
-}
-
 /// Returns the figures of decisions. Those for the area under the curve are compared within a part.
 pub(super) fn figures(parts: &[Part], classes: usize) -> ClassifierFigures {
     let mut confusion = vec![vec![0; classes]; classes];
     for decided in parts.iter().flat_map(|part| &part.decided) {
-        confusion[decided.class][decided.decision()] += 1;
+        confusion[decided.class][decided.decision] += 1;
     }
     let right: u32 = (0..classes).map(|class| confusion[class][class]).sum();
     let trials: u32 = confusion.iter().flatten().sum();
@@ -45,7 +36,7 @@ pub(super) fn figures(parts: &[Part], classes: usize) -> ClassifierFigures {
         let right = part
             .decided
             .iter()
-            .filter(|decided| decided.decision() == decided.class);
+            .filter(|decided| decided.decision == decided.class);
         PartFigures {
             name: part.name.clone(),
             trials: count(part.decided.len()),

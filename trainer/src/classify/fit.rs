@@ -6,7 +6,7 @@ use crate::error::TrainerError;
 use artifact::Description;
 use artifact::classifier::{
     Band, Class, Classifier, ClassifierTraining, DecisionRule, LARGEST_ROW, MAX_FEATURES,
-    SpatialFilter, energy,
+    SpatialFilter, log_energies,
 };
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use packed_fit::{FitError, Track, features};
@@ -21,11 +21,8 @@ const LEAST_TRIALS: usize = 10;
 /// Factor from a coefficient to Q32.
 const Q32: f64 = 4_294_967_296.0;
 
-/// What is fitted: the classes, and the shape of trials and filters.
+/// What is fitted: a classifier, and the shape of its trials.
 pub(super) struct Plan {
-    pub(super) classes: Vec<Class>,
-    /// Steps of a hop.
-    pub(super) hop: usize,
     /// The classifier without filters and weights.
     empty: Classifier,
     filters_per_class: usize,
@@ -80,7 +77,6 @@ impl Plan {
         }
         let narrow = |number: usize| u8::try_from(number).expect("a hop has 4 to 16 steps");
         Ok(Self {
-            hop: window.hop,
             empty: Classifier {
                 format: 1,
                 electrodes: description.montage.electrodes.clone(),
@@ -94,7 +90,7 @@ impl Plan {
                     ),
                 },
                 decision: DecisionRule {
-                    classes: classes.clone(),
+                    classes,
                     window_hops: u32::try_from(window_hops).unwrap_or(u32::MAX),
                     weights: Vec::new(),
                     bias: Vec::new(),
@@ -102,11 +98,19 @@ impl Plan {
                 filters: Vec::new(),
                 training: ClassifierTraining::default(),
             },
-            classes,
             filters_per_class: filters / count,
             trial_s: options.trial,
             trial_hops,
         })
+    }
+
+    pub(super) fn classes(&self) -> &[Class] {
+        &self.empty.decision.classes
+    }
+
+    /// Returns the number of steps of a hop.
+    pub(super) fn hop(&self) -> usize {
+        self.empty.hop_steps.into()
     }
 
     pub(super) fn step_rate_hz(&self) -> f64 {
@@ -115,7 +119,7 @@ impl Plan {
 
     /// Returns the duration of a hop, seconds.
     pub(super) fn hop_s(&self) -> f64 {
-        self.hop as f64 / self.step_rate_hz()
+        self.hop() as f64 / self.step_rate_hz()
     }
 
     /// Returns the end of a trial, seconds after its event.
@@ -164,7 +168,7 @@ impl Plan {
 
     /// Returns the number of trials of each class.
     pub(super) fn counts(&self, sessions: &[Session]) -> Vec<u32> {
-        let mut counts = vec![0; self.classes.len()];
+        let mut counts = vec![0; self.classes().len()];
         for trial in sessions.iter().flat_map(|session| &session.trials) {
             counts[trial.class] += 1;
         }
@@ -173,7 +177,7 @@ impl Plan {
 
     /// Refuses training recordings with too few trials of a class.
     pub(super) fn check_trials(&self, sessions: &[Session]) -> Result<(), TrainerError> {
-        for (class, count) in self.classes.iter().zip(self.counts(sessions)) {
+        for (class, count) in self.classes().iter().zip(self.counts(sessions)) {
             if (count as usize) < LEAST_TRIALS {
                 return Err(TrainerError::TooFewTrials {
                     event: class.event.clone(),
@@ -211,7 +215,8 @@ pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, 
         let levels = features::levels(&trials[0].0.track, &classifier);
         for (_, trial) in trials {
             for window in &trial.windows {
-                features.push((trial.class, log_energies(&levels[window.hops.clone()])));
+                let hops = levels[window.hops.clone()].iter().map(Vec::as_slice);
+                features.push((trial.class, log_energies(&hops, classifier.filters.len())));
                 float_features.push((trial.class, log_powers(&filters, &window.moment)));
             }
         }
@@ -262,7 +267,7 @@ fn mean_covariances(
         let noise = SHRINKAGE * mean.trace() / electrodes as f64;
         Ok(mean * (1.0 - SHRINKAGE) + DMatrix::identity(electrodes, electrodes) * noise)
     };
-    plan.classes.iter().enumerate().map(of_class).collect()
+    plan.classes().iter().enumerate().map(of_class).collect()
 }
 
 /// Returns common spatial patterns, `[electrode, filter]`: for each class in turn, the `count`
@@ -300,16 +305,6 @@ fn int8_weights(filter: &DVector<f64>) -> Vec<i8> {
     #[expect(clippy::cast_possible_truncation, reason = "-127 to 127")]
     let weights = filter.iter().map(|weight| (weight * scale).round() as i8);
     weights.collect()
-}
-
-/// Returns the logarithm of each filter's mean energy over some hops.
-fn log_energies(levels: &[Vec<u8>]) -> Vec<f64> {
-    let filters = 0..levels.first().map_or(0, Vec::len);
-    let mean = |filter: usize| {
-        let energies = levels.iter().map(|hop| energy(hop[filter]));
-        energies.sum::<f64>() / levels.len() as f64
-    };
-    filters.map(|filter| mean(filter).ln()).collect()
 }
 
 /// Returns the logarithm of the power of each filter's signal.

@@ -9,6 +9,9 @@ const EDGES_HZ: [f64; 2] = [1.0, 60.0];
 /// Least width of a band, Hz.
 const LEAST_WIDTH_HZ: f64 = 1.0;
 
+/// Longest time from an event to the start or the end of its trial, seconds.
+const LONGEST_TRIAL_S: f64 = 120.0;
+
 /// Options of `trainer classify`.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct ClassifyOptions {
@@ -26,7 +29,7 @@ pub(crate) struct ClassifyOptions {
     #[arg(long, value_name = "HZ..HZ", default_value = "8..30", value_parser = band)]
     pub(super) band: [f64; 2],
     /// Start and end of the part of each trial that is used, seconds after its event.
-    #[arg(long, value_name = "S..S", default_value = "0.5..4", value_parser = range, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S..S", default_value = "0.5..4", value_parser = trial, allow_hyphen_values = true)]
     pub(super) trial: [f64; 2],
     /// Length over which a decision averages, seconds [default: that of --trial].
     #[arg(long, value_name = "S")]
@@ -38,8 +41,8 @@ pub(crate) struct ClassifyOptions {
     /// File to write the classifier to.
     #[arg(long)]
     pub(super) out: PathBuf,
-    /// Folder to write a report to: patterns, confusion matrix, probability over time and accuracy
-    /// of each recording, as pictures with their values and a page that shows them.
+    /// Folder to write a report to: patterns and probability over time as
+    /// pictures with their values, and a page that shows them with the decisions on all trials.
     #[arg(long)]
     pub(crate) report: Option<PathBuf>,
     /// Replace the file of --out, and a report in that of --report.
@@ -71,6 +74,17 @@ fn band(text: &str) -> Result<[f64; 2], String> {
         ));
     }
     Ok([low, high])
+}
+
+/// Parses the part of a trial that is used, seconds after its event.
+fn trial(text: &str) -> Result<[f64; 2], String> {
+    let ends = range(text)?;
+    if ends.iter().any(|end| end.abs() > LONGEST_TRIAL_S) {
+        return Err(format!(
+            "a trial is within {LONGEST_TRIAL_S} s of its event"
+        ));
+    }
+    Ok(ends)
 }
 
 /// Parses two ascending numbers, such as `0.5..4`.

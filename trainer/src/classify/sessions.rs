@@ -5,7 +5,7 @@ use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
 use nalgebra::DMatrix;
 use packed_fit::{FitError, Track};
-use recordings::{EventLabel, Recording};
+use recordings::Recording;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -41,10 +41,10 @@ impl Session {
     /// their classes. Trials that are not within the track are left out.
     pub(super) fn new(track: Track, events: &[(f64, usize)], plan: &Plan) -> Self {
         let band_passed = plan.band_passed(&track);
-        let hops = track.steps() / plan.hop;
+        let hops = track.steps() / plan.hop();
         let trial = |&(seconds, class): &(f64, usize)| {
             let windows = plan.windows(seconds, hops)?.into_iter().map(|hops| {
-                let steps = hops.start * plan.hop..hops.end * plan.hop;
+                let steps = hops.start * plan.hop()..hops.end * plan.hop();
                 let part = band_passed.columns_range(steps);
                 let moment = part * part.transpose() / part.ncols() as f64;
                 Window { hops, moment }
@@ -61,16 +61,17 @@ impl Session {
 /// of steps that a track lacks at its start; its first step shows the electrodes at `start_s`.
 ///
 /// # Errors
-/// If a recording cannot be read, or no recording has an event of a class.
+/// If a recording cannot be read, or no recording has an event of a class; `option` names them.
 pub(super) fn read(
     files: &[PathBuf],
     tracks: Vec<Track>,
     (start_step, start_s): (usize, f64),
     plan: &Plan,
+    option: &'static str,
     observer: &mut impl ProgressObserver,
 ) -> Result<Vec<Session>, TrainerError> {
     // Hops start where those of a device do.
-    let skipped = start_step.next_multiple_of(plan.hop) - start_step;
+    let skipped = start_step.next_multiple_of(plan.hop()) - start_step;
     let start_s = start_s + skipped as f64 / plan.step_rate_hz();
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     let mut sessions = Vec::new();
@@ -81,8 +82,8 @@ pub(super) fn read(
         let track = track.part(skipped.min(track.steps())..track.steps());
         let mut events = Vec::new();
         for (seconds, label) in onsets.seconds.iter().zip(&onsets.labels) {
-            let label = name(label);
-            let class = plan.classes.iter().position(|class| class.event == label);
+            let label = label.name();
+            let class = plan.classes().iter().position(|class| class.event == label);
             events.extend(class.map(|class| (seconds - start_s, class)));
             *counts.entry(label).or_default() += 1;
         }
@@ -98,23 +99,15 @@ pub(super) fn read(
         sessions.push(session);
     }
     match plan
-        .classes
+        .classes()
         .iter()
         .find(|class| !counts.contains_key(&class.event))
     {
         Some(class) => Err(TrainerError::NoSuchEvent {
+            files: option,
             event: class.event.clone(),
             found: counts.into_iter().collect(),
         }),
         None => Ok(sessions),
-    }
-}
-
-/// Returns the name of an event, as `--events` has it.
-fn name(label: &EventLabel) -> String {
-    match label {
-        EventLabel::Type(kind) => kind.to_string(),
-        EventLabel::Text(text) => text.trim().to_owned(),
-        EventLabel::SparseSample(_) => label.to_string(),
     }
 }

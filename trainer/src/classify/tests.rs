@@ -218,6 +218,7 @@ fn trials_without_a_difference_are_called_guesses_and_a_single_recording_is_divi
 fn figures_of_a_few_decisions_are_those_computed_by_hand() {
     let decided = |class, scores: [f64; 2]| super::figures::Decided {
         class,
+        decision: usize::from(scores[1] > scores[0]),
         scores: scores.to_vec(),
         float_scores: scores.iter().map(|score| -score).collect(),
     };

@@ -52,6 +52,7 @@ pub(super) fn cross_validate(
     sessions: &[Session],
     folds: &[Fold],
 ) -> Result<(ClassifierFigures, Vec<Course>), TrainerError> {
+    let around = hops_around(plan);
     let parts = in_parallel::map(folds, |fold| {
         let training = sessions.iter().enumerate().flat_map(|(index, session)| {
             let trials = session.trials.iter().enumerate();
@@ -64,17 +65,17 @@ pub(super) fn cross_validate(
         let trials = &session.trials[fold.trials.clone()];
         let predictions = predictions(&fitted, session);
         let part = decide(&fitted, &fold.name, trials, &predictions);
-        Ok((part, courses(plan, trials, &predictions)))
+        Ok((part, courses(plan, trials, &predictions, around)))
     });
     let parts = parts
         .into_iter()
         .collect::<Result<Vec<_>, TrainerError>>()?;
     let (parts, courses): (Vec<Part>, Vec<_>) = parts.into_iter().unzip();
-    let courses = (0..plan.classes.len()).map(|class| {
+    let courses = (0..plan.classes().len()).map(|class| {
         let all = courses.iter().flat_map(|courses| &courses[class]);
-        mean_course(plan, &all.collect::<Vec<_>>())
+        mean_course(plan, &all.collect::<Vec<_>>(), around)
     });
-    Ok((figures(&parts, plan.classes.len()), courses.collect()))
+    Ok((figures(&parts, plan.classes().len()), courses.collect()))
 }
 
 /// Returns the decisions of a classifier on all trials of recordings.
@@ -99,12 +100,12 @@ fn predictions(fitted: &Fitted, session: &Session) -> Vec<Prediction> {
 /// Returns the decisions at the end of trials.
 fn decide(fitted: &Fitted, name: &str, trials: &[Trial], predictions: &[Prediction]) -> Part {
     let decided = trials.iter().map(|trial| {
-        let probabilities = &predictions[last_hop(trial)].probabilities;
-        let scores = probabilities
-            .iter()
-            .map(|&p| f64::from(p).max(f64::MIN_POSITIVE).ln());
+        let prediction = &predictions[last_hop(trial)];
+        let scores =
+            (prediction.probabilities.iter()).map(|&p| f64::from(p).max(f64::MIN_POSITIVE).ln());
         Decided {
             class: trial.class,
+            decision: prediction.class(),
             scores: scores.collect(),
             float_scores: fitted.float_scores(trial),
         }
@@ -126,9 +127,9 @@ fn courses(
     plan: &Plan,
     trials: &[Trial],
     predictions: &[Prediction],
+    [before, after]: [usize; 2],
 ) -> Vec<Vec<Vec<Option<f32>>>> {
-    let mut courses = vec![Vec::new(); plan.classes.len()];
-    let (before, after) = hops_around(plan);
+    let mut courses = vec![Vec::new(); plan.classes().len()];
     for trial in trials {
         let hops = (0..before + 1 + after).map(|hop| {
             let hop = (last_hop(trial) + hop).checked_sub(before)?;
@@ -140,8 +141,7 @@ fn courses(
 }
 
 /// Returns the mean over trials of what [`courses`] returns for each.
-fn mean_course(plan: &Plan, trials: &[&Vec<Option<f32>>]) -> Course {
-    let (before, after) = hops_around(plan);
+fn mean_course(plan: &Plan, trials: &[&Vec<Option<f32>>], [before, after]: [usize; 2]) -> Course {
     let mean = |hop: usize| {
         let values = trials.iter().filter_map(|trial| trial[hop]);
         let (sum, count) = values.fold((0.0, 0.0), |(sum, count), p| {
@@ -154,12 +154,12 @@ fn mean_course(plan: &Plan, trials: &[&Vec<Option<f32>>]) -> Course {
 }
 
 /// Returns the numbers of hops that a course shows before and after the last hop of a trial.
-fn hops_around(plan: &Plan) -> (usize, usize) {
+fn hops_around(plan: &Plan) -> [usize; 2] {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "some hundreds"
     )]
     let hops = |seconds: f64| (seconds.max(0.0) / plan.hop_s()).round() as usize;
-    (hops(plan.end_s() + AROUND_S), hops(AROUND_S))
+    [plan.end_s() + AROUND_S, AROUND_S].map(hops)
 }

@@ -4,14 +4,14 @@ use super::Report;
 use super::evaluation::places;
 use crate::classify::{Course, Trained, chance, percent};
 use crate::error::TrainerError;
-use artifact::classifier::{ClassifierFigures, PartFigures};
+use artifact::classifier::ClassifierFigures;
 use picture::axis::{Axis, Scale};
 use picture::canvas::{FAINT, INK, REFERENCE, RESULT, SOURCE};
-use picture::confusion::Confusion;
 use picture::lines::{Lines, Mark, Series};
 use picture::page::csv_field;
 use picture::patterns::Patterns;
 use std::fmt::Write as _;
+use std::iter;
 
 /// Adds pictures of a classifier to a report.
 pub(super) fn add(report: &mut Report, trained: &Trained) -> Result<(), TrainerError> {
@@ -32,12 +32,12 @@ pub(super) fn add(report: &mut Report, trained: &Trained) -> Result<(), TrainerE
         &patterns_csv(trained),
     )?;
     let figures = [
-        ("cross-validation", &training.cross_validation),
-        ("test", &training.test),
+        ("Each left out in turn", &training.cross_validation),
+        ("Test", &training.test),
     ];
-    for (name, figures) in figures {
+    for (title, figures) in figures {
         if let Some(figures) = figures {
-            add_figures(report, trained, name, figures)?;
+            add_figures(report, trained, title, figures);
         }
     }
     let course = course(trained);
@@ -50,56 +50,31 @@ pub(super) fn add(report: &mut Report, trained: &Trained) -> Result<(), TrainerE
     )
 }
 
-/// Adds confusion matrix and accuracy of each recording.
-fn add_figures(
-    report: &mut Report,
-    trained: &Trained,
-    name: &str,
-    figures: &ClassifierFigures,
-) -> Result<(), TrainerError> {
+/// Adds the accuracy, on each recording too, and the numbers of trials by true class and decision.
+fn add_figures(report: &mut Report, trained: &Trained, title: &str, figures: &ClassifierFigures) {
     let [low, high] = figures.accuracy_95.map(percent);
-    let subtitle = format!(
-        "{name}: accuracy {} % (95 % interval {low} to {high} %), AUC {} %",
+    report.page.push_text(&format!(
+        "{title}: accuracy {} % (95 % interval {low} to {high} %, guesses {} %), AUC {} %. Trials \
+         by true class and decision, and those of each recording:",
         percent(figures.accuracy),
+        percent(chance(figures)),
         percent(figures.auc)
-    );
+    ));
     let classes = trained.classifier.decision.classes.iter();
     let classes: Vec<String> = classes.map(|class| class.event.clone()).collect();
-    let header = classes.iter().map(|class| csv_field(class));
-    let mut csv = format!("true,{}\n", header.collect::<Vec<_>>().join(","));
-    for (class, row) in classes.iter().zip(&figures.confusion) {
-        let row: Vec<String> = row.iter().map(ToString::to_string).collect();
-        let _ = writeln!(csv, "{},{}", csv_field(class), row.join(","));
+    let mut rows = vec![[vec!["true".to_owned()], classes.clone()].concat()];
+    for (class, row) in classes.into_iter().zip(&figures.confusion) {
+        let counts = row.iter().map(ToString::to_string);
+        rows.push(iter::once(class).chain(counts).collect());
     }
-    let confusion = Confusion {
-        classes,
-        counts: figures.confusion.clone(),
-        title: "Truth and decisions".to_owned(),
-        subtitle: subtitle.clone(),
-    };
-    report.add_picture(
-        &format!("confusion-{name}"),
-        |path| confusion.draw(path),
-        "Numbers of trials by true class and decision.",
-        &csv,
-    )?;
-    let mut csv = "recording,trials,right\n".to_owned();
-    for PartFigures {
-        name,
-        trials,
-        right,
-    } in &figures.parts
-    {
-        let _ = writeln!(csv, "{},{trials},{right}", csv_field(name));
-    }
-    let lines = recordings(figures, subtitle);
-    report.add_picture(
-        &format!("recordings-{name}"),
-        |path| lines.draw(path),
-        "Accuracy on each recording, or block of trials. Guesses name each class as often as the \
-         classifier does.",
-        &csv,
-    )
+    report.page.push_table(&rows);
+    let head = ["recording", "trials", "right"].map(str::to_owned).to_vec();
+    let parts = figures.parts.iter().map(|part| {
+        let numbers = [part.trials, part.right].map(|number| number.to_string());
+        [vec![part.name.clone()], numbers.to_vec()].concat()
+    });
+    let parts: Vec<Vec<String>> = iter::once(head).chain(parts).collect();
+    report.page.push_table(&parts);
 }
 
 fn patterns(trained: &Trained) -> Patterns {
@@ -137,32 +112,6 @@ fn patterns_csv(trained: &Trained) -> String {
         }
     }
     text
-}
-
-/// Returns the chart of the accuracy on each recording.
-fn recordings(figures: &ClassifierFigures, subtitle: String) -> Lines {
-    let parts = figures.parts.iter().enumerate();
-    let points = parts.clone().map(|(index, part)| {
-        let accuracy = f64::from(part.right) / f64::from(part.trials);
-        (index as f64, 100.0 * accuracy)
-    });
-    let last = figures.parts.len() as f64 - 0.5;
-    let level = |part: f64| vec![(-0.5, 100.0 * part), (last, 100.0 * part)];
-    let mut x = Axis::new("recording", Scale::Linear);
-    x.ticks = parts
-        .map(|(index, part)| (index as f64, part.name.clone()))
-        .collect();
-    Lines {
-        title: "Accuracy on each recording".to_owned(),
-        subtitle,
-        x,
-        y: Axis::new("accuracy (%)", Scale::Linear),
-        series: vec![
-            Series::new("recording", SOURCE, Mark::Dots, points.collect()),
-            Series::new("all", SOURCE, Mark::ThinLine, level(figures.accuracy)),
-            Series::new("guesses", FAINT, Mark::ThinLine, level(chance(figures))),
-        ],
-    }
 }
 
 /// Returns the chart of the mean probability of the true class over time.

@@ -3,13 +3,29 @@
 use super::{Classifier, ClassifierError, DecisionRule};
 use std::collections::VecDeque;
 
-/// Number of levels of a feature for each doubling of its energy, and the level of the energy 1.
-const LEVELS_PER_OCTAVE: f64 = 8.0;
-const LEVEL_OF_ONE: f64 = -80.0;
+/// Number of levels of a feature for each doubling of its energy.
+pub const LEVELS_PER_OCTAVE: u32 = 8;
+/// Level of the energy 1.
+pub const LEVEL_OF_ONE: i32 = -80;
 
 /// Returns the energy that a level stands for.
 pub fn energy(level: u8) -> f64 {
-    ((f64::from(level) - LEVEL_OF_ONE) / LEVELS_PER_OCTAVE).exp2()
+    (f64::from(i32::from(level) - LEVEL_OF_ONE) / f64::from(LEVELS_PER_OCTAVE)).exp2()
+}
+
+/// Returns the logarithm of each feature's mean energy over hops, each with the level of every
+/// feature.
+pub fn log_energies<'a>(
+    hops: &(impl Iterator<Item = &'a [u8]> + Clone),
+    features: usize,
+) -> Vec<f64> {
+    #[expect(clippy::cast_precision_loss, reason = "a window has some hops")]
+    let count = hops.clone().count() as f64;
+    let features = (0..features).map(|feature| {
+        let levels = hops.clone().filter_map(|levels| levels.get(feature));
+        (levels.map(|&level| energy(level)).sum::<f64>() / count).ln()
+    });
+    features.collect()
 }
 
 /// Running decision of a classifier: averages energies over a window of hops, and returns the
@@ -17,9 +33,9 @@ pub fn energy(level: u8) -> f64 {
 #[derive(Clone, Debug)]
 pub struct Decision {
     rule: DecisionRule,
-    /// Energies of the newest hops, oldest first, at most as many as the window has; `None` for a
+    /// Levels of the newest hops, oldest first, at most as many as the window has; `None` for a
     /// hop without usable features.
-    hops: VecDeque<Option<Vec<f64>>>,
+    hops: VecDeque<Option<Vec<u8>>>,
     /// The newest probabilities.
     probabilities: Vec<f32>,
 }
@@ -59,16 +75,10 @@ impl Decision {
     /// Adds the levels of a hop, one for each filter, and returns the decision. Of another number
     /// of levels, those in excess or lacking are left out.
     pub fn add_hop(&mut self, levels: &[u8]) -> Prediction {
-        let energies = levels.iter().map(|&level| energy(level));
-        self.push(Some(energies.collect()));
-        let usable = self.hops.iter().flatten();
+        self.push(Some(levels.to_vec()));
+        let usable = self.hops.iter().flatten().map(Vec::as_slice);
         let count = usable.clone().count();
-        #[expect(clippy::cast_precision_loss, reason = "a window has some hops")]
-        let features = (0..levels.len()).map(|feature| {
-            let energies = usable.clone().filter_map(|hop| hop.get(feature));
-            (energies.sum::<f64>() / count as f64).ln()
-        });
-        let features: Vec<f64> = features.collect();
+        let features = log_energies(&usable, levels.len());
         self.probabilities = self.rule.probabilities(&features);
         let window = self.rule.window_hops as usize;
         Prediction {
@@ -87,7 +97,7 @@ impl Decision {
         &self.probabilities
     }
 
-    fn push(&mut self, hop: Option<Vec<f64>>) {
+    fn push(&mut self, hop: Option<Vec<u8>>) {
         while self.hops.len() >= self.rule.window_hops as usize {
             self.hops.pop_front();
         }

@@ -107,7 +107,10 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     let mut values = vec![
         KeyValue::new("connections", &session.counts.connections),
         KeyValue::new("resets", &session.counts.resets),
-        KeyValue::new("codes unused", &session.counts.codes_unused),
+        KeyValue::new(
+            "codes, blocks and features unused",
+            &session.counts.hops_unused,
+        ),
         KeyValue::new("other messages unused", &session.side.unused),
         KeyValue::new(
             "audits of another model or size",

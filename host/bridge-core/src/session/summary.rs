@@ -7,6 +7,7 @@ use link::{Counters, StageTiming};
 use crate::decoder::thread::DecoderCounts;
 use crate::diagnostics::worst_of_deadline;
 use crate::session::Session;
+use crate::streams::features::FeatureStream;
 use crate::streams::packed::PackedStream;
 
 /// Counts of received, lost and filled data so far. Its display form is one line.
@@ -28,6 +29,8 @@ pub struct Summary {
     pub fillers: u64,
     /// Numbers of packed blocks; all 0 if no packed blocks were streamed.
     pub packed: PackedSummary,
+    /// Numbers of predictions; all 0 without a classifier.
+    pub predictions: PredictionSummary,
     /// Number of frames on the wire, of any kind, that did not arrive.
     pub frames_lost: u64,
     /// Counts of the frame decoder: bytes, frames, and errors of each kind.
@@ -36,8 +39,9 @@ pub struct Summary {
     pub connections: u64,
     /// Number of detected resets of the device.
     pub resets: u64,
-    /// Number of received codes that were not published: the device had not introduced itself or
-    /// was refused, or the code's model or format is not the one that the device reported.
+    /// Number of codes, packed blocks and features that arrived and were not used: the device had
+    /// not introduced itself or was refused, or the code's model or format is not the one that the
+    /// device reported.
     pub unused: u64,
     /// Drift: rate of the host's clock divided by that of the device's clock, minus 1, in parts per
     /// million.
@@ -66,6 +70,18 @@ pub struct PackedSummary {
     pub bits: u64,
 }
 
+/// Numbers of predictions so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PredictionSummary {
+    /// Number of predictions, with repeated ones.
+    pub published: u64,
+    /// Number of predictions that repeat the one before, because the features were lost or not
+    /// usable.
+    pub repeated: u64,
+    /// Number of hops whose features are missing.
+    pub lost: u64,
+}
+
 impl PackedSummary {
     fn new(stream: &PackedStream) -> PackedSummary {
         let hops = stream.timeline.counts();
@@ -87,8 +103,10 @@ impl Summary {
         let counts = codes.map(|codes| codes.timeline.counts().clone());
         let counts = counts.unwrap_or_default();
         let packed = session.packed.as_ref();
+        let predictions = session.features.as_ref().map(FeatureStream::summary);
         Summary {
             packed: packed.map(PackedSummary::new).unwrap_or_default(),
+            predictions: predictions.unwrap_or_default(),
             made: counts.ledger.made(),
             received: counts.ledger.received,
             lost: counts.ledger.lost,
@@ -100,7 +118,7 @@ impl Summary {
             wire: *wire,
             connections: session.counts.connections,
             resets: session.counts.resets,
-            unused: session.counts.codes_unused + foreign,
+            unused: session.counts.hops_unused + foreign,
             drift_ppm: session.clock.drift_ppm(),
             worst_stage: session.worst_stage,
             decoder: DecoderCounts::default(),
@@ -132,8 +150,8 @@ impl fmt::Display for Summary {
         write!(
             formatter,
             "codes: made {made} received {received} lost {lost} (bursts {bursts}, longest \
-             {longest_burst}) fillers {fillers} unused {unused} missing between runs \
-             {between_runs}; frames: lost {frames_lost} crc \
+             {longest_burst}) fillers {fillers} missing between runs \
+             {between_runs}; unused {unused}; frames: lost {frames_lost} crc \
              {} cobs {} oversize {} version {} unknown {} malformed {} resyncs {}; connections \
              {connections} resets {resets}; clock {drift_ppm:+.1} ppm",
             wire.crc,
@@ -157,6 +175,17 @@ impl fmt::Display for Summary {
                 formatter,
                 "; packed blocks: made {made} received {received} lost {lost} fillers {fillers} bits {bits} \
                  missing between runs {between_runs}"
+            )?;
+        }
+        let PredictionSummary {
+            published,
+            repeated,
+            lost,
+        } = self.predictions;
+        if published > 0 {
+            write!(
+                formatter,
+                "; predictions: {published} repeated {repeated} features lost {lost}"
             )?;
         }
         write!(formatter, "; {}", self.decoder)?;

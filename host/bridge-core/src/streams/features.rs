@@ -11,6 +11,7 @@ use neuro_ros::{
 
 use crate::core::Effects;
 use crate::device::Device;
+use crate::session::summary::PredictionSummary;
 use crate::settings::{FillerPolicy, Settings};
 use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
@@ -33,6 +34,8 @@ pub(crate) struct FeatureStream {
     stamps: MonotoneStamps,
     /// Number of features of other filters than the classifier's, which were not used.
     foreign: u64,
+    /// Number of predictions.
+    published: u64,
     /// Number of hops whose features were not usable, with lost ones.
     repeated: u64,
     /// What has become of the newest features.
@@ -63,12 +66,13 @@ impl FeatureStream {
         };
         FeatureStream {
             timeline: HopTimeline::new("features", device, decoding, settings),
-            used: used_channels(&classifier),
+            used: classifier.used_electrodes(),
             decision: Decision::new(&classifier),
             output: output(&classifier),
             classifier,
             stamps: MonotoneStamps::default(),
             foreign: 0,
+            published: 0,
             repeated: 0,
             newest: Newest::Missing,
         }
@@ -119,6 +123,15 @@ impl FeatureStream {
             message: message.to_owned(),
             hardware_id: String::new(),
             values: values.to_vec(),
+        }
+    }
+
+    /// Returns the numbers for the last line of a program.
+    pub(crate) fn summary(&self) -> PredictionSummary {
+        PredictionSummary {
+            published: self.published,
+            repeated: self.repeated,
+            lost: self.timeline.counts().missing(),
         }
     }
 
@@ -194,12 +207,16 @@ impl FeatureStream {
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
+        self.published += 1;
         self.timeline.record(place, reception);
         let hop = u32::from(self.timeline.device.hop_steps);
         let time = self
             .timeline
             .frame_time_ns(place, [hop - 1, hop], reception);
         let steps_back = reception.clock.wall_steps_back();
+        let end = (u64::from(place.index) + 1) * u64::from(hop);
+        let last_sample = self.timeline.device.sample_of_step(end - 1);
+        let words = place.words(flags, last_sample, reception);
         let output = &mut self.output;
         output.header.stamp = self.stamps.next(time, steps_back);
         output.neuroheader.seq = output.neuroheader.seq.wrapping_add(1);
@@ -214,17 +231,8 @@ impl FeatureStream {
         for (index, chosen) in output.hardpredict.data.iter_mut().enumerate() {
             *chosen = i32::from(class == Some(index));
         }
-        effects.publish_prediction(output);
+        effects.publish_prediction(output, words);
     }
-}
-
-/// Returns the channels of the electrodes that have a weight in a filter.
-fn used_channels(classifier: &Classifier) -> u64 {
-    let weights = classifier.filters.iter().map(|filter| {
-        let used = filter.weights.iter().enumerate().filter(|(_, w)| **w != 0);
-        used.fold(0, |mask, (electrode, _)| mask | 1 << electrode)
-    });
-    weights.fold(0, |all, mask: u64| all | mask)
 }
 
 /// Returns the message of a classifier, without a prediction.

@@ -1,4 +1,4 @@
-//! Time and index of each code or packed block, one of which a device makes per hop.
+//! Time and index of what a device makes of each hop: a code, a packed block, or features.
 
 use std::sync::Arc;
 
@@ -11,46 +11,46 @@ use crate::streams::ledger::{Arrival, HopCounts};
 use crate::streams::rows::NextRow;
 use crate::streams::stamps::{Decoding, FrameSteps, Reception, frame_time_ns};
 
-/// Index, time and counts of the items of one stream, which are codes or packed blocks. Finds the
-/// items that are missing within a run of the device and between two runs.
+/// Index, time and counts of the items of one stream: codes, packed blocks or features, one for each
+/// hop. Finds the items that are missing within a run of the device and between two runs.
 ///
 /// A restart of the device does not reset the counts.
 #[derive(Debug)]
 pub(crate) struct HopTimeline {
-    /// Name in the plural of what the stream contains, codes or packed blocks, for the log.
+    /// Name in the plural of what the stream contains, such as "codes", for the log.
     items: &'static str,
     pub(crate) settings: Settings,
     pub(crate) device: Arc<Device>,
     /// Which stream is decoded for `/neurodata_reconstructed`, and whether it can be decoded.
     pub(crate) decoding: Decoding,
-    /// Whether the device is known to send the stream since its last restart: a code, packed block,
-    /// `Stats` message or acknowledgement has shown it.
+    /// Whether the device is known to send the stream since its last restart: an item, a `Stats`
+    /// message or an acknowledgement has shown it.
     running: bool,
-    /// Device time of the newest code or packed block, received or missing, microseconds.
+    /// Device time of the newest item, received or missing, microseconds.
     last_device_us: Option<u64>,
-    /// Device time of the first code or packed block of the present run, microseconds.
+    /// Device time of the first item of the present run, microseconds.
     run_us: i128,
-    /// Index of the newest code or packed block, received or filled.
+    /// Index of the newest item, received or filled.
     last_index: u32,
     continuity: Continuity,
     /// Number of items missing between two runs that are counted but not filled yet, because the
     /// newer run has begun with an event.
     unfilled: u64,
-    /// Newest stretch of missing codes or packed blocks, until it is reported as an event.
+    /// Newest stretch of missing items, until it is reported as an event.
     missing: Option<MissingStretch>,
     counts: HopCounts,
 }
 
-/// Index and time of an item (a code or packed block) that was received or is missing.
+/// Index and time of an item that was received or is missing.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HopPlace {
     pub(crate) index: u32,
-    /// Device time of the last step of the code or packed block by the clock of the newest run,
-    /// microseconds. Negative for a code or block from before that run.
+    /// Device time of the last step of the item by the clock of the newest run, microseconds.
+    /// Negative for an item from before that run.
     pub(crate) device_us: i128,
-    /// Total number of missing codes or packed blocks, counted up to and including this one.
+    /// Total number of missing items, counted up to and including this one.
     pub(crate) missing: u64,
-    /// Whether the device made the code or packed block; false if it is missing between two runs.
+    /// Whether the device made the item; false if it is missing between two runs.
     pub(crate) is_made: bool,
 }
 
@@ -72,13 +72,12 @@ impl HopPlace {
     }
 }
 
-/// Codes or packed blocks that are missing directly before a received one.
+/// Items that are missing directly before a received one.
 #[derive(Clone, Copy, Debug)]
 struct Gap {
-    /// Number of codes or packed blocks of this run that the device made but that never arrived.
+    /// Number of items of this run that the device made but that never arrived.
     lost: u32,
-    /// Number of codes or packed blocks that the device would have made between the previous run
-    /// and this one.
+    /// Number of items that the device would have made between the previous run and this one.
     between_runs: u64,
 }
 
@@ -106,7 +105,7 @@ impl HopTimeline {
         }
     }
 
-    /// Returns the time from one code or packed block to the next, microseconds.
+    /// Returns the time from one item to the next, microseconds.
     fn hop_us(&self) -> i64 {
         self.device.steps_us(u32::from(self.device.hop_steps))
     }
@@ -393,7 +392,7 @@ impl HopTimeline {
 /// Later fits follow the drift of the clock, and say less about the start.
 const IMPROVES_US: f64 = 60e6;
 
-/// Host time of a topic's newest item: a code, packed block, ADC sample or filtered step. When the
+/// Host time of a topic's newest item: a code, packed block, features, ADC sample or filtered step. When the
 /// device restarts, its own clock starts at 0 again, but the host's clock goes on and shows how
 /// many items are missing between the two runs.
 #[derive(Clone, Copy, Debug, Default)]

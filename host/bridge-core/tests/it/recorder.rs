@@ -7,7 +7,9 @@ use bridge_core::{
     Settings, StampPoint, TimedCode, TimedPackedBlock,
 };
 use link::{CodeValues, Streams, ToDevice, ToHost};
-use neuro_ros::{DiagnosticLevel, DiagnosticStatus, NeuroEvent, NeuroFrame, NeuroOutput, Shape};
+use neuro_ros::{
+    DiagnosticLevel, DiagnosticStatus, NeuroEvent, NeuroFrame, NeuroOutput, Shape, TriWords,
+};
 
 use crate::board::{Board, at, model};
 
@@ -73,7 +75,7 @@ impl Effects for Recorder {
         keep(&mut self.filtered, frame);
     }
 
-    fn publish_prediction(&mut self, prediction: &NeuroOutput) {
+    fn publish_prediction(&mut self, prediction: &NeuroOutput, _: TriWords) {
         self.predictions.push(prediction.clone());
     }
 

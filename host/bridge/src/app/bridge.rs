@@ -194,6 +194,7 @@ pub(super) async fn stream(
         }
         (folder, _) => folder,
     };
+    let classifier = options.asked.classifying.read()?;
     let connection = Connection::new(options.at.port, options.at.baud);
     let publication = Publication {
         settings,
@@ -203,7 +204,7 @@ pub(super) async fn stream(
         topic_prefix: options.ros.topic_prefix,
         get_info: GET_INFO_SERVICE,
         exclusions: options.asked.exclusion.exclusions(),
-        classifying: options.asked.classifying.read()?,
+        classifying: classifier.map(|classifier| options.predicting.classifying(classifier)),
         exit_at_end: options.exit_at_end,
         realtime: options.realtime.realtime,
     };

@@ -1,6 +1,6 @@
-//! Options of the classifier that decides from the device's features.
+//! Options of the classifier that decides from the device's features, and of its predictions.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use artifact::classifier::Classifier;
 use clap::Args;
@@ -10,20 +10,25 @@ use crate::error::BridgeError;
 
 const HEADING: &str = "Decisions";
 
-/// Options that say which classifier decides, and where its predictions go.
+/// The option that says for which classifier a device computes features.
 #[derive(Args, Clone, Debug)]
 pub struct ClassifierOptions {
-    /// File of `trainer classify`: the device computes the features of this classifier, and a
-    /// prediction for each hop is published
+    /// File of `trainer classify`: the device computes the features of this classifier
     #[arg(long, help_heading = HEADING, env = "CORTICODE_CLASSIFIER", value_name = "FILE")]
     pub(crate) classifier: Option<PathBuf>,
-    /// Topic of the predictions, a rosneuro_msgs/NeuroOutput for each hop
+}
+
+/// Options that say how a classifier's predictions are published.
+#[derive(Args, Clone, Debug)]
+pub struct PredictionOptions {
+    /// Topic of the predictions of --classifier, a rosneuro_msgs/NeuroOutput for each hop
     #[arg(
         long,
         help_heading = HEADING,
         env = "CORTICODE_PREDICTION_TOPIC",
         default_value = "/smr/neuroprediction/raw",
-        value_name = "NAME"
+        value_name = "NAME",
+        requires = "classifier"
     )]
     pub(crate) prediction_topic: String,
     /// Seconds over which the band powers are averaged before each decision, in place of those that
@@ -60,12 +65,24 @@ impl ClassifierOptions {
     /// # Errors
     ///
     /// [`BridgeError::Classifier`] if the file is not a classifier.
-    pub fn read(&self) -> Result<Option<Classifying>, BridgeError> {
-        let Some(path) = &self.classifier else {
-            return Ok(None);
-        };
-        let mut classifier = Classifier::read(path)
-            .map_err(|source| BridgeError::Classifier(path.clone(), source))?;
+    pub fn read(&self) -> Result<Option<Classifier>, BridgeError> {
+        let path = self.classifier.as_deref();
+        path.map(read_classifier).transpose()
+    }
+}
+
+/// Reads a classifier.
+///
+/// # Errors
+///
+/// [`BridgeError::Classifier`] if the file is not a classifier.
+pub(crate) fn read_classifier(path: &Path) -> Result<Classifier, BridgeError> {
+    Classifier::read(path).map_err(|source| BridgeError::Classifier(path.to_owned(), source))
+}
+
+impl PredictionOptions {
+    /// Returns how `classifier` publishes its predictions.
+    pub fn classifying(&self, mut classifier: Classifier) -> Classifying {
         if let Some(seconds) = self.prediction_window {
             let hops_per_s = f64::from(classifier.step_rate_hz) / f64::from(classifier.hop_steps);
             #[expect(
@@ -76,9 +93,9 @@ impl ClassifierOptions {
             let hops = (seconds * hops_per_s).round().max(1.0) as u32;
             classifier.decision.window_hops = hops;
         }
-        Ok(Some(Classifying {
+        Classifying {
             classifier,
             topic: self.prediction_topic.clone(),
-        }))
+        }
     }
 }

@@ -15,7 +15,7 @@ use clap::{
 };
 use link::{MAX_RATE, ResetInto, Streams};
 
-use crate::app::classifying::ClassifierOptions;
+use crate::app::classifying::{ClassifierOptions, PredictionOptions};
 use crate::app::convert::ConvertOptions;
 use crate::app::manual::{CompletionsOptions, ManOptions};
 use crate::app::master::MasterOptions;
@@ -72,6 +72,8 @@ pub(crate) struct Options {
     pub(crate) stamp: StampPoint,
     #[command(flatten)]
     pub(crate) asked: StreamOptions,
+    #[command(flatten)]
+    pub(crate) predicting: PredictionOptions,
     /// Replacement of a lost code, packed block, sample or step
     #[arg(long, help_heading = DECODING, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,

@@ -10,13 +10,15 @@ use capture::{Conversion, ConvertSummary, FileFormat};
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::app::classifying::read_classifier;
 use crate::app::command_line::choice;
 use crate::error::BridgeError;
 
 /// Write a recording as files of codes and samples, one for each stream in it.
 ///
 /// FILE.codes.gdf has the codes and FILE.reconstructed.gdf the EEG decoded from them; FILE.raw.gdf
-/// and FILE.filtered.gdf exist if these streams were recorded. The number of a row gives its time,
+/// and FILE.filtered.gdf exist if these streams were recorded, FILE.predictions.gdf if features were
+/// and --classifier names their classifier. The number of a row gives its time,
 /// because rows that were lost, or are missing between two runs of the device, are written as
 /// fillers with a flag. Each event is in the first row that is not earlier than it. A file appears
 /// under its name when it is complete; an existing one is replaced only with --force.
@@ -34,6 +36,10 @@ pub(crate) struct ConvertOptions {
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     model: Option<PathBuf>,
+    /// File of `trainer classify`: decide from the features in the recording, which were recorded
+    /// with the same file, and write the predictions
+    #[arg(long, env = "CORTICODE_CLASSIFIER", value_name = "FILE")]
+    classifier: Option<PathBuf>,
     /// Replace files that exist
     #[arg(long)]
     force: bool,
@@ -51,6 +57,11 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
         file: options.file.clone(),
         to: options.to,
         force: options.force,
+        classifier: options
+            .classifier
+            .as_deref()
+            .map(read_classifier)
+            .transpose()?,
     };
     Ok(capture::convert(&conversion, model, with_progress)?)
 }

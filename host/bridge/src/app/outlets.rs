@@ -13,7 +13,7 @@ use link::Streams;
 use neuro_ros::ros1::NodeError;
 use neuro_ros::{
     AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, FrameSink, KeyValue,
-    NdjsonSink, NdjsonWriter, NeuroEvent, NeuroFrame, NeuroOutput, Sink, SinkError,
+    NdjsonSink, NdjsonWriter, NeuroEvent, NeuroFrame, NeuroOutput, Sink, SinkError, TriWords,
 };
 use tokio::sync::watch::Sender;
 
@@ -279,7 +279,7 @@ impl Effects for Outlets {
         self.record_error(published.unwrap_or(Ok(())));
     }
 
-    fn publish_prediction(&mut self, prediction: &NeuroOutput) {
+    fn publish_prediction(&mut self, prediction: &NeuroOutput, _: TriWords) {
         let sink = self.sinks.predictions.as_mut();
         let published = sink.map(|sink| sink.publish(prediction));
         self.record_error(published.unwrap_or(Ok(())));

@@ -66,8 +66,8 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     let model_rate = ModelRate::new(settings)?;
     let mut core = Core::new(settings, None);
     core.set_exclusions(options.asked.exclusion.exclusions());
-    if let Some(classifying) = options.asked.classifying.read()? {
-        core.set_classifier(classifying.classifier);
+    if let Some(classifier) = options.asked.classifying.read()? {
+        core.set_classifier(classifier);
     } else if settings.streams.contains(Streams::FEATURES) {
         return Err(BridgeError::NoClassifier);
     }

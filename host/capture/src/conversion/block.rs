@@ -4,6 +4,9 @@ use bridge_core::TRI_LABELS;
 use link::Flags;
 use neuro_ros::NeuroFrame;
 
+/// Number of streams.
+pub(crate) const STREAMS: usize = 5;
+
 /// A stream of a recording; each is written to a file of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stream {
@@ -11,16 +14,18 @@ pub(crate) enum Stream {
     Reconstructed,
     Raw,
     Filtered,
+    Predictions,
 }
 
 impl Stream {
     /// All streams, in the order of their discriminants, which are indices into arrays with an
     /// element per stream.
-    pub(crate) const ALL: [Stream; 4] = [
+    pub(crate) const ALL: [Stream; STREAMS] = [
         Stream::Codes,
         Stream::Reconstructed,
         Stream::Raw,
         Stream::Filtered,
+        Stream::Predictions,
     ];
 
     /// Returns the part of a file's name that names the stream, such as `raw` in `a.raw.gdf`.
@@ -30,11 +35,12 @@ impl Stream {
             Stream::Reconstructed => "reconstructed",
             Stream::Raw => "raw",
             Stream::Filtered => "filtered",
+            Stream::Predictions => "predictions",
         }
     }
 }
 
-/// Consecutive rows of one stream; a row is a code, a sample or a step.
+/// Consecutive rows of one stream; a row is a code, a sample, a step or a prediction.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
     pub(crate) stream: Stream,
@@ -48,7 +54,7 @@ pub(crate) struct Block {
     pub(crate) first_us: i64,
     /// Wall clock when the signals of the first row were at the electrodes, nanoseconds since 1970.
     pub(crate) wall_ns: i64,
-    /// Index of the first row in its stream; `None` for codes and reconstructed rows.
+    /// Index of the first row in its stream; `None` for codes, reconstructed rows and predictions.
     pub(crate) index: Option<u64>,
 }
 

@@ -6,9 +6,9 @@ use bridge_core::{
     Announcement, Device, Effects, Model, PackedReconstruction, Reconstruction, Settings,
     TimedCode, TimedPackedBlock,
 };
-use neuro_ros::{NeuroEvent, NeuroFrame};
+use neuro_ros::{NeuroDataInfo, NeuroEvent, NeuroFrame, NeuroOutput, TriWords};
 
-use crate::conversion::block::{Block, Stream, TimedEvent};
+use crate::conversion::block::{Block, STREAMS, Stream, TimedEvent};
 
 /// Event code of a rising edge of the trigger input; a falling edge has bit 15 as well.
 const TRIGGER: u16 = 1;
@@ -53,9 +53,9 @@ pub(crate) struct Collector<L> {
     /// Time from the first record to the newest one, seconds.
     pub(crate) elapsed_s: u64,
     /// Number of rows that each stream has so far and that are no fillers.
-    received: [u64; 4],
+    received: [u64; STREAMS],
     /// Number of fillers, in rows, that each stream has so far.
-    fillers: [u64; 4],
+    fillers: [u64; STREAMS],
     /// Number of missing rows without fillers, because their stream already had too many fillers.
     pub(crate) unfilled: u64,
 }
@@ -84,8 +84,8 @@ impl<L: Listener> Collector<L> {
             commands: Vec::new(),
             newest: [None, None],
             elapsed_s: 0,
-            received: [0; 4],
-            fillers: [0; 4],
+            received: [0; STREAMS],
+            fillers: [0; STREAMS],
             unfilled: 0,
         }
     }
@@ -172,7 +172,7 @@ impl<L: Listener> Collector<L> {
         let place = match block.stream {
             Stream::Raw => 0,
             Stream::Filtered => 1,
-            Stream::Codes | Stream::Reconstructed => return,
+            Stream::Codes | Stream::Reconstructed | Stream::Predictions => return,
         };
         let rows = (block.rows() as u64).max(1);
         if let (Some(mut filler), Some(index)) = (self.newest[place].take(), block.index) {
@@ -288,6 +288,18 @@ impl<L: Listener> Effects for Collector<L> {
         self.publish(Stream::Filtered, frame, delay_us.into());
     }
 
+    fn publish_prediction(&mut self, prediction: &NeuroOutput, words: TriWords) {
+        let Some(device) = &self.device else {
+            return;
+        };
+        let frame = prediction_frame(device, prediction, words);
+        self.publish(
+            Stream::Predictions,
+            &frame,
+            self.delay_us(|device| device.hop_steps),
+        );
+    }
+
     fn publish_event(&mut self, event: &NeuroEvent, _row: Option<u64>) {
         #[expect(
             clippy::cast_possible_truncation,
@@ -308,4 +320,32 @@ impl<L: Listener> Effects for Collector<L> {
             description: event.description.clone(),
         });
     }
+}
+
+/// Returns a prediction as a row: the probability of each class, and the code of the chosen one or
+/// 0.
+fn prediction_frame(device: &Device, prediction: &NeuroOutput, words: TriWords) -> NeuroFrame {
+    let soft = &prediction.softpredict;
+    let codes = &prediction.decoder.classes;
+    let chosen = prediction.hardpredict.data.iter().zip(codes);
+    let chosen = chosen.filter(|(is_chosen, _)| **is_chosen == 1);
+    let most = codes.iter().map(|code| code.abs()).max().unwrap_or(0);
+    let decision = NeuroDataInfo {
+        unit: String::new(),
+        isint: 1,
+        minmax: [-most, most].map(f64::from).to_vec(),
+        ..soft.info.clone()
+    };
+    let decision = decision.with_labels(vec!["decision".to_owned()]);
+    let rate_hz = device.codes_per_second();
+    let mut frame = NeuroFrame::zeros(rate_hz, "classifier", soft.info.clone(), decision);
+    frame.header.stamp = prediction.header.stamp;
+    frame.eeg.data.copy_from_slice(&soft.data);
+    #[expect(clippy::cast_precision_loss, reason = "codes of events have 16 bits")]
+    frame
+        .exg
+        .data
+        .fill(chosen.map(|(_, code)| *code).sum::<i32>() as f32);
+    frame.tri.data.copy_from_slice(&words.words());
+    frame
 }

@@ -27,7 +27,7 @@ const NOT_SENT: u32 = u32::MAX;
 /// number of the core's own command of the same kind, or, if it has sent none, with a number that
 /// it does not use.
 pub(crate) struct Playback<L> {
-    core: Core,
+    pub(crate) core: Core,
     pub(crate) collector: Collector<L>,
     /// Commands in the recording so far, by their number.
     recorded: HashMap<u32, ToDevice<'static>>,

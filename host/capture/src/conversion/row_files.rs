@@ -8,7 +8,7 @@ use neuro_ros::{NeuroDataInfo, NeuroFrame};
 use recordings::npz::NpzWriter;
 use recordings::{EdfWriter, FileToWrite, GdfWriter, SignalToWrite};
 
-use crate::conversion::block::{Block, TimedEvent};
+use crate::conversion::block::{Block, STREAMS, TimedEvent};
 use crate::conversion::collector::Listener;
 
 /// What a writer must know of a stream before its first row.
@@ -44,9 +44,9 @@ pub(crate) trait RowWriter {
 /// The writers of all streams. A stream's discriminant is the index of its writer.
 #[derive(Default)]
 pub(crate) struct Rows {
-    pub(crate) writers: [Option<Box<dyn RowWriter>>; 4],
+    pub(crate) writers: [Option<Box<dyn RowWriter>>; STREAMS],
     /// Number of rows that each stream had so far.
-    pub(crate) counts: [u64; 4],
+    pub(crate) counts: [u64; STREAMS],
     /// Index of the first writer that failed, and its error.
     pub(crate) failed: Option<(usize, io::Error)>,
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use neuro_ros::NeuroFrame;
 
-use crate::conversion::block::{Block, Stream, TimedEvent};
+use crate::conversion::block::{Block, STREAMS, Stream, TimedEvent};
 use crate::conversion::collector::Listener;
 
 /// Largest difference between the times of an event and of a sample that count as equal,
@@ -18,7 +18,7 @@ const MAX_AFTER_END_S: u64 = 86_400;
 /// Streams and events that the first pass over a recording has found.
 #[derive(Debug, Default)]
 pub(crate) struct Survey {
-    pub(crate) streams: [StreamSurvey; 4],
+    pub(crate) streams: [StreamSurvey; STREAMS],
     pub(crate) events: Vec<TimedEvent>,
 }
 

@@ -99,6 +99,7 @@ fn convert(recording: &[u8]) -> String {
         file: path,
         to: FileFormat::Gdf,
         force: false,
+        classifier: None,
     };
     let model = Arc::new(Model::embedded().unwrap());
     let log = capture::convert(&conversion, model, |file, _| file)

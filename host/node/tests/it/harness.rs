@@ -5,7 +5,7 @@ use std::sync::Arc;
 use artifact::classifier::Classifier;
 use bridge_core::{Announcement, AuditedWindow, Core, Effects, HostTime, Model, Settings};
 use link::{Flags, Streams};
-use neuro_ros::{DiagnosticStatus, NeuroFrame, NeuroOutput};
+use neuro_ros::{DiagnosticStatus, NeuroFrame, NeuroOutput, TriWords};
 use node::{Arrival, Refusal, Source};
 use pipeline::Mains;
 
@@ -39,7 +39,7 @@ impl Effects for Recorder {
         self.encoded.push(frame.clone());
     }
 
-    fn publish_prediction(&mut self, prediction: &NeuroOutput) {
+    fn publish_prediction(&mut self, prediction: &NeuroOutput, _: TriWords) {
         self.predictions.push(prediction.clone());
     }
 

@@ -6,6 +6,7 @@ mod bad_electrodes;
 mod board_chain;
 mod calibrated_model;
 mod catkin;
+mod closed_loop;
 mod debian_package;
 mod decoding_page;
 mod encoder;

@@ -1,20 +1,20 @@
 //! An integrator at a real roscore gets from the features of a board the predictions that the
-//! library computes from the pipeline's features.
+//! library computes from the pipeline's features, and so does who converts a recording.
 
 use std::path::Path;
+use std::process::Command;
 use std::time::Duration;
 
 use acceptance::chain::Chain;
 use acceptance::process::Process;
+use acceptance::programs::programs;
 use acceptance::{ros, workspace};
 use any_model::any_classifier;
-use artifact::classifier::{Classifier, Decision};
+use demo::closed_loop::{features, predictions};
 use host_sim::synthetic::{Generator, SyntheticSpec};
-use model::{ADC_RATE_HZ, HOP, MAINS_50, STEP_RATE_HZ, SUBSTITUTION};
-use pipeline::{
-    Acquisition, ExclusionPolicy, FeatureExtractor, FeatureFilters, Features, Mains, Sample,
-    Substitution,
-};
+use model::{ADC_RATE_HZ, HOP, MAINS_50, STEP_RATE_HZ};
+use pipeline::{Mains, Sample};
+use rustix::process::Signal;
 use serde::Deserialize;
 
 /// Duration of the EEG, seconds: the filters settle in the first ten.
@@ -35,26 +35,12 @@ struct Printed {
     classes: Vec<i32>,
 }
 
-/// Returns the features that the pipeline computes from the board's synthetic EEG.
-fn features(classifier: &Classifier) -> Vec<Features> {
+/// Returns the board's synthetic EEG.
+fn samples() -> impl Iterator<Item = Sample> {
     let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
     let generator = Generator::new(&spec).expect("the model's electrodes");
-    let mut acquisition = Acquisition::new(Mains::Hz50);
-    let mut substitution = Box::new(Substitution::NEW);
-    let mut extractor = FeatureExtractor::NEW;
-    let weights = classifier.weight_bytes();
-    let filters = FeatureFilters::new(classifier.id(), classifier.band.sections, &weights);
-    extractor.set_filters(filters.expect("filters in range"));
-    let samples = generator.take(SECONDS * usize::from(ADC_RATE_HZ));
-    let made = samples.filter_map(|counts| {
-        substitution.observe_sample(&Sample { counts });
-        let mut step = acquisition.process_sample(&Sample { counts })?;
-        if let Some(table) = &SUBSTITUTION {
-            substitution.fill_step(&mut step, ExclusionPolicy::AUTOMATIC, table);
-        }
-        extractor.add_step(&step)
-    });
-    made.collect()
+    let samples = generator.map(|counts| Sample { counts });
+    samples.take(SECONDS * usize::from(ADC_RATE_HZ))
 }
 
 /// Starts `integrate.py` on the bridge's default topic.
@@ -98,29 +84,24 @@ fn an_integrator_gets_the_predictions_that_the_library_computes() {
     let printed: Vec<Printed> = printed
         .map(|line| serde_json::from_str(line).expect("a prediction"))
         .collect();
-    let features = features(&classifier);
+    let features = features(samples(), Mains::Hz50, &classifier);
+    let expected = predictions(&features, &classifier);
     assert_eq!((printed.len(), features.len()), (HOPS, HOPS));
-    let mut decision = Decision::new(&classifier);
-    let mut chosen = 0;
-    for ((number, printed), features) in (1..).zip(&printed).zip(&features) {
-        let class = if features.settling {
-            decision.skip_hop();
-            None
-        } else {
-            let prediction = decision.add_hop(features.levels());
-            prediction.is_settled.then(|| prediction.class())
-        };
+    for ((number, printed), (features, expected)) in
+        (1..).zip(&printed).zip(features.iter().zip(&expected))
+    {
         assert_eq!(
             (printed.seq, &printed.classes[..]),
             (number, &[773, 771][..])
         );
         assert_eq!(printed.flags.contains("settling"), features.settling);
-        for (soft, probability) in printed.soft.iter().zip(decision.probabilities()) {
+        for (soft, probability) in printed.soft.iter().zip(&expected.probabilities) {
             assert!((soft - f64::from(*probability)).abs() < 1e-6, "{printed:?}");
         }
-        assert_eq!(printed.hard, [0, 1].map(|of| i32::from(class == Some(of))));
-        chosen += usize::from(class.is_some());
+        let hard = [0, 1].map(|class| i32::from(expected.class == Some(class)));
+        assert_eq!(printed.hard, hard);
     }
+    let chosen = expected.iter().filter(|of| of.class.is_some()).count();
     assert!(chosen > 16, "{chosen} hops with a chosen class");
 
     // From the last sample of a hop, which passes the filters later than its stamp tells.
@@ -140,4 +121,69 @@ fn an_integrator_gets_the_predictions_that_the_library_computes() {
         latencies[latencies.len() - 1]
     );
     chain.stop();
+}
+
+#[test]
+fn a_recording_of_features_is_converted_to_the_same_predictions() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [port, classifier_file, wire] =
+        ["board", "classifier.toml", "run.wire"].map(|name| folder.path().join(name));
+    let classifier = any_classifier(model::LABELS.split(' '));
+    let text = classifier.to_toml().expect("finite numbers");
+    std::fs::write(&classifier_file, text).expect("a free disk");
+    let bridge = |word: &str| {
+        let mut command = Command::new(&programs().bridge);
+        command
+            .arg(word)
+            .arg(&wire)
+            .env("CORTICODE_CONFIG", "/dev/null");
+        command.arg("--classifier").arg(&classifier_file);
+        command
+    };
+    let mut record = bridge("record");
+    record.args(["--streams", "features", "--port"]).arg(&port);
+    let recorder = Process::start("record", &mut record, folder.path()).expect("it starts");
+    let mut board = Command::new(&programs().host_sim);
+    board.args([
+        "run",
+        "--input=synthetic",
+        "--seed=7",
+        "--fast",
+        "--duration=14",
+    ]);
+    board.arg(format!("--output=pty:{}", port.display()));
+    let mut board = Process::start("board", &mut board, folder.path()).expect("it starts");
+    assert!(board.wait(SLACK).success(), "{}", board.log());
+    assert!(recorder.stop(Signal::TERM, SLACK).success());
+    let convert = bridge("convert").args(["--to", "csv"]).output();
+    let printed = String::from_utf8_lossy(&convert.expect("it starts").stderr).into_owned();
+    assert!(printed.contains("; predictions: "), "{printed}");
+
+    let table = std::fs::read_to_string(wire.with_extension("predictions.csv")).expect(&printed);
+    let mut lines = table.lines();
+    let classes = &classifier.decision.classes;
+    let labels = format!(",{},{},decision", classes[0].event, classes[1].event);
+    assert!(
+        lines.next().is_some_and(|head| head.ends_with(&labels)),
+        "{table}"
+    );
+    let expected = predictions(&features(samples(), Mains::Hz50, &classifier), &classifier);
+    // The last hops may still be on their way when the recorder is stopped.
+    assert!(lines.clone().count() > HOPS - 16, "{printed}");
+    for (line, expected) in lines.zip(&expected) {
+        let values: Vec<f32> = line
+            .split(',')
+            .skip(12)
+            .filter_map(|x| x.parse().ok())
+            .collect();
+        #[expect(clippy::cast_precision_loss, reason = "a small code")]
+        let decision = expected
+            .class
+            .map_or(0.0, |class| classes[class].code as f32);
+        assert_eq!(
+            values,
+            [&expected.probabilities[..], &[decision]].concat(),
+            "{line}"
+        );
+    }
 }

@@ -1,0 +1,90 @@
+//! Sensorimotor rhythm: 11 Hz, and its harmonic at 22 Hz, from the hand area of either hemisphere.
+//! It weakens opposite a hand that moves or is imagined to move (Pfurtscheller and Lopes da Silva
+//! 1999).
+
+use super::dipole::Dipole;
+use super::noise::{Noise, pole};
+use super::phasor::Phasor;
+use super::scalp::Scalp;
+
+/// Centre frequencies of the rhythm, Hz, and the share of the amplitude that each has.
+const RHYTHMS: [(f64, f64); 2] = [(11.0, 0.9), (22.0, 0.43)];
+/// Half of the bandwidth of either frequency, Hz.
+const HALF_WIDTH: f64 = 1.0;
+/// Place of the left hand area, in radii of the scalp, below C3; the right one mirrors it. The
+/// dipole is radial.
+const HAND_AREA: [f64; 3] = [-0.52, 0.0, 0.5];
+/// Electrode at which the amplitude in the spec is that of the left hand area at rest.
+const SITE: &str = "C3";
+/// Amplitude opposite a moving hand, relative to that at rest.
+const MOVING: f64 = 0.5;
+/// Corner frequency of the low-pass that smooths the start and end of a movement, Hz.
+const ENVELOPE: f64 = 0.6;
+
+/// A hand that moves, or is imagined to move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hand {
+    /// Weakens the rhythm of the right hemisphere.
+    Left,
+    /// Weakens the rhythm of the left hemisphere.
+    Right,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Mu {
+    noise: Noise,
+    damping: f64,
+    envelope_pole: f64,
+    areas: [HandArea; 2],
+}
+
+#[derive(Debug, Clone)]
+struct HandArea {
+    /// The hand on the other side.
+    hand: Hand,
+    phasors: [Phasor; 2],
+    /// Amplitude at each electrode at rest, uV RMS.
+    amplitudes: Vec<f64>,
+    envelope: f64,
+}
+
+impl Mu {
+    pub(super) fn new(noise: Noise, scalp: &Scalp, rate: f64, rms_uv: f64) -> Self {
+        let [x, y, z] = HAND_AREA;
+        let scale = rms_uv
+            / scalp
+                .potential_at(&Dipole::at(HAND_AREA, HAND_AREA), SITE)
+                .abs();
+        let areas = [(Hand::Right, x), (Hand::Left, -x)].map(|(hand, x)| HandArea {
+            hand,
+            phasors: RHYTHMS.map(|(hz, _)| Phasor::new(hz, rate)),
+            amplitudes: scalp.potentials(&Dipole::at([x, y, z], [x, y, z]), scale),
+            envelope: 1.0,
+        });
+        Self {
+            noise,
+            damping: pole(HALF_WIDTH, rate),
+            envelope_pole: pole(ENVELOPE, rate),
+            areas,
+        }
+    }
+
+    /// Adds the rhythm of both hemispheres while `moving` moves; `None` is rest.
+    pub(super) fn add(&mut self, moving: Option<Hand>, microvolts: &mut [f64]) {
+        for area in &mut self.areas {
+            let target = if moving == Some(area.hand) {
+                MOVING
+            } else {
+                1.0
+            };
+            area.envelope = target + self.envelope_pole * (area.envelope - target);
+            let mut activity = 0.0;
+            for (phasor, (_, share)) in area.phasors.iter_mut().zip(RHYTHMS) {
+                activity += share * area.envelope * phasor.resonate(self.damping, &mut self.noise);
+            }
+            for (uv, amplitude) in microvolts.iter_mut().zip(&area.amplitudes) {
+                *uv += amplitude * activity;
+            }
+        }
+    }
+}
