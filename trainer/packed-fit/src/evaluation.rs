@@ -8,7 +8,7 @@ use crate::integers::{Scale, analysed};
 use crate::ridge::next_residuals;
 use crate::track::Track;
 use crate::transform::{Blocks, to_f32};
-use artifact::{Description, PackedFigures, PackedModel};
+use artifact::{Description, PackedFigures, PackedModel, reconstruction};
 use nalgebra::DMatrix;
 use packed::Rate;
 
@@ -75,7 +75,13 @@ pub(crate) fn evaluate_with_resets(
     let sd_uv = description.input.sd_uv;
     let blocks = Blocks::cut(tracks, description.window.hop, sd_uv, &[0]);
     let coefficients = analysed(model, &blocks, sd_uv);
-    let synthesis = synthesis(model)?;
+    let synthesis = reconstruction::synthesis(model);
+    if synthesis.iter().any(|value| !value.is_finite()) {
+        return Err(FitError::Silent);
+    }
+    let count = model.coefficients();
+    let synthesis = DMatrix::from_column_slice(synthesis.len() / count, count, &synthesis);
+    let synthesis = to_f32(&synthesis);
     let scale = Scale::new(model, sd_uv);
     let electrodes = description.montage.electrodes.len();
     let band_power = BandPower::new(electrodes, description.window.rate_hz);
@@ -85,7 +91,6 @@ pub(crate) fn evaluate_with_resets(
     let original_powers = powers(&blocks.sequences);
     let figures = Rate::all().map(|rate| {
         let coded = coded::code(model, &coefficients, rate, reset);
-        let count = model.coefficients();
         let smoother = DMatrix::from_row_slice(count, count, &model.smoother.matrix(rate.index()));
         let decoded = in_parallel::map(&coded, |coded| {
             let own = scale.columns(&coded.states);
@@ -121,15 +126,4 @@ fn mean_squared_error(original: &[DMatrix<f32>], decoded: &[DMatrix<f32>]) -> f6
         values += original.len() as f64;
     }
     error / values.max(1.0)
-}
-
-/// Returns the matrix that decodes coefficients, `[value, coefficient]`, in units of `input.sd_uv`.
-/// It is the pseudoinverse of the analysis.
-fn synthesis(model: &PackedModel) -> Result<DMatrix<f32>, FitError> {
-    let count = model.coefficients();
-    let analysis =
-        DMatrix::from_row_slice(count, model.analysis.inputs(), &model.analysis.to_float());
-    let gram = &analysis * analysis.transpose();
-    let inverse = gram.cholesky().ok_or(FitError::Silent)?.inverse();
-    Ok(to_f32(&(analysis.transpose() * inverse)))
 }

@@ -9,6 +9,7 @@ use artifact::classifier::{
     SpatialFilter, energy,
 };
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
+use packed_fit::band_pass::band_passed;
 use packed_fit::{FitError, Track, features};
 use std::ops::Range;
 
@@ -18,8 +19,6 @@ const FILTERS: usize = 6;
 const SHRINKAGE: f64 = 0.01;
 /// Least number of trials of a class.
 const LEAST_TRIALS: usize = 10;
-/// Factor from a coefficient to Q32.
-const Q32: f64 = 4_294_967_296.0;
 
 /// What is fitted: the classes, and the shape of trials and filters.
 pub(super) struct Plan {
@@ -146,20 +145,7 @@ impl Plan {
 
     /// Returns the band-passed electrodes in microvolts, `[electrode, step]`.
     pub(super) fn band_passed(&self, track: &Track) -> DMatrix<f64> {
-        let values = track.values.iter().map(|&uv| f64::from(uv));
-        let mut signals = DMatrix::from_iterator(track.electrodes, track.steps(), values);
-        for section in self.empty.band.sections {
-            let [gain, a1, a2] = section.map(|coefficient| coefficient as f64 / Q32);
-            let mut states = vec![[0.0; 4]; track.electrodes];
-            for mut step in signals.column_iter_mut() {
-                for (value, [x1, x2, y1, y2]) in step.iter_mut().zip(&mut states) {
-                    let x = *value;
-                    *value = gain * (x - *x2) + a1 * *y1 + a2 * *y2;
-                    (*x2, *x1, *y2, *y1) = (*x1, x, *y1, *value);
-                }
-            }
-        }
-        signals
+        band_passed(track, &self.empty.band.sections)
     }
 
     /// Returns the number of trials of each class.

@@ -31,6 +31,7 @@ fn packed() -> PackedModel {
             unit_uv: 0.5,
             input_limit: 4095,
             misfit_uv2: 20.0,
+            weight: None,
             training: PackedTraining::default(),
         },
         analysis: IntegerMatrix {
@@ -48,6 +49,7 @@ fn packed() -> PackedModel {
             weights: weights(RATES * COEFFICIENTS * COEFFICIENTS),
             scales: vec![0.001; RATES * COEFFICIENTS],
         },
+        synthesis: None,
     }
 }
 
