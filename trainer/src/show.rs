@@ -2,7 +2,7 @@
 
 use crate::error::TrainerError;
 use crate::substitution::figures_text;
-use artifact::{Artifact, Figures, Mode, PackedDescription};
+use artifact::{Artifact, ErrorWeight, Figures, Mode, PackedDescription};
 use model_gen::{DeviceModel, manifest, memory};
 use serde_json::{Value as Json, json};
 use std::fmt;
@@ -80,14 +80,28 @@ impl fmt::Display for Shown {
             .has_network()
             .then(|| format!("a code of {} numbers ({})", code.numbers, code.format));
         let blocks = artifact.packed.as_ref().map(|packed| {
-            let PackedDescription { rate, training, .. } = &packed.description;
+            let PackedDescription {
+                rate,
+                weight,
+                training,
+                ..
+            } = &packed.description;
             let figures = training.figures.iter();
-            match figures.clone().find(|figures| figures.rate == *rate) {
+            let block = match figures.clone().find(|figures| figures.rate == *rate) {
                 Some(figures) => {
                     format!("a packed block of {:.0} bits (rate {rate})", figures.bits)
                 }
                 None => format!("a packed block (rate {rate})"),
-            }
+            };
+            let weighted = weight.map(
+                |ErrorWeight {
+                     band_hz: [low, high],
+                     strength,
+                 }| {
+                    format!(", errors at {low} to {high} Hz weighted by {strength}")
+                },
+            );
+            block + &weighted.unwrap_or_default()
         });
         let made: Vec<String> = codes.into_iter().chain(blocks).collect();
         writeln!(

@@ -1,10 +1,15 @@
-//! Electrodes after the band-pass of a classifier.
+//! Frequency bands of decoders: electrodes after the band-pass, and bands as text.
 
 use crate::track::Track;
 use nalgebra::DMatrix;
 
 /// Factor from a coefficient to Q32.
 const Q32: f64 = 4_294_967_296.0;
+
+/// Lowest and highest edge of a band, Hz: what the device's filters let through.
+const EDGES_HZ: [f64; 2] = [1.0, 60.0];
+/// Least width of a band, Hz.
+const LEAST_WIDTH_HZ: f64 = 1.0;
 
 /// Returns the electrodes of a track in microvolts after `sections`, `[electrode, step]`. A section
 /// is gain, a1 and a2, Q32, as a device has them; its filter starts at rest.
@@ -23,4 +28,34 @@ pub fn band_passed(track: &Track, sections: &[[i64; 3]]) -> DMatrix<f64> {
         }
     }
     signals
+}
+
+/// Parses a band, two frequencies in Hz, such as `8..30`.
+///
+/// # Errors
+/// If it is no band that the filters of a device let through.
+pub fn parse_band(text: &str) -> Result<[f64; 2], String> {
+    let [low, high] = parse_range(text)?;
+    let [least, most] = EDGES_HZ;
+    if low < least || high > most || high - low < LEAST_WIDTH_HZ {
+        return Err(format!(
+            "a band is within {least} to {most} Hz, which the filters of the device let through, \
+             and at least {LEAST_WIDTH_HZ} Hz wide"
+        ));
+    }
+    Ok([low, high])
+}
+
+/// Parses two ascending numbers, such as `0.5..4`.
+///
+/// # Errors
+/// If the text is anything else.
+pub fn parse_range(text: &str) -> Result<[f64; 2], String> {
+    let numbers = text
+        .split_once("..")
+        .map(|(low, high)| [low, high].map(str::parse));
+    match numbers {
+        Some([Ok(low), Ok(high)]) if f64::is_finite(high - low) && low < high => Ok([low, high]),
+        _ => Err("write two ascending numbers, such as 0.5..4".to_owned()),
+    }
 }

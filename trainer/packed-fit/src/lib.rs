@@ -46,4 +46,4 @@ pub use good_signal::GoodSignal;
 pub use personal_code::{MIN_RANGE, PersonalCode};
 pub use personal_model::{PersonalModel, error_at};
 pub use track::{Track, settling_steps};
-pub use weight::Metric;
+pub use weight::{Metric, weight_for};

@@ -11,7 +11,7 @@
 //! Half of the whitening, and a floor under the quietest directions, are a compromise: quiet
 //! directions carry what spatial filters read, but also the noise of the amplifier.
 
-use crate::band_pass::band_passed;
+use crate::band_pass::{band_passed, parse_band};
 use crate::error::FitError;
 use crate::innovation::median;
 use crate::track::Track;
@@ -21,6 +21,29 @@ use std::f64::consts::PI;
 
 /// Ratio of the floor `s^2` to the median eigenvalue.
 const FLOOR: f64 = 0.1;
+
+/// Band of motor imagery and movement, mu and beta rhythm, Hz.
+const MOTOR_HZ: [f64; 2] = [8.0, 30.0];
+/// Weight in the band if none is given.
+const STRENGTH: f64 = 3.0;
+
+/// Returns the weight of errors for a decoder of `purpose`: `motor` (8 to 30 Hz), or a band such as
+/// `8..13`, Hz.
+///
+/// # Errors
+/// If it is neither.
+pub fn weight_for(purpose: &str) -> Result<ErrorWeight, String> {
+    let band_hz = match purpose {
+        "motor" => MOTOR_HZ,
+        band => {
+            parse_band(band).map_err(|error| format!("write motor or a band in Hz: {error}"))?
+        }
+    };
+    Ok(ErrorWeight {
+        band_hz,
+        strength: STRENGTH,
+    })
+}
 
 /// The matrix of a weighted error.
 #[derive(Clone, Debug)]

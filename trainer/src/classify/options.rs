@@ -2,12 +2,8 @@
 
 use crate::selection::TrainingFiles;
 use artifact::classifier::Class;
+use packed_fit::band_pass::{parse_band, parse_range};
 use std::path::PathBuf;
-
-/// Lowest and highest edge of a band, Hz: what the device's filters let through.
-const EDGES_HZ: [f64; 2] = [1.0, 60.0];
-/// Least width of a band, Hz.
-const LEAST_WIDTH_HZ: f64 = 1.0;
 
 /// Options of `trainer classify`.
 #[derive(clap::Args, Clone, Debug)]
@@ -23,10 +19,10 @@ pub(crate) struct ClassifyOptions {
     #[arg(long, required = true, value_delimiter = ',', value_parser = class)]
     pub(super) events: Vec<Class>,
     /// Lower and upper edge of the band-pass, Hz.
-    #[arg(long, value_name = "HZ..HZ", default_value = "8..30", value_parser = band)]
+    #[arg(long, value_name = "HZ..HZ", default_value = "8..30", value_parser = parse_band)]
     pub(super) band: [f64; 2],
     /// Start and end of the part of each trial that is used, seconds after its event.
-    #[arg(long, value_name = "S..S", default_value = "0.5..4", value_parser = range, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S..S", default_value = "0.5..4", value_parser = parse_range, allow_hyphen_values = true)]
     pub(super) trial: [f64; 2],
     /// Length over which a decision averages, seconds [default: that of --trial].
     #[arg(long, value_name = "S")]
@@ -58,28 +54,4 @@ fn class(text: &str) -> Result<Class, String> {
     })?;
     let event = event.trim().to_owned();
     Ok(Class { code, event })
-}
-
-/// Parses a band, two frequencies in Hz.
-fn band(text: &str) -> Result<[f64; 2], String> {
-    let [low, high] = range(text)?;
-    let [least, most] = EDGES_HZ;
-    if low < least || high > most || high - low < LEAST_WIDTH_HZ {
-        return Err(format!(
-            "a band is within {least} to {most} Hz, which the filters of the device let through, \
-             and at least {LEAST_WIDTH_HZ} Hz wide"
-        ));
-    }
-    Ok([low, high])
-}
-
-/// Parses two ascending numbers, such as `0.5..4`.
-fn range(text: &str) -> Result<[f64; 2], String> {
-    let numbers = text
-        .split_once("..")
-        .map(|(low, high)| [low, high].map(str::parse));
-    match numbers {
-        Some([Ok(low), Ok(high)]) if f64::is_finite(high - low) && low < high => Ok([low, high]),
-        _ => Err("write two ascending numbers, such as 0.5..4".to_owned()),
-    }
 }
