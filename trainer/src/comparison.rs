@@ -1,5 +1,6 @@
 //! Figures of a model on recordings: those that it was trained on, or others.
 
+use crate::classify::{CodingLoss, DecoderFigures, DecoderOptions};
 use crate::dataset::Dataset;
 use crate::electrode_error::{ElectrodeError, ElectrodeSums};
 use crate::error::TrainerError;
@@ -12,9 +13,10 @@ use crate::progress::ProgressObserver;
 use crate::selection::{self, TestFiles, file_name};
 use crate::truncation::{TruncationError, TruncationSums};
 use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
+use nalgebra::DMatrix;
+use packed_fit::RateFigures;
 use packed_fit::Track;
 use packed_fit::band_power::BandPower;
-use packed_fit::{RateFigures, evaluate as evaluate_packed};
 use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
@@ -38,6 +40,10 @@ pub struct Comparison {
     /// Bits and error of the packed model at each rate, finest first; empty if the artifact has
     /// none.
     pub packed: Vec<RateFigures>,
+    /// Figures for decoders of the packed code at each rate, finest first; empty after a training.
+    pub packed_decoders: Vec<DecoderFigures>,
+    /// Area under the curve of a decoder of the original signals; `None` without events.
+    pub original_auc: Option<f64>,
     /// Rate of the packed code with which a device starts; `None` without a packed model.
     pub packed_rate: Option<u8>,
     /// Figures of a code that transforms each block by the Karhunen-Loeve transform and differs
@@ -54,7 +60,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Measures a model and its PCA on tracks, which have passed the model's front end.
+    /// Measures a model and its PCA on tracks, which have passed the model's front end, and for
+    /// decoders if `loss` has the same recordings.
     ///
     /// # Errors
     /// If a track is shorter than a window, or the model cannot be turned into integers.
@@ -62,6 +69,7 @@ impl Comparison {
         model: &Artifact,
         pca: Option<&Pca>,
         tracks: &[Track],
+        loss: Option<&CodingLoss>,
     ) -> Result<Self, TrainerError> {
         let description = &model.description;
         let is_recorded = |label: &String| {
@@ -72,10 +80,21 @@ impl Comparison {
         let codes = if description.mode.has_network() {
             let mut dataset = Dataset::from_tracks(tracks, description.dimensions())?;
             dataset.scale(1.0 / description.input.sd_uv);
-            Some(CodeComparison::new(model, pca, &dataset, is_recorded)?)
+            let codes = CodeComparison::new(model, pca, &dataset, is_recorded, loss)?;
+            Some(codes)
         } else {
             None
         };
+        let mut decoders = Vec::new();
+        let mut observe = |decoded: &[DMatrix<f32>]| {
+            let decoded = decoded.iter().map(DMatrix::as_slice);
+            decoders.extend(loss.map(|loss| loss.measure(decoded, description.input.sd_uv)));
+        };
+        let packed = model
+            .packed
+            .as_ref()
+            .map(|packed| packed_fit::evaluate_observed(packed, tracks, description, &mut observe));
+        let packed = packed.transpose()?.unwrap_or_default();
         let electrodes = &description.montage.electrodes;
         let recorded = electrodes.iter().filter(|label| is_recorded(label));
         Ok(Self {
@@ -85,10 +104,9 @@ impl Comparison {
             real_electrodes: recorded.count(),
             recordings: tracks.iter().map(|track| track.name.clone()).collect(),
             codes,
-            packed: match &model.packed {
-                Some(packed) => evaluate_packed(packed, tracks, description)?,
-                None => Vec::new(),
-            },
+            packed,
+            packed_decoders: decoders.into_iter().collect::<Result<_, _>>()?,
+            original_auc: loss.and_then(|loss| loss.original_auc),
             packed_rate: model.packed.as_ref().map(|packed| packed.description.rate),
             without_prediction: without_prediction(model, tracks),
             hop: description.window.hop,
@@ -106,7 +124,8 @@ impl Comparison {
             "electrodes": self.electrodes,
             "real_electrodes": self.real_electrodes,
             "packed_without_prediction": self.without_prediction,
-            "packed": self.packed.iter().map(packed::to_json).collect::<Vec<_>>(),
+            "original_auc": self.original_auc,
+            "packed": self.packed_json(),
             "people": self.people.iter().map(PersonError::to_json).collect::<Vec<_>>(),
         });
         let codes = self.codes.as_ref().map(CodeComparison::to_json);
@@ -114,6 +133,66 @@ impl Comparison {
             object.extend(codes);
         }
         object
+    }
+
+    fn packed_json(&self) -> Vec<Json> {
+        let mut rates: Vec<Json> = self.packed.iter().map(packed::to_json).collect();
+        for (rate, decoder) in rates.iter_mut().zip(&self.packed_decoders) {
+            rate["decoder_snr_db"] = decoder.snr_db.into();
+            rate["decoder_auc"] = decoder.auc.into();
+        }
+        rates
+    }
+
+    /// Prints what decoders lose, a row for each code.
+    fn fmt_decoders(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let codes = self.codes.as_ref().map(|codes| {
+            let bits = codes.bits_per_window() as f64;
+            let models = codes.models("autoencoder", self.mode);
+            models
+                .into_iter()
+                .map(move |(name, figures)| (name, bits, figures.decoder))
+        });
+        let packed = self.packed.iter().zip(&self.packed_decoders);
+        let packed = packed.map(|(rate, decoder)| {
+            (
+                format!("packed, rate {}", rate.rate),
+                rate.bits,
+                Some(*decoder),
+            )
+        });
+        let rows = codes.into_iter().flatten().chain(packed);
+        let rows = rows.filter_map(|(name, bits, decoder)| Some((name, bits, decoder?)));
+        let rows: Vec<_> = rows.collect();
+        if rows.is_empty() {
+            return Ok(());
+        }
+        writeln!(
+            f,
+            "\nfor decoders: spatially filtered components in the band"
+        )?;
+        let auc = if self.original_auc.is_some() {
+            "     AUC   difference"
+        } else {
+            ""
+        };
+        writeln!(f, "code                bits of a hop   SNR dB{auc}")?;
+        if let Some(auc) = self.original_auc {
+            writeln!(f, "{:<42} {:>5.1} %", "original", 100.0 * auc)?;
+        }
+        for (name, bits, DecoderFigures { snr_db, auc }) in rows {
+            write!(f, "{name:<18} {bits:>14.1} {snr_db:>8.2}")?;
+            if let (Some(auc), Some(original)) = (auc, self.original_auc) {
+                write!(
+                    f,
+                    " {:>5.1} % {:>+12.1}",
+                    100.0 * auc,
+                    100.0 * (auc - original)
+                )?;
+            }
+            writeln!(f)?;
+        }
+        Ok(())
     }
 
     /// Returns the figures that `figure` selects, for the training card. They are rounded to six
@@ -138,7 +217,7 @@ impl Comparison {
             .map(|(name, figures)| (name.as_str(), figures.errors));
         let rows: Vec<_> = rows.collect();
         write!(f, "{}", Table(&rows))?;
-        for (name, CodeFigures { errors, bands }) in &models {
+        for (name, CodeFigures { errors, bands, .. }) in &models {
             let (format, [alpha, beta]) = (errors.format, bands);
             writeln!(
                 f,
@@ -168,6 +247,7 @@ impl fmt::Display for Comparison {
         if !self.people.is_empty() {
             write!(f, "\n{}", PeopleTable(&self.people))?;
         }
+        self.fmt_decoders(f)?;
         if self.packed.is_empty() {
             return Ok(());
         }
@@ -215,6 +295,19 @@ pub fn compare(
     files: &TestFiles,
     observer: &mut impl ProgressObserver,
 ) -> Result<Comparison, TrainerError> {
+    compare_for(folder, files, None, observer)
+}
+
+/// Evaluates an artifact like [`compare`], and what decoders lose if there are options for them.
+///
+/// # Errors
+/// Those of [`compare`], or if the recordings lack the events or enough trials.
+pub(crate) fn compare_for(
+    folder: &Path,
+    files: &TestFiles,
+    decoder: Option<&DecoderOptions>,
+    observer: &mut impl ProgressObserver,
+) -> Result<Comparison, TrainerError> {
     let model = Artifact::read(folder)?;
     let pca = Pca::read(folder)?;
     let card = &model.description.training;
@@ -248,10 +341,14 @@ pub fn compare(
     };
     let electrodes = &model.description.montage.electrodes;
     let people = People::new(tracks, electrodes, files.subject.as_deref(), observer)?;
+    let loss = decoder.map(|decoder| {
+        CodingLoss::new(decoder, &recordings, &people, &model.description, mains_hz)
+    });
+    let loss = loss.transpose()?;
     observer.message("evaluating ...");
     Ok(Comparison {
         people: PersonError::of_each(&model, &people, &recorded)?,
-        ..Comparison::new(&model, pca.as_ref(), &people.tracks)?
+        ..Comparison::new(&model, pca.as_ref(), &people.tracks, loss.as_ref())?
     })
 }
 
@@ -263,6 +360,8 @@ pub struct CodeFigures {
     /// Correlation of the power of the alpha and the beta band before and after integer coding;
     /// overlapping windows are averaged, as in a stream.
     pub bands: [f64; 2],
+    /// Figures for decoders; `None` after a training.
+    pub decoder: Option<DecoderFigures>,
 }
 
 /// Figures of a network's codes, and of PCA with the same number of components, on the same
@@ -293,12 +392,13 @@ impl CodeComparison {
         pca: Option<&Pca>,
         dataset: &Dataset,
         is_recorded: impl Fn(&String) -> bool,
+        loss: Option<&CodingLoss>,
     ) -> Result<Self, TrainerError> {
         let description = &model.description;
         let mut electrodes = ElectrodeSums::new(description.montage.electrodes.len());
         let is_pca = description.mode == Mode::Pca;
         let mut truncation = is_pca.then(|| TruncationSums::new(model)).transpose()?;
-        let network = evaluate_with_bands(model, dataset, |block| {
+        let network = evaluate_with_bands(model, dataset, loss, |block| {
             electrodes.add(block);
             if let Some(sums) = &mut truncation {
                 sums.add(block);
@@ -309,7 +409,7 @@ impl CodeComparison {
             Some(pca) => {
                 let linear = pca.to_model(description.clone())?;
                 let sums = truncation.insert(TruncationSums::new(&linear)?);
-                Some(evaluate_with_bands(&linear, dataset, |block| {
+                Some(evaluate_with_bands(&linear, dataset, loss, |block| {
                     sums.add(block);
                 })?)
             }
@@ -333,7 +433,12 @@ impl CodeComparison {
     }
 
     fn to_json(&self) -> Json {
-        let CodeFigures { errors, bands } = self.network;
+        let CodeFigures {
+            errors,
+            bands,
+            decoder,
+        } = self.network;
+        let pca_decoder = self.pca.and_then(|pca| pca.decoder);
         let pca = self.pca.map(|pca| pca.errors);
         let pca_bands = self.pca.map(|pca| pca.bands);
         json!({
@@ -353,6 +458,10 @@ impl CodeComparison {
             "band_correlation_13_30": bands[1],
             "band_correlation_8_13_pca": pca_bands.map(|bands| bands[0]),
             "band_correlation_13_30_pca": pca_bands.map(|bands| bands[1]),
+            "decoder_snr_db": decoder.map(|decoder| decoder.snr_db),
+            "decoder_auc": decoder.and_then(|decoder| decoder.auc),
+            "decoder_snr_db_pca": pca_decoder.map(|decoder| decoder.snr_db),
+            "decoder_auc_pca": pca_decoder.and_then(|decoder| decoder.auc),
             "input_clipped": errors.input_clipped,
             "codes_at_rail": errors.code_clipped,
         })
@@ -369,11 +478,12 @@ impl CodeComparison {
     }
 }
 
-/// Measures the errors of a model on a dataset, and the correlation of its band powers. Passes each
-/// block of windows to `observe`.
+/// Measures the errors of a model on a dataset, the correlation of its band powers, and what
+/// decoders lose. Passes each block of windows to `observe`.
 fn evaluate_with_bands(
     model: &Artifact,
     dataset: &Dataset,
+    loss: Option<&CodingLoss>,
     mut observe: impl FnMut(&CodedBlock),
 ) -> Result<CodeFigures, TrainerError> {
     let description = &model.description;
@@ -386,6 +496,14 @@ fn evaluate_with_bands(
         description.montage.electrodes.len(),
         description.window.rate_hz,
     );
-    let bands = band_power.correlation(&decoded.original(), &decoded.mean());
-    Ok(CodeFigures { errors, bands })
+    let mean = decoded.mean();
+    let decoder = loss.map(|loss| {
+        let decoded = mean.iter().map(Vec::as_slice);
+        loss.measure(decoded, description.input.sd_uv)
+    });
+    Ok(CodeFigures {
+        errors,
+        bands: band_power.correlation(&decoded.original(), &mean),
+        decoder: decoder.transpose()?,
+    })
 }

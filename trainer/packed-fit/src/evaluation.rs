@@ -62,15 +62,30 @@ pub fn evaluate(
     tracks: &[Track],
     description: &Description,
 ) -> Result<Vec<RateFigures>, FitError> {
-    evaluate_with_resets(model, tracks, description, RESET)
+    evaluate_with_resets(model, tracks, description, RESET, &mut |_| ())
 }
 
-/// Measures a packed model like [`evaluate`], but codes every `reset`-th block without prediction.
+/// Measures a packed model like [`evaluate`]. Passes the decoded signals of each rate, finest first,
+/// to `observe`: those a block later, in units of `input.sd_uv`, one for each track.
+///
+/// # Errors
+/// See [`evaluate`].
+pub fn evaluate_observed(
+    model: &PackedModel,
+    tracks: &[Track],
+    description: &Description,
+    observe: &mut dyn FnMut(&[DMatrix<f32>]),
+) -> Result<Vec<RateFigures>, FitError> {
+    evaluate_with_resets(model, tracks, description, RESET, observe)
+}
+
+/// Measures a packed model like [`evaluate_observed`], but codes every `reset`-th block without prediction.
 pub(crate) fn evaluate_with_resets(
     model: &PackedModel,
     tracks: &[Track],
     description: &Description,
     reset: usize,
+    observe: &mut dyn FnMut(&[DMatrix<f32>]),
 ) -> Result<Vec<RateFigures>, FitError> {
     let sd_uv = description.input.sd_uv;
     let blocks = Blocks::cut(tracks, description.window.hop, sd_uv, &[0]);
@@ -101,6 +116,7 @@ pub(crate) fn evaluate_with_resets(
             (&synthesis * own, &synthesis * smoothed)
         });
         let (at_once, smoothed): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
+        observe(&smoothed);
         let lengths = || coded.iter().flat_map(|coded| &coded.bytes);
         RateFigures {
             rate: rate.index(),

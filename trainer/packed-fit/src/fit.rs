@@ -245,7 +245,7 @@ pub fn without_prediction(
         means = probabilities::mean_magnitudes(&coded, model.coefficients());
     }
     model.reset_levels = probabilities::levels(&means);
-    let figures = evaluation::evaluate_with_resets(&model, tested, description, 1)?;
+    let figures = evaluation::evaluate_with_resets(&model, tested, description, 1, &mut |_| ())?;
     // A block without prediction says nothing about the block before it, so it smooths nothing.
     let alone = |figures: RateFigures| RateFigures {
         mse_smoothed: figures.mse,

@@ -127,3 +127,6 @@ fn band(steps: usize, [low_hz, high_hz]: [f64; 2], rate_hz: f64) -> DMatrix<f64>
         below(high_hz) - below(low_hz)
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,6 @@
 //! Fit of filters and decision to trials.
 
-use super::options::ClassifyOptions;
+use super::options::TaskOptions;
 use super::sessions::{Session, Trial};
 use crate::error::TrainerError;
 use artifact::Description;
@@ -36,22 +36,32 @@ pub(super) struct Plan {
 /// A classifier, and the same without quantisation.
 pub(super) struct Fitted {
     pub(super) classifier: Classifier,
-    /// Float filters, `[electrode, filter]`.
+    pub(super) float: FloatDecoder,
+}
+
+/// Spatial filters and a decision without quantisation.
+pub(super) struct FloatDecoder {
+    /// Filters, `[electrode, filter]`.
     pub(super) filters: DMatrix<f64>,
-    pub(super) float_rule: DecisionRule,
+    /// Sum over the classes of their mean covariances.
+    covariance: DMatrix<f64>,
+    pub(super) rule: DecisionRule,
 }
 
 impl Plan {
-    /// Checks the options.
+    /// Checks the options. `filters` and `window_s` have defaults.
     ///
     /// # Errors
     /// If there are fewer than two classes or two with the same event or code, the filters cannot
     /// be divided among them, or the window is longer than a trial.
     pub(super) fn new(
-        options: &ClassifyOptions,
+        classes: &[Class],
+        task: &TaskOptions,
+        filters: Option<usize>,
+        window_s: Option<f64>,
         description: &Description,
     ) -> Result<Self, TrainerError> {
-        let classes = options.events.clone();
+        let classes = classes.to_vec();
         let count = classes.len();
         let is_repeated = |(index, class): (usize, &Class)| {
             let mut before = classes[..index].iter();
@@ -60,17 +70,15 @@ impl Plan {
         if count < 2 || classes.iter().enumerate().any(is_repeated) {
             return Err(TrainerError::Classes);
         }
-        let filters = options
-            .filters
-            .unwrap_or(FILTERS.max(count) / count * count);
+        let filters = filters.unwrap_or(FILTERS.max(count) / count * count);
         if filters == 0 || filters > MAX_FEATURES || !filters.is_multiple_of(count) {
             let classes = count;
             return Err(TrainerError::Filters { filters, classes });
         }
         let window = &description.window;
         let hops_per_s = f64::from(window.rate_hz) / window.hop as f64;
-        let [from_s, to_s] = options.trial;
-        let window_s = options.window.unwrap_or(to_s - from_s);
+        let [from_s, to_s] = task.trial;
+        let window_s = window_s.unwrap_or(to_s - from_s);
         let hops = [to_s - from_s, window_s].map(|seconds| whole((seconds * hops_per_s).round()));
         let [trial_hops, window_hops] = hops;
         if !(1..=trial_hops).contains(&window_hops) {
@@ -86,11 +94,8 @@ impl Plan {
                 step_rate_hz: u16::try_from(window.rate_hz).expect("always 128"),
                 hop_steps: narrow(window.hop),
                 band: Band {
-                    hz: options.band,
-                    sections: model_gen::band_power_sections(
-                        options.band,
-                        f64::from(window.rate_hz),
-                    ),
+                    hz: task.band,
+                    sections: model_gen::band_power_sections(task.band, f64::from(window.rate_hz)),
                 },
                 decision: DecisionRule {
                     classes: classes.clone(),
@@ -103,7 +108,7 @@ impl Plan {
             },
             classes,
             filters_per_class: filters / count,
-            trial_s: options.trial,
+            trial_s: task.trial,
             trial_hops,
         })
     }
@@ -177,13 +182,10 @@ impl Plan {
 /// # Errors
 /// If trials of a class are missing, or no device could run the filters.
 pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, TrainerError> {
-    let means = mean_covariances(plan, trials)?;
-    let filters =
-        common_spatial_patterns(&means, plan.filters_per_class).ok_or(FitError::Silent)?;
-    let covariance = means.iter().sum::<DMatrix<f64>>();
+    let float = FloatDecoder::fit(plan, trials)?;
     let mut classifier = plan.empty.clone();
-    for filter in filters.column_iter() {
-        let pattern = &covariance * filter;
+    for filter in float.filters.column_iter() {
+        let pattern = &float.covariance * filter;
         let largest = pattern[pattern.iamax()];
         let (pattern, filter) = (pattern / largest, filter * largest.signum());
         #[expect(clippy::cast_possible_truncation, reason = "-1 to 1")]
@@ -191,37 +193,51 @@ pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, 
         let weights = int8_weights(&filter);
         classifier.filters.push(SpatialFilter { weights, pattern });
     }
-    let (mut features, mut float_features) = (Vec::new(), Vec::new());
+    let mut features = Vec::new();
     // Trials of a session follow each other, and share its levels.
     for trials in trials.chunk_by(|(a, _), (b, _)| std::ptr::eq(*a, *b)) {
         let levels = features::levels(&trials[0].0.track, &classifier);
         for (_, trial) in trials {
             for window in &trial.windows {
                 features.push((trial.class, log_energies(&levels[window.hops.clone()])));
-                float_features.push((trial.class, log_powers(&filters, &window.moment)));
             }
         }
     }
     discriminant(&mut classifier.decision, &features);
-    let mut float_rule = classifier.decision.clone();
-    discriminant(&mut float_rule, &float_features);
     // Reading the file checks all ranges.
     let classifier = Classifier::parse(&classifier.to_toml()?)?;
-    Ok(Fitted {
-        classifier,
-        filters,
-        float_rule,
-    })
+    Ok(Fitted { classifier, float })
 }
 
-impl Fitted {
-    /// Returns the score of each class for the last window of a trial, without quantisation.
-    pub(super) fn float_scores(&self, trial: &Trial) -> Vec<f64> {
+impl FloatDecoder {
+    /// Fits filters and decision to trials.
+    ///
+    /// # Errors
+    /// If trials of a class are missing, or silent.
+    pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Self, TrainerError> {
+        let means = mean_covariances(plan, trials)?;
+        let filters = common_spatial_patterns(&means, plan.filters_per_class);
+        let mut decoder = Self {
+            filters: filters.ok_or(FitError::Silent)?,
+            covariance: means.iter().sum(),
+            rule: plan.empty.decision.clone(),
+        };
+        let windows = trials.iter().flat_map(|(_, trial)| {
+            let windows = trial.windows.iter();
+            windows.map(|window| (trial.class, log_powers(&decoder.filters, &window.moment)))
+        });
+        let features: Vec<_> = windows.collect();
+        discriminant(&mut decoder.rule, &features);
+        Ok(decoder)
+    }
+
+    /// Returns the score of each class for the last window of a trial.
+    pub(super) fn scores(&self, trial: &Trial) -> Vec<f64> {
         let last = trial
             .windows
             .last()
             .map(|window| log_powers(&self.filters, &window.moment));
-        self.float_rule.scores(&last.unwrap_or_default())
+        self.rule.scores(&last.unwrap_or_default())
     }
 }
 
@@ -244,17 +260,25 @@ fn mean_covariances(
         if count < 2 {
             return Err(TrainerError::UnevenTrials(class.event.clone()));
         }
-        let mean = sum / f64::from(count);
-        let noise = SHRINKAGE * mean.trace() / electrodes as f64;
-        Ok(mean * (1.0 - SHRINKAGE) + DMatrix::identity(electrodes, electrodes) * noise)
+        Ok(shrunk(sum / f64::from(count)))
     };
     plan.classes.iter().enumerate().map(of_class).collect()
+}
+
+/// Returns a covariance of which [`SHRINKAGE`] is replaced by white noise.
+pub(super) fn shrunk(covariance: DMatrix<f64>) -> DMatrix<f64> {
+    let electrodes = covariance.nrows();
+    let noise = SHRINKAGE * covariance.trace() / electrodes as f64;
+    covariance * (1.0 - SHRINKAGE) + DMatrix::identity(electrodes, electrodes) * noise
 }
 
 /// Returns common spatial patterns, `[electrode, filter]`: for each class in turn, the `count`
 /// filters with the largest power in its trials, in proportion to that in its and the others'.
 /// `None` if the covariances are not positive definite.
-fn common_spatial_patterns(means: &[DMatrix<f64>], count: usize) -> Option<DMatrix<f64>> {
+pub(super) fn common_spatial_patterns(
+    means: &[DMatrix<f64>],
+    count: usize,
+) -> Option<DMatrix<f64>> {
     let mut filters: Vec<DVector<f64>> = Vec::new();
     for (class, own) in means.iter().enumerate() {
         let others = means

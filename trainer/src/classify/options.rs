@@ -18,12 +18,8 @@ pub(crate) struct ClassifyOptions {
     /// T1=769,T2=770. A GDF type alone is its own code.
     #[arg(long, required = true, value_delimiter = ',', value_parser = class)]
     pub(super) events: Vec<Class>,
-    /// Lower and upper edge of the band-pass, Hz.
-    #[arg(long, value_name = "HZ..HZ", default_value = "8..30", value_parser = parse_band)]
-    pub(super) band: [f64; 2],
-    /// Start and end of the part of each trial that is used, seconds after its event.
-    #[arg(long, value_name = "S..S", default_value = "0.5..4", value_parser = parse_range, allow_hyphen_values = true)]
-    pub(super) trial: [f64; 2],
+    #[command(flatten)]
+    pub(super) task: TaskOptions,
     /// Length over which a decision averages, seconds [default: that of --trial].
     #[arg(long, value_name = "S")]
     pub(super) window: Option<f64>,
@@ -46,8 +42,19 @@ pub(crate) struct ClassifyOptions {
     pub(crate) json: bool,
 }
 
+/// What a decoder reads of a recording.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct TaskOptions {
+    /// Lower and upper edge of the band-pass, Hz.
+    #[arg(long, value_name = "HZ..HZ", default_value = "8..30", value_parser = parse_band)]
+    pub(crate) band: [f64; 2],
+    /// Start and end of the part of each trial that is used, seconds after its event.
+    #[arg(long, value_name = "S..S", default_value = "0.5..4", value_parser = parse_range, allow_hyphen_values = true)]
+    pub(super) trial: [f64; 2],
+}
+
 /// Parses a class, `LABEL=CODE` or `CODE`.
-fn class(text: &str) -> Result<Class, String> {
+pub(crate) fn class(text: &str) -> Result<Class, String> {
     let (event, code) = text.rsplit_once('=').unwrap_or((text, text));
     let code = code.trim().parse().map_err(|_| {
         format!("{code} is no code: write LABEL=CODE with a whole number, such as T1=769")

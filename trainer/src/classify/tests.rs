@@ -51,7 +51,15 @@ fn plan(more: &str) -> Result<Plan, TrainerError> {
     };
     let text = include_str!("../../../files/montages/cyton-8.toml");
     let montage = MontageFile::parse(Path::new("cyton-8.toml"), text).expect("a montage");
-    Plan::new(&options, &card::description(&montage, shape))
+    let ClassifyOptions {
+        events,
+        task,
+        filters,
+        window,
+        ..
+    } = &options;
+    let description = card::description(&montage, shape);
+    Plan::new(events, task, *filters, *window, &description)
 }
 
 /// Returns a session of `trials` trials. In a trial, the source of its class is `contrast` times as
@@ -164,7 +172,7 @@ fn sources_of_known_patterns_are_found_and_decide() {
             .collect()
     };
     let near = |a: f64, b: f64| (a - b).abs() < 1e-6 * (1.0 + b.abs());
-    for (filter, expected) in fitted.filters.column_iter().zip(0..) {
+    for (filter, expected) in fitted.float.filters.column_iter().zip(0..) {
         let expected = numbers(&numpy["filters"][expected]);
         let expected = DMatrix::from_column_slice(8, 1, &expected);
         let sign = filter.dot(&expected).signum();
@@ -173,7 +181,7 @@ fn sources_of_known_patterns_are_found_and_decide() {
             "{filter}"
         );
     }
-    let rule = &fitted.float_rule;
+    let rule = &fitted.float.rule;
     let weights = numbers(&numpy["weights"]);
     for (feature, expected) in weights.into_iter().enumerate() {
         let difference = rule.weights[1][feature] - rule.weights[0][feature];
