@@ -24,6 +24,9 @@ use std::path::PathBuf;
 /// Number of components if there are no events.
 const COMPONENTS: usize = 6;
 
+/// Area under the curve of guesses.
+const GUESS: f64 = 0.5;
+
 /// Options of the figures for decoders.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct DecoderOptions {
@@ -121,7 +124,7 @@ impl CodingLoss {
     /// Measures decoded signals, one for each recording: values in units of `unit_uv`.
     ///
     /// # Errors
-    /// If they are silent.
+    /// If a person has too few trials.
     pub(crate) fn measure<'d>(
         &self,
         decoded: impl IntoIterator<Item = &'d [f32]>,
@@ -173,7 +176,11 @@ impl CodingLoss {
         };
         let each = self.people.iter().map(|person| {
             let sessions = task.sessions(tracks, &person.tracks);
-            float_auc(&task.plan, &sessions)
+            match float_auc(&task.plan, &sessions) {
+                // The coarsest rates can decode to silence, from which a decoder guesses.
+                Err(TrainerError::Fit(FitError::Silent)) => Ok(GUESS),
+                auc => auc,
+            }
         });
         let each = each.collect::<Result<Vec<f64>, _>>()?;
         Ok(Some(each.iter().sum::<f64>() / each.len() as f64))
