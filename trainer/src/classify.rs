@@ -30,7 +30,7 @@ use std::fmt;
 use std::io::Write as _;
 use std::path::PathBuf;
 
-pub(crate) use coding_loss::{CodingLoss, DecoderFigures, DecoderOptions};
+pub(crate) use coding_loss::{CodingLoss, DecoderOptions, DecoderTable};
 pub(crate) use figures::{chance, percent};
 pub(crate) use options::ClassifyOptions;
 pub(crate) use validation::Course;
@@ -77,10 +77,7 @@ pub(crate) fn train(
     plan.check_trials(&train)?;
     let folds = validation::folds(&train);
     let (cross_validation, courses) = validation::cross_validate(&plan, &train, &folds)?;
-    let every_trial = train.iter().flat_map(|session| {
-        let trials = session.trials.iter();
-        trials.map(move |trial| (session, trial))
-    });
+    let every_trial = train.iter().flat_map(Session::with_trials);
     let fitted = fit::fit(&plan, &every_trial.collect::<Vec<_>>())?;
     let mut classifier = fitted.classifier.clone();
     let training = &mut classifier.training;

@@ -1,6 +1,6 @@
 //! Figures of a model on recordings: those that it was trained on, or others.
 
-use crate::classify::{CodingLoss, DecoderFigures, DecoderOptions};
+use crate::classify::{CodingLoss, DecoderOptions, DecoderTable};
 use crate::dataset::Dataset;
 use crate::electrode_error::{ElectrodeError, ElectrodeSums};
 use crate::error::TrainerError;
@@ -14,9 +14,9 @@ use crate::selection::{self, TestFiles, file_name};
 use crate::truncation::{TruncationError, TruncationSums};
 use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
 use nalgebra::DMatrix;
-use packed_fit::RateFigures;
 use packed_fit::Track;
 use packed_fit::band_power::BandPower;
+use packed_fit::{RateFigures, evaluate_observed};
 use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
@@ -40,10 +40,6 @@ pub struct Comparison {
     /// Bits and error of the packed model at each rate, finest first; empty if the artifact has
     /// none.
     pub packed: Vec<RateFigures>,
-    /// Figures for decoders of the packed code at each rate, finest first; empty after a training.
-    pub packed_decoders: Vec<DecoderFigures>,
-    /// Area under the curve of a decoder of the original signals; `None` without events.
-    pub original_auc: Option<f64>,
     /// Rate of the packed code with which a device starts; `None` without a packed model.
     pub packed_rate: Option<u8>,
     /// Figures of a code that transforms each block by the Karhunen-Loeve transform and differs
@@ -57,6 +53,8 @@ pub struct Comparison {
     /// Error for each person, with substitution on and off; empty if the model has no network or no
     /// table of substitutions, or after a training.
     pub(crate) people: Vec<PersonError>,
+    /// What decoders lose with each code; `None` after a training.
+    pub(crate) decoders: Option<DecoderTable>,
 }
 
 impl Comparison {
@@ -69,7 +67,7 @@ impl Comparison {
         model: &Artifact,
         pca: Option<&Pca>,
         tracks: &[Track],
-        loss: Option<&CodingLoss>,
+        mut loss: Option<CodingLoss>,
     ) -> Result<Self, TrainerError> {
         let description = &model.description;
         let is_recorded = |label: &String| {
@@ -80,21 +78,28 @@ impl Comparison {
         let codes = if description.mode.has_network() {
             let mut dataset = Dataset::from_tracks(tracks, description.dimensions())?;
             dataset.scale(1.0 / description.input.sd_uv);
-            let codes = CodeComparison::new(model, pca, &dataset, is_recorded, loss)?;
-            Some(codes)
+            let loss = loss.as_mut();
+            Some(CodeComparison::new(
+                model,
+                pca,
+                &dataset,
+                is_recorded,
+                loss,
+            )?)
         } else {
             None
         };
-        let mut decoders = Vec::new();
+        let mut rates = 0..;
         let mut observe = |decoded: &[DMatrix<f32>]| {
-            let decoded = decoded.iter().map(DMatrix::as_slice);
-            decoders.extend(loss.map(|loss| loss.measure(decoded, description.input.sd_uv)));
+            if let (Some(loss), Some(rate)) = (&mut loss, rates.next()) {
+                let decoded = decoded.iter().map(DMatrix::as_slice);
+                loss.add(&format!("packed, rate {rate}"), decoded);
+            }
         };
-        let packed = model
-            .packed
-            .as_ref()
-            .map(|packed| packed_fit::evaluate_observed(packed, tracks, description, &mut observe));
-        let packed = packed.transpose()?.unwrap_or_default();
+        let packed = match &model.packed {
+            Some(packed) => evaluate_observed(packed, tracks, description, &mut observe)?,
+            None => Vec::new(),
+        };
         let electrodes = &description.montage.electrodes;
         let recorded = electrodes.iter().filter(|label| is_recorded(label));
         Ok(Self {
@@ -105,8 +110,7 @@ impl Comparison {
             recordings: tracks.iter().map(|track| track.name.clone()).collect(),
             codes,
             packed,
-            packed_decoders: decoders.into_iter().collect::<Result<_, _>>()?,
-            original_auc: loss.and_then(|loss| loss.original_auc),
+            decoders: loss.map(|loss| loss.table),
             packed_rate: model.packed.as_ref().map(|packed| packed.description.rate),
             without_prediction: without_prediction(model, tracks),
             hop: description.window.hop,
@@ -124,8 +128,8 @@ impl Comparison {
             "electrodes": self.electrodes,
             "real_electrodes": self.real_electrodes,
             "packed_without_prediction": self.without_prediction,
-            "original_auc": self.original_auc,
-            "packed": self.packed_json(),
+            "packed": self.packed.iter().map(packed::to_json).collect::<Vec<_>>(),
+            "decoders": self.decoders.as_ref().map(DecoderTable::to_json),
             "people": self.people.iter().map(PersonError::to_json).collect::<Vec<_>>(),
         });
         let codes = self.codes.as_ref().map(CodeComparison::to_json);
@@ -133,66 +137,6 @@ impl Comparison {
             object.extend(codes);
         }
         object
-    }
-
-    fn packed_json(&self) -> Vec<Json> {
-        let mut rates: Vec<Json> = self.packed.iter().map(packed::to_json).collect();
-        for (rate, decoder) in rates.iter_mut().zip(&self.packed_decoders) {
-            rate["decoder_snr_db"] = decoder.snr_db.into();
-            rate["decoder_auc"] = decoder.auc.into();
-        }
-        rates
-    }
-
-    /// Prints what decoders lose, a row for each code.
-    fn fmt_decoders(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let codes = self.codes.as_ref().map(|codes| {
-            let bits = codes.bits_per_window() as f64;
-            let models = codes.models("autoencoder", self.mode);
-            models
-                .into_iter()
-                .map(move |(name, figures)| (name, bits, figures.decoder))
-        });
-        let packed = self.packed.iter().zip(&self.packed_decoders);
-        let packed = packed.map(|(rate, decoder)| {
-            (
-                format!("packed, rate {}", rate.rate),
-                rate.bits,
-                Some(*decoder),
-            )
-        });
-        let rows = codes.into_iter().flatten().chain(packed);
-        let rows = rows.filter_map(|(name, bits, decoder)| Some((name, bits, decoder?)));
-        let rows: Vec<_> = rows.collect();
-        if rows.is_empty() {
-            return Ok(());
-        }
-        writeln!(
-            f,
-            "\nfor decoders: spatially filtered components in the band"
-        )?;
-        let auc = if self.original_auc.is_some() {
-            "     AUC   difference"
-        } else {
-            ""
-        };
-        writeln!(f, "code                bits of a hop   SNR dB{auc}")?;
-        if let Some(auc) = self.original_auc {
-            writeln!(f, "{:<42} {:>5.1} %", "original", 100.0 * auc)?;
-        }
-        for (name, bits, DecoderFigures { snr_db, auc }) in rows {
-            write!(f, "{name:<18} {bits:>14.1} {snr_db:>8.2}")?;
-            if let (Some(auc), Some(original)) = (auc, self.original_auc) {
-                write!(
-                    f,
-                    " {:>5.1} % {:>+12.1}",
-                    100.0 * auc,
-                    100.0 * (auc - original)
-                )?;
-            }
-            writeln!(f)?;
-        }
-        Ok(())
     }
 
     /// Returns the figures that `figure` selects, for the training card. They are rounded to six
@@ -217,7 +161,7 @@ impl Comparison {
             .map(|(name, figures)| (name.as_str(), figures.errors));
         let rows: Vec<_> = rows.collect();
         write!(f, "{}", Table(&rows))?;
-        for (name, CodeFigures { errors, bands, .. }) in &models {
+        for (name, CodeFigures { errors, bands }) in &models {
             let (format, [alpha, beta]) = (errors.format, bands);
             writeln!(
                 f,
@@ -247,7 +191,9 @@ impl fmt::Display for Comparison {
         if !self.people.is_empty() {
             write!(f, "\n{}", PeopleTable(&self.people))?;
         }
-        self.fmt_decoders(f)?;
+        if let Some(decoders) = &self.decoders {
+            write!(f, "{decoders}")?;
+        }
         if self.packed.is_empty() {
             return Ok(());
         }
@@ -348,7 +294,7 @@ pub(crate) fn compare_for(
     observer.message("evaluating ...");
     Ok(Comparison {
         people: PersonError::of_each(&model, &people, &recorded)?,
-        ..Comparison::new(&model, pca.as_ref(), &people.tracks, loss.as_ref())?
+        ..Comparison::new(&model, pca.as_ref(), &people.tracks, loss)?
     })
 }
 
@@ -360,8 +306,6 @@ pub struct CodeFigures {
     /// Correlation of the power of the alpha and the beta band before and after integer coding;
     /// overlapping windows are averaged, as in a stream.
     pub bands: [f64; 2],
-    /// Figures for decoders; `None` after a training.
-    pub decoder: Option<DecoderFigures>,
 }
 
 /// Figures of a network's codes, and of PCA with the same number of components, on the same
@@ -392,13 +336,14 @@ impl CodeComparison {
         pca: Option<&Pca>,
         dataset: &Dataset,
         is_recorded: impl Fn(&String) -> bool,
-        loss: Option<&CodingLoss>,
+        mut loss: Option<&mut CodingLoss>,
     ) -> Result<Self, TrainerError> {
         let description = &model.description;
         let mut electrodes = ElectrodeSums::new(description.montage.electrodes.len());
         let is_pca = description.mode == Mode::Pca;
         let mut truncation = is_pca.then(|| TruncationSums::new(model)).transpose()?;
-        let network = evaluate_with_bands(model, dataset, loss, |block| {
+        let name = description.mode.to_string();
+        let network = evaluate_with_bands(model, dataset, (&name, loss.as_deref_mut()), |block| {
             electrodes.add(block);
             if let Some(sums) = &mut truncation {
                 sums.add(block);
@@ -409,9 +354,14 @@ impl CodeComparison {
             Some(pca) => {
                 let linear = pca.to_model(description.clone())?;
                 let sums = truncation.insert(TruncationSums::new(&linear)?);
-                Some(evaluate_with_bands(&linear, dataset, loss, |block| {
-                    sums.add(block);
-                })?)
+                Some(evaluate_with_bands(
+                    &linear,
+                    dataset,
+                    ("pca", loss),
+                    |block| {
+                        sums.add(block);
+                    },
+                )?)
             }
             None => None,
         };
@@ -433,12 +383,7 @@ impl CodeComparison {
     }
 
     fn to_json(&self) -> Json {
-        let CodeFigures {
-            errors,
-            bands,
-            decoder,
-        } = self.network;
-        let pca_decoder = self.pca.and_then(|pca| pca.decoder);
+        let CodeFigures { errors, bands } = self.network;
         let pca = self.pca.map(|pca| pca.errors);
         let pca_bands = self.pca.map(|pca| pca.bands);
         json!({
@@ -458,10 +403,6 @@ impl CodeComparison {
             "band_correlation_13_30": bands[1],
             "band_correlation_8_13_pca": pca_bands.map(|bands| bands[0]),
             "band_correlation_13_30_pca": pca_bands.map(|bands| bands[1]),
-            "decoder_snr_db": decoder.map(|decoder| decoder.snr_db),
-            "decoder_auc": decoder.and_then(|decoder| decoder.auc),
-            "decoder_snr_db_pca": pca_decoder.map(|decoder| decoder.snr_db),
-            "decoder_auc_pca": pca_decoder.and_then(|decoder| decoder.auc),
             "input_clipped": errors.input_clipped,
             "codes_at_rail": errors.code_clipped,
         })
@@ -478,12 +419,12 @@ impl CodeComparison {
     }
 }
 
-/// Measures the errors of a model on a dataset, the correlation of its band powers, and what
-/// decoders lose. Passes each block of windows to `observe`.
+/// Measures the errors of a model on a dataset, the correlation of its band powers and, under a
+/// name, what decoders lose. Passes each block of windows to `observe`.
 fn evaluate_with_bands(
     model: &Artifact,
     dataset: &Dataset,
-    loss: Option<&CodingLoss>,
+    (name, loss): (&str, Option<&mut CodingLoss>),
     mut observe: impl FnMut(&CodedBlock),
 ) -> Result<CodeFigures, TrainerError> {
     let description = &model.description;
@@ -497,13 +438,9 @@ fn evaluate_with_bands(
         description.window.rate_hz,
     );
     let mean = decoded.mean();
-    let decoder = loss.map(|loss| {
-        let decoded = mean.iter().map(Vec::as_slice);
-        loss.measure(decoded, description.input.sd_uv)
-    });
-    Ok(CodeFigures {
-        errors,
-        bands: band_power.correlation(&decoded.original(), &mean),
-        decoder: decoder.transpose()?,
-    })
+    if let Some(loss) = loss {
+        loss.add(name, mean.iter().map(Vec::as_slice));
+    }
+    let bands = band_power.correlation(&decoded.original(), &mean);
+    Ok(CodeFigures { errors, bands })
 }

@@ -89,16 +89,6 @@ struct FitOptions {
     strength: Option<f64>,
 }
 
-impl FitOptions {
-    fn weight(&self) -> Option<ErrorWeight> {
-        let strength = |weight: ErrorWeight| self.strength.unwrap_or(weight.strength);
-        self.weight.map(|weight| ErrorWeight {
-            strength: strength(weight),
-            ..weight
-        })
-    }
-}
-
 /// Parses a number above 0.
 fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse().ok();

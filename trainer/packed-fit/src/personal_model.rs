@@ -64,7 +64,7 @@ pub fn error_at(figures: &[RateFigures], bits: f64) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::innovation::SECOND;
     use crate::personal_code::PersonalCode;
@@ -74,7 +74,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use std::path::Path;
 
-    fn description() -> Description {
+    pub(crate) fn description() -> Description {
         let paper = Path::new("../../signal/model/paper");
         let mut description = Artifact::read(paper).unwrap().description;
         let text = include_str!("../../../files/montages/cyton-8.toml");

@@ -36,16 +36,9 @@ pub(super) struct Plan {
 /// A classifier, and the same without quantisation.
 pub(super) struct Fitted {
     pub(super) classifier: Classifier,
-    pub(super) float: FloatDecoder,
-}
-
-/// Spatial filters and a decision without quantisation.
-pub(super) struct FloatDecoder {
-    /// Filters, `[electrode, filter]`.
+    /// Float filters, `[electrode, filter]`.
     pub(super) filters: DMatrix<f64>,
-    /// Sum over the classes of their mean covariances.
-    covariance: DMatrix<f64>,
-    pub(super) rule: DecisionRule,
+    pub(super) float_rule: DecisionRule,
 }
 
 impl Plan {
@@ -182,10 +175,13 @@ impl Plan {
 /// # Errors
 /// If trials of a class are missing, or no device could run the filters.
 pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, TrainerError> {
-    let float = FloatDecoder::fit(plan, trials)?;
+    let means = mean_covariances(plan, trials)?;
+    let filters =
+        common_spatial_patterns(&means, plan.filters_per_class).ok_or(FitError::Silent)?;
+    let covariance = means.iter().sum::<DMatrix<f64>>();
     let mut classifier = plan.empty.clone();
-    for filter in float.filters.column_iter() {
-        let pattern = &float.covariance * filter;
+    for filter in filters.column_iter() {
+        let pattern = &covariance * filter;
         let largest = pattern[pattern.iamax()];
         let (pattern, filter) = (pattern / largest, filter * largest.signum());
         #[expect(clippy::cast_possible_truncation, reason = "-1 to 1")]
@@ -193,51 +189,37 @@ pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, 
         let weights = int8_weights(&filter);
         classifier.filters.push(SpatialFilter { weights, pattern });
     }
-    let mut features = Vec::new();
+    let (mut features, mut float_features) = (Vec::new(), Vec::new());
     // Trials of a session follow each other, and share its levels.
     for trials in trials.chunk_by(|(a, _), (b, _)| std::ptr::eq(*a, *b)) {
         let levels = features::levels(&trials[0].0.track, &classifier);
         for (_, trial) in trials {
             for window in &trial.windows {
                 features.push((trial.class, log_energies(&levels[window.hops.clone()])));
+                float_features.push((trial.class, log_powers(&filters, &window.moment)));
             }
         }
     }
     discriminant(&mut classifier.decision, &features);
+    let mut float_rule = classifier.decision.clone();
+    discriminant(&mut float_rule, &float_features);
     // Reading the file checks all ranges.
     let classifier = Classifier::parse(&classifier.to_toml()?)?;
-    Ok(Fitted { classifier, float })
+    Ok(Fitted {
+        classifier,
+        filters,
+        float_rule,
+    })
 }
 
-impl FloatDecoder {
-    /// Fits filters and decision to trials.
-    ///
-    /// # Errors
-    /// If trials of a class are missing, or silent.
-    pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Self, TrainerError> {
-        let means = mean_covariances(plan, trials)?;
-        let filters = common_spatial_patterns(&means, plan.filters_per_class);
-        let mut decoder = Self {
-            filters: filters.ok_or(FitError::Silent)?,
-            covariance: means.iter().sum(),
-            rule: plan.empty.decision.clone(),
-        };
-        let windows = trials.iter().flat_map(|(_, trial)| {
-            let windows = trial.windows.iter();
-            windows.map(|window| (trial.class, log_powers(&decoder.filters, &window.moment)))
-        });
-        let features: Vec<_> = windows.collect();
-        discriminant(&mut decoder.rule, &features);
-        Ok(decoder)
-    }
-
-    /// Returns the score of each class for the last window of a trial.
-    pub(super) fn scores(&self, trial: &Trial) -> Vec<f64> {
+impl Fitted {
+    /// Returns the score of each class for the last window of a trial, without quantisation.
+    pub(super) fn float_scores(&self, trial: &Trial) -> Vec<f64> {
         let last = trial
             .windows
             .last()
             .map(|window| log_powers(&self.filters, &window.moment));
-        self.rule.scores(&last.unwrap_or_default())
+        self.float_rule.scores(&last.unwrap_or_default())
     }
 }
 

@@ -58,6 +58,11 @@ impl Session {
         let trials = events.iter().filter_map(trial).collect();
         Self { track, trials }
     }
+
+    /// Returns the trials, each with its session.
+    pub(super) fn with_trials(&self) -> impl Iterator<Item = (&Self, &Trial)> {
+        self.trials.iter().map(move |trial| (self, trial))
+    }
 }
 
 /// Where sessions begin in tracks.

@@ -93,10 +93,7 @@ fn session(plan: &Plan, seed: u64, trials: usize, contrast: f32) -> Session {
 }
 
 fn pairs(sessions: &[Session]) -> Vec<(&Session, &sessions::Trial)> {
-    let pairs = sessions
-        .iter()
-        .map(|session| session.trials.iter().map(move |t| (session, t)));
-    pairs.flatten().collect()
+    sessions.iter().flat_map(Session::with_trials).collect()
 }
 
 /// Returns what `reference.py` prints for sessions; `None` without numpy.
@@ -172,7 +169,7 @@ fn sources_of_known_patterns_are_found_and_decide() {
             .collect()
     };
     let near = |a: f64, b: f64| (a - b).abs() < 1e-6 * (1.0 + b.abs());
-    for (filter, expected) in fitted.float.filters.column_iter().zip(0..) {
+    for (filter, expected) in fitted.filters.column_iter().zip(0..) {
         let expected = numbers(&numpy["filters"][expected]);
         let expected = DMatrix::from_column_slice(8, 1, &expected);
         let sign = filter.dot(&expected).signum();
@@ -181,7 +178,7 @@ fn sources_of_known_patterns_are_found_and_decide() {
             "{filter}"
         );
     }
-    let rule = &fitted.float.rule;
+    let rule = &fitted.float_rule;
     let weights = numbers(&numpy["weights"]);
     for (feature, expected) in weights.into_iter().enumerate() {
         let difference = rule.weights[1][feature] - rule.weights[0][feature];

@@ -1,7 +1,7 @@
 //! How well classifiers do on trials that they were not trained on.
 
-use super::figures::{Decided, Part, auc, figures};
-use super::fit::{Fitted, FloatDecoder, Plan, fit};
+use super::figures::{Decided, Part, figures};
+use super::fit::{Fitted, Plan, fit};
 use super::sessions::{Session, Trial};
 use crate::error::TrainerError;
 use artifact::classifier::{ClassifierFigures, Decision, Prediction};
@@ -43,46 +43,6 @@ pub(super) fn folds(sessions: &[Session]) -> Vec<Fold> {
     folds.collect()
 }
 
-impl Fold {
-    /// Returns the trials that are not left out, with their sessions.
-    fn training<'s>(&self, sessions: &'s [Session]) -> Vec<(&'s Session, &'s Trial)> {
-        let kept = sessions.iter().enumerate().flat_map(|(index, session)| {
-            let trials = session.trials.iter().enumerate();
-            let kept = trials
-                .filter(move |(trial, _)| index != self.session || !self.trials.contains(trial));
-            kept.map(move |(_, trial)| (session, trial))
-        });
-        kept.collect()
-    }
-}
-
-/// Returns the area under the curve of decoders without quantisation, on the trials of each fold in
-/// turn.
-///
-/// # Errors
-/// Those of [`FloatDecoder::fit`].
-pub(super) fn float_auc(plan: &Plan, sessions: &[Session]) -> Result<f64, TrainerError> {
-    let parts = in_parallel::map(&folds(sessions), |fold| {
-        let decoder = FloatDecoder::fit(plan, &fold.training(sessions))?;
-        let trials = &sessions[fold.session].trials[fold.trials.clone()];
-        let decided = trials.iter().map(|trial| Decided {
-            class: trial.class,
-            scores: Vec::new(),
-            float_scores: decoder.scores(trial),
-        });
-        Ok(Part {
-            name: fold.name.clone(),
-            decided: decided.collect(),
-        })
-    });
-    let parts = parts
-        .into_iter()
-        .collect::<Result<Vec<_>, TrainerError>>()?;
-    Ok(auc(&parts, plan.classes.len(), |decided| {
-        &decided.float_scores
-    }))
-}
-
 /// Returns the figures of a cross-validation, and for each class the course of its probability.
 ///
 /// # Errors
@@ -93,7 +53,13 @@ pub(super) fn cross_validate(
     folds: &[Fold],
 ) -> Result<(ClassifierFigures, Vec<Course>), TrainerError> {
     let parts = in_parallel::map(folds, |fold| {
-        let fitted = fit(plan, &fold.training(sessions))?;
+        let training = sessions.iter().enumerate().flat_map(|(index, session)| {
+            let trials = session.trials.iter().enumerate();
+            let kept = trials
+                .filter(move |(trial, _)| index != fold.session || !fold.trials.contains(trial));
+            kept.map(move |(_, trial)| (session, trial))
+        });
+        let fitted = fit(plan, &training.collect::<Vec<_>>())?;
         let session = &sessions[fold.session];
         let trials = &session.trials[fold.trials.clone()];
         let predictions = predictions(&fitted, session);
@@ -140,7 +106,7 @@ fn decide(fitted: &Fitted, name: &str, trials: &[Trial], predictions: &[Predicti
         Decided {
             class: trial.class,
             scores: scores.collect(),
-            float_scores: fitted.float.scores(trial),
+            float_scores: fitted.float_scores(trial),
         }
     });
     Part {

@@ -3,7 +3,7 @@
 use super::{FitOptions, Tracks};
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
-use artifact::{Description, PackedModel};
+use artifact::{Description, ErrorWeight, PackedModel};
 use packed_fit::{RateFigures, evaluate, fit, without_prediction};
 
 /// Figures of a trained packed model on the test recordings, or on the training recordings if there
@@ -28,7 +28,10 @@ pub(super) fn train(
     options: FitOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<(PackedModel, PackedTrained), TrainerError> {
-    let weight = options.weight();
+    let weight = options.weight.map(|weight| ErrorWeight {
+        strength: options.strength.unwrap_or(weight.strength),
+        ..weight
+    });
     let mut model = fit(&tracks.train, description, count, weight, &mut |text| {
         observer.message(text);
     })?;

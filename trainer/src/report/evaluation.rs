@@ -88,7 +88,7 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
         "13-30 Hz",
     ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
-    for (name, CodeFigures { errors, bands, .. }) in codes.models(&mode.to_string(), mode) {
+    for (name, CodeFigures { errors, bands }) in codes.models(&mode.to_string(), mode) {
         let bits = codes.bits_per_window().to_string();
         let format = errors.format.to_string();
         for (format, bits, error, bands) in [

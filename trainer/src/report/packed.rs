@@ -128,7 +128,7 @@ fn csv(comparison: &Comparison) -> String {
         let _ = writeln!(text, "PCA,,{},{bits},{},,{bands}", at.numbers, at.mse_int8);
     }
     let (numbers, bits) = (codes.numbers, codes.bits_per_window());
-    let CodeFigures { errors, bands, .. } = codes.network;
+    let CodeFigures { errors, bands } = codes.network;
     let (mse, [alpha, beta]) = (errors.integer.mse, bands);
     let _ = writeln!(text, "network,,{numbers},{bits},{mse},,{alpha},{beta}");
     text

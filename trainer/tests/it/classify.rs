@@ -42,28 +42,30 @@ fn an_evaluation_states_what_decoders_lose_and_less_with_a_weighted_code() {
     for run in 1..=2 {
         write_trials(&folder, &format!("run{run}.gdf"), run);
     }
-    let mut figures = |weight: &str| {
+    let figures = |weight: &str| {
         let packed = "packed --montage=cyton-8.toml --out=model --force --mains=50";
         folder.succeed(&format!(
             "{packed} --coefficients=32 --train=run1,run2 {weight}"
         ));
         let evaluate = "evaluate --artifact=model --test=run1,run2 --json";
         let without = folder.json(evaluate);
-        assert!(without["packed"][4]["decoder_auc"].is_null(), "{without}");
-        assert!(without["packed"][4]["decoder_snr_db"].as_f64().is_some());
+        let row = &without["decoders"]["codes"][4];
+        assert!(
+            row["auc"].is_null() && row["snr_db"].is_number(),
+            "{without}"
+        );
         let json = folder.json(&format!("{evaluate} --events=769,770"));
-        assert!(json["original_auc"].as_f64().is_some_and(|auc| auc > 0.95));
-        let figure = |rate: usize, name: &str| json["packed"][rate][name].as_f64();
+        let decoders = &json["decoders"];
+        assert!(
+            decoders["original_auc"]
+                .as_f64()
+                .is_some_and(|auc| auc > 0.95)
+        );
+        let figure = |rate: usize, name: &str| decoders["codes"][rate][name].as_f64();
         // What the finest rate keeps suffices, and the coarsest keeps nothing.
-        assert!(
-            figure(0, "decoder_auc").is_some_and(|auc| auc > 0.95),
-            "{json}"
-        );
-        assert!(
-            figure(15, "decoder_snr_db").is_some_and(|snr| snr < 3.0),
-            "{json}"
-        );
-        [2, 4].map(|rate| figure(rate, "decoder_snr_db").expect("a ratio"))
+        assert!(figure(0, "auc").is_some_and(|auc| auc > 0.95), "{json}");
+        assert!(figure(15, "snr_db").is_some_and(|snr| snr < 3.0), "{json}");
+        [2, 4].map(|rate| figure(rate, "snr_db").expect("a ratio"))
     };
     let plain = figures("");
     let weighted = figures("--for=motor");

@@ -3,12 +3,12 @@
 use super::*;
 use crate::evaluation::evaluate_observed;
 use crate::fit::fit;
-use artifact::{Artifact, Description, Mode, MontageFile, PackedModel, TrainingCard};
+use crate::personal_model::tests::description;
+use artifact::{Artifact, Description, Mode, PackedModel};
 use packed::{PROBE_SHIFT, PROBES};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::io::Write as _;
-use std::path::Path;
 use std::process::Command;
 
 /// Electrodes of the montage.
@@ -18,20 +18,6 @@ const COEFFICIENTS: usize = 48;
 
 fn motor() -> ErrorWeight {
     weight_for("motor").unwrap()
-}
-
-/// Returns a description of a model without a network.
-fn description() -> Description {
-    let paper = Path::new("../../signal/model/paper");
-    let mut description = Artifact::read(paper).unwrap().description;
-    let text = include_str!("../../../../files/montages/cyton-8.toml");
-    let montage = MontageFile::parse(Path::new("cyton-8.toml"), text).unwrap();
-    description.montage = montage.montage();
-    description.grid = montage.grid();
-    description.training = TrainingCard::default();
-    description.mode = Mode::Packed;
-    description.code.numbers = 0;
-    description
 }
 
 /// Weights with which sources reach the electrodes: three loud ones, and at last the rhythm.
@@ -147,8 +133,9 @@ fn a_quiet_rhythm_has_a_smaller_error_at_equal_bits() {
     };
     let weighted = fitted(Some(motor()));
     // The artifact refuses integers whose sums can leave their range.
-    let whole = Artifact::without_network(description.clone(), 640.0, weighted.clone());
-    whole.unwrap();
+    let mut alone = description.clone();
+    (alone.mode, alone.code.numbers) = (Mode::Packed, 0);
+    Artifact::without_network(alone, 640.0, weighted.clone()).unwrap();
     let plain = rhythm_snr(&fitted(None), &track, &description);
     let mut compared = 0;
     for [bits, ratio] in rhythm_snr(&weighted, &track, &description) {
@@ -205,13 +192,4 @@ fn probes_find_another_head_and_a_noisy_electrode() {
         own < 0.01 && other > 0.5 && noisy > 0.5,
         "{own} {other} {noisy}"
     );
-}
-
-#[test]
-fn a_weight_is_motor_or_a_band() {
-    assert_eq!(motor().band_hz, [8.0, 30.0]);
-    assert_eq!(weight_for("8..13").unwrap().band_hz, [8.0, 13.0]);
-    for wrong in ["speech", "30..8", "0.1..30", "8..70"] {
-        assert!(weight_for(wrong).is_err(), "{wrong}");
-    }
 }
