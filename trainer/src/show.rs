@@ -2,7 +2,7 @@
 
 use crate::error::TrainerError;
 use crate::substitution::figures_text;
-use artifact::{Artifact, ErrorWeight, Figures, Mode, PackedDescription};
+use artifact::{Artifact, Figures, Mode, PackedDescription};
 use model_gen::{DeviceModel, manifest, memory};
 use serde_json::{Value as Json, json};
 use std::fmt;
@@ -93,14 +93,10 @@ impl fmt::Display for Shown {
                 }
                 None => format!("a packed block (rate {rate})"),
             };
-            let weighted = weight.map(
-                |ErrorWeight {
-                     band_hz: [low, high],
-                     strength,
-                 }| {
-                    format!(", errors at {low} to {high} Hz weighted by {strength}")
-                },
-            );
+            let weighted = weight.map(|weight| {
+                let ([low, high], strength) = (weight.band_hz, weight.strength);
+                format!(", errors at {low} to {high} Hz weighted by {strength}")
+            });
             block + &weighted.unwrap_or_default()
         });
         let made: Vec<String> = codes.into_iter().chain(blocks).collect();

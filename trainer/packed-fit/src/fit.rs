@@ -214,8 +214,9 @@ fn refitted_prediction(
 
 /// Fits the Karhunen-Loeve transform of a block to `tracks`, with as many coefficients as `model`
 /// has. Every block is coded without prediction, but with the quantiser, contexts and range coder
-/// of the packed code, and all errors weigh alike. Returns the figures of this code on `tested` at every rate, finest first.
-/// Those of the packed model are better by what prediction gains.
+/// of the packed code, and all errors weigh alike. Returns the figures of this code on `tested` at
+/// every rate, finest first. Those of an unweighted packed model are better by what prediction
+/// gains.
 ///
 /// # Errors
 /// If the recordings are silent.

@@ -20,7 +20,7 @@ const STEP: f32 = 0.6;
 const ROUNDING: f32 = 0.35;
 
 /// Power below which a direction is quiet, relative to the mean power of a value. At this ratio,
-/// probes of EEGMMIDB S001 to S003 find noise on one electrode, and exchanged electrodes, as
+/// probes of EEGMMIDB S001 to S008 find noise on one electrode, and exchanged electrodes, as
 /// often as the energy that orthonormal coefficients lack, or more often.
 const QUIET: f64 = 0.01;
 
