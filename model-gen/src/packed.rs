@@ -15,7 +15,8 @@ pub struct PackedIntegers {
     /// Factor from a filtered sample (counts, Q27.5) to an input value of the packed block, Q0.32.
     pub input_multiplier: i32,
     /// Limit of a block's misfit energy, in squares of an input value: the sum of squares of the
-    /// part of the block that the model does not represent. A block above it is a misfit.
+    /// part of the block that the model does not represent. A block above it is a misfit. Negative
+    /// if errors are weighted: then probes estimate this sum.
     pub misfit_energy: i64,
     /// For each step of a hop, the end of the range of inputs that the analysis processes in it.
     slices: Vec<usize>,
@@ -39,10 +40,15 @@ impl PackedIntegers {
         )]
         let misfit_energy = (model.description.misfit_uv2 / unit_uv.powi(2)
             * (electrodes * description.window.hop) as f64) as i64;
+        let is_weighted = model.description.weight.is_some();
         Ok(Self {
             model: model.clone(),
             input_multiplier,
-            misfit_energy,
+            misfit_energy: if is_weighted {
+                -misfit_energy
+            } else {
+                misfit_energy
+            },
             slices: slice_ends(electrodes, description.window.hop),
         })
     }

@@ -10,6 +10,7 @@
 //!                        ln(mean energy) --> linear discriminant --> classifier.toml
 //! ```
 
+mod coding_loss;
 mod figures;
 mod fit;
 mod options;
@@ -24,11 +25,12 @@ use artifact::{Artifact, Description, ScalpGrid};
 use fit::Plan;
 use new_file::{Existing, NewFile};
 use serde_json::{Value as Json, json};
-use sessions::Session;
+use sessions::{Session, Start};
 use std::fmt;
 use std::io::Write as _;
 use std::path::PathBuf;
 
+pub(crate) use coding_loss::{CodingLoss, DecoderOptions, DecoderTable};
 pub(crate) use figures::{chance, percent};
 pub(crate) use options::ClassifyOptions;
 pub(crate) use validation::Course;
@@ -57,7 +59,14 @@ pub(crate) fn train(
     let folder = &options.artifact;
     let artifact = Artifact::read(folder).map_err(TrainerError::no_model(folder))?;
     let description = &artifact.description;
-    let plan = Plan::new(options, description)?;
+    let (filters, window_s) = (options.filters, options.window);
+    let plan = Plan::new(
+        &options.events,
+        &options.task,
+        filters,
+        window_s,
+        description,
+    )?;
     let selected = options.files.find()?;
     let inputs = [&selected.train[..], &selected.test].concat();
     let existing = Existing::from_force(options.force);
@@ -69,15 +78,12 @@ pub(crate) fn train(
     plan.check_trials(&train)?;
     let folds = validation::folds(&train);
     let (cross_validation, courses) = validation::cross_validate(&plan, &train, &folds)?;
-    let every_trial = train.iter().flat_map(|session| {
-        let trials = session.trials.iter();
-        trials.map(move |trial| (session, trial))
-    });
+    let every_trial = train.iter().flat_map(Session::with_trials);
     let fitted = fit::fit(&plan, &every_trial.collect::<Vec<_>>())?;
     let mut classifier = fitted.classifier.clone();
     let training = &mut classifier.training;
     [training.train_files, _] = selected.names();
-    training.trial_s = options.trial;
+    training.trial_s = options.task.trial;
     training.trials = plan.counts(&train);
     training.cross_validation = Some(cross_validation);
     if plan.counts(&test).iter().any(|&trials| trials > 0) {
@@ -123,10 +129,8 @@ fn read(
         return Ok(Vec::new());
     }
     let tracks = People::read(files, &options.files, description, observer)?.tracks;
-    let start_step = packed_fit::settling_steps(description, options.files.mains_hz)?;
-    let delay_us = model_gen::group_delay_us(description, options.files.mains_hz)?;
-    let start_s = start_step as f64 / plan.step_rate_hz() - f64::from(delay_us) * 1e-6;
-    sessions::read(files, tracks, (start_step, start_s), plan, option, observer)
+    let start = Start::new(description, options.files.mains_hz, plan)?;
+    sessions::read(files, &tracks, start, plan, option, observer)
 }
 
 impl Trained {

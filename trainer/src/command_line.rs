@@ -3,7 +3,7 @@
 mod terminal;
 
 use crate::check::{CheckOptions, check};
-use crate::classify::{self, ClassifyOptions};
+use crate::classify::{self, ClassifyOptions, DecoderOptions};
 use crate::comparison;
 use crate::crossval::{self, CrossvalOptions, Table};
 use crate::difference::Difference;
@@ -76,6 +76,8 @@ struct EvaluateArgs {
     artifact: PathBuf,
     #[command(flatten)]
     files: TestFiles,
+    #[command(flatten)]
+    decoder: DecoderOptions,
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
@@ -194,7 +196,8 @@ fn evaluate(args: &EvaluateArgs) -> Result<ExitCode, TrainerError> {
     let folder = args.report.report.as_deref();
     report::prepare(folder, args.report.force)?;
     let terminal = &mut Terminal::new();
-    let comparison = comparison::compare(&args.artifact, &args.files, terminal)?;
+    let comparison =
+        comparison::compare_for(&args.artifact, &args.files, Some(&args.decoder), terminal)?;
     if let Some(folder) = folder {
         report::write(folder, "Error of a model", None, Some(&comparison))?;
         terminal.message(&report::message(folder));

@@ -1,5 +1,6 @@
 //! Figures of a model on recordings: those that it was trained on, or others.
 
+use crate::classify::{CodingLoss, DecoderOptions, DecoderTable};
 use crate::dataset::Dataset;
 use crate::electrode_error::{ElectrodeError, ElectrodeSums};
 use crate::error::TrainerError;
@@ -12,9 +13,10 @@ use crate::progress::ProgressObserver;
 use crate::selection::{self, TestFiles, file_name};
 use crate::truncation::{TruncationError, TruncationSums};
 use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
+use nalgebra::DMatrix;
 use packed_fit::Track;
 use packed_fit::band_power::BandPower;
-use packed_fit::{RateFigures, evaluate as evaluate_packed};
+use packed_fit::{RateFigures, evaluate_observed};
 use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
@@ -51,10 +53,13 @@ pub struct Comparison {
     /// Error for each person, with substitution on and off; empty if the model has no network or no
     /// table of substitutions, or after a training.
     pub(crate) people: Vec<PersonError>,
+    /// What decoders lose with each code; `None` after a training.
+    pub(crate) decoders: Option<DecoderTable>,
 }
 
 impl Comparison {
-    /// Measures a model and its PCA on tracks, which have passed the model's front end.
+    /// Measures a model and its PCA on tracks, which have passed the model's front end, and for
+    /// decoders if `loss` has the same recordings.
     ///
     /// # Errors
     /// If a track is shorter than a window, or the model cannot be turned into integers.
@@ -62,6 +67,7 @@ impl Comparison {
         model: &Artifact,
         pca: Option<&Pca>,
         tracks: &[Track],
+        mut loss: Option<CodingLoss>,
     ) -> Result<Self, TrainerError> {
         let description = &model.description;
         let is_recorded = |label: &String| {
@@ -72,9 +78,27 @@ impl Comparison {
         let codes = if description.mode.has_network() {
             let mut dataset = Dataset::from_tracks(tracks, description.dimensions())?;
             dataset.scale(1.0 / description.input.sd_uv);
-            Some(CodeComparison::new(model, pca, &dataset, is_recorded)?)
+            let loss = loss.as_mut();
+            Some(CodeComparison::new(
+                model,
+                pca,
+                &dataset,
+                is_recorded,
+                loss,
+            )?)
         } else {
             None
+        };
+        let mut rates = 0..;
+        let mut observe = |decoded: &[DMatrix<f32>]| {
+            if let (Some(loss), Some(rate)) = (&mut loss, rates.next()) {
+                let decoded = decoded.iter().map(DMatrix::as_slice);
+                loss.add(&format!("packed, rate {rate}"), decoded);
+            }
+        };
+        let packed = match &model.packed {
+            Some(packed) => evaluate_observed(packed, tracks, description, &mut observe)?,
+            None => Vec::new(),
         };
         let electrodes = &description.montage.electrodes;
         let recorded = electrodes.iter().filter(|label| is_recorded(label));
@@ -85,10 +109,8 @@ impl Comparison {
             real_electrodes: recorded.count(),
             recordings: tracks.iter().map(|track| track.name.clone()).collect(),
             codes,
-            packed: match &model.packed {
-                Some(packed) => evaluate_packed(packed, tracks, description)?,
-                None => Vec::new(),
-            },
+            packed,
+            decoders: loss.map(|loss| loss.table),
             packed_rate: model.packed.as_ref().map(|packed| packed.description.rate),
             without_prediction: without_prediction(model, tracks),
             hop: description.window.hop,
@@ -107,6 +129,7 @@ impl Comparison {
             "real_electrodes": self.real_electrodes,
             "packed_without_prediction": self.without_prediction,
             "packed": self.packed.iter().map(packed::to_json).collect::<Vec<_>>(),
+            "decoders": self.decoders.as_ref().map(DecoderTable::to_json),
             "people": self.people.iter().map(PersonError::to_json).collect::<Vec<_>>(),
         });
         let codes = self.codes.as_ref().map(CodeComparison::to_json);
@@ -168,6 +191,9 @@ impl fmt::Display for Comparison {
         if !self.people.is_empty() {
             write!(f, "\n{}", PeopleTable(&self.people))?;
         }
+        if let Some(decoders) = &self.decoders {
+            write!(f, "{decoders}")?;
+        }
         if self.packed.is_empty() {
             return Ok(());
         }
@@ -215,6 +241,19 @@ pub fn compare(
     files: &TestFiles,
     observer: &mut impl ProgressObserver,
 ) -> Result<Comparison, TrainerError> {
+    compare_for(folder, files, None, observer)
+}
+
+/// Evaluates an artifact like [`compare`], and what decoders lose if there are options for them.
+///
+/// # Errors
+/// Those of [`compare`], or if the recordings lack the events or enough trials.
+pub(crate) fn compare_for(
+    folder: &Path,
+    files: &TestFiles,
+    decoder: Option<&DecoderOptions>,
+    observer: &mut impl ProgressObserver,
+) -> Result<Comparison, TrainerError> {
     let model = Artifact::read(folder)?;
     let pca = Pca::read(folder)?;
     let card = &model.description.training;
@@ -248,10 +287,14 @@ pub fn compare(
     };
     let electrodes = &model.description.montage.electrodes;
     let people = People::new(tracks, electrodes, files.subject.as_deref(), observer)?;
+    let loss = decoder.map(|decoder| {
+        CodingLoss::new(decoder, &recordings, &people, &model.description, mains_hz)
+    });
+    let loss = loss.transpose()?;
     observer.message("evaluating ...");
     Ok(Comparison {
         people: PersonError::of_each(&model, &people, &recorded)?,
-        ..Comparison::new(&model, pca.as_ref(), &people.tracks)?
+        ..Comparison::new(&model, pca.as_ref(), &people.tracks, loss)?
     })
 }
 
@@ -293,12 +336,14 @@ impl CodeComparison {
         pca: Option<&Pca>,
         dataset: &Dataset,
         is_recorded: impl Fn(&String) -> bool,
+        mut loss: Option<&mut CodingLoss>,
     ) -> Result<Self, TrainerError> {
         let description = &model.description;
         let mut electrodes = ElectrodeSums::new(description.montage.electrodes.len());
         let is_pca = description.mode == Mode::Pca;
         let mut truncation = is_pca.then(|| TruncationSums::new(model)).transpose()?;
-        let network = evaluate_with_bands(model, dataset, |block| {
+        let name = description.mode.to_string();
+        let network = evaluate_with_bands(model, dataset, (&name, loss.as_deref_mut()), |block| {
             electrodes.add(block);
             if let Some(sums) = &mut truncation {
                 sums.add(block);
@@ -309,9 +354,14 @@ impl CodeComparison {
             Some(pca) => {
                 let linear = pca.to_model(description.clone())?;
                 let sums = truncation.insert(TruncationSums::new(&linear)?);
-                Some(evaluate_with_bands(&linear, dataset, |block| {
-                    sums.add(block);
-                })?)
+                Some(evaluate_with_bands(
+                    &linear,
+                    dataset,
+                    ("pca", loss),
+                    |block| {
+                        sums.add(block);
+                    },
+                )?)
             }
             None => None,
         };
@@ -369,11 +419,12 @@ impl CodeComparison {
     }
 }
 
-/// Measures the errors of a model on a dataset, and the correlation of its band powers. Passes each
-/// block of windows to `observe`.
+/// Measures the errors of a model on a dataset, the correlation of its band powers and, under a
+/// name, what decoders lose. Passes each block of windows to `observe`.
 fn evaluate_with_bands(
     model: &Artifact,
     dataset: &Dataset,
+    (name, loss): (&str, Option<&mut CodingLoss>),
     mut observe: impl FnMut(&CodedBlock),
 ) -> Result<CodeFigures, TrainerError> {
     let description = &model.description;
@@ -386,6 +437,10 @@ fn evaluate_with_bands(
         description.montage.electrodes.len(),
         description.window.rate_hz,
     );
-    let bands = band_power.correlation(&decoded.original(), &decoded.mean());
+    let mean = decoded.mean();
+    if let Some(loss) = loss {
+        loss.add(name, mean.iter().map(Vec::as_slice));
+    }
+    let bands = band_power.correlation(&decoded.original(), &mean);
     Ok(CodeFigures { errors, bands })
 }

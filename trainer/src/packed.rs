@@ -9,7 +9,7 @@ use crate::error::TrainerError;
 use crate::people::People;
 use crate::progress::ProgressObserver;
 use crate::selection::{Selected, TrainingFiles, check_writable, refuse_model};
-use artifact::{Artifact, CodeFormat, Description, Mode, MontageFile, Padding};
+use artifact::{Artifact, CodeFormat, Description, ErrorWeight, Mode, MontageFile, Padding};
 use clap::{ArgGroup, Args};
 use packed_fit::{FitError, Track, settling_steps};
 use std::path::PathBuf;
@@ -79,6 +79,21 @@ struct FitOptions {
     /// of the training data's variance [default: rate 4].
     #[arg(long)]
     target_mse: Option<f64>,
+    /// What the decoded signals are for: `motor`, so that errors at 8 to 30 Hz that a decoder sees
+    /// through spatial filters weigh more, or another band such as 8..13 [default: to be looked at;
+    /// all errors weigh alike].
+    #[arg(long = "for", value_name = "USE", value_parser = packed_fit::weight_for)]
+    weight: Option<ErrorWeight>,
+    /// Weight of the errors in the band of --for, relative to those at all frequencies [default: 3].
+    #[arg(long, requires = "weight", value_parser = positive)]
+    strength: Option<f64>,
+}
+
+/// Parses a number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok();
+    let number = number.filter(|number: &f64| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "write a number above 0".to_owned())
 }
 
 /// Recordings to train on and to test with, after the front end.
@@ -140,8 +155,7 @@ pub(crate) fn train(
         ));
         description.input.sd_uv = sd_uv;
     }
-    let target_mse = options.fit.target_mse;
-    let (mut model, trained) = trained::train(&tracks, &description, count, target_mse, observer)?;
+    let (mut model, trained) = trained::train(&tracks, &description, count, options.fit, observer)?;
     let card = &mut model.description.training;
     [card.train_files, card.test_files] = selected.names();
     card.people = train.card();

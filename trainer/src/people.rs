@@ -162,6 +162,15 @@ impl People {
         (others, left_out)
     }
 
+    /// Returns the indices of each person's recordings.
+    pub(crate) fn recordings(&self) -> Vec<Vec<usize>> {
+        let mut indices = vec![Vec::new(); self.cards.len()];
+        for (index, &person) in self.of.iter().enumerate() {
+            indices[person].push(index);
+        }
+        indices
+    }
+
     pub(crate) fn count(&self) -> usize {
         self.cards.len()
     }

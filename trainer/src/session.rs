@@ -126,7 +126,7 @@ pub(crate) fn train(
         let people = People::read(&selected.test, &options.files, &model.description, observer)?;
         observer.message("evaluating on the test recordings ...");
         model.description.training.tested = test_each(&model, &pca, &people, observer)?;
-        Some(Comparison::new(&model, Some(&pca), &people.tracks)?)
+        Some(Comparison::new(&model, Some(&pca), &people.tracks, None)?)
     };
     let figures = comparison.as_ref();
     let card = &mut model.description.training;
@@ -163,7 +163,7 @@ fn test_each(
         return Ok(tested);
     }
     for (person, tracks) in people.each() {
-        let comparison = Comparison::new(model, Some(pca), &tracks)?;
+        let comparison = Comparison::new(model, Some(pca), &tracks, None)?;
         let Some(prd_percent) = comparison.figures(|error| error.prd_percent) else {
             continue;
         };

@@ -80,14 +80,24 @@ impl fmt::Display for Shown {
             .has_network()
             .then(|| format!("a code of {} numbers ({})", code.numbers, code.format));
         let blocks = artifact.packed.as_ref().map(|packed| {
-            let PackedDescription { rate, training, .. } = &packed.description;
+            let PackedDescription {
+                rate,
+                weight,
+                training,
+                ..
+            } = &packed.description;
             let figures = training.figures.iter();
-            match figures.clone().find(|figures| figures.rate == *rate) {
+            let block = match figures.clone().find(|figures| figures.rate == *rate) {
                 Some(figures) => {
                     format!("a packed block of {:.0} bits (rate {rate})", figures.bits)
                 }
                 None => format!("a packed block (rate {rate})"),
-            }
+            };
+            let weighted = weight.map(|weight| {
+                let ([low, high], strength) = (weight.band_hz, weight.strength);
+                format!(", errors at {low} to {high} Hz weighted by {strength}")
+            });
+            block + &weighted.unwrap_or_default()
         });
         let made: Vec<String> = codes.into_iter().chain(blocks).collect();
         writeln!(

@@ -86,8 +86,8 @@ pub use integer_code::IntegerCode;
 pub use model_id::ModelId;
 pub use montage_file::{MontageAdc, MontageFile, MontageFileError};
 pub use packed::{
-    INPUTS_PER_ROUND, IntegerMatrix, LARGEST_STATE, PackedDescription, PackedFigures, PackedModel,
-    PackedTraining, SUM_LIMIT, Smoother, rounded_state, slice_ends,
+    ErrorWeight, INPUTS_PER_ROUND, IntegerMatrix, LARGEST_STATE, PackedDescription, PackedFigures,
+    PackedModel, PackedTraining, SUM_LIMIT, Smoother, rounded_state, slice_ends,
 };
 pub use pca::Pca;
 pub use scalp_grid::ScalpGrid;

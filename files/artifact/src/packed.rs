@@ -8,8 +8,8 @@ mod tests;
 
 pub(crate) use file::{DESCRIPTION as PACKED_DESCRIPTION, TENSORS as PACKED_TENSORS};
 pub use model::{
-    IntegerMatrix, PackedDescription, PackedFigures, PackedModel, PackedTraining, Smoother,
-    rounded_state,
+    ErrorWeight, IntegerMatrix, PackedDescription, PackedFigures, PackedModel, PackedTraining,
+    Smoother, rounded_state,
 };
 pub(crate) use ranges::check as check_packed;
 pub use ranges::{INPUTS_PER_ROUND, LARGEST_STATE, SUM_LIMIT, slice_ends};

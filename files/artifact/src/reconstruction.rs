@@ -34,4 +34,5 @@ mod window_decoder;
 pub use overlap::{Hop, HopLayout, Overlap, Source, Window};
 pub use packed_decoder::{HEALING_BLOCKS, PackedBlock, PackedDecoder};
 pub use packed_overlap::{PackedHop, PackedOverlap, PackedSource};
+pub use synthesis::synthesis;
 pub use window_decoder::{WindowDecoder, code_range, dequantise};

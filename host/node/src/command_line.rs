@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bridge::{ExclusionOptions, PredictionOptions, RealtimeOption, choice};
+use bridge::{ClassifierOptions, ExclusionOptions, PredictionOptions, RealtimeOption, choice};
 use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, CommandFactory, Parser};

@@ -68,5 +68,15 @@ pub use rate::{RATES, Rate};
 pub use tables::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts, Tables};
 pub use trellis::{MAX_COEFFICIENTS, Survivors, quantise};
 
+/// Number of coefficients at the end of a block that are probes, if errors are weighted.
+///
+/// The rows of a weighted transform are not orthonormal, so the energy that it does not represent
+/// is not that of the block minus that of the coefficients. Probes are orthogonal directions
+/// without signal: the energy in them, times `2^PROBE_SHIFT`, estimates it.
+pub const PROBES: usize = 8;
+
+/// Ratio of the energy that is not represented to the mean energy of the probes, as a left shift.
+pub const PROBE_SHIFT: u32 = 5;
+
 #[cfg(test)]
 extern crate std;

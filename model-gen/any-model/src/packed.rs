@@ -44,6 +44,7 @@ pub fn any_packed_of(most: usize, seed: u32, description: &Description) -> Packe
             unit_uv: 0.5,
             input_limit: INPUT_LIMIT,
             misfit_uv2: 20.0,
+            weight: None,
             training: PackedTraining::default(),
         },
         analysis: IntegerMatrix::quantised(&analysis, values, 1.0, |row| {
@@ -63,6 +64,7 @@ pub fn any_packed_of(most: usize, seed: u32, description: &Description) -> Packe
             weights: vec![0; RATES * coefficients * coefficients],
             scales: vec![0.0; RATES * coefficients],
         },
+        synthesis: None,
     }
 }
 

@@ -29,7 +29,7 @@ const SHAPE: [u16; 4] = [
     PACKED_INPUT_PAIRS as u16,
     PACKED_COEFFICIENTS as u16,
 ];
-/// Largest energy of a misfit that is no misfit of the model, so that no sum with it overflows.
+/// Largest magnitude of the energy of a misfit, so that no sum with it overflows.
 const MAX_MISFIT: i64 = 1 << 48;
 /// Steps of a window, pairs of electrodes, numbers and format of this image's codes.
 #[expect(
@@ -323,7 +323,7 @@ impl PackedContent {
         self.layout == LAYOUT
             && self.shape == SHAPE
             && (1..=i32::from(i16::MAX)).contains(&self.input_limit)
-            && (0..=MAX_MISFIT).contains(&self.misfit_energy.get())
+            && (-MAX_MISFIT..=MAX_MISFIT).contains(&self.misfit_energy.get())
             && tables.is_consistent()
     }
 }

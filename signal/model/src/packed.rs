@@ -32,6 +32,7 @@ pub struct Packed<'w> {
     pub input_limit: i32,
     /// Energy of the inputs that a block's coefficients may lack before the block counts as a
     /// misfit, in squares of input values; the encoder adds an allowance for rounding errors.
+    /// Negative if errors are weighted: then the last coefficients are probes for this energy.
     pub misfit_energy: i64,
     /// Quantiser rate until the host sets another, 0 (finest) to 15.
     pub rate: u8,

@@ -2,7 +2,7 @@
 
 use int8_nn::{Pair, requantise};
 use model::{ELECTRODES, HOP, PACKED, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS, Packed};
-use packed::{Context, Header, Magnitude, Rate, Survivors};
+use packed::{Context, Header, Magnitude, PROBE_SHIFT, PROBES, Rate, Survivors};
 
 use crate::sample::Step;
 
@@ -307,7 +307,8 @@ impl PackedMemory {
             settling: self.settling,
             rate: announced.index(),
             is_reset,
-            is_misfit: unrepresented > packed.misfit_energy + (self.energy >> MISFIT_SHIFT),
+            is_misfit: unrepresented
+                > packed.misfit_energy.wrapping_abs() + (self.energy >> MISFIT_SHIFT),
             is_blank,
             length: u16::try_from(length).unwrap_or(0),
             buffer,
@@ -315,7 +316,8 @@ impl PackedMemory {
     }
 
     /// Stores coefficients minus prediction as the residual, and returns the part of the inputs'
-    /// energy that the coefficients do not represent.
+    /// energy that the coefficients do not represent. A weighted model, whose `misfit_energy` is
+    /// negative, has probes that estimate it.
     #[inline(never)]
     fn take_residual(&mut self, packed: &Packed<'_>) -> i64 {
         let mut energy = self.energy;
@@ -325,6 +327,14 @@ impl PackedMemory {
             let coefficient = saturate_i16(requantise(*sum, factor));
             energy -= i64::from(i32::from(coefficient) * i32::from(coefficient));
             *residual = i32::from(coefficient) - i32::from(prediction);
+        }
+        if packed.misfit_energy < 0 {
+            let probes = self.residual.iter().zip(&self.state).rev().take(PROBES);
+            let squares = probes.map(|(&residual, &prediction)| {
+                let probe = residual + i32::from(prediction);
+                i64::from(probe * probe)
+            });
+            energy = squares.sum::<i64>() << PROBE_SHIFT;
         }
         energy
     }

@@ -8,7 +8,7 @@ use crate::integers::{Scale, analysed};
 use crate::ridge::next_residuals;
 use crate::track::Track;
 use crate::transform::{Blocks, to_f32};
-use artifact::{Description, PackedFigures, PackedModel};
+use artifact::{Description, PackedFigures, PackedModel, reconstruction};
 use nalgebra::DMatrix;
 use packed::Rate;
 
@@ -62,20 +62,41 @@ pub fn evaluate(
     tracks: &[Track],
     description: &Description,
 ) -> Result<Vec<RateFigures>, FitError> {
-    evaluate_with_resets(model, tracks, description, RESET)
+    evaluate_with_resets(model, tracks, description, RESET, &mut |_| ())
 }
 
-/// Measures a packed model like [`evaluate`], but codes every `reset`-th block without prediction.
+/// Measures a packed model like [`evaluate`]. Passes the decoded signals of each rate, finest first,
+/// to `observe`: those a block later, in units of `input.sd_uv`, one for each track.
+///
+/// # Errors
+/// See [`evaluate`].
+pub fn evaluate_observed(
+    model: &PackedModel,
+    tracks: &[Track],
+    description: &Description,
+    observe: &mut dyn FnMut(&[DMatrix<f32>]),
+) -> Result<Vec<RateFigures>, FitError> {
+    evaluate_with_resets(model, tracks, description, RESET, observe)
+}
+
+/// Measures a packed model like [`evaluate_observed`], but codes every `reset`-th block without prediction.
 pub(crate) fn evaluate_with_resets(
     model: &PackedModel,
     tracks: &[Track],
     description: &Description,
     reset: usize,
+    observe: &mut dyn FnMut(&[DMatrix<f32>]),
 ) -> Result<Vec<RateFigures>, FitError> {
     let sd_uv = description.input.sd_uv;
     let blocks = Blocks::cut(tracks, description.window.hop, sd_uv, &[0]);
     let coefficients = analysed(model, &blocks, sd_uv);
-    let synthesis = synthesis(model)?;
+    let synthesis = reconstruction::synthesis(model);
+    if synthesis.iter().any(|value| !value.is_finite()) {
+        return Err(FitError::Silent);
+    }
+    let count = model.coefficients();
+    let synthesis = DMatrix::from_column_slice(synthesis.len() / count, count, &synthesis);
+    let synthesis = to_f32(&synthesis);
     let scale = Scale::new(model, sd_uv);
     let electrodes = description.montage.electrodes.len();
     let band_power = BandPower::new(electrodes, description.window.rate_hz);
@@ -85,7 +106,6 @@ pub(crate) fn evaluate_with_resets(
     let original_powers = powers(&blocks.sequences);
     let figures = Rate::all().map(|rate| {
         let coded = coded::code(model, &coefficients, rate, reset);
-        let count = model.coefficients();
         let smoother = DMatrix::from_row_slice(count, count, &model.smoother.matrix(rate.index()));
         let decoded = in_parallel::map(&coded, |coded| {
             let own = scale.columns(&coded.states);
@@ -96,6 +116,7 @@ pub(crate) fn evaluate_with_resets(
             (&synthesis * own, &synthesis * smoothed)
         });
         let (at_once, smoothed): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
+        observe(&smoothed);
         let lengths = || coded.iter().flat_map(|coded| &coded.bytes);
         RateFigures {
             rate: rate.index(),
@@ -121,15 +142,4 @@ fn mean_squared_error(original: &[DMatrix<f32>], decoded: &[DMatrix<f32>]) -> f6
         values += original.len() as f64;
     }
     error / values.max(1.0)
-}
-
-/// Returns the matrix that decodes coefficients, `[value, coefficient]`, in units of `input.sd_uv`.
-/// It is the pseudoinverse of the analysis.
-fn synthesis(model: &PackedModel) -> Result<DMatrix<f32>, FitError> {
-    let count = model.coefficients();
-    let analysis =
-        DMatrix::from_row_slice(count, model.analysis.inputs(), &model.analysis.to_float());
-    let gram = &analysis * analysis.transpose();
-    let inverse = gram.cholesky().ok_or(FitError::Silent)?.inverse();
-    Ok(to_f32(&(analysis.transpose() * inverse)))
 }

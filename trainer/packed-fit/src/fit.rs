@@ -7,11 +7,13 @@ use crate::integers::{self, INPUT_LIMIT, Scale, UNIT_UV, analysed};
 use crate::probabilities;
 use crate::ridge::{PENALTY, Ridge, fit_smoother};
 use crate::track::Track;
-use crate::transform::{Blocks, Transform};
+use crate::transform::{Blocks, Transform, to_f32};
+use crate::weight::Metric;
 use artifact::{
-    Description, INPUTS_PER_ROUND, IntegerMatrix, PackedDescription, PackedModel, PackedTraining,
-    Smoother, slice_ends,
+    Description, ErrorWeight, INPUTS_PER_ROUND, IntegerMatrix, PackedDescription, PackedModel,
+    PackedTraining, Smoother, slice_ends,
 };
+use nalgebra::DMatrix;
 use packed::{LEVELS, MAGNITUDES, MAX_COEFFICIENTS, RATES, Rate};
 
 /// Rate at which the probabilities are trained; those of the other rates follow from it.
@@ -49,8 +51,8 @@ pub fn coefficients(wanted: Option<usize>, description: &Description) -> Result<
     Ok(count)
 }
 
-/// Fits a packed model with `count` coefficients to filtered recordings. What is done is reported
-/// to `report`.
+/// Fits a packed model with `count` coefficients to filtered recordings, for the least error as
+/// `weight` weighs it. What is done is reported to `report`.
 ///
 /// # Errors
 /// If the recordings do not determine a model.
@@ -58,14 +60,25 @@ pub fn fit(
     tracks: &[Track],
     description: &Description,
     count: usize,
+    weight: Option<ErrorWeight>,
     report: &mut dyn FnMut(&str),
 ) -> Result<PackedModel, FitError> {
     let (hop, sd_uv) = (description.window.hop, description.input.sd_uv);
     let electrodes = description.montage.electrodes.len();
     report("fitting transform and prediction ...");
     let blocks = Blocks::cut(tracks, hop, sd_uv, &every_quarter(hop));
-    let transform = Transform::fit(&blocks, count)?;
-    let misfit = MISFIT.max(MISFIT_RATIO * transform.unrepresented(&blocks));
+    let metric = weight.map(|weight| Metric::new(weight, tracks, hop, description.window.rate_hz));
+    let metric = metric.transpose()?;
+    let transform = match &metric {
+        Some(metric) => {
+            // The quantiser's points are two steps apart.
+            let distance = 2.0 * f64::from(BASE_RATE.step()) * UNIT_UV / sd_uv;
+            let theta = distance.powi(2) / 12.0;
+            Transform::fit_weighted(&blocks, count, metric, electrodes, theta)?
+        }
+        None => Transform::fit(&blocks, count)?,
+    };
+    let misfit = MISFIT.max(MISFIT_RATIO * transform.unrepresented(&blocks, weight.is_some()));
     let mut model = PackedModel {
         description: PackedDescription {
             format: 1,
@@ -74,6 +87,7 @@ pub fn fit(
             unit_uv: UNIT_UV,
             input_limit: INPUT_LIMIT,
             misfit_uv2: misfit * sd_uv.powi(2),
+            weight,
             training: PackedTraining::default(),
         },
         analysis: integers::analysis(&transform, &slice_ends(electrodes, hop)),
@@ -82,7 +96,11 @@ pub fn fit(
         reset_levels: Vec::new(),
         starts: probabilities::starts(&[[[0; MAGNITUDES]; LEVELS]; 2]),
         smoother: Smoother::quantised(&vec![Vec::new(); RATES], 1),
+        synthesis: None,
     };
+    if let Some(metric) = &metric {
+        model.synthesis = Some(synthesis(&model, metric)?);
+    }
     let blocks = Blocks::cut(tracks, hop, sd_uv, &[0, hop / 2]);
     let scale = Scale::new(&model, sd_uv);
     let coefficients = analysed(&model, &blocks, sd_uv);
@@ -95,6 +113,17 @@ pub fn fit(
     let matrices = matrices.collect::<Result<Vec<_>, _>>()?;
     model.smoother = Smoother::quantised(&matrices, count);
     Ok(model)
+}
+
+/// Returns the synthesis with the least weighted error, `[coefficient][value]`:
+/// `(A M^-1 A')^-1 A M^-1`, with analysis A and metric M.
+fn synthesis(model: &PackedModel, metric: &Metric) -> Result<Vec<f32>, FitError> {
+    let (count, values) = (model.coefficients(), model.analysis.inputs());
+    let analysis = DMatrix::from_row_slice(count, values, &model.analysis.to_float());
+    let weighted = &analysis * metric.inverse();
+    let gram = &weighted * analysis.transpose();
+    let synthesis = gram.cholesky().ok_or(FitError::Silent)?.solve(&weighted);
+    Ok(to_f32(&synthesis.transpose()).as_slice().to_vec())
 }
 
 /// Returns the steps at which four series of blocks begin, a quarter of a block apart.
@@ -185,8 +214,9 @@ fn refitted_prediction(
 
 /// Fits the Karhunen-Loeve transform of a block to `tracks`, with as many coefficients as `model`
 /// has. Every block is coded without prediction, but with the quantiser, contexts and range coder
-/// of the packed code. Returns the figures of this code on `tested` at every rate, finest first.
-/// Those of the packed model are better by what prediction gains.
+/// of the packed code, and all errors weigh alike. Returns the figures of this code on `tested` at
+/// every rate, finest first. Those of an unweighted packed model are better by what prediction
+/// gains.
 ///
 /// # Errors
 /// If the recordings are silent.
@@ -202,6 +232,7 @@ pub fn without_prediction(
     let transform = Transform::without_prediction(&blocks, model.coefficients());
     let mut model = PackedModel {
         analysis: integers::analysis(&transform, &slice_ends(electrodes, hop)),
+        synthesis: None,
         ..model.clone()
     };
     let blocks = Blocks::cut(tracks, hop, sd_uv, &[0, hop / 2]);
@@ -215,7 +246,7 @@ pub fn without_prediction(
         means = probabilities::mean_magnitudes(&coded, model.coefficients());
     }
     model.reset_levels = probabilities::levels(&means);
-    let figures = evaluation::evaluate_with_resets(&model, tested, description, 1)?;
+    let figures = evaluation::evaluate_with_resets(&model, tested, description, 1, &mut |_| ())?;
     // A block without prediction says nothing about the block before it, so it smooths nothing.
     let alone = |figures: RateFigures| RateFigures {
         mse_smoothed: figures.mse,

@@ -41,9 +41,17 @@ pub(crate) fn largest_prediction(count: usize) -> f64 {
     scale_for(&vec![0.0; count], LARGEST_STATE) * SMALLEST_SUM / (2.0 * STATE_UNIT)
 }
 
-/// Returns the matrix of the prediction as integers.
+/// Returns the matrix of the prediction as integers. Rows above [`largest_prediction`] are scaled
+/// down to it.
 pub(crate) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
-    let rows = prediction.transpose();
+    let largest = largest_prediction(prediction.ncols());
+    let mut rows = prediction.transpose();
+    for mut weights in rows.column_iter_mut() {
+        let sum = weights.lp_norm(1);
+        if sum > largest {
+            weights *= largest / sum;
+        }
+    }
     IntegerMatrix::quantised(rows.as_slice(), rows.nrows(), STATE_UNIT, |weights| {
         scale_for(weights, LARGEST_STATE)
     })

@@ -17,6 +17,7 @@
 )]
 
 pub mod bad_electrodes;
+pub mod band_pass;
 pub mod band_power;
 pub mod directions;
 pub mod features;
@@ -36,11 +37,13 @@ mod probabilities;
 mod ridge;
 mod track;
 mod transform;
+mod weight;
 
 pub use error::FitError;
-pub use evaluation::{RateFigures, evaluate};
+pub use evaluation::{RateFigures, evaluate, evaluate_observed};
 pub use fit::{coefficients, fit, without_prediction};
 pub use good_signal::GoodSignal;
 pub use personal_code::{MIN_RANGE, PersonalCode};
 pub use personal_model::{PersonalModel, error_at};
 pub use track::{Track, settling_steps};
+pub use weight::{Metric, weight_for};

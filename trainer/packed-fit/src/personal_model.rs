@@ -4,7 +4,7 @@ use crate::error::FitError;
 use crate::evaluation::{RateFigures, evaluate};
 use crate::fit::fit;
 use crate::good_signal::{GoodSignal, first_three_quarters};
-use artifact::{Description, PackedModel};
+use artifact::{Description, ErrorWeight, PackedModel};
 
 /// A packed model that was fitted to a person's signal.
 #[derive(Clone, Debug)]
@@ -21,9 +21,8 @@ pub struct PersonalModel {
 }
 
 impl PersonalModel {
-    /// Fits a packed model with as many coefficients as `other` has, and with its rate, and compares
-    /// it with `other`.
-    /// What is done is reported to `report`.
+    /// Fits a packed model with as many coefficients as `other` has, and with its rate, for the
+    /// least error as `weight` weighs it, and compares it with `other`. What is done is reported to `report`.
     ///
     /// # Errors
     /// If the signal does not determine a model.
@@ -31,16 +30,17 @@ impl PersonalModel {
         signal: &GoodSignal,
         description: &Description,
         other: &PackedModel,
+        weight: Option<ErrorWeight>,
         report: &mut dyn FnMut(&str),
     ) -> Result<Self, FitError> {
         let tracks = &signal.tracks;
         let [first, last] = first_three_quarters(tracks);
         let count = other.coefficients();
-        let tested = fit(&first, description, count, report)?;
+        let tested = fit(&first, description, count, weight, report)?;
         let squares = last.iter().flat_map(|track| &track.values);
         let squares = squares.map(|uv| (f64::from(*uv) / description.input.sd_uv).powi(2));
         let values: usize = last.iter().map(|track| track.values.len()).sum();
-        let mut model = fit(tracks, description, count, report)?;
+        let mut model = fit(tracks, description, count, weight, report)?;
         model.description.rate = other.description.rate;
         Ok(Self {
             model,
@@ -64,7 +64,7 @@ pub fn error_at(figures: &[RateFigures], bits: f64) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::innovation::SECOND;
     use crate::personal_code::PersonalCode;
@@ -74,7 +74,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use std::path::Path;
 
-    fn description() -> Description {
+    pub(crate) fn description() -> Description {
         let paper = Path::new("../../signal/model/paper");
         let mut description = Artifact::read(paper).unwrap().description;
         let text = include_str!("../../../files/montages/cyton-8.toml");
@@ -113,13 +113,13 @@ mod tests {
             tracks,
             ..GoodSignal::default()
         };
-        PersonalModel::new(&signal, &description(), other, &mut |_| ()).unwrap()
+        PersonalModel::new(&signal, &description(), other, None, &mut |_| ()).unwrap()
     }
 
     #[test]
     fn a_model_of_the_head_has_less_error_than_another_unless_the_last_quarter_is_of_another_head()
     {
-        let mut other = fit(&[head(2, 60)], &description(), 32, &mut |_| ()).unwrap();
+        let mut other = fit(&[head(2, 60)], &description(), 32, None, &mut |_| ()).unwrap();
         other.description.rate = 6;
         let at_equal_bits = |personal: &PersonalModel| {
             let own = &personal.own[4];
@@ -146,7 +146,7 @@ mod tests {
     fn a_code_of_the_head_has_less_error_than_another_unless_the_last_quarter_is_of_another_head() {
         let mut description = description();
         description.code.numbers = 16;
-        let packed = fit(&[head(2, 60)], &description, 32, &mut |_| ()).unwrap();
+        let packed = fit(&[head(2, 60)], &description, 32, None, &mut |_| ()).unwrap();
         let values = description.dimensions().window_electrodes();
         let unit = |at: usize| (0..values).map(|value| f32::from(value == at)).collect();
         let directions: Vec<Vec<f32>> = (0..16).map(unit).collect();

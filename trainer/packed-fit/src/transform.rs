@@ -4,7 +4,9 @@ use crate::directions::{principal_directions, second_moment};
 use crate::error::FitError;
 use crate::ridge::{PENALTY, Ridge};
 use crate::track::Track;
+use crate::weight::Metric;
 use nalgebra::{DMatrix, DVector};
+use packed::{PROBE_SHIFT, PROBES};
 
 /// Number of rounds, each of which fits the prediction to decoded states and rotates the transform
 /// to the prediction's residual.
@@ -16,6 +18,11 @@ const STEP: f32 = 0.6;
 
 /// Part of a [`STEP`] that is added to a magnitude before rounding down.
 const ROUNDING: f32 = 0.35;
+
+/// Power below which a direction is quiet, relative to the mean power of a value. At this ratio,
+/// probes of EEGMMIDB S001 to S008 find noise on one electrode, and exchanged electrodes, as
+/// often as the energy that orthonormal coefficients lack, or more often.
+const QUIET: f64 = 0.01;
 
 /// Consecutive blocks of one or several recordings. A block is a hop of time steps.
 #[derive(Clone, Debug)]
@@ -48,10 +55,11 @@ impl Blocks {
     }
 }
 
-/// Orthonormal directions of a block, and the prediction of the next block.
+/// Directions of a block, and the prediction of the next block.
 #[derive(Clone, Debug)]
 pub(crate) struct Transform {
-    /// Directions, `[value, coefficient]`; the first coefficient has the largest residual.
+    /// Directions, `[value, coefficient]`; the first coefficient has the largest residual. They are
+    /// orthonormal unless errors are weighted.
     pub(crate) directions: DMatrix<f64>,
     /// Prediction of a block's coefficients from those of the block before it, `[coefficient,
     /// coefficient before]`.
@@ -62,23 +70,57 @@ impl Transform {
     /// Fits a transform with `count` coefficients to blocks: the subspace with the most energy,
     /// rotated until the prediction's residuals of different coefficients are uncorrelated.
     pub(crate) fn fit(blocks: &Blocks, count: usize) -> Result<Self, FitError> {
-        let mut transform = Self::without_prediction(blocks, count);
-        let mut coefficients = transform.coefficients(blocks);
-        transform.fit_prediction(&coefficients, &coefficients)?;
+        Self::without_prediction(blocks, count).with_prediction(blocks)
+    }
+
+    /// Fits a transform like [`Self::fit`], but in the space in which `metric` is the sum of
+    /// squares, and with [`PROBES`] probes at its end. `theta` is the mean squared error of a
+    /// coefficient at the base rate, in units of `input.sd_uv` squared.
+    pub(crate) fn fit_weighted(
+        blocks: &Blocks,
+        count: usize,
+        metric: &Metric,
+        electrodes: usize,
+        theta: f64,
+    ) -> Result<Self, FitError> {
+        let moment = second_moment(&blocks.sequences);
+        let root = metric.root();
+        let weighted = &root * &moment * &root;
+        let signals = to_matrix(&principal_directions(weighted.clone(), count - PROBES));
+        let plain = moment.symmetric_eigenvalues();
+        let gain = gain_at_equal_bits(&plain, &weighted.symmetric_eigenvalues(), theta);
+        let mut transform = Self {
+            directions: &root * &signals * gain,
+            prediction: DMatrix::zeros(count - PROBES, count - PROBES),
+        };
+        transform = transform.with_prediction(blocks)?;
+        let mut directions = transform.directions.resize_horizontally(count, 0.0);
+        let mut probes = directions.columns_mut(count - PROBES, PROBES);
+        probes.copy_from(&quiet_probes(moment, count - PROBES, electrodes)?);
+        transform.directions = directions;
+        transform.prediction = transform.prediction.resize(count, count, 0.0);
+        Ok(transform)
+    }
+
+    /// Fits the prediction, and rotates the transform to its residuals.
+    fn with_prediction(mut self, blocks: &Blocks) -> Result<Self, FitError> {
+        let count = self.prediction.nrows();
+        let mut coefficients = self.coefficients(blocks);
+        self.fit_prediction(&coefficients, &coefficients)?;
         for _ in 0..ROUNDS {
-            let states: Vec<_> = coefficients.iter().map(|c| transform.decoded(c)).collect();
-            transform.fit_prediction(&states, &coefficients)?;
+            let states: Vec<_> = coefficients.iter().map(|c| self.decoded(c)).collect();
+            self.fit_prediction(&states, &coefficients)?;
             let residuals: Vec<_> = states
                 .iter()
                 .zip(&coefficients)
-                .map(|(states, coefficients)| transform.residual(states, coefficients))
+                .map(|(states, coefficients)| self.residual(states, coefficients))
                 .collect();
             let turn = to_matrix(&principal_directions(second_moment(&residuals), count));
-            transform.directions = &transform.directions * &turn;
-            transform.prediction = turn.transpose() * &transform.prediction * &turn;
-            coefficients = transform.coefficients(blocks);
+            self.directions = &self.directions * &turn;
+            self.prediction = turn.transpose() * &self.prediction * &turn;
+            coefficients = self.coefficients(blocks);
         }
-        Ok(transform)
+        Ok(self)
     }
 
     /// Fits the Karhunen-Loeve transform with `count` coefficients to blocks. The prediction is 0.
@@ -92,14 +134,23 @@ impl Transform {
 
     /// Returns the mean square, over all values of blocks, of what the coefficients do not
     /// represent, in units of `input.sd_uv` squared.
-    pub(crate) fn unrepresented(&self, blocks: &Blocks) -> f64 {
+    pub(crate) fn unrepresented(&self, blocks: &Blocks, is_weighted: bool) -> f64 {
         let energy = |matrices: &[DMatrix<f32>]| {
             let values = matrices.iter().flatten();
             values.map(|value| f64::from(*value).powi(2)).sum::<f64>()
         };
         let count: usize = blocks.sequences.iter().map(DMatrix::len).sum();
-        // The directions are orthonormal: what they do not represent is orthogonal to the rest.
-        let left = energy(&blocks.sequences) - energy(&self.coefficients(blocks));
+        let coefficients = self.coefficients(blocks);
+        let left = if is_weighted {
+            let probes = coefficients
+                .iter()
+                .map(|c| c.rows(c.nrows() - PROBES, PROBES));
+            let probes: Vec<_> = probes.map(DMatrix::from).collect();
+            f64::from(1 << PROBE_SHIFT) * energy(&probes)
+        } else {
+            // The directions are orthonormal: what they do not represent is orthogonal to the rest.
+            energy(&blocks.sequences) - energy(&coefficients)
+        };
         left.max(0.0) / count.max(1) as f64
     }
 
@@ -155,6 +206,60 @@ impl Transform {
     }
 }
 
+/// Returns the factor of the weighted space with which its transform takes as many bits as the
+/// plain one, if both have an error of `theta` in each coefficient that is larger (reverse
+/// water-filling). `plain` and `weighted` are the second moments along principal directions.
+fn gain_at_equal_bits(plain: &DVector<f64>, weighted: &DVector<f64>, theta: f64) -> f64 {
+    let bits = |moments: &DVector<f64>, factor: f64| -> f64 {
+        let moments = moments.iter().map(|moment| moment * factor / theta);
+        moments.map(|ratio| 0.5 * ratio.max(1.0).log2()).sum()
+    };
+    let wanted = bits(plain, 1.0);
+    let (mut low, mut high) = (-40.0_f64, 40.0_f64);
+    for _ in 0..60 {
+        let middle = f64::midpoint(low, high);
+        if bits(weighted, middle.exp2()) < wanted {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low.exp2().sqrt()
+}
+
+/// Returns [`PROBES`] orthogonal directions in which an electrode's noise is large and the signals
+/// with the second moment `moment` are small: `(moment + floor)^-1 N r`, with the second moment N
+/// of low-pass noise of equal power at each electrode, and random r. Their length is such that
+/// their energy, times `2^PROBE_SHIFT`, is what `represented` coefficients lack of noise in all
+/// directions.
+fn quiet_probes(
+    mut moment: DMatrix<f64>,
+    represented: usize,
+    electrodes: usize,
+) -> Result<DMatrix<f64>, FitError> {
+    let values = moment.nrows();
+    let mut state = 1_u32;
+    let mut noise = DMatrix::from_fn(values, PROBES, |_, _| {
+        // The generator of Numerical Recipes; its highest bit is a fair sign.
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        if state >> 31 == 0 { 1.0 } else { -1.0 }
+    });
+    for _ in 0..2 {
+        // A quarter, a half and a quarter of three steps: a low-pass that is 0 at half the rate.
+        let before = noise.clone();
+        noise = noise.map_with_location(|value, probe, x| {
+            let earlier = value.checked_sub(electrodes).map(|at| before[(at, probe)]);
+            let later = before.get((value + electrodes, probe)).copied();
+            (2.0 * x + earlier.unwrap_or(0.0) + later.unwrap_or(0.0)) / 4.0
+        });
+    }
+    let floor = QUIET * moment.trace() / values as f64;
+    moment += DMatrix::identity(values, values) * floor;
+    let probes = moment.cholesky().ok_or(FitError::Silent)?.solve(&noise);
+    let energy = (values - represented) as f64 / (PROBES << PROBE_SHIFT) as f64;
+    Ok(probes.qr().q() * energy.sqrt())
+}
+
 /// Returns a matrix whose columns are `directions`.
 fn to_matrix(directions: &[Vec<f32>]) -> DMatrix<f64> {
     let rows = directions.first().map_or(0, Vec::len);
@@ -188,7 +293,7 @@ mod tests {
             count += left.len() as f64;
         }
         assert!(error > 0.1 * count);
-        let unrepresented = transform.unrepresented(&blocks);
+        let unrepresented = transform.unrepresented(&blocks, false);
         assert!((unrepresented / (error / count) - 1.0).abs() < 1e-4);
     }
 }

@@ -1,6 +1,6 @@
 //! Fit of filters and decision to trials.
 
-use super::options::ClassifyOptions;
+use super::options::TaskOptions;
 use super::sessions::{Session, Trial};
 use crate::error::TrainerError;
 use artifact::Description;
@@ -9,6 +9,7 @@ use artifact::classifier::{
     SpatialFilter, log_energies,
 };
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
+use packed_fit::band_pass::band_passed;
 use packed_fit::{FitError, Track, features};
 use std::ops::Range;
 
@@ -18,8 +19,6 @@ const FILTERS: usize = 6;
 const SHRINKAGE: f64 = 0.01;
 /// Least number of trials of a class.
 const LEAST_TRIALS: usize = 10;
-/// Factor from a coefficient to Q32.
-const Q32: f64 = 4_294_967_296.0;
 
 /// What is fitted: a classifier, and the shape of its trials.
 pub(super) struct Plan {
@@ -40,16 +39,19 @@ pub(super) struct Fitted {
 }
 
 impl Plan {
-    /// Checks the options.
+    /// Checks the options. `filters` and `window_s` have defaults.
     ///
     /// # Errors
     /// If there are fewer than two classes or two with the same event or code, the filters cannot
     /// be divided among them, or the window is longer than a trial.
     pub(super) fn new(
-        options: &ClassifyOptions,
+        classes: &[Class],
+        task: &TaskOptions,
+        filters: Option<usize>,
+        window_s: Option<f64>,
         description: &Description,
     ) -> Result<Self, TrainerError> {
-        let classes = options.events.clone();
+        let classes = classes.to_vec();
         let count = classes.len();
         let is_repeated = |(index, class): (usize, &Class)| {
             let mut before = classes[..index].iter();
@@ -58,17 +60,15 @@ impl Plan {
         if count < 2 || classes.iter().enumerate().any(is_repeated) {
             return Err(TrainerError::Classes);
         }
-        let filters = options
-            .filters
-            .unwrap_or(FILTERS.max(count) / count * count);
+        let filters = filters.unwrap_or(FILTERS.max(count) / count * count);
         if filters == 0 || filters > MAX_FEATURES || !filters.is_multiple_of(count) {
             let classes = count;
             return Err(TrainerError::Filters { filters, classes });
         }
         let window = &description.window;
         let hops_per_s = f64::from(window.rate_hz) / window.hop as f64;
-        let [from_s, to_s] = options.trial;
-        let window_s = options.window.unwrap_or(to_s - from_s);
+        let [from_s, to_s] = task.trial;
+        let window_s = window_s.unwrap_or(to_s - from_s);
         let hops = [to_s - from_s, window_s].map(|seconds| whole((seconds * hops_per_s).round()));
         let [trial_hops, window_hops] = hops;
         if !(1..=trial_hops).contains(&window_hops) {
@@ -83,11 +83,8 @@ impl Plan {
                 step_rate_hz: u16::try_from(window.rate_hz).expect("always 128"),
                 hop_steps: narrow(window.hop),
                 band: Band {
-                    hz: options.band,
-                    sections: model_gen::band_power_sections(
-                        options.band,
-                        f64::from(window.rate_hz),
-                    ),
+                    hz: task.band,
+                    sections: model_gen::band_power_sections(task.band, f64::from(window.rate_hz)),
                 },
                 decision: DecisionRule {
                     classes,
@@ -99,7 +96,7 @@ impl Plan {
                 training: ClassifierTraining::default(),
             },
             filters_per_class: filters / count,
-            trial_s: options.trial,
+            trial_s: task.trial,
             trial_hops,
         })
     }
@@ -150,20 +147,7 @@ impl Plan {
 
     /// Returns the band-passed electrodes in microvolts, `[electrode, step]`.
     pub(super) fn band_passed(&self, track: &Track) -> DMatrix<f64> {
-        let values = track.values.iter().map(|&uv| f64::from(uv));
-        let mut signals = DMatrix::from_iterator(track.electrodes, track.steps(), values);
-        for section in self.empty.band.sections {
-            let [gain, a1, a2] = section.map(|coefficient| coefficient as f64 / Q32);
-            let mut states = vec![[0.0; 4]; track.electrodes];
-            for mut step in signals.column_iter_mut() {
-                for (value, [x1, x2, y1, y2]) in step.iter_mut().zip(&mut states) {
-                    let x = *value;
-                    *value = gain * (x - *x2) + a1 * *y1 + a2 * *y2;
-                    (*x2, *x1, *y2, *y1) = (*x1, x, *y1, *value);
-                }
-            }
-        }
-        signals
+        band_passed(track, &self.empty.band.sections)
     }
 
     /// Returns the number of trials of each class.
@@ -263,17 +247,25 @@ fn mean_covariances(
         if count < 2 {
             return Err(TrainerError::UnevenTrials(class.event.clone()));
         }
-        let mean = sum / f64::from(count);
-        let noise = SHRINKAGE * mean.trace() / electrodes as f64;
-        Ok(mean * (1.0 - SHRINKAGE) + DMatrix::identity(electrodes, electrodes) * noise)
+        Ok(shrunk(sum / f64::from(count)))
     };
     plan.classes().iter().enumerate().map(of_class).collect()
+}
+
+/// Returns a covariance of which [`SHRINKAGE`] is replaced by white noise.
+pub(super) fn shrunk(covariance: DMatrix<f64>) -> DMatrix<f64> {
+    let electrodes = covariance.nrows();
+    let noise = SHRINKAGE * covariance.trace() / electrodes as f64;
+    covariance * (1.0 - SHRINKAGE) + DMatrix::identity(electrodes, electrodes) * noise
 }
 
 /// Returns common spatial patterns, `[electrode, filter]`: for each class in turn, the `count`
 /// filters with the largest power in its trials, in proportion to that in its and the others'.
 /// `None` if the covariances are not positive definite.
-fn common_spatial_patterns(means: &[DMatrix<f64>], count: usize) -> Option<DMatrix<f64>> {
+pub(super) fn common_spatial_patterns(
+    means: &[DMatrix<f64>],
+    count: usize,
+) -> Option<DMatrix<f64>> {
     let mut filters: Vec<DVector<f64>> = Vec::new();
     for (class, own) in means.iter().enumerate() {
         let others = means

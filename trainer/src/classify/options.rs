@@ -2,12 +2,8 @@
 
 use crate::selection::TrainingFiles;
 use artifact::classifier::Class;
+use packed_fit::band_pass::{parse_band, parse_range};
 use std::path::PathBuf;
-
-/// Lowest and highest edge of a band, Hz: what the device's filters let through.
-const EDGES_HZ: [f64; 2] = [1.0, 60.0];
-/// Least width of a band, Hz.
-const LEAST_WIDTH_HZ: f64 = 1.0;
 
 /// Longest time from an event to the start or the end of its trial, seconds.
 const LONGEST_TRIAL_S: f64 = 120.0;
@@ -25,12 +21,8 @@ pub(crate) struct ClassifyOptions {
     /// T1=769,T2=770. A GDF type alone is its own code.
     #[arg(long, required = true, value_delimiter = ',', value_parser = class)]
     pub(super) events: Vec<Class>,
-    /// Lower and upper edge of the band-pass, Hz.
-    #[arg(long, value_name = "HZ..HZ", default_value = "8..30", value_parser = band)]
-    pub(super) band: [f64; 2],
-    /// Start and end of the part of each trial that is used, seconds after its event.
-    #[arg(long, value_name = "S..S", default_value = "0.5..4", value_parser = trial, allow_hyphen_values = true)]
-    pub(super) trial: [f64; 2],
+    #[command(flatten)]
+    pub(super) task: TaskOptions,
     /// Length over which a decision averages, seconds [default: that of --trial].
     #[arg(long, value_name = "S")]
     pub(super) window: Option<f64>,
@@ -53,8 +45,19 @@ pub(crate) struct ClassifyOptions {
     pub(crate) json: bool,
 }
 
+/// What a decoder reads of a recording.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct TaskOptions {
+    /// Lower and upper edge of the band-pass, Hz.
+    #[arg(long, value_name = "HZ..HZ", default_value = "8..30", value_parser = parse_band)]
+    pub(crate) band: [f64; 2],
+    /// Start and end of the part of each trial that is used, seconds after its event.
+    #[arg(long, value_name = "S..S", default_value = "0.5..4", value_parser = trial, allow_hyphen_values = true)]
+    pub(super) trial: [f64; 2],
+}
+
 /// Parses a class, `LABEL=CODE` or `CODE`.
-fn class(text: &str) -> Result<Class, String> {
+pub(crate) fn class(text: &str) -> Result<Class, String> {
     let (event, code) = text.rsplit_once('=').unwrap_or((text, text));
     let code = code.trim().parse().map_err(|_| {
         format!("{code} is no code: write LABEL=CODE with a whole number, such as T1=769")
@@ -63,37 +66,13 @@ fn class(text: &str) -> Result<Class, String> {
     Ok(Class { code, event })
 }
 
-/// Parses a band, two frequencies in Hz.
-fn band(text: &str) -> Result<[f64; 2], String> {
-    let [low, high] = range(text)?;
-    let [least, most] = EDGES_HZ;
-    if low < least || high > most || high - low < LEAST_WIDTH_HZ {
-        return Err(format!(
-            "a band is within {least} to {most} Hz, which the filters of the device let through, \
-             and at least {LEAST_WIDTH_HZ} Hz wide"
-        ));
-    }
-    Ok([low, high])
-}
-
 /// Parses the part of a trial that is used, seconds after its event.
 fn trial(text: &str) -> Result<[f64; 2], String> {
-    let ends = range(text)?;
+    let ends = parse_range(text)?;
     if ends.iter().any(|end| end.abs() > LONGEST_TRIAL_S) {
         return Err(format!(
             "a trial is within {LONGEST_TRIAL_S} s of its event"
         ));
     }
     Ok(ends)
-}
-
-/// Parses two ascending numbers, such as `0.5..4`.
-fn range(text: &str) -> Result<[f64; 2], String> {
-    let numbers = text
-        .split_once("..")
-        .map(|(low, high)| [low, high].map(str::parse));
-    match numbers {
-        Some([Ok(low), Ok(high)]) if f64::is_finite(high - low) && low < high => Ok([low, high]),
-        _ => Err("write two ascending numbers, such as 0.5..4".to_owned()),
-    }
 }

@@ -3,6 +3,9 @@
 use super::fit::Plan;
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
+use crate::selection::file_name;
+use artifact::Description;
+use artifact::classifier::Class;
 use nalgebra::DMatrix;
 use packed_fit::{FitError, Track};
 use recordings::Recording;
@@ -55,59 +58,107 @@ impl Session {
         let trials = events.iter().filter_map(trial).collect();
         Self { track, trials }
     }
+
+    /// Returns the trials, each with its session.
+    pub(super) fn with_trials(&self) -> impl Iterator<Item = (&Self, &Trial)> {
+        self.trials.iter().map(move |trial| (self, trial))
+    }
 }
 
-/// Reads the events of recordings, and finds the trials in their tracks. `start_step` is the number
-/// of steps that a track lacks at its start; its first step shows the electrodes at `start_s`.
+/// Where sessions begin in tracks.
+#[derive(Clone, Copy)]
+pub(super) struct Start {
+    /// Steps of a track before the first hop of a device.
+    pub(super) skipped: usize,
+    /// Time in the recording of what the first hop's first step shows, seconds.
+    pub(super) seconds: f64,
+}
+
+impl Start {
+    /// Returns the start of tracks that lack the steps in which the filters settle.
+    pub(super) fn new(
+        description: &Description,
+        mains_hz: u32,
+        plan: &Plan,
+    ) -> Result<Self, TrainerError> {
+        let settling = packed_fit::settling_steps(description, mains_hz)?;
+        let delay_us = model_gen::group_delay_us(description, mains_hz)?;
+        let first = settling.next_multiple_of(plan.hop());
+        Ok(Self {
+            skipped: first - settling,
+            seconds: first as f64 / plan.step_rate_hz() - f64::from(delay_us) * 1e-6,
+        })
+    }
+
+    /// Returns a track from its first hop on.
+    pub(super) fn cut(self, track: &Track) -> Track {
+        track.part(self.skipped.min(track.steps())..track.steps())
+    }
+}
+
+/// Times of events since the start of a session, in seconds, and their classes.
+pub(super) type Events = Vec<(f64, usize)>;
+
+/// Reads the events of recordings.
 ///
 /// # Errors
 /// If a recording cannot be read, or no recording has an event of a class; `option` names them.
-pub(super) fn read(
+pub(super) fn read_events(
     files: &[PathBuf],
-    tracks: Vec<Track>,
-    (start_step, start_s): (usize, f64),
+    start: Start,
     plan: &Plan,
     option: &'static str,
-    observer: &mut impl ProgressObserver,
-) -> Result<Vec<Session>, TrainerError> {
-    // Hops start where those of a device do.
-    let skipped = start_step.next_multiple_of(plan.hop()) - start_step;
-    let start_s = start_s + skipped as f64 / plan.step_rate_hz();
+) -> Result<Vec<Events>, TrainerError> {
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-    let mut sessions = Vec::new();
-    for (file, track) in files.iter().zip(tracks) {
-        let unreadable = |source| FitError::Recording(track.name.clone(), source);
+    let mut all = Vec::new();
+    for file in files {
+        let unreadable = |source| FitError::Recording(file_name(file), source);
         let mut recording = Recording::open(file).map_err(unreadable)?;
         let onsets = recording.onsets().map_err(unreadable)?;
-        let track = track.part(skipped.min(track.steps())..track.steps());
         let mut events = Vec::new();
         for (seconds, label) in onsets.seconds.iter().zip(&onsets.labels) {
             let label = label.name();
             let class = plan.classes().iter().position(|class| class.event == label);
-            events.extend(class.map(|class| (seconds - start_s, class)));
+            events.extend(class.map(|class| (seconds - start.seconds, class)));
             *counts.entry(label).or_default() += 1;
         }
-        let session = Session::new(track, &events, plan);
-        let outside = events.len() - session.trials.len();
-        if outside > 0 {
-            observer.message(&format!(
-                "{}: trials left out: {outside}, which start while the filters settle, in the \
-                 first {start_s:.1} s, or end after the recording",
-                session.track.name
-            ));
-        }
-        sessions.push(session);
+        all.push(events);
     }
-    match plan
-        .classes()
-        .iter()
-        .find(|class| !counts.contains_key(&class.event))
-    {
+    let is_missing = |class: &&Class| !counts.contains_key(&class.event);
+    match plan.classes().iter().find(is_missing) {
         Some(class) => Err(TrainerError::NoSuchEvent {
             files: option,
             event: class.event.clone(),
             found: counts.into_iter().collect(),
         }),
-        None => Ok(sessions),
+        None => Ok(all),
     }
+}
+
+/// Finds the trials of recordings in their tracks.
+///
+/// # Errors
+/// Those of [`read_events`].
+pub(super) fn read(
+    files: &[PathBuf],
+    tracks: &[Track],
+    start: Start,
+    plan: &Plan,
+    option: &'static str,
+    observer: &mut impl ProgressObserver,
+) -> Result<Vec<Session>, TrainerError> {
+    let mut sessions = Vec::new();
+    for (events, track) in read_events(files, start, plan, option)?.iter().zip(tracks) {
+        let session = Session::new(start.cut(track), events, plan);
+        let outside = events.len() - session.trials.len();
+        if outside > 0 {
+            observer.message(&format!(
+                "{}: trials left out: {outside}, which start while the filters settle, in the \
+                 first {:.1} s, or end after the recording",
+                session.track.name, start.seconds
+            ));
+        }
+        sessions.push(session);
+    }
+    Ok(sessions)
 }

@@ -51,7 +51,15 @@ fn plan(more: &str) -> Result<Plan, TrainerError> {
     };
     let text = include_str!("../../../files/montages/cyton-8.toml");
     let montage = MontageFile::parse(Path::new("cyton-8.toml"), text).expect("a montage");
-    Plan::new(&options, &card::description(&montage, shape))
+    let ClassifyOptions {
+        events,
+        task,
+        filters,
+        window,
+        ..
+    } = &options;
+    let description = card::description(&montage, shape);
+    Plan::new(events, task, *filters, *window, &description)
 }
 
 /// Returns a session of `trials` trials. In a trial, the source of its class is `contrast` times as
@@ -85,10 +93,7 @@ fn session(plan: &Plan, seed: u64, trials: usize, contrast: f32) -> Session {
 }
 
 fn pairs(sessions: &[Session]) -> Vec<(&Session, &sessions::Trial)> {
-    let pairs = sessions
-        .iter()
-        .map(|session| session.trials.iter().map(move |t| (session, t)));
-    pairs.flatten().collect()
+    sessions.iter().flat_map(Session::with_trials).collect()
 }
 
 /// Returns what `reference.py` prints for sessions; `None` without numpy.

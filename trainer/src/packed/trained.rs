@@ -1,9 +1,9 @@
 //! A packed model, trained and measured.
 
-use super::Tracks;
+use super::{FitOptions, Tracks};
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
-use artifact::{Description, PackedModel};
+use artifact::{Description, ErrorWeight, PackedModel};
 use packed_fit::{RateFigures, evaluate, fit, without_prediction};
 
 /// Figures of a trained packed model on the test recordings, or on the training recordings if there
@@ -20,15 +20,19 @@ pub(crate) struct PackedTrained {
 /// Fits a packed model with `count` coefficients, and returns it with its figures.
 ///
 /// # Errors
-/// If the recordings do not determine a model, or no rate reaches `target_mse`.
+/// If the recordings do not determine a model, or no rate reaches the wanted error.
 pub(super) fn train(
     tracks: &Tracks,
     description: &Description,
     count: usize,
-    target_mse: Option<f64>,
+    options: FitOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<(PackedModel, PackedTrained), TrainerError> {
-    let mut model = fit(&tracks.train, description, count, &mut |text| {
+    let weight = options.weight.map(|weight| ErrorWeight {
+        strength: options.strength.unwrap_or(weight.strength),
+        ..weight
+    });
+    let mut model = fit(&tracks.train, description, count, weight, &mut |text| {
         observer.message(text);
     })?;
     let tested = if tracks.test.is_empty() {
@@ -38,7 +42,7 @@ pub(super) fn train(
         &tracks.test
     };
     let figures = evaluate(&model, tested, description)?;
-    if let Some(target) = target_mse {
+    if let Some(target) = options.target_mse {
         let rate = coarsest_within(&figures, target)?;
         model.description.rate = rate;
         observer.message(&format!(

@@ -37,6 +37,50 @@ fn write_trials(folder: &Folder, name: &str, seed: u64) {
 }
 
 #[test]
+fn an_evaluation_states_what_decoders_lose_and_less_with_a_weighted_code() {
+    let folder = Folder::new();
+    for run in 1..=2 {
+        write_trials(&folder, &format!("run{run}.gdf"), run);
+    }
+    let figures = |weight: &str| {
+        let packed = "packed --montage=cyton-8.toml --out=model --force --mains=50";
+        folder.succeed(&format!(
+            "{packed} --coefficients=32 --train=run1,run2 {weight}"
+        ));
+        let evaluate = "evaluate --artifact=model --test=run1,run2 --json";
+        let without = folder.json(evaluate);
+        let row = &without["decoders"]["codes"][4];
+        assert!(
+            row["auc"].is_null() && row["snr_db"].is_number(),
+            "{without}"
+        );
+        let json = folder.json(&format!("{evaluate} --events=769,770"));
+        let decoders = &json["decoders"];
+        assert!(
+            decoders["original_auc"]
+                .as_f64()
+                .is_some_and(|auc| auc > 0.95)
+        );
+        let figure = |rate: usize, name: &str| decoders["codes"][rate][name].as_f64();
+        // What the finest rate keeps suffices, and the coarsest keeps nothing.
+        assert!(figure(0, "auc").is_some_and(|auc| auc > 0.95), "{json}");
+        assert!(figure(15, "snr_db").is_some_and(|snr| snr < 3.0), "{json}");
+        [2, 4].map(|rate| figure(rate, "snr_db").expect("a ratio"))
+    };
+    let plain = figures("");
+    let weighted = figures("--for=motor");
+    for (weighted, plain) in weighted.iter().zip(plain) {
+        assert!(*weighted > plain, "{weighted} {plain}");
+    }
+    folder.fail(
+        "packed --montage=cyton-8.toml --out=model --mains=50 --train=run1 --strength=2",
+        2,
+    );
+    let show = folder.succeed("show model");
+    assert_has(&show, &["errors at 8 to 30 Hz weighted by 3"]);
+}
+
+#[test]
 fn recordings_with_events_become_a_classifier_with_a_report() {
     let folder = Folder::new();
     for run in 1..=3 {

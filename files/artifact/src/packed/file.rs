@@ -14,7 +14,7 @@ pub(crate) const DESCRIPTION: &str = "packed.toml";
 pub(crate) const TENSORS: &str = "packed.safetensors";
 
 /// Names of the tensors in `packed.safetensors`.
-const NAMES: [&str; 9] = [
+const NAMES: [&str; 10] = [
     "analysis.weight",
     "analysis.factor",
     "prediction.weight",
@@ -24,7 +24,11 @@ const NAMES: [&str; 9] = [
     "starts",
     "smoother.weight",
     "smoother.scale",
+    SYNTHESIS,
 ];
+
+/// Name of the tensor that only weighted models have.
+pub(super) const SYNTHESIS: &str = "synthesis";
 
 impl PackedModel {
     /// Parses the two files and checks that they are a packed model that fits `description`.
@@ -54,6 +58,11 @@ impl PackedModel {
         let square = [RATES, count, count];
         let smoother = file.elements("smoother.weight", Dtype::I8, &square)?;
         let scales = file.elements("smoother.scale", Dtype::F32, &square[..2])?;
+        let floats = |bytes| words(bytes).map(f32::from_le_bytes).collect();
+        let synthesis = file.names().contains(&SYNTHESIS).then(|| {
+            let bytes = file.elements(SYNTHESIS, Dtype::F32, &[count, values])?;
+            Ok::<_, ArtifactError>(floats(bytes))
+        });
         let model = Self {
             analysis: matrix("analysis", values)?,
             prediction: matrix("prediction", count)?,
@@ -62,8 +71,9 @@ impl PackedModel {
             starts: table(file.elements("starts", Dtype::U16, &[2, LEVELS, MAGNITUDES])?),
             smoother: Smoother {
                 weights: smoother.iter().map(|byte| byte.cast_signed()).collect(),
-                scales: words(scales).map(f32::from_le_bytes).collect(),
+                scales: floats(scales),
             },
+            synthesis: synthesis.transpose()?,
             description: packed,
         };
         ranges::check(&model, description)?;
@@ -80,15 +90,16 @@ impl PackedModel {
     /// Returns the tensors of `packed.safetensors`, for blocks of `values` values. The shapes
     /// follow from the dimensions; in a model that has not been checked, the elements can be fewer
     /// or more.
-    pub(super) fn tensors(&self, values: usize) -> [NamedTensor<'static>; 9] {
+    pub(super) fn tensors(&self, values: usize) -> Vec<NamedTensor<'static>> {
         let count = self.coefficients();
         let bytes = |weights: &[i8]| weights.iter().map(|w| w.cast_unsigned()).collect();
         let words = |words: &[i32]| words.iter().flat_map(|word| word.to_le_bytes()).collect();
         let (analysis, prediction, smoother) = (&self.analysis, &self.prediction, &self.smoother);
         let starts = self.starts.iter().flatten().flatten();
         let starts = starts.flat_map(|start| start.to_le_bytes()).collect();
-        let scales = smoother.scales.iter();
-        let scales = scales.flat_map(|scale| scale.to_le_bytes()).collect();
+        let floats = |floats: &[f32]| floats.iter().flat_map(|f| f.to_le_bytes()).collect();
+        let synthesis = self.synthesis.as_ref();
+        let synthesis = synthesis.map(|s| (Dtype::F32, vec![count, values], floats(s)));
         let shape = |lengths: &[usize]| lengths.to_vec();
         let contents = [
             (Dtype::I8, shape(&[count, values]), bytes(&analysis.weights)),
@@ -107,10 +118,12 @@ impl PackedModel {
                 shape(&[RATES, count, count]),
                 bytes(&smoother.weights),
             ),
-            (Dtype::F32, shape(&[RATES, count]), scales),
+            (Dtype::F32, shape(&[RATES, count]), floats(&smoother.scales)),
         ];
-        let mut names = NAMES.into_iter();
-        contents.map(|(kind, shape, bytes)| (names.next().unwrap_or_default(), kind, shape, bytes))
+        let contents = NAMES.into_iter().zip(contents.into_iter().chain(synthesis));
+        contents
+            .map(|(name, (kind, shape, bytes))| (name, kind, shape, bytes))
+            .collect()
     }
 }
 

@@ -25,8 +25,23 @@ pub struct PackedDescription {
     /// Limit for the mean square of the part of a block that its coefficients do not represent,
     /// microvolts squared; a block above the limit is flagged as a misfit.
     pub misfit_uv2: f64,
+    /// Weight of the error that the transform was fitted to; `None` if all errors weigh alike. A
+    /// weighted model has its own [synthesis](PackedModel::synthesis), and its last [`packed::PROBES`]
+    /// coefficients are probes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight: Option<ErrorWeight>,
     /// Training recordings, test recordings and test results.
     pub training: PackedTraining,
+}
+
+/// Additional weight of the errors in a frequency band, after spatial whitening.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorWeight {
+    /// Lower and upper edge of the band, Hz.
+    pub band_hz: [f64; 2],
+    /// Weight of the error in the band, relative to that of the error at all frequencies.
+    pub strength: f64,
 }
 
 /// Recordings with which a packed model was trained and tested, and the results.
@@ -65,8 +80,8 @@ pub struct PackedFigures {
     pub mse_smoothed: f64,
 }
 
-/// A trained packed model. Encoder and decoder share all its integers except the smoother, which
-/// only the decoder needs.
+/// A trained packed model. Encoder and decoder share all its integers. Only the decoder needs
+/// smoother and synthesis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedModel {
     /// Dimensions, units and test results.
@@ -85,6 +100,10 @@ pub struct PackedModel {
     pub starts: Box<Starts>,
     /// Correction that the decoder adds to a block once the next block has arrived.
     pub smoother: Smoother,
+    /// Matrix that maps coefficients to values, `[coefficient][value]`: the values with the least
+    /// weighted energy that have these coefficients. `None` for the pseudoinverse of the analysis,
+    /// if the model has no weight.
+    pub synthesis: Option<Vec<f32>>,
 }
 
 impl PackedModel {

@@ -1,6 +1,6 @@
 //! Checks that no sum of the packed code's integer encoder can leave its range.
 
-use super::file::{DESCRIPTION, TENSORS};
+use super::file::{DESCRIPTION, SYNTHESIS, TENSORS};
 use super::model::PackedModel;
 use crate::description::Description;
 use crate::error::{ArtifactError, TensorProblem};
@@ -76,10 +76,19 @@ pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<()
             "a magnitude has no frequency, or the frequencies do not ascend",
         ));
     }
-    let scales = &model.smoother.scales;
-    match scales.iter().position(|scale| !scale.is_finite()) {
-        Some(index) => Err(range("smoother.scale", index, "it is not finite")),
-        None => Ok(()),
+    let synthesis = model.synthesis.as_deref().unwrap_or_default();
+    for (name, floats) in [
+        ("smoother.scale", &*model.smoother.scales),
+        (SYNTHESIS, synthesis),
+    ] {
+        if let Some(index) = floats.iter().position(|float| !float.is_finite()) {
+            return Err(range(name, index, "it is not finite"));
+        }
+    }
+    match (&model.description.weight, &model.synthesis) {
+        (Some(_), None) => Err(TensorProblem::Missing.of(TENSORS, SYNTHESIS)),
+        (None, Some(_)) => Err(TensorProblem::Unknown.of(TENSORS, SYNTHESIS)),
+        _ => Ok(()),
     }
 }
 

@@ -5,7 +5,9 @@ use crate::error::{ArtifactError, TensorProblem};
 use crate::float_decoder::FloatDecoder;
 use crate::float_encoder::FloatEncoder;
 use crate::folder::Artifact;
-use crate::packed::{IntegerMatrix, PackedDescription, PackedModel, PackedTraining, Smoother};
+use crate::packed::{
+    ErrorWeight, IntegerMatrix, PackedDescription, PackedModel, PackedTraining, Smoother,
+};
 use crate::testing;
 use packed::{LEVELS, MAGNITUDES, RATES};
 
@@ -31,6 +33,7 @@ fn packed() -> PackedModel {
             unit_uv: 0.5,
             input_limit: 4095,
             misfit_uv2: 20.0,
+            weight: None,
             training: PackedTraining::default(),
         },
         analysis: IntegerMatrix {
@@ -48,6 +51,7 @@ fn packed() -> PackedModel {
             weights: weights(RATES * COEFFICIENTS * COEFFICIENTS),
             scales: vec![0.001; RATES * COEFFICIENTS],
         },
+        synthesis: None,
     }
 }
 
@@ -71,6 +75,44 @@ fn a_packed_model_reads_back_with_the_same_id_which_covers_it() {
     assert_eq!(plain.id, testing::pca().id);
     plain.write(folder.path()).unwrap();
     assert_eq!(Artifact::read(folder.path()).unwrap(), plain);
+}
+
+/// Gives a model a weight, and a synthesis of `values` numbers.
+fn weigh(model: &mut PackedModel, values: usize) {
+    model.description.weight = Some(ErrorWeight {
+        band_hz: [8.0, 30.0],
+        strength: 3.0,
+    });
+    model.synthesis = Some(vec![0.25; values]);
+}
+
+#[test]
+fn a_weighted_model_reads_back_with_its_synthesis_which_decodes() {
+    let folder = tempfile::tempdir().unwrap();
+    let values = COEFFICIENTS * 61 * 8;
+    let artifact = with(|model| weigh(model, values)).unwrap();
+    artifact.write(folder.path()).unwrap();
+    let read = Artifact::read(folder.path()).unwrap();
+    assert_eq!(read, artifact);
+    let synthesis = crate::reconstruction::synthesis(&read.packed.unwrap());
+    assert_eq!(synthesis, vec![0.25; values]);
+    // Weight and synthesis need each other.
+    for (change, expected) in [
+        (
+            (|model| model.description.weight = None) as fn(&mut PackedModel),
+            TensorProblem::Unknown,
+        ),
+        (|model| model.synthesis = None, TensorProblem::Missing),
+    ] {
+        let error = with(|model| {
+            weigh(model, values);
+            change(model);
+        });
+        let ArtifactError::Tensor { name, problem, .. } = error.unwrap_err() else {
+            panic!("another error")
+        };
+        assert_eq!((name.as_str(), problem), ("synthesis", expected));
+    }
 }
 
 /// Returns a model of mode `packed`, which has the packed model but no network.
@@ -137,7 +179,8 @@ fn a_model_with_neither_network_nor_packed_model_is_refused() {
 #[test]
 fn a_part_of_another_length_is_refused_by_name() {
     type Change = fn(&mut PackedModel);
-    let cases: [(Change, &str); 3] = [
+    let cases: [(Change, &str); 4] = [
+        (|m| weigh(m, COEFFICIENTS * 487), "synthesis"),
         (
             |m| m.analysis.weights.truncate(COEFFICIENTS * 487),
             "analysis.weight",
@@ -183,7 +226,15 @@ fn numbers_of_a_code_without_a_network_are_refused() {
 #[test]
 fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
     type Change = fn(&mut PackedModel);
-    let cases: [(Change, &str, usize); 8] = [
+    let cases: [(Change, &str, usize); 9] = [
+        (
+            |m| {
+                weigh(m, COEFFICIENTS * 488);
+                m.synthesis.as_mut().unwrap()[9] = f32::INFINITY;
+            },
+            "synthesis",
+            9,
+        ),
         // Fills 40 weights of row 2's first slice with 127: 40 * 127 * 4095 exceeds 23 bits.
         (
             |m| m.analysis.weights[2 * 488..][..40].fill(127),

@@ -2,7 +2,8 @@
 
 use crate::PackedModel;
 
-/// The pseudoinverse of a packed model's matrix `analysis`, which maps coefficients to signals.
+/// Maps coefficients to signals: the synthesis of a packed model, or the pseudoinverse of its
+/// analysis if it has none.
 #[derive(Clone, Debug)]
 pub(crate) struct Synthesis {
     /// Microvolts that one unit of a coefficient adds to a value, `[coefficient][value]`.
@@ -12,27 +13,16 @@ pub(crate) struct Synthesis {
 
 impl Synthesis {
     pub(crate) fn new(model: &PackedModel) -> Self {
-        let count = model.coefficients();
-        let values = model.analysis.inputs();
-        let analysis = model.analysis.to_float();
-        let rows: Vec<&[f64]> = analysis.chunks_exact(values.max(1)).collect();
-        let mut gram = vec![0.0; count * count];
-        for (i, row) in rows.iter().enumerate() {
-            for (j, other) in rows.iter().enumerate().take(i + 1) {
-                let product: f64 = row.iter().zip(*other).map(|(a, b)| a * b).sum();
-                gram[i * count + j] = product;
-                gram[j * count + i] = product;
-            }
-        }
-        let mut inverse = analysis;
-        solve(&mut gram, &mut inverse, count, values);
         let unit_uv = model.description.unit_uv;
         #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
-        let rows = inverse
+        let rows = synthesis(model)
             .iter()
             .map(|&value| (value * unit_uv) as f32)
             .collect();
-        Self { rows, values }
+        Self {
+            rows,
+            values: model.analysis.inputs(),
+        }
     }
 
     /// Returns the signals of a block, microvolts, from integer coefficients.
@@ -52,6 +42,29 @@ impl Synthesis {
         }
         microvolts
     }
+}
+
+/// Returns the matrix with which decoders map coefficients to values, `[coefficient][value]`: the
+/// model's own, or the pseudoinverse of its analysis. It is not finite if rows of the analysis
+/// depend on each other.
+pub fn synthesis(model: &PackedModel) -> Vec<f64> {
+    if let Some(synthesis) = &model.synthesis {
+        return synthesis.iter().map(|&value| f64::from(value)).collect();
+    }
+    let count = model.coefficients();
+    let values = model.analysis.inputs();
+    let mut inverse = model.analysis.to_float();
+    let rows: Vec<&[f64]> = inverse.chunks_exact(values.max(1)).collect();
+    let mut gram = vec![0.0; count * count];
+    for (i, row) in rows.iter().enumerate() {
+        for (j, other) in rows.iter().enumerate().take(i + 1) {
+            let product: f64 = row.iter().zip(*other).map(|(a, b)| a * b).sum();
+            gram[i * count + j] = product;
+            gram[j * count + i] = product;
+        }
+    }
+    solve(&mut gram, &mut inverse, count, values);
+    inverse
 }
 
 /// Solves `matrix * x = right` by elimination and writes x to `right`, `[count][columns]`. The

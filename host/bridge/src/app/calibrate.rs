@@ -109,10 +109,10 @@ pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, B
     warn_about_bad(&signal, labels);
     let person = person(subject, &signal, labels);
     let network_card = network_card(&signal, &sources, &person, options.mains);
-    let (id, numbers) = (base.id, options.numbers);
+    let (id, numbers, weight) = (base.id, options.numbers, options.weight);
     let fitting = move || {
         let mut report = |text: &str| tracing::debug!("{text}");
-        let personal = PersonalModel::new(&signal, &base.description, &other, &mut report)?;
+        let personal = PersonalModel::new(&signal, &base.description, &other, weight, &mut report)?;
         let code = numbers
             .then(|| PersonalCode::new(&signal, &base))
             .transpose()?;
@@ -449,11 +449,14 @@ fn warn_about_bad(signal: &GoodSignal, labels: &[String]) {
 }
 
 impl Calibrated {
-    /// Warns if the person's model has a larger error than the other one.
+    /// Warns if the person's model has a larger error than the other one. A weighted model has one by
+    /// intention.
     fn warn_if_worse(&self) {
+        let is_weighted = self.personal.model.description.weight.is_some();
         let rate = usize::from(self.personal.model.description.rate);
         let is_packed_worse = self.personal.own.get(rate).is_some_and(|own| {
-            error_at(&self.personal.other, own.bits).is_some_and(|other| other < own.mse)
+            !is_weighted
+                && error_at(&self.personal.other, own.bits).is_some_and(|other| other < own.mse)
         });
         if is_packed_worse || self.code_errors.is_some_and(|[own, other]| other < own) {
             tracing::warn!(

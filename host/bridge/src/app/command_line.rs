@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use artifact::ErrorWeight;
 use bridge_core::{
     AnnouncedStream, Choice, EventStamps, Exclusions, FillerPolicy, RawForm, Settings, StampPoint,
     StreamKind, with_codes,
@@ -302,6 +303,10 @@ pub(crate) struct CalibrateOptions {
     /// Fit the numbers of /encoded too: a linear code of the person, in the place of the network
     #[arg(long)]
     pub(crate) numbers: bool,
+    /// What the signals of packed blocks are for: `motor`, so that errors at 8 to 30 Hz that a decoder
+    /// sees through spatial filters weigh more, or another band such as 8..13 [default: to be looked at]
+    #[arg(long = "for", value_name = "USE", value_parser = packed_fit::weight_for)]
+    pub(crate) weight: Option<ErrorWeight>,
     /// Folder to write the model to, which must not exist [default:
     /// ~/.local/share/corticode/models/SUBJECT/DATE]
     #[arg(long, value_name = "FOLDER")]

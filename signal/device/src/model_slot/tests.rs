@@ -4,8 +4,8 @@ use std::{boxed::Box, vec::Vec};
 
 use any_model::{any_linear_for, any_packed_of};
 use artifact::reconstruction::PackedDecoder;
-use artifact::{Artifact, PackedModel};
-use pipeline::{EncoderMemory, PackedEncoder, PackedMemory, Rate, Step};
+use artifact::{Artifact, ErrorWeight, PackedModel};
+use pipeline::{EncoderMemory, PackedCode, PackedEncoder, PackedMemory, Rate, Step};
 use proptest::prelude::*;
 
 use super::*;
@@ -18,8 +18,14 @@ fn built_in() -> Option<Artifact> {
 
 /// Returns a random packed model with the shape of the built-in one, and its upload.
 fn another() -> Option<(PackedModel, Vec<u8>)> {
+    another_with(|_| ())
+}
+
+/// Returns the model of [`another`] after a change, and its upload.
+fn another_with(change: impl Fn(&mut PackedModel)) -> Option<(PackedModel, Vec<u8>)> {
     let artifact = built_in()?;
-    let packed = any_packed_of(PACKED_COEFFICIENTS, 7, &artifact.description);
+    let mut packed = any_packed_of(PACKED_COEFFICIENTS, 7, &artifact.description);
+    change(&mut packed);
     let artifact = artifact.with_packed(Some(packed.clone())).expect("it fits");
     let bytes = model_gen::upload(&artifact).expect("it fits");
     Some((packed, packed_alone(bytes?)))
@@ -105,37 +111,73 @@ fn the_built_in_model_uploaded_is_the_constant_and_yields_its_blocks() {
     }
 }
 
+/// Returns input values and block of each hop of noise, encoded with an uploaded model.
+fn blocks_of(upload: &[u8], rate: Rate) -> Vec<(Vec<i16>, PackedCode)> {
+    let (slot, _) = uploaded(upload);
+    let packed = slot.weights().expect("a model in use").packed;
+    let mut memory = Box::new(PackedMemory::EMPTY);
+    let mut values = Vec::new();
+    let block = |step: Step| {
+        values.extend(step.electrodes.map(|electrode| {
+            let value = int8_nn::requantise(electrode, packed.input_multiplier);
+            i16::try_from(value.clamp(-packed.input_limit, packed.input_limit)).expect("limited")
+        }));
+        let code = memory.encode_step_with(&step, rate, &packed)?;
+        Some((core::mem::take(&mut values), code))
+    };
+    let blocks: Vec<_> = steps(400, false).filter_map(block).collect();
+    assert_eq!(blocks.len(), 400 / HOP);
+    blocks
+}
+
 #[test]
 fn blocks_of_an_uploaded_model_decode_to_its_own_coefficients() {
     let Some((model, bytes)) = another() else {
         return;
     };
-    let (slot, _) = uploaded(&bytes);
-    let packed = slot.weights().expect("a model in use").packed;
     let mut decoder = PackedDecoder::new(&model);
-    let mut memory = Box::new(PackedMemory::EMPTY);
     let rate = Rate::new(6).expect("a rate");
-    let mut values = Vec::new();
-    let mut blocks = 0;
-    for step in steps(400, false) {
-        values.extend(step.electrodes.map(|electrode| {
-            let value = int8_nn::requantise(electrode, packed.input_multiplier);
-            i16::try_from(value.clamp(-packed.input_limit, packed.input_limit)).expect("limited")
-        }));
-        let Some(code) = memory.encode_step_with(&step, rate, &packed) else {
-            continue;
-        };
+    for (values, code) in blocks_of(&bytes, rate) {
         decoder
             .decode(code.bytes(), rate)
             .expect("a block of this model");
-        let expected = model.analyse(&core::mem::take(&mut values));
+        let expected = model.analyse(&values);
         for (decoded, expected) in decoder.state().iter().zip(expected) {
             let error = i32::from(*decoded) - i32::from(expected);
             assert!(error.abs() <= 2 * rate.step(), "{decoded} for {expected}");
         }
-        blocks += 1;
     }
-    assert_eq!(blocks, 400 / HOP);
+}
+
+#[test]
+fn the_probes_of_a_weighted_model_find_misfits() {
+    let weighted = another_with(|model| {
+        model.description.weight = Some(ErrorWeight {
+            band_hz: [8.0, 30.0],
+            strength: 3.0,
+        });
+        model.synthesis = Some(std::vec![0.0; model.analysis.weights.len()]);
+        // What the probes find in the median block of this noise.
+        model.description.misfit_uv2 = 100.0;
+    });
+    let Some((model, bytes)) = weighted else {
+        return;
+    };
+    let energy = |numbers: &[i16]| -> i64 { numbers.iter().map(|&n| i64::from(n).pow(2)).sum() };
+    let (mut misfits, mut count) = (0, 0);
+    for (values, code) in blocks_of(&bytes, Rate::MIDDLE) {
+        let coefficients = model.analyse(&values);
+        let probes = &coefficients[coefficients.len() - packed::PROBES..];
+        // In squares of input values, which have a unit of half a microvolt.
+        let permitted = 400 * i64::try_from(values.len()).expect("few") + energy(&values) / 64;
+        assert_eq!(code.is_misfit, 32 * energy(probes) > permitted);
+        misfits += usize::from(code.is_misfit);
+        count += 1;
+    }
+    assert!(
+        (count / 5..4 * count / 5).contains(&misfits),
+        "{misfits} of {count}"
+    );
 }
 
 /// Part of a session in which a host uploads a model.
@@ -283,7 +325,7 @@ fn a_model_of_another_layout_or_shape_or_with_numbers_out_of_range_is_refused() 
         (6, &[1]),
         (8, &[1]),
         (10, &[1]),
-        (24, &(-1_i64).to_le_bytes()),
+        (24, &i64::MIN.to_le_bytes()),
         (24, &i64::MAX.to_le_bytes()),
         (32, &(-1_i32).to_le_bytes()),
         (32, &32_768_i32.to_le_bytes()),

@@ -1,0 +1,61 @@
+//! Frequency bands of decoders: electrodes after the band-pass, and bands as text.
+
+use crate::track::Track;
+use nalgebra::DMatrix;
+
+/// Factor from a coefficient to Q32.
+const Q32: f64 = 4_294_967_296.0;
+
+/// Lowest and highest edge of a band, Hz: what the device's filters let through.
+const EDGES_HZ: [f64; 2] = [1.0, 60.0];
+/// Least width of a band, Hz.
+const LEAST_WIDTH_HZ: f64 = 1.0;
+
+/// Returns the electrodes of a track in microvolts after `sections`, `[electrode, step]`. A section
+/// is gain, a1 and a2, Q32, as a device has them; its filter starts at rest.
+pub fn band_passed(track: &Track, sections: &[[i64; 3]]) -> DMatrix<f64> {
+    let values = track.values.iter().map(|&uv| f64::from(uv));
+    let mut signals = DMatrix::from_iterator(track.electrodes, track.steps(), values);
+    for section in sections {
+        let [gain, a1, a2] = section.map(|coefficient| coefficient as f64 / Q32);
+        let mut states = vec![[0.0; 4]; track.electrodes];
+        for mut step in signals.column_iter_mut() {
+            for (value, [x1, x2, y1, y2]) in step.iter_mut().zip(&mut states) {
+                let x = *value;
+                *value = gain * (x - *x2) + a1 * *y1 + a2 * *y2;
+                (*x2, *x1, *y2, *y1) = (*x1, x, *y1, *value);
+            }
+        }
+    }
+    signals
+}
+
+/// Parses a band, two frequencies in Hz, such as `8..30`.
+///
+/// # Errors
+/// If it is no band that the filters of a device let through.
+pub fn parse_band(text: &str) -> Result<[f64; 2], String> {
+    let [low, high] = parse_range(text)?;
+    let [least, most] = EDGES_HZ;
+    if low < least || high > most || high - low < LEAST_WIDTH_HZ {
+        return Err(format!(
+            "a band is within {least} to {most} Hz, which the filters of the device let through, \
+             and at least {LEAST_WIDTH_HZ} Hz wide"
+        ));
+    }
+    Ok([low, high])
+}
+
+/// Parses two ascending numbers, such as `0.5..4`.
+///
+/// # Errors
+/// If the text is anything else.
+pub fn parse_range(text: &str) -> Result<[f64; 2], String> {
+    let numbers = text
+        .split_once("..")
+        .map(|(low, high)| [low, high].map(str::parse));
+    match numbers {
+        Some([Ok(low), Ok(high)]) if f64::is_finite(high - low) && low < high => Ok([low, high]),
+        _ => Err("write two ascending numbers, such as 0.5..4".to_owned()),
+    }
+}
