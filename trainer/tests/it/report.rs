@@ -14,7 +14,7 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     // and those for decoders.
     let again = folder.succeed("evaluate --artifact=model --data=.");
     assert!(again.starts_with(&trained), "{again}");
-    assert_has(&again[trained.len()..], &["for decoders", "PCA-16"]);
+    assert_has(&again[trained.len()..], &["for decoders", "\npca "]);
     // Evaluate on a recording that lacks the last two electrodes and is named by its path.
     folder.write_recording("other.gdf", &LABELS[..6], 30, 9);
     let evaluate = "evaluate --artifact=model --test=other.gdf --json --report=report";
