@@ -5,7 +5,7 @@ integrate.py TOPIC OUTPUT
 
 Subscribes to the predictions on TOPIC, as rosneuro_integrator does: one probability for each of
 decoder.classes. Publishes the exponential mean of them on OUTPUT, and prints a line of JSON for each
-message. Prints `{"ready": ...}` once it is subscribed; ends on a signal.
+message. Prints `{"ready": ...}` once it is linked to a publisher; ends on a signal.
 """
 
 import json
@@ -50,7 +50,10 @@ def main():
         with lock:
             print(line, flush=True)
 
-    rospy.Subscriber(topic, NeuroOutput, heard, queue_size=1, tcp_nodelay=True)
+    # A queue, because the test wants every message, on a busy machine too.
+    subscriber = rospy.Subscriber(topic, NeuroOutput, heard, queue_size=1000, tcp_nodelay=True)
+    while subscriber.get_num_connections() == 0:
+        time.sleep(0.01)
     with lock:
         print(json.dumps({"ready": NeuroOutput._md5sum}), flush=True)
     threading.Event().wait()

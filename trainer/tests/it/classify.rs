@@ -120,7 +120,7 @@ fn recordings_with_events_become_a_classifier_with_a_report() {
         (
             "--force --events=769,771",
             2,
-            "no recording has the event 771; they have: 769 (14 times), 770",
+            "no recording of --train has the event 771; they have: 769 (14 times), 770",
         ),
         ("--force --events=769", 2, "two or more classes"),
         ("--force --events=769,T1", 2, "T1 is no code"),
