@@ -94,8 +94,8 @@ pub async fn converse(
 /// State that the futures of the conversation share.
 struct Conversation<'c, 'i> {
     state: RefCell<(&'c mut Session<'i>, &'c mut Frames)>,
-    /// Time at which the newest code, block or features were queued, ticks; `None` once the port has
-    /// accepted it.
+    /// Time at which the newest code, block or features were queued, ticks; `None` once the port
+    /// has accepted it.
     code_ticks: Cell<Option<u32>>,
     /// Set when there may be new frames to write.
     frames_waiting: Signal<NoopRawMutex, ()>,

@@ -2,10 +2,11 @@
 //!
 //! Each sample is the sum of several components: a 1/f^1.7 background from dipoles in the cortex
 //! (`background`), alpha bursts from the occipital cortex (`alpha`), on request the sensorimotor
-//! rhythm of both hand areas (`mu`), and blinks (`blink`); white noise of the sensors; mains, an electrode offset and its slow drift; and, on request, episodes
-//! at the ADC's rail (`interference`). Each component has a separate random stream, so switching
-//! blinks or rails off does not change the others. The dipoles are drawn from the seed, and the
-//! potentials at an electrode do not depend on the other electrodes.
+//! rhythm of both hand areas (`mu`), and blinks (`blink`); white noise of the sensors; mains, an
+//! electrode offset and its slow drift; and, on request, episodes at the ADC's rail
+//! (`interference`). Each component has a separate random stream, so switching blinks or rails off
+//! does not change the others. The dipoles are drawn from the seed, and the potentials at an
+//! electrode do not depend on the other electrodes.
 //!
 //! A dipole's potential is that on a sphere of brain, skull and scalp (`head`), against the mean of
 //! both ear lobes. Compared with a recording of the same 61 electrodes

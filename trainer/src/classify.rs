@@ -30,7 +30,7 @@ use std::fmt;
 use std::io::Write as _;
 use std::path::PathBuf;
 
-pub(crate) use coding_loss::{CodingLoss, DecoderOptions, DecoderTable};
+pub(crate) use coding_loss::{ClassifierLossOptions, ClassifierLossTable, CodingLoss};
 pub(crate) use figures::{chance, percent};
 pub(crate) use options::ClassifyOptions;
 pub(crate) use validation::Course;

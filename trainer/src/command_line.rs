@@ -3,7 +3,7 @@
 mod terminal;
 
 use crate::check::{CheckOptions, check};
-use crate::classify::{self, ClassifyOptions, DecoderOptions};
+use crate::classify::{self, ClassifierLossOptions, ClassifyOptions};
 use crate::comparison;
 use crate::crossval::{self, CrossvalOptions, Table};
 use crate::difference::Difference;
@@ -77,7 +77,7 @@ struct EvaluateArgs {
     #[command(flatten)]
     files: TestFiles,
     #[command(flatten)]
-    decoder: DecoderOptions,
+    loss: ClassifierLossOptions,
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
@@ -197,7 +197,7 @@ fn evaluate(args: &EvaluateArgs) -> Result<ExitCode, TrainerError> {
     report::prepare(folder, args.report.force)?;
     let terminal = &mut Terminal::new();
     let comparison =
-        comparison::compare_for(&args.artifact, &args.files, Some(&args.decoder), terminal)?;
+        comparison::compare_for(&args.artifact, &args.files, Some(&args.loss), terminal)?;
     if let Some(folder) = folder {
         report::write(folder, "Error of a model", None, Some(&comparison))?;
         terminal.message(&report::message(folder));

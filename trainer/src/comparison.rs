@@ -1,6 +1,6 @@
 //! Figures of a model on recordings: those that it was trained on, or others.
 
-use crate::classify::{CodingLoss, DecoderOptions, DecoderTable};
+use crate::classify::{ClassifierLossOptions, ClassifierLossTable, CodingLoss};
 use crate::dataset::Dataset;
 use crate::electrode_error::{ElectrodeError, ElectrodeSums};
 use crate::error::TrainerError;
@@ -16,7 +16,7 @@ use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
 use nalgebra::DMatrix;
 use packed_fit::Track;
 use packed_fit::band_power::BandPower;
-use packed_fit::{RateFigures, evaluate_observed};
+use packed_fit::{RateFigures, evaluate as evaluate_packed};
 use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
@@ -53,13 +53,13 @@ pub struct Comparison {
     /// Error for each person, with substitution on and off; empty if the model has no network or no
     /// table of substitutions, or after a training.
     pub(crate) people: Vec<PersonError>,
-    /// What decoders lose with each code; `None` after a training.
-    pub(crate) decoders: Option<DecoderTable>,
+    /// What classifiers lose with each code; `None` after a training.
+    pub(crate) classifiers: Option<ClassifierLossTable>,
 }
 
 impl Comparison {
     /// Measures a model and its PCA on tracks, which have passed the model's front end, and for
-    /// decoders if `loss` has the same recordings.
+    /// classifiers if `loss` has the same recordings.
     ///
     /// # Errors
     /// If a track is shorter than a window, or the model cannot be turned into integers.
@@ -89,17 +89,20 @@ impl Comparison {
         } else {
             None
         };
-        let mut rates = 0..;
+        let (mut rates, mut added) = (0.., Ok(()));
         let mut observe = |decoded: &[DMatrix<f32>]| {
             if let (Some(loss), Some(rate)) = (&mut loss, rates.next()) {
                 let decoded = decoded.iter().map(DMatrix::as_slice);
-                loss.add(&format!("packed, rate {rate}"), decoded);
+                if added.is_ok() {
+                    added = loss.add(&format!("packed, rate {rate}"), decoded);
+                }
             }
         };
         let packed = match &model.packed {
-            Some(packed) => evaluate_observed(packed, tracks, description, &mut observe)?,
+            Some(packed) => evaluate_packed(packed, tracks, description, &mut observe)?,
             None => Vec::new(),
         };
+        added?;
         let electrodes = &description.montage.electrodes;
         let recorded = electrodes.iter().filter(|label| is_recorded(label));
         Ok(Self {
@@ -110,7 +113,7 @@ impl Comparison {
             recordings: tracks.iter().map(|track| track.name.clone()).collect(),
             codes,
             packed,
-            decoders: loss.map(|loss| loss.table),
+            classifiers: loss.map(|loss| loss.table),
             packed_rate: model.packed.as_ref().map(|packed| packed.description.rate),
             without_prediction: without_prediction(model, tracks),
             hop: description.window.hop,
@@ -129,7 +132,7 @@ impl Comparison {
             "real_electrodes": self.real_electrodes,
             "packed_without_prediction": self.without_prediction,
             "packed": self.packed.iter().map(packed::to_json).collect::<Vec<_>>(),
-            "decoders": self.decoders.as_ref().map(DecoderTable::to_json),
+            "classifiers": self.classifiers.as_ref().map(ClassifierLossTable::to_json),
             "people": self.people.iter().map(PersonError::to_json).collect::<Vec<_>>(),
         });
         let codes = self.codes.as_ref().map(CodeComparison::to_json);
@@ -191,8 +194,8 @@ impl fmt::Display for Comparison {
         if !self.people.is_empty() {
             write!(f, "\n{}", PeopleTable(&self.people))?;
         }
-        if let Some(decoders) = &self.decoders {
-            write!(f, "{decoders}")?;
+        if let Some(classifiers) = &self.classifiers {
+            write!(f, "{classifiers}")?;
         }
         if self.packed.is_empty() {
             return Ok(());
@@ -244,14 +247,14 @@ pub fn compare(
     compare_for(folder, files, None, observer)
 }
 
-/// Evaluates an artifact like [`compare`], and what decoders lose if there are options for them.
+/// Evaluates an artifact like [`compare`], and what classifiers lose if there are options for them.
 ///
 /// # Errors
 /// Those of [`compare`], or if the recordings lack the events or enough trials.
 pub(crate) fn compare_for(
     folder: &Path,
     files: &TestFiles,
-    decoder: Option<&DecoderOptions>,
+    loss: Option<&ClassifierLossOptions>,
     observer: &mut impl ProgressObserver,
 ) -> Result<Comparison, TrainerError> {
     let model = Artifact::read(folder)?;
@@ -287,8 +290,8 @@ pub(crate) fn compare_for(
     };
     let electrodes = &model.description.montage.electrodes;
     let people = People::new(tracks, electrodes, files.subject.as_deref(), observer)?;
-    let loss = decoder.map(|decoder| {
-        CodingLoss::new(decoder, &recordings, &people, &model.description, mains_hz)
+    let loss = loss.map(|options| {
+        CodingLoss::new(options, &recordings, &people, &model.description, mains_hz)
     });
     let loss = loss.transpose()?;
     observer.message("evaluating ...");
@@ -420,7 +423,7 @@ impl CodeComparison {
 }
 
 /// Measures the errors of a model on a dataset, the correlation of its band powers and, under a
-/// name, what decoders lose. Passes each block of windows to `observe`.
+/// name, what classifiers lose. Passes each block of windows to `observe`.
 fn evaluate_with_bands(
     model: &Artifact,
     dataset: &Dataset,
@@ -439,7 +442,7 @@ fn evaluate_with_bands(
     );
     let mean = decoded.mean();
     if let Some(loss) = loss {
-        loss.add(name, mean.iter().map(Vec::as_slice));
+        loss.add(name, mean.iter().map(Vec::as_slice))?;
     }
     let bands = band_power.correlation(&decoded.original(), &mean);
     Ok(CodeFigures { errors, bands })

@@ -84,7 +84,8 @@ struct FitOptions {
     /// all errors weigh alike].
     #[arg(long = "for", value_name = "USE", value_parser = packed_fit::weight_for)]
     weight: Option<ErrorWeight>,
-    /// Weight of the errors in the band of --for, relative to those at all frequencies [default: 3].
+    /// Weight of the errors in the band of --for, relative to those at all frequencies [default:
+    /// 3].
     #[arg(long, requires = "weight", value_parser = positive)]
     strength: Option<f64>,
 }

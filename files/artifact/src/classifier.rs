@@ -9,6 +9,7 @@ pub use error::ClassifierError;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// Largest number of spatial filters that a device takes.
@@ -17,8 +18,8 @@ pub const MAX_FEATURES: usize = 8;
 /// all electrodes then fits the 24 bits in which a device adds it up.
 pub const LARGEST_ROW: u32 = 2_047;
 
-/// Largest gain from a filter's signal, below 2^23, to an output of a section: the difference of two
-/// outputs, which the next section multiplies, stays below 2^31.
+/// Largest gain from a filter's signal, below 2^23, to an output of a section: the difference of
+/// two outputs, which the next section multiplies, stays below 2^31.
 const LARGEST_GAIN: f64 = 128.0;
 /// Largest window of a decision: some minutes. Largest magnitude of a weight or bias, with which no
 /// score overflows.
@@ -93,10 +94,15 @@ pub struct DecisionRule {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Class {
-    /// Event code, such as 769; `NeuroOutput` names classes by these numbers.
+    /// Event code in [`Class::CODES`], such as 769; `NeuroOutput` names classes by these numbers.
     pub code: i32,
     /// Label of the event in the recordings, such as `T1`.
     pub event: String,
+}
+
+impl Class {
+    /// Range of codes: those of event files, which have 16 bits. 0 is no decision.
+    pub const CODES: RangeInclusive<i32> = 1..=65_535;
 }
 
 /// How a classifier was trained.
@@ -248,6 +254,11 @@ impl Classifier {
             "decision.classes",
             !decision.classes.iter().enumerate().any(is_repeated),
             "different codes",
+        )?;
+        field(
+            "decision.classes",
+            (decision.classes.iter()).all(|class| Class::CODES.contains(&class.code)),
+            "codes from 1 to 65,535",
         )?;
         field(
             "decision.window_hops",

@@ -35,8 +35,8 @@ pub struct Options {
     pub mains: Mains,
     /// Seed of the synthetic EEG.
     pub seed: u64,
-    /// Whether the recording is played as fast as board and bridge can, without latencies, in the
-    /// place of real time.
+    /// Whether the recording is played as fast as board and bridge can, without latencies, instead
+    /// of in real time.
     pub fast: bool,
 }
 

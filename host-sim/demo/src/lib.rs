@@ -96,7 +96,7 @@ fn require(programs: &Path, names: &[&str], builder: &str) -> Result<(), Failure
     })
 }
 
-/// A failure that ends the demo.
+/// A failure that ends the program.
 #[derive(Debug)]
 pub struct Failure {
     /// Exit status: 1 if a check failed, 2 if a file is missing, 3 if one of the programs did not

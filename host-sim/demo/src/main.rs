@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -10,15 +11,35 @@ use demo::closed_loop::{self, Options};
 use pipeline::Mains;
 
 fn main() -> ExitCode {
-    let words: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<OsString> = std::env::args_os().skip(1).collect();
     let program = std::env::current_exe().unwrap_or_default();
     let programs = program.parent().unwrap_or(Path::new("."));
-    let words: Vec<&str> = words.iter().map(String::as_str).collect();
-    let ended = match &words[..] {
-        ["loop", mains, seed, pace, own @ ..] => seed
-            .parse()
-            .ok()
-            .map(|seed| run_loop(mains, seed, pace, own, programs)),
+    // Only paths can be something else than text.
+    let texts: Vec<&str> = words
+        .iter()
+        .map(|word| word.to_str().unwrap_or_default())
+        .collect();
+    let ended = match &texts[..] {
+        [
+            "loop",
+            mains @ ("50" | "60"),
+            seed,
+            pace @ ("realtime" | "fast"),
+            own @ ..,
+        ] if [0, 2].contains(&own.len()) => {
+            let own = <&[OsString; 2]>::try_from(&words[4..]).ok();
+            let options = seed.parse().map(|seed| Options {
+                own: own.map(|own| own.each_ref().map(PathBuf::from)),
+                mains: if *mains == "60" {
+                    Mains::Hz60
+                } else {
+                    Mains::Hz50
+                },
+                seed,
+                fast: *pace == "fast",
+            });
+            options.ok().map(|options| run_loop(&options, programs))
+        }
         [seconds, seed] => {
             let numbers = seconds.parse().ok().zip(seed.parse().ok());
             numbers.map(|(seconds, seed)| demo::demo(seconds, seed, programs))
@@ -42,27 +63,9 @@ fn main() -> ExitCode {
 }
 
 /// Runs the closed loop, and prints what came of it.
-fn run_loop(
-    mains: &str,
-    seed: u64,
-    pace: &str,
-    own: &[&str],
-    programs: &Path,
-) -> Result<(), Failure> {
-    let options = Options {
-        own: <[&str; 2]>::try_from(own)
-            .ok()
-            .map(|own| own.map(PathBuf::from)),
-        mains: if mains == "60" {
-            Mains::Hz60
-        } else {
-            Mains::Hz50
-        },
-        seed,
-        fast: pace == "fast",
-    };
+fn run_loop(options: &Options, programs: &Path) -> Result<(), Failure> {
     let folder = programs.with_file_name("loop");
-    let outcome = closed_loop::run(&options, programs, Some(&folder))?;
+    let outcome = closed_loop::run(options, programs, Some(&folder))?;
     let next = "make room on the disk and run it again";
     new_file::print(format_args!(
         "{outcome}picture: {}/loop.svg\n",

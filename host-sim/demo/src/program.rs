@@ -1,5 +1,6 @@
 //! Starts and stops child processes, each with a log file for its output.
 
+use std::env;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -39,7 +40,14 @@ impl Program {
         let log = logs.join(&*name).with_extension("log");
         let start = || -> io::Result<Child> {
             let file = File::create(&log)?;
-            Command::new(path)
+            let mut command = Command::new(path);
+            // The options of the user's own programs are not meant for this one.
+            for (name, _) in env::vars_os() {
+                if name.to_string_lossy().starts_with("CORTICODE_") {
+                    command.env_remove(name);
+                }
+            }
+            command
                 .args(arguments)
                 .stdin(Stdio::null())
                 .stdout(match stdout {
@@ -48,13 +56,14 @@ impl Program {
                 })
                 .stderr(file)
                 // The child gets its own process group, so that Ctrl-C in the terminal reaches only
-                // the demo, which stops its children.
+                // this program, which stops its children.
                 .process_group(0)
                 .kill_on_drop(true)
                 .spawn()
         };
-        let child = start()
-            .map_err(|error| Failure::unreachable(&name, error, "`cargo demo`, which builds it"))?;
+        let child = start().map_err(|error| {
+            Failure::unreachable(&name, error, "`cargo demo` or `cargo loop`, which build it")
+        })?;
         let name = name.into_owned();
         Ok(Self { name, child, log })
     }

@@ -54,9 +54,10 @@ pub(crate) enum Refusal {
 /// # Errors
 ///
 /// [`Refusal`] if the limits `rtprio` and `memlock` do not permit it, and the capabilities
-/// `CAP_SYS_NICE` and `CAP_IPC_LOCK` are missing.
+/// `CAP_SYS_NICE` and `CAP_IPC_LOCK` are missing. Then nothing has changed, but for
+/// [`Refusal::Memory`], after which the thread has the priority.
 pub(crate) fn request() -> Result<(), Refusal> {
-    lock_memory()?;
+    check_memory_limit()?;
     let refused = |error| {
         Refusal::Priority(match error {
             PriorityError::OS(code) => io::Error::from_raw_os_error(code),
@@ -67,12 +68,12 @@ pub(crate) fn request() -> Result<(), Refusal> {
         .map_err(|error| Refusal::Priority(io::Error::other(error)))?;
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let (thread, priority) = (thread_native_id(), ThreadPriority::Crossplatform(priority));
-    set_thread_priority_and_policy(thread, priority, fifo).map_err(refused)
+    set_thread_priority_and_policy(thread, priority, fifo).map_err(refused)?;
+    lock_memory()
 }
 
 #[cfg(target_os = "linux")]
-fn lock_memory() -> Result<(), Refusal> {
-    use rustix::mm::{MlockAllFlags, mlockall};
+fn check_memory_limit() -> Result<(), Refusal> {
     use rustix::process::{Resource, getrlimit};
     use rustix::thread::{CapabilitySet, capabilities};
 
@@ -82,11 +83,23 @@ fn lock_memory() -> Result<(), Refusal> {
     if getrlimit(Resource::Memlock).current.is_some() && !may_exceed_limit {
         return Err(Refusal::MemoryLimit);
     }
+    Ok(())
+}
+
+#[cfg(target_os = "linux")]
+fn lock_memory() -> Result<(), Refusal> {
+    use rustix::mm::{MlockAllFlags, mlockall};
+
     let locked = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE);
     locked.map_err(|error| Refusal::Memory(error.into()))
 }
 
 /// Only Linux can lock all memory of a program.
+#[cfg(not(target_os = "linux"))]
+fn check_memory_limit() -> Result<(), Refusal> {
+    Ok(())
+}
+
 #[cfg(not(target_os = "linux"))]
 fn lock_memory() -> Result<(), Refusal> {
     Ok(())

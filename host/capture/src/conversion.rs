@@ -302,6 +302,11 @@ fn outputs(
         let path = options.file.clone();
         let source = match objection {
             Some(objection) => RecordingError::NothingUsable(objection),
+            None if options.classifier.is_some() => RecordingError::NothingUsable(
+                "it has no codes or samples, and no features of this classifier; name the \
+                 --classifier with which it was recorded"
+                    .to_owned(),
+            ),
             None => RecordingError::NoDevice,
         };
         return Err(ConvertError::Recording { path, source });

@@ -110,8 +110,8 @@ const _: () = assert!(
     "an uploaded model is used as the host has sent it: least significant bytes first"
 );
 
-/// Memory for one uploaded model: a packed model, or this and a linear code. A board can create it in place: all of its bytes are 0
-/// while it is empty (`FromZeros`).
+/// Memory for one uploaded model: a packed model, or this and a linear code. A board can create it
+/// in place: all of its bytes are 0 while it is empty (`FromZeros`).
 ///
 /// Chunks arrive in order. Damaged, missing and repeated ones change nothing that was received, and
 /// a model is used only when its length, its CRC and its numbers are right. Its encoder cannot

@@ -108,13 +108,11 @@ impl Reference {
         let permitted = description.misfit_uv2 / description.unit_uv.powi(2) * values.len() as f64;
         // The limits are integers: a block exactly at the limit is no misfit.
         let permitted = permitted.floor() + (energy(values) / 64.0).floor();
-        let lacking = if description.weight.is_some() {
-            let probes = &coefficients[coefficients.len() - packed::PROBES..];
-            energy(probes) * f64::from(1 << packed::PROBE_SHIFT)
-        } else {
-            energy(values) - energy(coefficients)
-        };
-        lacking > permitted
+        assert!(
+            description.weight.is_none(),
+            "probes are tested in the crate device"
+        );
+        energy(values) - energy(coefficients) > permitted
     }
 
     /// Quantises a residual and codes it; returns the block's bytes and magnitudes. If the residual

@@ -53,24 +53,12 @@ impl RateFigures {
     }
 }
 
-/// Measures a packed model on tracks at every rate, finest first.
+/// Measures a packed model on tracks at every rate, finest first. Passes the decoded signals of
+/// each rate to `observe`: those a block later, in units of `input.sd_uv`, one for each track.
 ///
 /// # Errors
 /// If the directions of the analysis depend on each other.
 pub fn evaluate(
-    model: &PackedModel,
-    tracks: &[Track],
-    description: &Description,
-) -> Result<Vec<RateFigures>, FitError> {
-    evaluate_with_resets(model, tracks, description, RESET, &mut |_| ())
-}
-
-/// Measures a packed model like [`evaluate`]. Passes the decoded signals of each rate, finest first,
-/// to `observe`: those a block later, in units of `input.sd_uv`, one for each track.
-///
-/// # Errors
-/// See [`evaluate`].
-pub fn evaluate_observed(
     model: &PackedModel,
     tracks: &[Track],
     description: &Description,
@@ -79,7 +67,8 @@ pub fn evaluate_observed(
     evaluate_with_resets(model, tracks, description, RESET, observe)
 }
 
-/// Measures a packed model like [`evaluate_observed`], but codes every `reset`-th block without prediction.
+/// Measures a packed model like [`evaluate`], but codes every `reset`-th block without
+/// prediction.
 pub(crate) fn evaluate_with_resets(
     model: &PackedModel,
     tracks: &[Track],

@@ -40,7 +40,7 @@ mod transform;
 mod weight;
 
 pub use error::FitError;
-pub use evaluation::{RateFigures, evaluate, evaluate_observed};
+pub use evaluation::{RateFigures, evaluate};
 pub use fit::{coefficients, fit, without_prediction};
 pub use good_signal::GoodSignal;
 pub use personal_code::{MIN_RANGE, PersonalCode};

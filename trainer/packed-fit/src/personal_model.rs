@@ -22,7 +22,8 @@ pub struct PersonalModel {
 
 impl PersonalModel {
     /// Fits a packed model with as many coefficients as `other` has, and with its rate, for the
-    /// least error as `weight` weighs it, and compares it with `other`. What is done is reported to `report`.
+    /// least error as `weight` weighs it, and compares it with `other`. What is done is reported to
+    /// `report`.
     ///
     /// # Errors
     /// If the signal does not determine a model.
@@ -44,8 +45,8 @@ impl PersonalModel {
         model.description.rate = other.description.rate;
         Ok(Self {
             model,
-            own: evaluate(&tested, &last, description)?,
-            other: evaluate(other, &last, description)?,
+            own: evaluate(&tested, &last, description, &mut |_| ())?,
+            other: evaluate(other, &last, description, &mut |_| ())?,
             power: squares.sum::<f64>() / values.max(1) as f64,
         })
     }

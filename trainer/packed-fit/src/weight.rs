@@ -1,5 +1,5 @@
-//! The weighted error of a block: what a packed model, or a linear code, is fitted to for decoders
-//! that read a frequency band through spatial filters.
+//! The weighted error of a block, to which a packed model is fitted for classifiers that read a
+//! frequency band through spatial filters.
 //!
 //! ```text
 //! weighted error = e' (I + strength R (x) S) e          e: error of a block, order step, electrode
@@ -27,8 +27,8 @@ const MOTOR_HZ: [f64; 2] = [8.0, 30.0];
 /// Weight in the band if none is given.
 const STRENGTH: f64 = 3.0;
 
-/// Returns the weight of errors for a decoder of `purpose`: `motor` (8 to 30 Hz), or a band such as
-/// `8..13`, Hz.
+/// Returns the weight of errors for classifiers of `purpose`: `motor` (8 to 30 Hz), or a band such
+/// as `8..13`, Hz.
 ///
 /// # Errors
 /// If it is neither.
@@ -92,7 +92,7 @@ impl Metric {
         })
     }
 
-    /// Returns the symmetric root: the sum of the squares of what it makes of an error is the
+    /// Returns the symmetric square root: the squared norm of its product with an error is the
     /// weighted error.
     pub fn root(&self) -> DMatrix<f64> {
         self.mapped(f64::sqrt)

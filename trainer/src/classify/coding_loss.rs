@@ -1,4 +1,4 @@
-//! What coding costs a decoder that reads a band through spatial filters.
+//! What coding costs a classifier that reads a band through spatial filters.
 //!
 //! ```text
 //! original --> filters of each person --> components in the band --> power
@@ -29,28 +29,30 @@ const COMPONENTS: usize = 6;
 /// Area under the curve of guesses.
 const GUESS: f64 = 0.5;
 
-/// Options of the figures for decoders.
+/// Options of the figures for classifiers.
 #[derive(clap::Args, Clone, Debug)]
-pub(crate) struct DecoderOptions {
+pub(crate) struct ClassifierLossOptions {
     /// Events that start the trials of each class, two or more, as in `trainer classify`: then the
-    /// figures for decoders have the area under the curve too.
+    /// figures for classifiers have the area under the curve too.
     #[arg(long, value_delimiter = ',', value_parser = class)]
     events: Vec<Class>,
     #[command(flatten)]
     task: TaskOptions,
 }
 
-/// What decoders lose with each code, as a table.
+/// What classifiers lose with each code, as a table.
 #[derive(Clone, Debug)]
-pub(crate) struct DecoderTable {
+pub(crate) struct ClassifierLossTable {
     /// Area under the curve on the original signals, mean over the people; `None` without events.
     original_auc: Option<f64>,
+    /// Number of trials of all people, whole and after the filters have settled.
+    trials: usize,
     /// Name of each code, power of components divided by that of their error in dB, and area under
     /// the curve.
     rows: Vec<(String, f64, Option<f64>)>,
 }
 
-/// Recordings on which the loss of decoders is measured.
+/// Recordings on which the loss of classifiers is measured.
 pub(crate) struct CodingLoss {
     tracks: Vec<Track>,
     /// Indices of each person's recordings, and spatial filters, `[electrode, filter]`.
@@ -60,7 +62,7 @@ pub(crate) struct CodingLoss {
     unit_uv: f64,
     /// Trials and events of each recording, if events are named.
     task: Option<(Plan, Start, Vec<Events>)>,
-    pub(crate) table: DecoderTable,
+    pub(crate) table: ClassifierLossTable,
 }
 
 impl CodingLoss {
@@ -69,7 +71,7 @@ impl CodingLoss {
     /// # Errors
     /// If the recordings lack the events, or a person has too few trials or no signal.
     pub(crate) fn new(
-        options: &DecoderOptions,
+        options: &ClassifierLossOptions,
         recordings: &[PathBuf],
         people: &People,
         description: &Description,
@@ -84,8 +86,9 @@ impl CodingLoss {
             sections: model_gen::band_power_sections(options.task.band, rate_hz),
             unit_uv: description.input.sd_uv,
             task: None,
-            table: DecoderTable {
+            table: ClassifierLossTable {
                 original_auc: None,
+                trials: 0,
                 rows: Vec::new(),
             },
         };
@@ -99,6 +102,8 @@ impl CodingLoss {
             let filters = match &loss.task {
                 Some((plan, ..)) => {
                     let sessions = loss.sessions(&loss.tracks, &indices);
+                    plan.check_trials(&sessions)?;
+                    loss.table.trials += sessions.iter().map(|s| s.trials.len()).sum::<usize>();
                     let trials = sessions.iter().flat_map(Session::with_trials);
                     fit(plan, &trials.collect::<Vec<_>>())?.filters
                 }
@@ -106,12 +111,19 @@ impl CodingLoss {
             };
             loss.people.push((indices, filters));
         }
-        loss.table.original_auc = loss.auc(&loss.tracks)?;
+        loss.table.original_auc = loss.auc(&loss.tracks, None)?;
         Ok(loss)
     }
 
     /// Measures the decoded signals of a code, one for each recording, in units of `input.sd_uv`.
-    pub(crate) fn add<'d>(&mut self, code: &str, decoded: impl Iterator<Item = &'d [f32]>) {
+    ///
+    /// # Errors
+    /// If no device could run a classifier of the decoded signals.
+    pub(crate) fn add<'d>(
+        &mut self,
+        code: &str,
+        decoded: impl Iterator<Item = &'d [f32]>,
+    ) -> Result<(), TrainerError> {
         let decoded = self.tracks.iter().zip(decoded).map(|(track, values)| {
             #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
             let microvolts = |value: &f32| (f64::from(*value) * self.unit_uv) as f32;
@@ -135,21 +147,24 @@ impl CodingLoss {
                 .mean()
         });
         let snr_db = ratios.sum::<f64>() / self.people.len() as f64;
-        // The trials are those of the original. So what fails is a decoder of silence, which the
-        // coarsest rates can decode to: it guesses.
-        let auc = self.auc(&decoded).unwrap_or(Some(GUESS));
+        let auc = self.auc(&decoded, Some(GUESS))?;
         self.table.rows.push((code.to_owned(), snr_db, auc));
+        Ok(())
     }
 
-    /// Returns the mean over people of the area under the curve; `None` without events.
-    fn auc(&self, tracks: &[Track]) -> Result<Option<f64>, TrainerError> {
+    /// Returns the mean over people of the area under the curve; `None` without events. `silent` is
+    /// that of a person whose signals are silent, which the coarsest rates can decode to.
+    fn auc(&self, tracks: &[Track], silent: Option<f64>) -> Result<Option<f64>, TrainerError> {
         let Some((plan, ..)) = &self.task else {
             return Ok(None);
         };
         let each = self.people.iter().map(|(indices, _)| {
             let sessions = self.sessions(tracks, indices);
-            let (figures, _) = cross_validate(plan, &sessions, &folds(&sessions))?;
-            Ok(figures.auc_float)
+            match (cross_validate(plan, &sessions, &folds(&sessions)), silent) {
+                (Ok((figures, _)), _) => Ok(figures.auc_float),
+                (Err(TrainerError::Fit(FitError::Silent)), Some(guess)) => Ok(guess),
+                (Err(error), _) => Err(error),
+            }
         });
         let sum = each.sum::<Result<f64, TrainerError>>()?;
         Ok(Some(sum / self.people.len() as f64))
@@ -191,25 +206,34 @@ fn with_values(track: &Track, values: impl Iterator<Item = f32>) -> Track {
     }
 }
 
-impl DecoderTable {
+impl ClassifierLossTable {
     /// Returns the figures as a JSON object.
     pub(crate) fn to_json(&self) -> Json {
         let row = |(code, snr_db, auc): &(String, f64, Option<f64>)| json!({ "code": code, "snr_db": snr_db, "auc": auc });
         let codes: Vec<Json> = self.rows.iter().map(row).collect();
-        json!({ "original_auc": self.original_auc, "codes": codes })
+        json!({ "original_auc": self.original_auc, "trials": self.trials, "codes": codes })
     }
 }
 
-impl fmt::Display for DecoderTable {
+impl fmt::Display for ClassifierLossTable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "\nfor decoders of a band: spatially filtered components")?;
+        writeln!(
+            f,
+            "\nfor classifiers of a band: spatially filtered components"
+        )?;
         let Some(original) = self.original_auc else {
             writeln!(f, "code                 SNR dB")?;
             let mut rows = self.rows.iter();
             return rows.try_for_each(|(code, snr_db, _)| writeln!(f, "{code:<18} {snr_db:>8.2}"));
         };
         writeln!(f, "code                 SNR dB    AUC %   difference")?;
-        writeln!(f, "{:<27} {:>8.1}", "original", 100.0 * original)?;
+        writeln!(
+            f,
+            "{:<27} {:>8.1}   {} trials",
+            "original",
+            100.0 * original,
+            self.trials
+        )?;
         for (code, snr_db, auc) in &self.rows {
             let auc = auc.unwrap_or(GUESS);
             let [auc, difference] = [auc, auc - original].map(|part| 100.0 * part);

@@ -71,7 +71,8 @@ fn wilson(right: u32, trials: u32) -> [f64; 2] {
 }
 
 /// Returns the part of all pairs of trials of two classes, each pair within a part, that the
-/// difference of their scores puts in the right order; the mean over all pairs of classes. 0.5 if no two trials can be compared.
+/// difference of their scores puts in the right order; the mean over all pairs of classes. 0.5 if
+/// no two trials can be compared.
 fn auc(parts: &[Part], classes: usize, scores: impl Fn(&Decided) -> &Vec<f64>) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for a in 0..classes {

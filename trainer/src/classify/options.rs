@@ -52,7 +52,7 @@ pub(crate) struct TaskOptions {
     #[arg(long, value_name = "HZ..HZ", default_value = "8..30", value_parser = parse_band)]
     pub(crate) band: [f64; 2],
     /// Start and end of the part of each trial that is used, seconds after its event.
-    #[arg(long, value_name = "S..S", default_value = "0.5..4", value_parser = trial, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S..S", default_value = "0.5..4", requires = "events", value_parser = trial, allow_hyphen_values = true)]
     pub(super) trial: [f64; 2],
 }
 
@@ -62,6 +62,10 @@ pub(crate) fn class(text: &str) -> Result<Class, String> {
     let code = code.trim().parse().map_err(|_| {
         format!("{code} is no code: write LABEL=CODE with a whole number, such as T1=769")
     })?;
+    if !Class::CODES.contains(&code) {
+        let [least, most] = [Class::CODES.start(), Class::CODES.end()];
+        return Err(format!("{code} is no code of an event: {least} to {most}"));
+    }
     let event = event.trim().to_owned();
     Ok(Class { code, event })
 }

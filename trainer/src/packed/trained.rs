@@ -41,7 +41,7 @@ pub(super) fn train(
     } else {
         &tracks.test
     };
-    let figures = evaluate(&model, tested, description)?;
+    let figures = evaluate(&model, tested, description, &mut |_| ())?;
     if let Some(target) = options.target_mse {
         let rate = coarsest_within(&figures, target)?;
         model.description.rate = rate;

@@ -37,7 +37,7 @@ fn write_trials(folder: &Folder, name: &str, seed: u64) {
 }
 
 #[test]
-fn an_evaluation_states_what_decoders_lose_and_less_with_a_weighted_code() {
+fn an_evaluation_states_what_classifiers_lose_and_less_with_a_weighted_code() {
     let folder = Folder::new();
     for run in 1..=2 {
         write_trials(&folder, &format!("run{run}.gdf"), run);
@@ -49,19 +49,19 @@ fn an_evaluation_states_what_decoders_lose_and_less_with_a_weighted_code() {
         ));
         let evaluate = "evaluate --artifact=model --test=run1,run2 --json";
         let without = folder.json(evaluate);
-        let row = &without["decoders"]["codes"][4];
+        let row = &without["classifiers"]["codes"][4];
         assert!(
             row["auc"].is_null() && row["snr_db"].is_number(),
             "{without}"
         );
         let json = folder.json(&format!("{evaluate} --events=769,770"));
-        let decoders = &json["decoders"];
+        let classifiers = &json["classifiers"];
         assert!(
-            decoders["original_auc"]
+            classifiers["original_auc"]
                 .as_f64()
                 .is_some_and(|auc| auc > 0.95)
         );
-        let figure = |rate: usize, name: &str| decoders["codes"][rate][name].as_f64();
+        let figure = |rate: usize, name: &str| classifiers["codes"][rate][name].as_f64();
         // What the finest rate keeps suffices, and the coarsest keeps nothing.
         assert!(figure(0, "auc").is_some_and(|auc| auc > 0.95), "{json}");
         assert!(figure(15, "snr_db").is_some_and(|snr| snr < 3.0), "{json}");

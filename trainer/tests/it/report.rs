@@ -11,10 +11,10 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let trained = folder.train("shortcut", train);
     fs::remove_file(folder.path("run1.gdf")).expect("the training file");
     // Without `--test`, the training card's test recordings are used, which give the same figures,
-    // and those for decoders.
+    // and those for classifiers.
     let again = folder.succeed("evaluate --artifact=model --data=.");
     assert!(again.starts_with(&trained), "{again}");
-    assert_has(&again[trained.len()..], &["for decoders", "\npca "]);
+    assert_has(&again[trained.len()..], &["for classifiers", "\npca "]);
     // Evaluate on a recording that lacks the last two electrodes and is named by its path.
     folder.write_recording("other.gdf", &LABELS[..6], 30, 9);
     let evaluate = "evaluate --artifact=model --test=other.gdf --json --report=report";

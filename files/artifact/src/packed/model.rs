@@ -26,8 +26,8 @@ pub struct PackedDescription {
     /// microvolts squared; a block above the limit is flagged as a misfit.
     pub misfit_uv2: f64,
     /// Weight of the error that the transform was fitted to; `None` if all errors weigh alike. A
-    /// weighted model has its own [synthesis](PackedModel::synthesis), and its last [`packed::PROBES`]
-    /// coefficients are probes.
+    /// weighted model has its own [synthesis](PackedModel::synthesis), and its last
+    /// [`packed::PROBES`] coefficients are probes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weight: Option<ErrorWeight>,
     /// Training recordings, test recordings and test results.
@@ -38,9 +38,9 @@ pub struct PackedDescription {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorWeight {
-    /// Lower and upper edge of the band, Hz.
+    /// Lower and upper edge of the band, Hz; 1 <= low < high <= 60.
     pub band_hz: [f64; 2],
-    /// Weight of the error in the band, relative to that of the error at all frequencies.
+    /// Weight of the error in the band, in addition to 1 at all frequencies; above 0, no unit.
     pub strength: f64,
 }
 

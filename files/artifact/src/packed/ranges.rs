@@ -135,6 +135,16 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
         let expected = format!("at most {largest_uv2}, the square of the largest input value");
         return field("misfit_uv2", &description.misfit_uv2, expected);
     }
+    if let Some(weight) = &description.weight {
+        let [low, high] = weight.band_hz;
+        if !(1.0 <= low && low < high && high <= 60.0) {
+            let expected = "two ascending frequencies within 1 to 60 Hz".to_owned();
+            return field("weight.band_hz", &format!("{low}, {high}"), expected);
+        }
+        if !(weight.strength.is_finite() && weight.strength > 0.0) {
+            return field("weight.strength", &weight.strength, "above 0".to_owned());
+        }
+    }
     Ok(())
 }
 

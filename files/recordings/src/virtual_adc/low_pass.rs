@@ -11,8 +11,8 @@ const PASS_HZ: f64 = 60.0;
 /// Largest upper edge of the pass band, divided by half the lower of the two rates.
 const PASS_SHARE: f64 = 0.9;
 /// Frequency up to which the images of the input are in the stop band, Hz. The image of a frequency
-/// f is at the input's rate minus f. The images of higher ones lie beyond half that rate, where a
-/// device's band-pass attenuates them by more than the original.
+/// f is at the input's rate minus f. The images of higher frequencies lie beyond half that rate,
+/// where a device's band-pass attenuates them by more than the originals.
 const IMAGES_HZ: f64 = 90.0;
 /// Number of taps of which the products are summed separately, so that the compiler can use vector
 /// instructions. The number of taps is a multiple of it.

@@ -48,7 +48,7 @@ pub(super) async fn play(
     let [recording, classifier] = own.map(|path| path.display().to_string());
     #[rustfmt::skip]
     let arguments = [
-        "--port", &port, "--classifier", &classifier, "--streams", "features",
+        "--port", &port, "--classifier", &classifier, "--prediction-topic", TOPIC, "--streams", "features",
         "--mains", mains_hz(options.mains), "--sink", "ndjson", "--exit-at-end",
         "--config", "/dev/null",
     ];

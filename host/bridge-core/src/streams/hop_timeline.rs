@@ -11,8 +11,8 @@ use crate::streams::ledger::{Arrival, HopCounts};
 use crate::streams::rows::NextRow;
 use crate::streams::stamps::{Decoding, FrameSteps, Reception, frame_time_ns};
 
-/// Index, time and counts of the items of one stream: codes, packed blocks or features, one for each
-/// hop. Finds the items that are missing within a run of the device and between two runs.
+/// Index, time and counts of the items of one stream: codes, packed blocks or features, one for
+/// each hop. Finds the items that are missing within a run of the device and between two runs.
 ///
 /// A restart of the device does not reset the counts.
 #[derive(Debug)]
@@ -392,9 +392,9 @@ impl HopTimeline {
 /// Later fits follow the drift of the clock, and say less about the start.
 const IMPROVES_US: f64 = 60e6;
 
-/// Host time of a topic's newest item: a code, packed block, features, ADC sample or filtered step. When the
-/// device restarts, its own clock starts at 0 again, but the host's clock goes on and shows how
-/// many items are missing between the two runs.
+/// Host time of a topic's newest item: a code, packed block, features, ADC sample or filtered step.
+/// When the device restarts, its own clock starts at 0 again, but the host's clock goes on and
+/// shows how many items are missing between the two runs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Continuity {
     /// Host time of the newest item, microseconds; `None` before a recording's first item.

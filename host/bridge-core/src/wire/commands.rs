@@ -11,8 +11,8 @@ use crate::wire::words;
 /// Time without a frame after which the device is pinged, microseconds. A working device sends
 /// `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
-/// Time without a code, packed block, features or `Stats` after which a streaming device is asked to
-/// identify itself again, microseconds. It may have restarted and its `Hello` may be lost, or
+/// Time without a code, packed block, features or `Stats` after which a streaming device is asked
+/// to identify itself again, microseconds. It may have restarted and its `Hello` may be lost, or
 /// another program may have sent it `Stop`.
 const STARVED_AFTER_US: i64 = 2_000_000;
 /// Time between two calls of `next_command`, microseconds, above which the host must have been
@@ -60,8 +60,8 @@ pub(crate) struct Commands {
     /// The newest `Start` that the device refused, if asking for fewer streams cannot help.
     refused_start: Option<RefusedStart>,
     last_frame_us: i64,
-    /// Host time of the newest code, packed block, features or `Stats`, microseconds; before the first, host
-    /// time of the stream's start. `None` while no stream is expected.
+    /// Host time of the newest code, packed block, features or `Stats`, microseconds; before the
+    /// first, host time of the stream's start. `None` while no stream is expected.
     last_stream_us: Option<i64>,
     last_identify_us: i64,
     clock_query: ClockQuery,
@@ -295,8 +295,8 @@ impl Commands {
         self.last_frame_us = now_us;
     }
 
-    /// Records that the stream runs. Call this for every code and packed block, for all features, and
-    /// for every `Stats` that reports a running stream.
+    /// Records that the stream runs. Call this for every code and packed block, for all features,
+    /// and for every `Stats` that reports a running stream.
     pub(crate) fn stream_received(&mut self, now_us: i64) {
         self.last_stream_us = Some(now_us);
     }

@@ -35,8 +35,8 @@ use crate::error::BridgeError;
 use crate::subject_models::{NewModel, SubjectModels};
 use crate::wire::connection::Connection;
 
-/// Longest wait until the device has answered the upload. It takes up to 3 s at 921,600 baud, and lost
-/// frames are sent again after 0.5 s.
+/// Longest wait until the device has answered the upload. It takes up to 3 s at 921,600 baud, and
+/// lost frames are sent again after 0.5 s.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(30);
 /// Number of codes or packed blocks, 5 s of them, after which a device that has sent no filtered
 /// steps is taken for one that refuses them.
@@ -449,8 +449,8 @@ fn warn_about_bad(signal: &GoodSignal, labels: &[String]) {
 }
 
 impl Calibrated {
-    /// Warns if the person's model has a larger error than the other one. A weighted model has one by
-    /// intention.
+    /// Warns if the person's model has a larger error than the other one. A weighted model has one
+    /// by intention.
     fn warn_if_worse(&self) {
         let is_weighted = self.personal.model.description.weight.is_some();
         let rate = usize::from(self.personal.model.description.rate);

@@ -303,8 +303,9 @@ pub(crate) struct CalibrateOptions {
     /// Fit the numbers of /encoded too: a linear code of the person, in the place of the network
     #[arg(long)]
     pub(crate) numbers: bool,
-    /// What the signals of packed blocks are for: `motor`, so that errors at 8 to 30 Hz that a decoder
-    /// sees through spatial filters weigh more, or another band such as 8..13 [default: to be looked at]
+    /// What the signals of packed blocks are for: `motor`, so that errors at 8 to 30 Hz that a
+    /// decoder sees through spatial filters weigh more, or another band such as 8..13 [default: to
+    /// be looked at]
     #[arg(long = "for", value_name = "USE", value_parser = packed_fit::weight_for)]
     pub(crate) weight: Option<ErrorWeight>,
     /// Folder to write the model to, which must not exist [default:

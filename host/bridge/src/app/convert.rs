@@ -17,11 +17,11 @@ use crate::error::BridgeError;
 /// Write a recording as files of codes and samples, one for each stream in it.
 ///
 /// FILE.codes.gdf has the codes and FILE.reconstructed.gdf the EEG decoded from them; FILE.raw.gdf
-/// and FILE.filtered.gdf exist if these streams were recorded, FILE.predictions.gdf if features were
-/// and --classifier names their classifier. The number of a row gives its time,
-/// because rows that were lost, or are missing between two runs of the device, are written as
-/// fillers with a flag. Each event is in the first row that is not earlier than it. A file appears
-/// under its name when it is complete; an existing one is replaced only with --force.
+/// and FILE.filtered.gdf exist if these streams were recorded, FILE.predictions.gdf if features
+/// were and --classifier names their classifier. The number of a row gives its time, because rows
+/// that were lost, or are missing between two runs of the device, are written as fillers with a
+/// flag. Each event is in the first row that is not earlier than it. A file appears under its name
+/// when it is complete; an existing one is replaced only with --force.
 ///
 /// Exit status: 0 done, 1 a file cannot be written, 2 wrong usage, no usable recording or an
 /// existing file.

@@ -329,7 +329,7 @@ fn prediction_frame(device: &Device, prediction: &NeuroOutput, words: TriWords) 
     let codes = &prediction.decoder.classes;
     let chosen = prediction.hardpredict.data.iter().zip(codes);
     let chosen = chosen.filter(|(is_chosen, _)| **is_chosen == 1);
-    let most = codes.iter().map(|code| code.abs()).max().unwrap_or(0);
+    let most = codes.iter().copied().max().unwrap_or(0);
     let decision = NeuroDataInfo {
         unit: String::new(),
         isint: 1,
@@ -341,7 +341,10 @@ fn prediction_frame(device: &Device, prediction: &NeuroOutput, words: TriWords) 
     let mut frame = NeuroFrame::zeros(rate_hz, "classifier", soft.info.clone(), decision);
     frame.header.stamp = prediction.header.stamp;
     frame.eeg.data.copy_from_slice(&soft.data);
-    #[expect(clippy::cast_precision_loss, reason = "codes of events have 16 bits")]
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "the codes of a classifier have 16 bits"
+    )]
     frame
         .exg
         .data

@@ -25,10 +25,11 @@ impl Frames {
     /// whole number of samples.
     pub(super) fn new(rate_hz: u16) -> Option<Frames> {
         let rate_hz = u32::from(rate_hz);
-        let per_second = [u32::from(model::STEP_RATE_HZ) / HOP, 50];
-        let per_second = per_second
-            .into_iter()
-            .find(|frames| rate_hz.is_multiple_of(*frames))?;
+        let step_rate = u32::from(model::STEP_RATE_HZ);
+        // Frames per second that are each as long as a hop, if that number is whole; or 20 ms.
+        let hops = step_rate.is_multiple_of(HOP).then_some(step_rate / HOP);
+        let mut per_second = hops.into_iter().chain([50]);
+        let per_second = per_second.find(|frames| rate_hz.is_multiple_of(*frames))?;
         let samples = rate_hz / per_second;
         Some(Frames { rate_hz, samples })
     }
@@ -144,6 +145,31 @@ impl Frames {
                 data: (0..values).map(value).collect(),
             },
             ..NeuroFrame::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_are_those_counted_sample_by_sample() {
+        for rate_hz in [128, 250, 500, 512, 1000] {
+            let frames = Frames::new(rate_hz).expect("a whole number of samples");
+            let [a, b, c] = frames.windows();
+            let rate = u64::from(rate_hz);
+            for number in 1..200_u32 {
+                let samples = u64::from(number * frames.samples);
+                // Step s is that of the sample at s / step rate, or of the next one after it.
+                let step_is_in = |step: u64| (step * rate).div_ceil(128) < samples;
+                let windows = (0_u64..).take_while(|window| {
+                    step_is_in(window * u64::from(HOP) + u64::from(STEPS) - 1)
+                });
+                let newest = i64::try_from(windows.count()).expect("some windows") - 1;
+                let formula = (a * i64::from(number) - b).div_euclid(c);
+                assert_eq!(formula.max(-1), newest, "{rate_hz} Hz, frame {number}");
+            }
         }
     }
 }

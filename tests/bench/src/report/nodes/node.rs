@@ -10,9 +10,9 @@
 //!
 //! The node in rospy gets its frames half an interval later, so that neither waits for the
 //! processor because of the other. At the rate of the model's ADC, and where scipy and PyTorch are
-//! installed, it filters and encodes as the paper's node does; otherwise it encodes nothing, and its
-//! times are those of rospy alone. Latency counts from the frame that has the last step of a code's
-//! window.
+//! installed, it filters and encodes as the paper's node does; otherwise it encodes nothing, and
+//! its times are those of rospy alone. Latency counts from the frame that has the last step of a
+//! code's window.
 
 use std::time::{Duration, Instant};
 
