@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use artifact::reconstruction::HEALING_BLOCKS;
 use bridge_core::{AuditedWindow, FillerPolicy, PackedReconstruction, Settings};
-use link::{AckResult, Flags, Streams, ToDevice};
+use link::{Flags, Streams};
 use neuro_ros::{DiagnosticLevel, NeuroFrame};
 
 use crate::board::{Board, assert_has, at, model};
@@ -331,27 +331,12 @@ fn a_device_that_cannot_set_the_rate_streams_all_the_same() {
         packed_rate: Some(7),
         ..PACKED
     };
-    let mut harness = Harness::new(asked, Board::new());
-    harness.open();
-    for _ in 0..8 {
-        let commands = std::mem::take(&mut harness.recorder.sent);
-        let before = harness.board.received.len();
-        let answers = harness.board.answer(&commands);
-        let news = &harness.board.received[before..];
-        let is_rate = matches!(news, [(_, ToDevice::SetRate { .. })]);
-        if is_rate {
-            let ack = link::ToHost::Ack(link::Ack {
-                of: news[0].0,
-                result: AckResult::UnknownCommand,
-            });
-            harness.send(0, &ack);
-        } else {
-            harness.receive(&answers);
-        }
-    }
+    // It refuses packed blocks too, and is then asked for codes.
+    let without_packed = Streams::ALL.without(Streams::PACKED);
+    let harness = Harness::connected(asked, Board::supporting(without_packed));
     assert_eq!(
         commands(&harness),
-        ["identify", "stop", "set rate", "start"]
+        ["identify", "stop", "set rate", "start", "start"]
     );
 }
 
