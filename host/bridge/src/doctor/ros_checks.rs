@@ -284,13 +284,4 @@ mod tests {
             assert!(fault.2.contains(expected), "{}", fault.2);
         }
     }
-
-    #[test]
-    fn simulated_time_is_a_warning() {
-        let mut facts = facts();
-        facts.master.as_mut().unwrap().use_sim_time = true;
-        let (name, level, text) = only_fault(&facts);
-        assert_eq!((name, level), ("use_sim_time", Level::Warning));
-        assert!(text.contains("rosparam set /use_sim_time false"), "{text}");
-    }
 }

@@ -48,13 +48,8 @@ pub enum Event {
 
 impl Connection {
     pub(crate) fn new(address: PortAddress, baud: u32) -> Connection {
-        Connection::with(PortOpener::new(address, baud))
-    }
-
-    /// Creates a connection to the port that `opener` opens.
-    pub(crate) fn with(opener: PortOpener) -> Connection {
         Connection {
-            opener,
+            opener: PortOpener::new(address, baud),
             state: State::Closed {
                 retry_at: Instant::now(),
             },

@@ -215,6 +215,6 @@ fn ports_and_selftest_see_the_boards_of_the_machine() {
         let (code, _, log) = run(arguments);
         assert_eq!(code, Some(2), "{log}");
         let listed = format!("{} (/dev/ttyACM0), 3B (/dev/ttyACM1)", BOARD.serial);
-        assert!(log.contains(&listed), "{log}");
+        assert_has(&log, [&listed, "--port auto:SERIAL"]);
     }
 }

@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::net::{SocketAddr, TcpListener};
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -74,6 +75,23 @@ impl Bridge {
     /// Starts the bridge with its stdout going to a file.
     pub(crate) fn start_into(file: std::fs::File, arguments: &[&str]) -> Bridge {
         Bridge::spawn(arguments, &[], file.into())
+    }
+
+    /// Starts the bridge with a limit on the length of files, 32 blocks of 512 or 1024 bytes, which
+    /// simulates a full disk.
+    pub(crate) fn start_on_full_disk(arguments: &[&str], stdout: Stdio) -> Bridge {
+        // Without the `trap` the kernel would end the program by a signal.
+        let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
+        let mut command = Command::new("sh");
+        command
+            .args(["-c", script, "sh", env!("CARGO_BIN_EXE_corticode-bridge")])
+            .args(arguments)
+            .env("CORTICODE_CONFIG", "/dev/null")
+            .stdin(Stdio::null())
+            .stdout(stdout)
+            .stderr(Stdio::piped())
+            .process_group(0);
+        Bridge::spawn_command(&mut command)
     }
 
     pub(crate) fn stdout(&mut self) -> std::process::ChildStdout {
