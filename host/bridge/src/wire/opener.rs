@@ -4,6 +4,7 @@ use std::{fmt, io};
 
 use thiserror::Error;
 
+use crate::error::BridgeError;
 use crate::ports::finder::{BoardFinder, FindError, FoundBoard};
 use crate::ports::system_root::SystemRoot;
 use crate::wire::port::{Port, PortAddress};
@@ -32,6 +33,21 @@ pub(crate) enum OpenError {
         /// Serial numbers and ports of the boards.
         boards: String,
     },
+}
+
+impl OpenError {
+    /// Returns why the port does not open at present, or the error that ends a program because
+    /// `port` can never be opened.
+    pub(crate) fn passing(self, port: String) -> Result<io::Error, BridgeError> {
+        match self {
+            OpenError::Ambiguous { boards } => Err(BridgeError::SeveralBoards { boards }),
+            OpenError::Io(source) => match source.kind() {
+                io::ErrorKind::InvalidInput => Err(BridgeError::Port { port, source }),
+                io::ErrorKind::Unsupported => Err(BridgeError::Speed { port, source }),
+                _ => Ok(source),
+            },
+        }
+    }
 }
 
 impl PortOpener {
