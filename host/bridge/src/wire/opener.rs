@@ -40,10 +40,10 @@ impl OpenError {
     /// `port` can never be opened.
     pub(crate) fn passing(self, port: String) -> Result<io::Error, BridgeError> {
         match self {
-            OpenError::Ambiguous { boards } => Err(BridgeError::SeveralBoards { boards }),
+            OpenError::Ambiguous { boards } => Err(BridgeError::SeveralBoards(boards)),
             OpenError::Io(source) => match source.kind() {
-                io::ErrorKind::InvalidInput => Err(BridgeError::Port { port, source }),
-                io::ErrorKind::Unsupported => Err(BridgeError::Speed { port, source }),
+                io::ErrorKind::InvalidInput => Err(BridgeError::Port(port, source)),
+                io::ErrorKind::Unsupported => Err(BridgeError::Speed(port, source)),
                 _ => Ok(source),
             },
         }
