@@ -105,23 +105,6 @@ fn a_lost_block_is_predicted_and_flagged_until_the_state_has_healed() {
 }
 
 #[test]
-fn a_restarted_device_continues_the_frames_with_fillers_between() {
-    let mut device = Packed::new(PACKED);
-    device.send_all(5, false);
-    device.harness.reboot(4 * 62_500);
-    device.next = 0;
-    device.send_all(5, false);
-    let frames = frames(&device.harness.recorder, PACKED);
-    assert_eq!(frames.len(), 14);
-    let are_fillers = flags(&frames)[5..9].iter().all(|flags| flags & 0x8000 != 0);
-    assert!(are_fillers);
-    // The first block of a run has no prediction, so the decoder's state is correct at once.
-    let (run, _) = decode((0..5).map(Some));
-    assert_eq!(frames[9].eeg.data, run[0]);
-    assert!(flags(&frames)[9..].iter().all(|flags| *flags == 0));
-}
-
-#[test]
 fn a_run_whose_first_block_is_lost_heals_as_after_any_loss() {
     let mut device = Packed::new(PACKED);
     for index in 0..20 {

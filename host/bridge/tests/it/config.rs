@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::graph::{ended, frame, master, node, subscribe};
-use crate::process::Bridge;
+use crate::process::{Bridge, wait_until};
 
 /// Writes a configuration file to a new folder. Returns the folder and the file's path.
 fn config(text: &str) -> (TempDir, String) {
@@ -95,9 +95,7 @@ fn the_file_of_the_user_is_found_and_applies_to_subcommands() {
         assert_has(&log, [&read, &format!("{port} does not open")]);
     }
     let bridge = Bridge::start_in_home(&record, home);
-    while !recording.exists() {
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
+    wait_until("the recording", || recording.exists());
     let log = bridge.end(Signal::TERM);
     assert!(log.contains("options from"), "{log}");
 }

@@ -119,18 +119,15 @@ impl Bridge {
 
     /// Waits until the bridge exits. Returns the exit status and its output on stderr.
     pub(crate) fn wait(mut self) -> (ExitStatus, String) {
-        let deadline = Instant::now() + TIMEOUT;
-        let status = loop {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                break status;
-            }
-            assert!(Instant::now() < deadline, "the bridge does not end");
-            std::thread::sleep(Duration::from_millis(10));
-        };
+        let mut status = None;
+        wait_until("the end of the bridge", || {
+            status = self.child.try_wait().unwrap();
+            status.is_some()
+        });
         let mut text = String::new();
         let mut stderr = self.child.stderr.take().unwrap();
         stderr.read_to_string(&mut text).unwrap();
-        (status, text)
+        (status.unwrap(), text)
     }
 
     /// Waits until the bridge exits with status 0. Returns its output on stderr.
@@ -178,9 +175,15 @@ pub(crate) fn serve(mut serve: impl FnMut(std::net::TcpStream) + Send + 'static)
 
 /// Waits until the file at `path` has at least `bytes` bytes.
 pub(crate) fn wait_for_bytes(path: &Path, bytes: u64) {
+    wait_until("the recording", || {
+        std::fs::metadata(path).is_ok_and(|file| file.len() >= bytes)
+    });
+}
+
+pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     let deadline = Instant::now() + TIMEOUT;
-    while std::fs::metadata(path).map_or(0, |file| file.len()) < bytes {
-        assert!(Instant::now() < deadline, "nothing is recorded");
+    while !holds() {
+        assert!(Instant::now() < deadline, "{what}: not within {TIMEOUT:?}");
         std::thread::sleep(Duration::from_millis(1));
     }
 }
