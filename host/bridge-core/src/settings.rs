@@ -10,6 +10,7 @@ pub trait Choice: Copy + Send + Sync + 'static {
 
 /// Defines an enum that is a [`Choice`]. Each value is given with its name and its description,
 /// which also becomes its doc comment. The first value is the default.
+#[macro_export]
 macro_rules! choice {
     ($(#[$doc:meta])* $enum:ident { $first:ident = $first_name:literal: $first_text:literal,
         $($value:ident = $name:literal: $text:literal,)* }) => {
@@ -22,7 +23,7 @@ macro_rules! choice {
             $(#[doc = $text] $value,)*
         }
 
-        impl Choice for $enum {
+        impl $crate::Choice for $enum {
             const CHOICES: &'static [(&'static str, &'static str, Self)] = &[
                 ($first_name, $first_text, $enum::$first),
                 $(($name, $text, $enum::$value),)*

@@ -37,15 +37,11 @@ use tokio::runtime::{Builder, Runtime};
 use tokio::sync::mpsc::Receiver;
 
 use crate::app::command_line::{
-    CalibrateOptions, DoctorOptions, Options, PortOptions, PortsOptions, RecordOptions, Task,
-    command,
+    CalibrateOptions, DoctorOptions, Options, PortOptions, PortsOptions, Task, command,
 };
 use crate::app::config_file::ConfigFile;
-use crate::app::convert::ConvertOptions;
 use crate::app::given_options::GivenOptions;
-use crate::app::master::MasterOptions;
 use crate::app::ports::PortList;
-use crate::app::replay::ReplayOptions;
 use crate::error::BridgeError;
 use crate::ports::system_root::SystemRoot;
 use crate::query::query_port;
@@ -65,31 +61,50 @@ const UDEV_RULE: &str = include_str!("../../../packaging/60-corticode.rules");
 /// ends it. `completions` prints a shell completion script, and `man` the manual page.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
-    let done = read_task(&ros, arguments).and_then(|(task, config)| match task {
-        Task::Bridge(options) => stream(*options, ros, config).map(|()| ExitCode::SUCCESS),
-        Task::SelfTest(options) => send_request(&options.at, Request::SelfTest, options.json),
-        Task::Reset(options) => send_request(&options.at, Request::Reset(options.target()), false),
-        Task::Record(options) => record(options, &ros, config).map(|()| ExitCode::SUCCESS),
-        Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
-        Task::Calibrate(options) => calibrate(*options, &ros, config).map(|()| ExitCode::SUCCESS),
-        Task::Ports(options) => list_ports(&options),
-        Task::Doctor(options) => examine(&options, &ros),
-        Task::Convert(options) => convert(&options, &ros, config).map(|()| ExitCode::SUCCESS),
-        Task::Master(options) => run_master(&options, &ros).map(|()| ExitCode::SUCCESS),
-        Task::Completions(options) => {
-            let script = manual::script(&options, command());
-            Ok(new_file::print(script).map(|()| ExitCode::SUCCESS)?)
-        }
-        Task::Man(options) => {
-            let pages = manual::pages(&options, command())?;
-            new_file::print(String::from_utf8_lossy(&pages))?;
-            Ok(ExitCode::SUCCESS)
-        }
-    });
+    let done = read_task(&ros, arguments);
+    let done = done.and_then(|(task, config)| perform(task, ros, config));
     match done {
         Ok(code) => code,
         Err(error) => error.report("corticode-bridge"),
     }
+}
+
+/// Performs a task, and returns the exit status of the program.
+fn perform(task: Task, ros: NodeOptions, config: Option<PathBuf>) -> Result<ExitCode, BridgeError> {
+    match task {
+        Task::Bridge(options) => stream(*options, ros, config)?,
+        Task::SelfTest(options) => {
+            return send_request(&options.at, Request::SelfTest, options.json);
+        }
+        Task::Reset(options) => {
+            return send_request(&options.at, Request::Reset(options.target()), false);
+        }
+        Task::Record(options) => {
+            init_log(&ros, config)?;
+            print_summary(&Runtime::new()?.block_on(record::record(options))?);
+        }
+        Task::Replay(options) => {
+            init_log(&ros, None)?;
+            print_summary(&Runtime::new()?.block_on(replay::replay(&options))?);
+        }
+        Task::Convert(options) => {
+            init_log(&ros, config)?;
+            print_summary(&convert::convert(&options)?);
+        }
+        Task::Calibrate(options) => calibrate(*options, &ros, config)?,
+        Task::Ports(options) => list_ports(&options)?,
+        Task::Doctor(options) => return examine(&options, &ros),
+        Task::Master(options) => {
+            init_log(&ros, None)?;
+            Runtime::new()?.block_on(master::run(&options))?;
+        }
+        Task::Completions(options) => new_file::print(manual::script(&options, command()))?,
+        Task::Man(options) => {
+            let pages = manual::pages(&options, command())?;
+            new_file::print(String::from_utf8_lossy(&pages))?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Reads the options from the command line, the environment, the parameter server and the
@@ -163,37 +178,7 @@ fn stream(options: Options, ros: NodeOptions, config: Option<PathBuf>) -> Result
     let summary = runtime.block_on(bridge::stream(options, ros, lines));
     // Dropping the runtime would wait for an unfinished lookup of a host name.
     runtime.shutdown_background();
-    let summary = summary?;
-    new_file::message!("corticode-bridge: {summary}");
-    Ok(())
-}
-
-fn record(
-    options: RecordOptions,
-    ros: &NodeOptions,
-    config: Option<PathBuf>,
-) -> Result<(), BridgeError> {
-    init_log(ros, config)?;
-    let summary = Runtime::new()?.block_on(record::record(options))?;
-    new_file::message!("corticode-bridge: {summary}");
-    Ok(())
-}
-
-fn replay(options: &ReplayOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
-    init_log(ros, None)?;
-    let summary = Runtime::new()?.block_on(replay::replay(options))?;
-    new_file::message!("corticode-bridge: {summary}");
-    Ok(())
-}
-
-fn convert(
-    options: &ConvertOptions,
-    ros: &NodeOptions,
-    config: Option<PathBuf>,
-) -> Result<(), BridgeError> {
-    init_log(ros, config)?;
-    let summary = convert::convert(options)?;
-    new_file::message!("corticode-bridge: {summary}");
+    print_summary(&summary?);
     Ok(())
 }
 
@@ -208,11 +193,6 @@ fn calibrate(
     // Dropping the runtime would wait for a fit that the user has interrupted.
     runtime.shutdown_background();
     Ok(new_file::print(calibrated?)?)
-}
-
-fn run_master(options: &MasterOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
-    init_log(ros, None)?;
-    Runtime::new()?.block_on(master::run(options))
 }
 
 /// Sends one request to the device and prints the answer. Exit status 1 means a failed self-test.
@@ -233,14 +213,12 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
     Ok(ExitCode::SUCCESS)
 }
 
-fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
+fn list_ports(options: &PortsOptions) -> Result<(), BridgeError> {
     if options.udev_rule {
-        new_file::print(UDEV_RULE)?;
-        return Ok(ExitCode::SUCCESS);
+        return Ok(new_file::print(UDEV_RULE)?);
     }
     let ports = PortList::read(&SystemRoot::machine());
-    print_report(&ports, options.json)?;
-    Ok(ExitCode::SUCCESS)
+    print_report(&ports, options.json)
 }
 
 /// Checks what the bridge needs and prints the findings. Exit status 1 means that one is an error.
@@ -256,6 +234,11 @@ fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, Bridg
 /// Returns a tokio runtime that runs all tasks in the thread that calls `block_on`.
 fn one_thread() -> std::io::Result<Runtime> {
     Builder::new_current_thread().enable_all().build()
+}
+
+/// Prints the line with which a subcommand ends.
+fn print_summary(summary: &impl fmt::Display) {
+    new_file::message!("corticode-bridge: {summary}");
 }
 
 /// Prints a report as text or as JSON.

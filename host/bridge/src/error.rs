@@ -27,27 +27,14 @@ pub enum BridgeError {
     )]
     NoNetwork,
     /// `--port` names something that is not a port.
-    #[error("{port} cannot be a port; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT")]
-    Port {
-        /// Address from `--port`.
-        port: String,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
+    #[error("{0} cannot be a port; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT")]
+    Port(String, #[source] std::io::Error),
     /// The terminal driver does not support the baud rate.
-    #[error("{port} cannot be used; choose another --baud")]
-    Speed {
-        /// Address from `--port`.
-        port: String,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
-    /// `--port auto` finds several boards.
-    #[error("several Corticode boards are connected: {boards}; choose one, --port auto:SERIAL")]
-    SeveralBoards {
-        /// Serial numbers and ports of the boards.
-        boards: String,
-    },
+    #[error("{0} cannot be used; choose another --baud")]
+    Speed(String, #[source] std::io::Error),
+    /// `--port auto` finds several boards, whose serial numbers and ports this lists.
+    #[error("several Corticode boards are connected: {0}; choose one, --port auto:SERIAL")]
+    SeveralBoards(String),
     /// `--model` names no valid model, or a model whose codes cannot be decoded.
     #[error(
         "the model cannot be read; --model takes the folder of an artifact, which `trainer train` and `trainer packed` write"
@@ -174,22 +161,12 @@ pub enum BridgeError {
     },
     /// The folder of all models, or of those of a subject, cannot be read.
     #[error(
-        "the models in {} cannot be read; name the folder of one with --upload-model", folder.display()
+        "the models in {} cannot be read; name the folder of one with --upload-model", .0.display()
     )]
-    SubjectModels {
-        /// Folder that was to be read.
-        folder: PathBuf,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
+    SubjectModels(PathBuf, #[source] std::io::Error),
     /// The folder of a model exists, or cannot be written.
-    #[error("the model cannot be written to {}; choose another folder with --output", folder.display())]
-    ModelFolder {
-        /// Folder that was to be written.
-        folder: PathBuf,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
+    #[error("the model cannot be written to {}; choose another folder with --output", .0.display())]
+    ModelFolder(PathBuf, #[source] std::io::Error),
     /// `--announce` needs a stream that is not in `--streams`.
     #[error(
         "--announce names a stream that --streams leaves out; add it to --streams, such as \
@@ -197,13 +174,8 @@ pub enum BridgeError {
     )]
     AnnouncedNotStreamed,
     /// The configuration file cannot be used.
-    #[error("the configuration file {path} cannot be used")]
-    Config {
-        /// Path of the file.
-        path: PathBuf,
-        /// Why the configuration file cannot be used.
-        source: ConfigError,
-    },
+    #[error("the configuration file {} cannot be used", .0.display())]
+    Config(PathBuf, #[source] ConfigError),
     /// A private parameter, `_name:=` or `~name`, has the name of no option.
     #[error("the private parameter {name} is not known; {remedy}; known are {known}")]
     UnknownParameter {
@@ -214,12 +186,10 @@ pub enum BridgeError {
         /// Names of all parameters that the bridge knows.
         known: String,
     },
-    /// A parameter on the parameter server has a value that no option can have.
-    #[error("the parameter {name} is neither text, number, truth value nor list; set it again")]
-    ParameterType {
-        /// Full name of the parameter.
-        name: String,
-    },
+    /// A parameter on the parameter server, given by its full name, has a value that no option can
+    /// have.
+    #[error("the parameter {0} is neither text, number, truth value nor list; set it again")]
+    ParameterType(String),
     /// The port does not open or is lost while one request is sent: unlike the streaming bridge,
     /// `selftest` and `reset` do not wait for it.
     #[error("{port} {what}; {remedy}")]
@@ -242,61 +212,36 @@ pub enum BridgeError {
     Node(#[from] NodeError),
     /// The ROS master cannot listen on the address from `--bind`.
     #[error(
-        "the ROS master cannot listen at {address}; end the master that uses this port, or choose \
+        "the ROS master cannot listen at {0}; end the master that uses this port, or choose \
          an IP address of this machine and another port, such as --bind 127.0.0.1:11312"
     )]
-    MasterAddress {
-        /// Address from `--bind`.
-        address: std::net::SocketAddr,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
+    MasterAddress(std::net::SocketAddr, #[source] std::io::Error),
     /// The JSON lines cannot be written: their reader closed the pipe or does not read, or the
     /// output failed.
     #[error("frames cannot be published")]
     Sink(#[from] SinkError),
     /// The log file that roslaunch requested cannot be written.
-    #[error("the log file {path} cannot be written; check __log:= or the disk")]
-    Log {
-        /// Path of the log file, from `__log:=`.
-        path: PathBuf,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
+    #[error("the log file {} cannot be written; check __log:= or the disk", .0.display())]
+    Log(PathBuf, #[source] std::io::Error),
     /// A file cannot be written under its name: a file with this name exists, the name is that of
     /// the recording to read, or the operating system cannot create or complete the file.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
     /// A recording's file cannot be written any further, because the disk is full or fails.
     #[error(
-        "{path} cannot be written any further; everything up to here is in the file, so make room \
-         on the disk and go on with another file"
+        "{} cannot be written any further; everything up to here is in the file, so make room \
+         on the disk and go on with another file", .0.display()
     )]
-    FileWrite {
-        /// Path of the file.
-        path: PathBuf,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
+    FileWrite(PathBuf, #[source] std::io::Error),
     /// `replay` cannot make the port at which to play the recording.
     #[error(
-        "{output} cannot be made a port; choose pty:PATH with a path in a writable folder that no \
+        "{0} cannot be made a port; choose pty:PATH with a path in a writable folder that no \
          file has, or tcp:HOST:PORT with a free port"
     )]
-    Output {
-        /// Address from `--output`.
-        output: String,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
+    Output(String, #[source] std::io::Error),
     /// The file to play is not a usable recording.
-    #[error("{path} cannot be used as a recording")]
-    Recording {
-        /// Path of the file.
-        path: PathBuf,
-        /// Why the file cannot be used as a recording.
-        source: RecordingError,
-    },
+    #[error("{} cannot be used as a recording", .0.display())]
+    Recording(PathBuf, #[source] RecordingError),
     /// The recording cannot be converted.
     #[error(transparent)]
     Convert(#[from] ConvertError),
@@ -325,14 +270,14 @@ impl BridgeError {
             | BridgeError::Interrupted
             | BridgeError::InterruptedUpload
             | BridgeError::System(_)
-            | BridgeError::FileWrite { .. }
+            | BridgeError::FileWrite(..)
             | BridgeError::NewFile(NewFileError::Write { .. } | NewFileError::Finish { .. })
             | BridgeError::Convert(ConvertError::NewFile(
                 NewFileError::Write { .. } | NewFileError::Finish { .. },
             )) => 1,
-            BridgeError::Port { .. }
-            | BridgeError::Speed { .. }
-            | BridgeError::SeveralBoards { .. }
+            BridgeError::Port(..)
+            | BridgeError::Speed(..)
+            | BridgeError::SeveralBoards(..)
             | BridgeError::Model(_)
             | BridgeError::Upload(_)
             | BridgeError::NothingToUpload(_)
@@ -344,22 +289,22 @@ impl BridgeError {
             | BridgeError::OtherMontage(_)
             | BridgeError::NoDataFolder
             | BridgeError::NoSubject { .. }
-            | BridgeError::SubjectModels { .. }
+            | BridgeError::SubjectModels(..)
             | BridgeError::NoNetwork
-            | BridgeError::Log { .. }
+            | BridgeError::Log(..)
             | BridgeError::NewFile(_)
-            | BridgeError::Recording { .. }
+            | BridgeError::Recording(..)
             | BridgeError::Convert(_)
-            | BridgeError::Output { .. }
+            | BridgeError::Output(..)
             | BridgeError::AnnouncedNotStreamed
             | BridgeError::Classifier(..)
             | BridgeError::NoClassifier
-            | BridgeError::Config { .. }
-            | BridgeError::MasterAddress { .. }
+            | BridgeError::Config(..)
+            | BridgeError::MasterAddress(..)
             | BridgeError::UnknownParameter { .. }
-            | BridgeError::ParameterType { .. }
+            | BridgeError::ParameterType(..)
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
-            BridgeError::ModelFolder { source, .. } => match source.kind() {
+            BridgeError::ModelFolder(_, source) => match source.kind() {
                 std::io::ErrorKind::AlreadyExists => 2,
                 _ => 1,
             },

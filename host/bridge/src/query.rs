@@ -1,6 +1,5 @@
 //! Sends the device at a port a single request, such as a self-test.
 
-use std::io;
 use std::time::Duration;
 
 use bridge_core::{Answer, HostTime, Query, Request};
@@ -8,7 +7,7 @@ use indicatif::ProgressBar;
 use tokio::time::{sleep, timeout};
 
 use crate::error::BridgeError;
-use crate::wire::opener::{OpenError, PortOpener};
+use crate::wire::opener::PortOpener;
 use crate::wire::port::{Port, PortAddress, Transfer};
 
 /// Time between two checks of the timeouts, and between two attempts to reopen a lost port.
@@ -85,22 +84,16 @@ async fn run_query(
 }
 
 async fn open(opener: &mut PortOpener) -> Result<Port, BridgeError> {
-    let opened = opener.open().await;
-    opened.map_err(|error| {
-        let port = opener.to_string();
-        let source = match error {
-            OpenError::Ambiguous { boards } => return BridgeError::SeveralBoards { boards },
-            OpenError::Io(source) => source,
-        };
-        match source.kind() {
-            io::ErrorKind::InvalidInput => BridgeError::Port { port, source },
-            io::ErrorKind::Unsupported => BridgeError::Speed { port, source },
-            kind => BridgeError::Unreachable {
-                port,
-                what: "does not open",
-                remedy: opener.address().remedy(kind),
-                source,
-            },
-        }
+    let error = match opener.open().await {
+        Ok(port) => return Ok(port),
+        Err(error) => error,
+    };
+    let port = opener.to_string();
+    let source = error.passing(port.clone())?;
+    Err(BridgeError::Unreachable {
+        port,
+        what: "does not open",
+        remedy: opener.address().remedy(source.kind()),
+        source,
     })
 }

@@ -97,10 +97,7 @@ fn folders(folder: &Path) -> Result<Vec<PathBuf>, BridgeError> {
     };
     read().or_else(|source| match source.kind() {
         io::ErrorKind::NotFound => Ok(Vec::new()),
-        _ => Err(BridgeError::SubjectModels {
-            folder: folder.to_owned(),
-            source,
-        }),
+        _ => Err(BridgeError::SubjectModels(folder.to_owned(), source)),
     })
 }
 
@@ -149,7 +146,7 @@ impl NewModel {
         });
         match unfinished {
             Ok(unfinished) => Ok(NewModel { folder, unfinished }),
-            Err(source) => Err(BridgeError::ModelFolder { folder, source }),
+            Err(source) => Err(BridgeError::ModelFolder(folder, source)),
         }
     }
 
@@ -166,10 +163,7 @@ impl NewModel {
                 let _ = self.unfinished.keep();
                 Ok(self.folder)
             }
-            Err(source) => Err(BridgeError::ModelFolder {
-                folder: self.folder,
-                source,
-            }),
+            Err(source) => Err(BridgeError::ModelFolder(self.folder, source)),
         }
     }
 
@@ -194,10 +188,7 @@ impl NewModel {
 ///
 /// [`BridgeError::ModelFolder`] if something with the name of the folder exists.
 fn refuse_existing(folder: &Path) -> Result<(), BridgeError> {
-    let failed = |source| BridgeError::ModelFolder {
-        folder: folder.to_owned(),
-        source,
-    };
+    let failed = |source| BridgeError::ModelFolder(folder.to_owned(), source);
     match folder.symlink_metadata() {
         Ok(_) => Err(failed(io::ErrorKind::AlreadyExists.into())),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
@@ -260,10 +251,7 @@ mod tests {
         // A subject whose folder cannot be read is not one without a model.
         fs::write(folder.path().join("mia"), "").unwrap();
         let error = models.newest("mia").unwrap_err();
-        assert!(
-            matches!(error, BridgeError::SubjectModels { .. }),
-            "{error}"
-        );
+        assert!(matches!(error, BridgeError::SubjectModels(..)), "{error}");
     }
 
     #[test]

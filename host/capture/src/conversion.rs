@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use artifact::classifier::Classifier;
-use bridge_core::{Choice, EventStamps, Model, Settings, Summary};
+use bridge_core::{Choice, EventStamps, Model, Settings, Summary, choice};
 use new_file::{Existing, NewFile, NewFileError};
 use thiserror::Error;
 use tracing::subscriber::NoSubscriber;
@@ -52,13 +52,8 @@ pub struct Conversion {
 #[derive(Debug, Error)]
 pub enum ConvertError {
     /// The file to convert is not a usable recording.
-    #[error("{path} cannot be used as a recording")]
-    Recording {
-        /// Path of the file.
-        path: PathBuf,
-        /// What is wrong with the file.
-        source: RecordingError,
-    },
+    #[error("{} cannot be used as a recording", .0.display())]
+    Recording(PathBuf, #[source] RecordingError),
     /// The recording has other rows than when it was read for the first time.
     #[error(
         "{path} changed while it was converted: {announced} rows of {stream} became {written}; convert it \
@@ -75,29 +70,21 @@ pub enum ConvertError {
         written: u64,
     },
     /// A file in the chosen format cannot hold the stream, or cannot state its start.
-    #[error("{path} cannot be written in this format; choose another one with --to")]
-    Format {
-        /// Path of the file.
-        path: PathBuf,
-        /// Why it cannot be written, and what helps.
-        source: std::io::Error,
-    },
+    #[error("{} cannot be written in this format; choose another one with --to", .0.display())]
+    Format(PathBuf, #[source] std::io::Error),
     /// A file cannot be created or written.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
 }
 
-/// Format of the files that `convert` writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FileFormat {
-    /// GDF 2.20: values as float32, and a table of events.
-    Gdf,
-    /// BDF+: values of 24 bits, and the events as annotations.
-    Bdf,
-    /// CSV: comma-separated values below a line with the names of the columns.
-    Csv,
-    /// NPZ: arrays for numpy.
-    Npz,
+choice! {
+    /// Format of the files that `convert` writes.
+    FileFormat {
+        Gdf = "gdf": "GDF 2.20: float32, and the events in a table",
+        Bdf = "bdf": "BDF+: 24 bits, and the events as annotations",
+        Csv = "csv": "Comma-separated values with a header line",
+        Npz = "npz": "Arrays for numpy",
+    }
 }
 
 impl FileFormat {
@@ -107,27 +94,6 @@ impl FileFormat {
         let name = named.filter(|(_, _, format)| *format == self);
         name.map(|(name, _, _)| *name).next().unwrap_or_default()
     }
-}
-
-impl Choice for FileFormat {
-    const CHOICES: &'static [(&'static str, &'static str, Self)] = &[
-        (
-            "gdf",
-            "GDF 2.20: float32, and the events in a table",
-            FileFormat::Gdf,
-        ),
-        (
-            "bdf",
-            "BDF+: 24 bits, and the events as annotations",
-            FileFormat::Bdf,
-        ),
-        (
-            "csv",
-            "Comma-separated values with a header line",
-            FileFormat::Csv,
-        ),
-        ("npz", "Arrays for numpy", FileFormat::Npz),
-    ];
 }
 
 /// Files that a conversion wrote, and counts of what it left out. Prints as lines of text.
@@ -272,7 +238,7 @@ pub fn convert<R: Read>(
 fn failed(path: &Path, source: std::io::Error) -> ConvertError {
     let path = path.to_owned();
     match source.kind() {
-        std::io::ErrorKind::InvalidInput => ConvertError::Format { path, source },
+        std::io::ErrorKind::InvalidInput => ConvertError::Format(path, source),
         _ => NewFileError::Write { path, source }.into(),
     }
 }
@@ -309,7 +275,7 @@ fn outputs(
             ),
             None => RecordingError::NoDevice,
         };
-        return Err(ConvertError::Recording { path, source });
+        return Err(ConvertError::Recording(path, source));
     }
     // Checks that every file can be created before the first one is written.
     for (_, path) in &outputs {
@@ -363,10 +329,7 @@ impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
         what: &'static str,
         mut check: impl FnMut(&mut L) -> Result<(), ConvertError>,
     ) -> Result<(Playback<L>, LeftOut), ConvertError> {
-        let unusable = |source| ConvertError::Recording {
-            path: self.path.to_owned(),
-            source,
-        };
+        let unusable = |source| ConvertError::Recording(self.path.to_owned(), source);
         let file = File::open(self.path).map_err(|error| unusable(error.into()))?;
         let source = (self.progress)(file, what).take(self.bytes);
         let mut reader = RecordingReader::new(source).map_err(unusable)?;

@@ -71,11 +71,10 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
 fn prediction_status(session: &Session) -> Option<DiagnosticStatus> {
     session.classifier.as_ref()?;
     session.codes.as_ref()?;
-    let unfit = || DiagnosticStatus {
-        level: DiagnosticLevel::Error,
-        name: "predictions".to_owned(),
-        message: "the classifier is for another montage or step rate than the device's".to_owned(),
-        ..DiagnosticStatus::default()
+    let unfit = || {
+        let message = "the classifier is for another montage or step rate than the device's";
+        let state = (DiagnosticLevel::Error, message.to_owned());
+        new_status("predictions", state, Vec::new())
     };
     let features = session.features.as_ref();
     Some(features.map_or_else(unfit, FeatureStream::status))

@@ -11,6 +11,7 @@ use neuro_ros::{
 
 use crate::core::Effects;
 use crate::device::Device;
+use crate::diagnostics::new_status;
 use crate::session::summary::PredictionSummary;
 use crate::settings::{FillerPolicy, Settings};
 use crate::streams::hop_timeline::{HopPlace, HopTimeline};
@@ -111,19 +112,13 @@ impl FeatureStream {
             ),
             Newest::Used => (DiagnosticLevel::Ok, decides.as_str()),
         };
-        let values = [
+        let values = vec![
             KeyValue::new("features lost", &counts.missing()),
             KeyValue::new("predictions repeated", &self.repeated),
             KeyValue::new("features of other filters", &self.foreign),
             KeyValue::new("window hops", &self.classifier.decision.window_hops),
         ];
-        DiagnosticStatus {
-            level,
-            name: "predictions".to_owned(),
-            message: message.to_owned(),
-            hardware_id: String::new(),
-            values: values.to_vec(),
-        }
+        new_status("predictions", (level, message.to_owned()), values)
     }
 
     /// Returns the numbers for the last line of a program.

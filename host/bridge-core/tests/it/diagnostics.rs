@@ -257,9 +257,8 @@ fn stages_in_time_and_a_sufficient_stack_are_no_warning() {
 }
 
 #[test]
-fn a_stage_that_was_late_by_a_nanosecond_is_named() {
-    let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let message = timing(|timing| {
+fn a_stage_late_by_a_nanosecond_and_a_stack_more_than_three_quarters_full_are_named() {
+    let late = timing(|timing| {
         timing.stages[1].worst_ns += 1;
         timing.stages[1].histogram[8] = 1;
         let newer = StageTiming {
@@ -270,37 +269,30 @@ fn a_stage_that_was_late_by_a_nanosecond_is_named() {
         };
         timing.stages.push(newer).unwrap();
     });
-    let status = harness.status_after(&message, "timing");
-    assert_eq!(
-        state(&status),
-        (DiagnosticLevel::Warn, "late since boot: code stage 9")
-    );
-    assert!(values(&status).contains(&("stage 9", "worst 5 us of 1 us")));
-    assert!(
-        values(&status).contains(&("stage 9: times per eighth of it", "0 0 0 0 0 0 0 0, late 3"))
-    );
-}
-
-#[test]
-fn more_than_three_quarters_of_the_stack_is_a_warning() {
-    let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let status = harness.status_after(&timing(|timing| timing.stack_used += 1), "timing");
-    assert_eq!(
-        state(&status),
-        (
-            DiagnosticLevel::Warn,
-            "stack nearly used up: 6145 of 8192 bytes"
-        )
-    );
-    let message = timing(|timing| {
+    let full = timing(|timing| timing.stack_used += 1);
+    let both = timing(|timing| {
         timing.stages[0].worst_ns = u32::MAX;
         timing.stack_used = u32::MAX;
     });
-    let status = harness.status_after(&message, "timing");
-    assert_eq!(
-        status.message,
-        "late since boot: acquire; stack nearly used up: 4294967295 of 8192 bytes"
-    );
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    for (message, expected) in [
+        (&full, "stack nearly used up: 6145 of 8192 bytes"),
+        (
+            &both,
+            "late since boot: acquire; stack nearly used up: 4294967295 of 8192 bytes",
+        ),
+        (&late, "late since boot: code stage 9"),
+    ] {
+        let status = harness.status_after(message, "timing");
+        assert_eq!(state(&status), (DiagnosticLevel::Warn, expected));
+    }
+    let status = harness.status_after(&late, "timing");
+    for pair in [
+        ("stage 9", "worst 5 us of 1 us"),
+        ("stage 9: times per eighth of it", "0 0 0 0 0 0 0 0, late 3"),
+    ] {
+        assert!(values(&status).contains(&pair), "{status:?}");
+    }
 }
 
 #[test]

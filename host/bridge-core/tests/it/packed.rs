@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use artifact::reconstruction::HEALING_BLOCKS;
 use bridge_core::{AuditedWindow, FillerPolicy, PackedReconstruction, Settings};
-use link::{AckResult, Flags, Streams, ToDevice};
+use link::{Flags, Streams};
 use neuro_ros::{DiagnosticLevel, NeuroFrame};
 
 use crate::board::{Board, assert_has, at, model};
@@ -102,23 +102,6 @@ fn a_lost_block_is_predicted_and_flagged_until_the_state_has_healed() {
             assert!(others[11].eeg.data.iter().all(|uv| *uv == 0.0));
         }
     }
-}
-
-#[test]
-fn a_restarted_device_continues_the_frames_with_fillers_between() {
-    let mut device = Packed::new(PACKED);
-    device.send_all(5, false);
-    device.harness.reboot(4 * 62_500);
-    device.next = 0;
-    device.send_all(5, false);
-    let frames = frames(&device.harness.recorder, PACKED);
-    assert_eq!(frames.len(), 14);
-    let are_fillers = flags(&frames)[5..9].iter().all(|flags| flags & 0x8000 != 0);
-    assert!(are_fillers);
-    // The first block of a run has no prediction, so the decoder's state is correct at once.
-    let (run, _) = decode((0..5).map(Some));
-    assert_eq!(frames[9].eeg.data, run[0]);
-    assert!(flags(&frames)[9..].iter().all(|flags| *flags == 0));
 }
 
 #[test]
@@ -331,27 +314,12 @@ fn a_device_that_cannot_set_the_rate_streams_all_the_same() {
         packed_rate: Some(7),
         ..PACKED
     };
-    let mut harness = Harness::new(asked, Board::new());
-    harness.open();
-    for _ in 0..8 {
-        let commands = std::mem::take(&mut harness.recorder.sent);
-        let before = harness.board.received.len();
-        let answers = harness.board.answer(&commands);
-        let news = &harness.board.received[before..];
-        let is_rate = matches!(news, [(_, ToDevice::SetRate { .. })]);
-        if is_rate {
-            let ack = link::ToHost::Ack(link::Ack {
-                of: news[0].0,
-                result: AckResult::UnknownCommand,
-            });
-            harness.send(0, &ack);
-        } else {
-            harness.receive(&answers);
-        }
-    }
+    // It refuses packed blocks too, and is then asked for codes.
+    let without_packed = Streams::ALL.without(Streams::PACKED);
+    let harness = Harness::connected(asked, Board::supporting(without_packed));
     assert_eq!(
         commands(&harness),
-        ["identify", "stop", "set rate", "start"]
+        ["identify", "stop", "set rate", "start", "start"]
     );
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use artifact::Artifact;
-use artifact::reconstruction::{HopLayout, Overlap, Window, WindowDecoder};
+use artifact::reconstruction::{HopLayout, Overlap, Source, Window, WindowDecoder};
 use bridge_core::{Device, FillerPolicy, Reconstruction, Settings, TimedCode, TriWords};
 use link::Flags;
 use neuro_ros::{Shape, Stamp};
@@ -34,26 +34,6 @@ fn window(index: u32, z: Option<Vec<f32>>) -> TimedCode {
     }
 }
 
-/// Returns the frames that consecutive windows complete, from window 0 on. `windows[i]` states
-/// whether the code of window `i` was received.
-fn frames(settings: Settings, windows: &[bool]) -> Vec<Option<Vec<f32>>> {
-    let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), settings);
-    let mut index = 0;
-    windows
-        .iter()
-        .map(|received| {
-            let frame =
-                reconstruction.next_frame(&window(index.into(), received.then(|| z(index))));
-            index += 1;
-            frame.map(|frame| frame.eeg.data.clone())
-        })
-        .collect()
-}
-
-fn steps(window: u16, range: std::ops::Range<usize>) -> Vec<f32> {
-    model().decode(&z(window))[range.start * 61..range.end * 61].to_vec()
-}
-
 #[test]
 fn frames_keep_the_contract_and_are_numbered() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
@@ -70,38 +50,6 @@ fn frames_keep_the_contract_and_are_numbered() {
     let second = reconstruction.next_frame(&window(1, Some(z(1)))).unwrap();
     assert_eq!((first.neuroheader.seq, second.neuroheader.seq), (1, 2));
     assert_eq!(second.header.seq, 2);
-}
-
-#[test]
-fn two_windows_are_averaged_where_they_overlap() {
-    let frames = frames(SETTINGS, &[true, true]);
-    // No earlier window shares the first hop, so it is not averaged.
-    assert_eq!(frames[0], Some(steps(0, 0..8)));
-    let (old, new) = (steps(0, 8..16), steps(1, 0..8));
-    let averaged = frames[1].as_ref().unwrap();
-    for (index, value) in averaged.iter().enumerate() {
-        let mean = f32::midpoint(old[index], new[index]);
-        // The limit allows for rounding: neighbouring f32 numbers at 100 uV are 8e-6 apart.
-        assert!((value - mean).abs() < 1e-4, "value {index}: {value}");
-    }
-}
-
-#[test]
-fn low_latency_publishes_the_newest_steps_of_each_window() {
-    let settings = Settings {
-        low_latency: true,
-        ..SETTINGS
-    };
-    let frames = frames(settings, &[true, true]);
-    assert_eq!(frames[1], Some(steps(1, 8..16)));
-}
-
-#[test]
-fn one_lost_window_is_reconstructed_from_its_neighbours() {
-    let frames = frames(SETTINGS, &[true, false, true, true]);
-    // The hop of the lost window is also part of the previous window, which was received.
-    assert_eq!(frames[1], Some(steps(0, 8..16)));
-    assert_eq!(frames[2], Some(steps(2, 0..8)), "nothing to average with");
 }
 
 #[test]
@@ -129,40 +77,6 @@ fn steps_that_no_window_contains_are_filled_and_flagged() {
             assert_eq!(step, expected, "{filler:?}");
         }
     }
-}
-
-#[test]
-fn with_hop_16_frames_are_whole_windows() {
-    let device = device(Board {
-        hop_steps: 16,
-        ..Board::new()
-    });
-    let mut reconstruction = Reconstruction::new(&device, model(), SETTINGS);
-    reconstruction.next_frame(&window(0, Some(z(0))));
-    let frame = reconstruction.next_frame(&window(1, Some(z(1)))).unwrap();
-    assert_eq!((frame.sr, frame.eeg.info.nsamples), (128, 16));
-    assert_eq!(frame.eeg.data, steps(1, 0..16));
-}
-
-#[test]
-fn values_are_clamped_to_the_announced_range() {
-    let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
-    let frame = reconstruction
-        .next_frame(&window(0, Some(vec![1e6; 128])))
-        .unwrap();
-    assert!(frame.eeg.data.iter().all(|value| value.abs() <= 187_500.01));
-}
-
-#[test]
-fn windows_of_two_streams_are_not_averaged() {
-    let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
-    reconstruction.next_frame(&window(7, Some(z(0))));
-    let frame = reconstruction.next_frame(&window(0, Some(z(1)))).unwrap();
-    assert_eq!(frame.eeg.data, steps(1, 0..8));
-    reconstruction.next_frame(&window(0, Some(z(0))));
-    // The previous window belongs to another stream, so its steps cannot replace the lost ones.
-    let frame = reconstruction.next_frame(&window(0, None)).unwrap();
-    assert_eq!(frame.tri.data[0] & 0x8000, 0x8000);
 }
 
 #[test]
@@ -199,30 +113,55 @@ fn a_frame_carries_the_flags_of_both_its_windows_and_that_of_a_missing_one() {
     }
 }
 
+/// The tests of `artifact::reconstruction` say which values these are: averages of windows, the newest
+/// steps with low latency, limited to full scale, and none of another stream.
 #[test]
 fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
-    let device = device(Board::new());
     let artifact =
         Artifact::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../signal/model/artifact"));
     let decoder = WindowDecoder::new(&artifact.unwrap()).unwrap();
-    let electrodes = device.labels.len();
-    let steps = usize::from(device.hop_steps);
-    let mut overlap = Overlap::new(HopLayout {
-        steps,
-        electrodes,
-        low_latency: false,
-        full_scale_uv: 187_500.0,
-    });
-    let mut hop = vec![0.0; steps * electrodes];
-    let received = [true, true, false, true];
-    let frames = frames(SETTINGS, &received);
-    for (index, (frame, received)) in (0..).zip(frames.iter().zip(received)) {
-        let decoded = Window {
-            index: index.into(),
-            flags: 0,
-            values: received.then(|| decoder.decode(&z(index))),
+    for (hop_steps, low_latency) in [(8, false), (8, true), (16, false)] {
+        let device = device(Board {
+            hop_steps,
+            ..Board::new()
+        });
+        let settings = Settings {
+            low_latency,
+            ..SETTINGS
         };
-        overlap.next_hop(decoded, &mut hop);
-        assert_eq!(frame.as_ref(), Some(&hop), "window {index}");
+        let mut reconstruction = Reconstruction::new(&device, model(), settings);
+        let mut overlap = Overlap::new(HopLayout {
+            steps: usize::from(hop_steps),
+            electrodes: device.labels.len(),
+            low_latency,
+            full_scale_uv: 187_500.0,
+        });
+        let mut hop = vec![0.0; usize::from(hop_steps) * device.labels.len()];
+        // The stream restarts after window 3, and the values of its window 1 exceed full scale.
+        let scaled =
+            |index: u16, by: f32| -> Vec<f32> { z(index).iter().map(|value| value * by).collect() };
+        for (index, values) in [
+            (0, Some(z(0))),
+            (1, Some(z(1))),
+            (2, None),
+            (3, Some(z(3))),
+            (0, Some(scaled(0, -1.0))),
+            (1, Some(scaled(1, 1e6))),
+        ] {
+            let decoded = Window {
+                index,
+                flags: 0,
+                values: values.as_ref().map(|values| decoder.decode(values)),
+            };
+            // A window without a code has a frame of its own policy; see the test of fillers.
+            let source = overlap.next_hop(decoded, &mut hop).source;
+            let frame = reconstruction.next_frame(&window(index, values)).unwrap();
+            if source != Source::Missing {
+                assert_eq!(
+                    frame.eeg.data, hop,
+                    "{hop_steps}, {low_latency}, window {index}"
+                );
+            }
+        }
     }
 }

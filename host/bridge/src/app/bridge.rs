@@ -100,6 +100,19 @@ impl Publication {
         })
     }
 
+    /// Returns the core that streams, with everything that the user has decided.
+    fn core(&self, settings: Settings, model: &Arc<Model>, upload: Option<Upload>) -> Core {
+        let mut core = Core::new(settings, Some(Arc::clone(model)));
+        core.set_exclusions(self.exclusions.clone());
+        if let Some(upload) = upload {
+            core.set_upload(upload);
+        }
+        if let Some(Classifying { classifier, .. }) = &self.classifying {
+            core.set_classifier(classifier.clone());
+        }
+        core
+    }
+
     /// Publishes the streams of a device through a ROS node until a signal (such as SIGTERM), a
     /// call of `~quit` or `rosnode kill` ends the program. Then stops the device and unregisters
     /// the node. `connect` is called when the node has started, and returns the connection to the
@@ -120,7 +133,7 @@ impl Publication {
         namespace.as_ros_name().clone_into(&mut self.ros.namespace);
         let settings = self.settings(&model)?;
         let (command_sender, commands) = mpsc::unbounded_channel();
-        let ros = RosNode::start(self.ros).await?;
+        let ros = RosNode::start(self.ros.clone()).await?;
         rosout::publish(Arc::clone(&ros.node), log);
         let (announcement_sender, announced) = watch::channel(None);
         if settings.streams.contains(Streams::PACKED) {
@@ -143,13 +156,9 @@ impl Publication {
         let outlets = Outlets::new(sinks, settings, Arc::clone(&model), announcements);
         schedule(self.realtime);
         shutdown.watch_node(Arc::clone(&ros.node));
-        let (summary, _, outcome) = Bridge::new(settings, model, feed, commands, outlets)
-            .with_exclusions(self.exclusions)
-            .with_upload(upload)
-            .with_classifier(self.classifying)
-            .exiting_at_end(self.exit_at_end)
-            .run_to_end(&mut shutdown)
-            .await;
+        let core = self.core(settings, &model, upload);
+        let bridge = Bridge::new(core, feed, commands, outlets, self.exit_at_end);
+        let (summary, _, outcome) = bridge.run_to_end(&mut shutdown).await;
         ros.shutdown().await;
         outcome.map(|()| summary)
     }
@@ -233,13 +242,10 @@ async fn print_lines(
     let sinks = Sinks::ndjson(&lines, settings.streams, &namespace, predictions)?;
     let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None);
     schedule(publication.realtime);
-    let (summary, has_ended, outcome) = Bridge::new(settings, model, connection, commands, outlets)
-        .with_exclusions(publication.exclusions)
-        .with_upload(upload)
-        .with_classifier(publication.classifying)
-        .exiting_at_end(publication.exit_at_end)
-        .run_to_end(&mut shutdown)
-        .await;
+    let exit_at_end = publication.exit_at_end;
+    let core = publication.core(settings, &model, upload);
+    let bridge = Bridge::new(core, connection, commands, outlets, exit_at_end);
+    let (summary, has_ended, outcome) = bridge.run_to_end(&mut shutdown).await;
     let timeout = if has_ended {
         END_TIMEOUT
     } else {
@@ -270,48 +276,21 @@ struct Bridge<F> {
 }
 
 impl<F: Feed> Bridge<F> {
+    /// With `exit_at_end`, the bridge ends when a device that has sent frames disconnects.
     fn new(
-        settings: Settings,
-        model: Arc<Model>,
+        core: Core,
         connection: F,
         commands: mpsc::UnboundedReceiver<NodeCommand>,
         outlets: Outlets,
+        exit_at_end: bool,
     ) -> Bridge<F> {
         Bridge {
-            driver: Driver::new(Core::new(settings, Some(model)), connection),
+            driver: Driver::new(core, connection),
             commands,
             outlets,
-            exit_at_end: false,
+            exit_at_end,
             has_ended: false,
         }
-    }
-
-    /// Sets what the user decides about the exclusion of electrodes.
-    fn with_exclusions(mut self, exclusions: Exclusions) -> Bridge<F> {
-        self.driver.core.set_exclusions(exclusions);
-        self
-    }
-
-    /// Sets the packed model that the device is given before it streams.
-    fn with_upload(mut self, upload: Option<Upload>) -> Bridge<F> {
-        if let Some(upload) = upload {
-            self.driver.core.set_upload(upload);
-        }
-        self
-    }
-
-    /// Sets the classifier that decides from the device's features.
-    fn with_classifier(mut self, classifying: Option<Classifying>) -> Bridge<F> {
-        if let Some(Classifying { classifier, .. }) = classifying {
-            self.driver.core.set_classifier(classifier);
-        }
-        self
-    }
-
-    /// Sets whether the bridge ends when a device that has sent frames disconnects.
-    fn exiting_at_end(mut self, exit_at_end: bool) -> Bridge<F> {
-        self.exit_at_end = exit_at_end;
-        self
     }
 
     /// Runs until a shutdown, then lets the decoder finish. Returns the counts even after an error,

@@ -236,20 +236,18 @@ async fn listen(
     let mut judging: Option<Receiver<GoodSignal>> = None;
     let mut judged = 0;
     let ended = run(&mut driver, &mut port, shutdown, |core, port| {
-        if let Some(device) = &port.device
-            && !model.fits(device)
-        {
-            return Err(BridgeError::OtherMontage(device.board.clone()));
-        }
-        if let Some(device) = &port.device
-            && core.lacks_slot()
-        {
+        if let Some(device) = &port.device {
             let board = device.board.clone();
-            return Err(if options.numbers {
-                BridgeError::NoNumbers(board)
-            } else {
-                BridgeError::NoSlot(board)
-            });
+            if !model.fits(device) {
+                return Err(BridgeError::OtherMontage(board));
+            }
+            if core.lacks_slot() {
+                return Err(if options.numbers {
+                    BridgeError::NoNumbers(board)
+                } else {
+                    BridgeError::NoSlot(board)
+                });
+            }
         }
         let (summary, steps) = (core.summary(), port.listening.steps);
         let hops = summary.received + summary.packed.received;

@@ -43,7 +43,7 @@ impl ConfigFile {
         let text = std::fs::read_to_string(&path).map_err(ConfigError::Read);
         match text.and_then(|text| parse(&text)) {
             Ok(options) => Ok(Some(ConfigFile { path, options })),
-            Err(source) => Err(BridgeError::Config { path, source }),
+            Err(source) => Err(BridgeError::Config(path, source)),
         }
     }
 }

@@ -251,13 +251,12 @@ mod tests {
         let fault = || {
             let (place, address) = locate(&PortAddress::Auto(None), &root);
             assert_eq!(address, None);
-            let modem_manager = false;
-            let facts = PortFacts {
+            let mut checks = check_port(&PortFacts {
                 place,
-                modem_manager,
-            };
-            let check = check_port(&facts).remove(0);
-            assert_eq!(check.level, Level::Error);
+                modem_manager: true,
+            });
+            assert_eq!((checks.len(), checks[0].level), (1, Level::Error));
+            let check = checks.remove(0);
             format!("{}; {}", check.finding, check.remedy.unwrap())
         };
         assert!(fault().contains("no Corticode board is on USB; corticode-bridge ports"));

@@ -28,10 +28,7 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
         None => BoxMakeWriter::new(std::io::stderr),
         Some(path) => {
             let file = File::options().create(true).append(true).open(path);
-            let file = file.map_err(|source| BridgeError::Log {
-                path: path.clone(),
-                source,
-            })?;
+            let file = file.map_err(|source| BridgeError::Log(path.clone(), source))?;
             BoxMakeWriter::new(std::io::stderr.and(Arc::new(file)))
         }
     };

@@ -45,7 +45,7 @@ pub(crate) async fn run(options: &MasterOptions) -> Result<(), BridgeError> {
     let address = options.bind;
     let mut shutdown = Shutdown::new()?;
     let master = Master::start(address).await;
-    let master = master.map_err(|source| BridgeError::MasterAddress { address, source })?;
+    let master = master.map_err(|source| BridgeError::MasterAddress(address, source))?;
     tracing::info!("ROS master at {}", master.uri());
     tracing::info!(
         "for each terminal with ROS programs: export ROS_MASTER_URI={}",

@@ -66,9 +66,7 @@ fn to_arguments(
         let remedy = format!("remove it with: rosparam delete {node}/{name}");
         check(&name, known, remedy)?;
         let Some(text) = to_text(&value) else {
-            return Err(BridgeError::ParameterType {
-                name: format!("{node}/{name}"),
-            });
+            return Err(BridgeError::ParameterType(format!("{node}/{name}")));
         };
         let flag = to_flag(&name, &text);
         Ok((name, flag))

@@ -274,10 +274,7 @@ impl RecordingFile {
         drop(self.chunks);
         let ended = self.thread.join();
         let ended = ended.unwrap_or_else(|_| Err(io::Error::other("the writing thread failed")));
-        ended.map_err(|source| BridgeError::FileWrite {
-            path: self.path,
-            source,
-        })
+        ended.map_err(|source| BridgeError::FileWrite(self.path, source))
     }
 }
 

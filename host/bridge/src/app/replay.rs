@@ -86,14 +86,8 @@ impl fmt::Display for ReplaySummary {
 /// [`BridgeError`] if the recording or the port cannot be used.
 pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, BridgeError> {
     let mut shutdown = Shutdown::new()?;
-    let unusable = |source| BridgeError::Recording {
-        path: options.file.clone(),
-        source,
-    };
-    let unopened = |source| BridgeError::Output {
-        output: options.output.to_string(),
-        source,
-    };
+    let unusable = |source| BridgeError::Recording(options.file.clone(), source);
+    let unopened = |source| BridgeError::Output(options.output.to_string(), source);
     let file = File::open(&options.file);
     let file = file.map_err(|error| unusable(RecordingError::Read(error)))?;
     let pace = if options.fast {

@@ -136,7 +136,7 @@ fn check_modem_manager(usb: UsbPort, runs: bool) -> Option<Check> {
 mod tests {
     use super::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
     use crate::doctor::{Check, Level};
-    use crate::ports::access::{Membership, PortAccess, Program};
+    use crate::ports::access::{Membership, PortAccess};
 
     fn check(access: PortAccess, usb: UsbPort, modem_manager: bool) -> Vec<Check> {
         let path = "/dev/ttyACM0".into();
@@ -186,31 +186,12 @@ mod tests {
     }
 
     #[test]
-    fn a_denied_or_used_port_is_an_error_with_the_command_that_helps() {
+    fn a_denied_port_is_an_error_with_the_command_that_helps() {
         let group = "dialout".to_owned();
         let denied = PortAccess::Denied(Membership::Outsider { group });
         let checks = check(denied, UsbPort::None, false);
         assert_eq!(not_ok(&checks), [("permission", Level::Error)]);
         let remedy = checks[1].remedy.as_deref().unwrap();
         assert!(remedy.contains("usermod -aG dialout"), "{remedy}");
-        let name = "screen".to_owned();
-        let used = PortAccess::InUse(vec![Program { pid: 7, name }]);
-        let checks = check(used, UsbPort::None, false);
-        assert_eq!(not_ok(&checks), [("other program", Level::Error)]);
-        assert!(checks[2].finding.contains("screen (pid 7)"));
-        assert!(checks[2].remedy.as_deref().unwrap().ends_with("kill 7"));
-    }
-
-    #[test]
-    fn an_absent_port_is_the_only_check() {
-        let place = PortPlace::Missing {
-            why: "no board".to_owned(),
-            remedy: "corticode-bridge ports".to_owned(),
-        };
-        let checks = check_port(&PortFacts {
-            place,
-            modem_manager: true,
-        });
-        assert_eq!(not_ok(&checks), [("port", Level::Error)]);
     }
 }

@@ -48,13 +48,8 @@ pub enum Event {
 
 impl Connection {
     pub(crate) fn new(address: PortAddress, baud: u32) -> Connection {
-        Connection::with(PortOpener::new(address, baud))
-    }
-
-    /// Creates a connection to the port that `opener` opens.
-    pub(crate) fn with(opener: PortOpener) -> Connection {
         Connection {
-            opener,
+            opener: PortOpener::new(address, baud),
             state: State::Closed {
                 retry_at: Instant::now(),
             },
@@ -156,22 +151,10 @@ impl Feed for Connection {
                             self.state = State::Open(port);
                             return Ok(Event::Opened);
                         }
-                        Err(OpenError::Ambiguous { boards }) => {
-                            return Err(BridgeError::SeveralBoards { boards });
+                        Err(error) => {
+                            let error = error.passing(self.opener.to_string())?;
+                            self.report_failure(&error);
                         }
-                        Err(OpenError::Io(source))
-                            if source.kind() == io::ErrorKind::InvalidInput =>
-                        {
-                            let port = self.opener.to_string();
-                            return Err(BridgeError::Port { port, source });
-                        }
-                        Err(OpenError::Io(source))
-                            if source.kind() == io::ErrorKind::Unsupported =>
-                        {
-                            let port = self.opener.to_string();
-                            return Err(BridgeError::Speed { port, source });
-                        }
-                        Err(OpenError::Io(error)) => self.report_failure(&error),
                     }
                 }
                 State::Open(port) => {

@@ -4,6 +4,7 @@ use std::{fmt, io};
 
 use thiserror::Error;
 
+use crate::error::BridgeError;
 use crate::ports::finder::{BoardFinder, FindError, FoundBoard};
 use crate::ports::system_root::SystemRoot;
 use crate::wire::port::{Port, PortAddress};
@@ -34,16 +35,28 @@ pub(crate) enum OpenError {
     },
 }
 
+impl OpenError {
+    /// Returns why the port does not open at present, or the error that ends a program because
+    /// `port` can never be opened.
+    pub(crate) fn passing(self, port: String) -> Result<io::Error, BridgeError> {
+        match self {
+            OpenError::Ambiguous { boards } => Err(BridgeError::SeveralBoards(boards)),
+            OpenError::Io(source) => match source.kind() {
+                io::ErrorKind::InvalidInput => Err(BridgeError::Port(port, source)),
+                io::ErrorKind::Unsupported => Err(BridgeError::Speed(port, source)),
+                _ => Ok(source),
+            },
+        }
+    }
+}
+
 impl PortOpener {
     /// Creates the opener of a port, without opening it.
     pub(crate) fn new(address: PortAddress, baud: u32) -> PortOpener {
-        PortOpener::below(SystemRoot::machine(), address, baud)
-    }
-
-    /// As [`PortOpener::new`], but searches for boards below the folder `root`.
-    pub(crate) fn below(root: SystemRoot, address: PortAddress, baud: u32) -> PortOpener {
         let finder = match &address {
-            PortAddress::Auto(serial) => Some(BoardFinder::new(root, serial.clone())),
+            PortAddress::Auto(serial) => {
+                Some(BoardFinder::new(SystemRoot::machine(), serial.clone()))
+            }
             PortAddress::Tty(_) | PortAddress::Tcp(_) => None,
         };
         PortOpener {
@@ -89,99 +102,5 @@ impl fmt::Display for PortOpener {
         };
         let serial = serial.as_deref().unwrap_or("without serial number");
         write!(formatter, "{} (board {serial})", path.display())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::fs::File;
-    use std::io::Write;
-    use std::path::PathBuf;
-
-    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-
-    use super::{OpenError, PortOpener, SystemRoot};
-    use crate::error::BridgeError;
-    use crate::ports::simulated_machine::{BOARD, OTHER, SimulatedMachine};
-    use crate::wire::connection::{Connection, Event, Feed};
-    use crate::wire::port::PortAddress;
-
-    /// Returns the device's end of a new pseudoterminal, and the path of the host's end.
-    fn pseudoterminal() -> (File, PathBuf) {
-        let device = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
-        grantpt(&device).unwrap();
-        unlockpt(&device).unwrap();
-        let name = ptsname(&device, Vec::new()).unwrap();
-        (device.into(), name.to_str().unwrap().into())
-    }
-
-    fn auto(machine: &SimulatedMachine) -> PortOpener {
-        let root = SystemRoot::new(machine.folder());
-        PortOpener::below(root, PortAddress::Auto(None), 921_600)
-    }
-
-    #[tokio::test]
-    async fn a_connection_follows_its_board_to_another_port() {
-        let machine = SimulatedMachine::new();
-        let mut connection = Connection::with(auto(&machine));
-        let (mut buffer, mut outgoing) = ([0; 16], Vec::new());
-        let waits = std::time::Duration::from_millis(600);
-        // While no board is plugged in, the connection waits.
-        let event = connection.next_event(&mut buffer, &mut outgoing);
-        assert!(tokio::time::timeout(waits, event).await.is_err());
-        let (mut device, path) = pseudoterminal();
-        machine.plug(2, "ttyACM0", BOARD, Some(&path));
-        let opened = connection.next_event(&mut buffer, &mut outgoing).await;
-        assert_eq!(opened.unwrap(), Event::Opened);
-        device.write_all(b"first").unwrap();
-        let read = connection.next_event(&mut buffer, &mut outgoing).await;
-        let expected = (Event::Bytes(5), &b"first"[..]);
-        assert_eq!((read.unwrap(), &buffer[..5]), expected);
-        // The board is unplugged, and another board gets the name of its port.
-        machine.unplug(2, "ttyACM0");
-        drop(device);
-        let (_other, other_path) = pseudoterminal();
-        machine.plug(3, "ttyACM0", OTHER, Some(&other_path));
-        let closed = connection.next_event(&mut buffer, &mut outgoing).await;
-        assert_eq!(closed.unwrap(), Event::Closed);
-        let event = connection.next_event(&mut buffer, &mut outgoing);
-        assert!(tokio::time::timeout(waits, event).await.is_err());
-        let (mut device, path) = pseudoterminal();
-        machine.plug(2, "ttyACM1", BOARD, Some(&path));
-        let opened = connection.next_event(&mut buffer, &mut outgoing).await;
-        assert_eq!(opened.unwrap(), Event::Opened);
-        device.write_all(b"again").unwrap();
-        let read = connection.next_event(&mut buffer, &mut outgoing).await;
-        let expected = (Event::Bytes(5), &b"again"[..]);
-        assert_eq!((read.unwrap(), &buffer[..5]), expected);
-    }
-
-    #[tokio::test]
-    async fn two_boards_end_a_connection_with_status_2_and_their_serial_numbers() {
-        let machine = SimulatedMachine::new();
-        machine.plug(2, "ttyACM0", BOARD, None);
-        machine.plug(3, "ttyACM1", OTHER, None);
-        let error = auto(&machine).open().await.unwrap_err();
-        assert!(matches!(error, OpenError::Ambiguous { .. }), "{error}");
-        let mut connection = Connection::with(auto(&machine));
-        let event = connection.next_event(&mut [0; 16], &mut Vec::new()).await;
-        let error: BridgeError = event.unwrap_err();
-        let text = error.to_string();
-        assert_eq!(error.exit_code(), 2);
-        for part in [BOARD.serial, "3B (", "ttyACM1", "--port auto:SERIAL"] {
-            assert!(text.contains(part), "{text}");
-        }
-    }
-
-    #[tokio::test]
-    async fn the_port_that_was_found_is_named_with_its_board() {
-        let machine = SimulatedMachine::new();
-        let mut opener = auto(&machine);
-        assert_eq!(opener.to_string(), "auto");
-        let (_device, path) = pseudoterminal();
-        machine.plug(2, "ttyACM0", BOARD, Some(&path));
-        opener.open().await.unwrap();
-        let expected = format!("/dev/ttyACM0 (board {})", BOARD.serial);
-        assert!(opener.to_string().ends_with(&expected), "{opener}");
     }
 }

@@ -70,40 +70,6 @@ fn the_udev_rule_comes_with_the_program() {
 }
 
 #[test]
-fn help_names_every_option() {
-    let help = stdout(&["--help"]);
-    for option in [
-        "--port",
-        "--baud",
-        "--ros-master-uri",
-        "--sink",
-        "--topic-prefix",
-        "--model",
-        "--stamp",
-        "--mains",
-        "--filler",
-        "--low-latency",
-        "--announce",
-        "--streams",
-        "--config",
-        "selftest",
-        "reset",
-        "record",
-        "replay",
-        "convert",
-        "ports",
-        "doctor",
-        "auto:SERIAL",
-        "master",
-        "completions",
-        "man",
-        "/diagnostics keeps its name",
-    ] {
-        assert!(help.contains(option), "{help}");
-    }
-}
-
-#[test]
 fn a_reader_that_has_gone_changes_no_status() {
     for (arguments, status) in [
         (&["ports", "--json"][..], 0),

@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::graph::{ended, frame, master, node, subscribe};
-use crate::process::Bridge;
+use crate::process::{Bridge, wait_until};
 
 /// Writes a configuration file to a new folder. Returns the folder and the file's path.
 fn config(text: &str) -> (TempDir, String) {
@@ -95,9 +95,7 @@ fn the_file_of_the_user_is_found_and_applies_to_subcommands() {
         assert_has(&log, [&read, &format!("{port} does not open")]);
     }
     let bridge = Bridge::start_in_home(&record, home);
-    while !recording.exists() {
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
+    wait_until("the recording", || recording.exists());
     let log = bridge.end(Signal::TERM);
     assert!(log.contains("options from"), "{log}");
 }
@@ -127,22 +125,13 @@ fn an_unusable_file_is_status_2_and_the_message_names_file_line_and_key() {
     };
     let log = run(missing.to_str().unwrap());
     assert!(log.contains("No such file"), "{log}");
-    for (text, expected) in [
-        (
-            "# comment\nprot = \"/dev/null\"",
-            "line 2: the key prot is not known; known are port, baud",
-        ),
-        (
-            "port = \"/dev/null\"\nmains = true",
-            "line 2: mains is of type boolean, and must be an integer",
-        ),
-        ("port = \"/dev/null", "line 1: "),
-        ("port = \"tcp:nowhere\"", "line 1: port: "),
-    ] {
-        let (_folder, path) = config(text);
-        let log = run(&path);
-        assert!(log.contains(expected), "{log}");
-    }
+    // Unit tests of the program check the messages of other mistakes.
+    let (_folder, path) = config("# comment\nprot = \"/dev/null\"");
+    let log = run(&path);
+    assert_has(
+        &log,
+        ["line 2: the key prot is not known; known are port, baud"],
+    );
 }
 
 #[test]

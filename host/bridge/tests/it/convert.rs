@@ -400,10 +400,10 @@ fn write(folder: &Path, bytes: Vec<u8>) -> PathBuf {
     path
 }
 
-/// Converts a recording, and returns the rows of its reconstructed signals.
-fn signals(recording: PackedRecording) -> Table {
+/// Converts the file of a recording, and returns the rows of its reconstructed signals.
+fn signals(file: Vec<u8>) -> Table {
     let folder = tempfile::tempdir().unwrap();
-    let path = write(folder.path(), recording.finish());
+    let path = write(folder.path(), file);
     let (status, log) = convert(&path, "csv");
     assert_eq!(status, Some(0), "{log}");
     Table::read(&folder.path().join("session.reconstructed.csv"))
@@ -434,13 +434,8 @@ fn every_block_has_rows_also_where_the_recording_was_not_ended() {
         }
         recording
     };
-    assert_eq!(signals(recording()).rows.len(), 160);
-    let folder = tempfile::tempdir().unwrap();
-    let path = write(folder.path(), recording().cut_off());
-    let (status, log) = convert(&path, "csv");
-    assert_eq!(status, Some(0), "{log}");
-    let table = Table::read(&folder.path().join("session.reconstructed.csv"));
-    assert_eq!(table.rows.len(), 160);
+    assert_eq!(signals(recording().finish()).rows.len(), 160);
+    assert_eq!(signals(recording().cut_off()).rows.len(), 160);
 }
 
 #[test]
@@ -458,7 +453,7 @@ fn events_beside_a_restart_stand_at_their_rows() {
         recording.hop();
         recording.event(0);
     }
-    let table = signals(recording);
+    let table = signals(recording.finish());
     let fillers = (0..table.rows.len()).filter(|row| table.is_filler(*row));
     assert!(fillers.eq(160..224));
     // The last event is later than every row, so no row has it.

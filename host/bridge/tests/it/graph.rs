@@ -205,29 +205,6 @@ async fn a_node_with_the_same_name_takes_over_and_the_bridge_shuts_down() {
 }
 
 #[tokio::test]
-async fn lost_codes_are_filled_and_counted() {
-    let graph = Graph::new().await;
-    let bridge = graph.bridge();
-    let mut encoded = graph.subscribe("/encoded").await;
-    frame(&mut encoded).await;
-    graph.device.controls.lose.store(7, Relaxed);
-    let mut fillers = 0;
-    let mut window = None;
-    for _ in 0..40 {
-        let frame = frame(&mut encoded).await;
-        let seen = frame.tri.data[1];
-        let next = window.map_or(seen, |before| before + 1);
-        assert_eq!(seen, next, "a code is missing");
-        window = Some(seen);
-        fillers += u32::from(frame.tri.data[0] & 0x8000 != 0);
-    }
-    assert_eq!(fillers, 7);
-    bridge.signal(Signal::INT);
-    let log = ended(bridge).await;
-    assert_has(&log, ["lost 7 (bursts 1, longest 7) fillers 7"]);
-}
-
-#[tokio::test]
 async fn node_and_topics_can_be_renamed_on_the_command_line() {
     let graph = Graph::new().await;
     let bridge = Bridge::start(&[

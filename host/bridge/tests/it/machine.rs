@@ -5,7 +5,7 @@ use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering::Relaxed;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use link::SelfTest;
 use rustix::process::Signal;
@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::board::{Board, assert_has};
 use crate::device::Device;
-use crate::process::{Bridge, TIMEOUT};
+use crate::process::{Bridge, wait_until};
 use crate::simulated_machine::{BOARD, Descriptor, OTHER, SimulatedMachine};
 
 /// Shell script that puts `dev` and `sys` of the folder `$1` in place of the machine's, in a
@@ -69,18 +69,12 @@ fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Command {
 
 /// Waits for the pseudoterminal to which `link` leads, and plugs it in as the port of `board`.
 fn plug(machine: &SimulatedMachine, socket: u32, tty: &str, board: Descriptor<'_>, link: &Path) {
-    let deadline = Instant::now() + TIMEOUT;
-    let node = loop {
-        if let Ok(node) = std::fs::read_link(link) {
-            break node;
-        }
-        assert!(
-            Instant::now() < deadline,
-            "the board opens no pseudoterminal"
-        );
-        std::thread::sleep(Duration::from_millis(5));
-    };
-    machine.plug(socket, tty, board, Some(&node));
+    let mut node = None;
+    wait_until("the pseudoterminal", || {
+        node = std::fs::read_link(link).ok();
+        node.is_some()
+    });
+    machine.plug(socket, tty, board, node.as_deref());
 }
 
 #[test]
@@ -100,9 +94,9 @@ fn auto_finds_the_board_again_at_another_port() {
     device.controls.unplugged.store(true, Relaxed);
     machine.unplug(2, "ttyACM0");
     device.controls.hang_up.store(true, Relaxed);
-    while device.controls.hang_up.load(Relaxed) {
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    wait_until("the end of the port", || {
+        !device.controls.hang_up.load(Relaxed)
+    });
     machine.plug(3, "ttyACM0", OTHER, None);
     let made = device.controls.made.load(Relaxed);
     device.controls.unplugged.store(false, Relaxed);
@@ -169,11 +163,7 @@ fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
     let file = file.to_str().unwrap();
     let mut record = bridge_on(&machine, &["record", file, "--port", &auto]);
     let record = Bridge::spawn_command(record.process_group(0));
-    let deadline = Instant::now() + TIMEOUT;
-    while device.controls.made.load(Relaxed) < 5 {
-        assert!(Instant::now() < deadline, "the board does not stream");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    wait_until("codes", || device.controls.made.load(Relaxed) >= 5);
     let log = record.end(Signal::TERM);
     assert!(log.contains("/dev/ttyACM3 (board "), "{log}");
 }
@@ -215,6 +205,6 @@ fn ports_and_selftest_see_the_boards_of_the_machine() {
         let (code, _, log) = run(arguments);
         assert_eq!(code, Some(2), "{log}");
         let listed = format!("{} (/dev/ttyACM0), 3B (/dev/ttyACM1)", BOARD.serial);
-        assert!(log.contains(&listed), "{log}");
+        assert_has(&log, [&listed, "--port auto:SERIAL"]);
     }
 }

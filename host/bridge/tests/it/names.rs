@@ -158,7 +158,7 @@ async fn the_status_outlets_shows_how_far_each_subscriber_is_behind() {
 }
 
 #[tokio::test]
-async fn flags_override_the_environment_which_overrides_the_parameter_server() {
+async fn parameters_on_the_server_set_options_and_unknown_ones_are_status_2() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let set = async |name: &str, value: Value| {
@@ -171,20 +171,12 @@ async fn flags_override_the_environment_which_overrides_the_parameter_server() {
         set.unwrap();
     };
     set("port", device.port.as_str().into()).await;
-    set("streams", Value::from(["codes", "raw", "filtered"])).await;
-    set("announce", "raw".into()).await;
+    set("streams", Value::from(["codes", "raw"])).await;
     set("event_stamps", "nonsense".into()).await;
-    let bridge = Bridge::start_with(
-        &["--ros-master-uri", master.uri(), "_event_stamps:=scalp"],
-        &[("CORTICODE_ANNOUNCE", "filtered")],
-    );
+    let bridge = Bridge::start(&["--ros-master-uri", master.uri(), "_event_stamps:=scalp"]);
     let node = node("recorder", master.uri()).await;
-    let announced = announcement(&node, GET_INFO_SERVICE).await;
-    assert_eq!(
-        (announced.frame().sr, announced.frame().eeg.info.nsamples),
-        (128, 8)
-    );
-    assert_eq!(publishers(&node, "/neurodata").await, ["/acquisition"]);
+    let mut raw = subscribe(&node, "/neurodata").await;
+    frame(&mut raw).await;
     end(bridge).await;
 
     set("plugin", "eegdev".into()).await;

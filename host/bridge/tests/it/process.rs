@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::net::{SocketAddr, TcpListener};
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -76,6 +77,23 @@ impl Bridge {
         Bridge::spawn(arguments, &[], file.into())
     }
 
+    /// Starts the bridge with a limit on the length of files, 32 blocks of 512 or 1024 bytes, which
+    /// simulates a full disk.
+    pub(crate) fn start_on_full_disk(arguments: &[&str], stdout: Stdio) -> Bridge {
+        // Without the `trap` the kernel would end the program by a signal.
+        let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
+        let mut command = Command::new("sh");
+        command
+            .args(["-c", script, "sh", env!("CARGO_BIN_EXE_corticode-bridge")])
+            .args(arguments)
+            .env("CORTICODE_CONFIG", "/dev/null")
+            .stdin(Stdio::null())
+            .stdout(stdout)
+            .stderr(Stdio::piped())
+            .process_group(0);
+        Bridge::spawn_command(&mut command)
+    }
+
     pub(crate) fn stdout(&mut self) -> std::process::ChildStdout {
         self.child.stdout.take().unwrap()
     }
@@ -101,18 +119,15 @@ impl Bridge {
 
     /// Waits until the bridge exits. Returns the exit status and its output on stderr.
     pub(crate) fn wait(mut self) -> (ExitStatus, String) {
-        let deadline = Instant::now() + TIMEOUT;
-        let status = loop {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                break status;
-            }
-            assert!(Instant::now() < deadline, "the bridge does not end");
-            std::thread::sleep(Duration::from_millis(10));
-        };
+        let mut status = None;
+        wait_until("the end of the bridge", || {
+            status = self.child.try_wait().unwrap();
+            status.is_some()
+        });
         let mut text = String::new();
         let mut stderr = self.child.stderr.take().unwrap();
         stderr.read_to_string(&mut text).unwrap();
-        (status, text)
+        (status.unwrap(), text)
     }
 
     /// Waits until the bridge exits with status 0. Returns its output on stderr.
@@ -160,9 +175,15 @@ pub(crate) fn serve(mut serve: impl FnMut(std::net::TcpStream) + Send + 'static)
 
 /// Waits until the file at `path` has at least `bytes` bytes.
 pub(crate) fn wait_for_bytes(path: &Path, bytes: u64) {
+    wait_until("the recording", || {
+        std::fs::metadata(path).is_ok_and(|file| file.len() >= bytes)
+    });
+}
+
+pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     let deadline = Instant::now() + TIMEOUT;
-    while std::fs::metadata(path).map_or(0, |file| file.len()) < bytes {
-        assert!(Instant::now() < deadline, "nothing is recorded");
+    while !holds() {
+        assert!(Instant::now() < deadline, "{what}: not within {TIMEOUT:?}");
         std::thread::sleep(Duration::from_millis(1));
     }
 }

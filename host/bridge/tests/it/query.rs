@@ -67,15 +67,6 @@ fn a_device_with_a_fault_is_status_1_and_json_names_the_fault() {
 }
 
 #[test]
-fn a_reader_that_closes_the_pipe_is_no_error() {
-    let device = Device::tcp(board(ChannelFault::Noisy));
-    let mut bridge = Bridge::start(&["selftest", "--port", &device.port]);
-    drop(bridge.stdout());
-    let (status, log) = bridge.wait();
-    assert_eq!((status.code(), &*log), (Some(1), ""));
-}
-
-#[test]
 fn an_absent_device_is_status_3_and_a_refusal_status_4() {
     let nobody = format!("tcp:{}", free_address());
     for port in [&*nobody, "/dev/ttyNOBODY"] {

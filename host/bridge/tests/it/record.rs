@@ -1,10 +1,8 @@
 //! The subcommand `record`: files of a killed program, a full disk, and an existing file.
 
 use std::fs::File;
-use std::io::Read;
-use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
@@ -131,21 +129,8 @@ fn a_full_disk_ends_the_recording_and_keeps_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording");
     let device = Device::tcp(Board::new());
-    // A limit on the file's length simulates a full disk: 32 blocks of 512 or 1024 bytes. Without
-    // the `trap` the kernel would end the program by a signal.
-    let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
-    let mut child = Command::new("sh")
-        .args(["-c", script, "sh", env!("CARGO_BIN_EXE_corticode-bridge")])
-        .args(["record", path.to_str().unwrap(), "--port", &device.port])
-        .stdin(Stdio::null())
-        .stderr(Stdio::piped())
-        .process_group(0)
-        .spawn()
-        .unwrap();
-    let status = child.wait().unwrap();
-    let mut log = String::new();
-    child.stderr.unwrap().read_to_string(&mut log).unwrap();
-    assert_eq!(status.code(), Some(1), "{log}");
+    let arguments = ["record", path.to_str().unwrap(), "--port", &device.port];
+    let log = Bridge::start_on_full_disk(&arguments, Stdio::null()).failure(1);
     assert_has(&log, ["cannot be written any further", "File too large"]);
     let content = read(&path);
     let length = std::fs::metadata(&path).unwrap().len();

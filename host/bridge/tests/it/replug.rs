@@ -66,31 +66,24 @@ fn totals(log: &str) -> [u32; 5] {
 }
 
 #[test]
-fn a_pseudoterminal_that_returns_under_another_name_is_reopened() {
+fn a_pseudoterminal_that_returns_under_another_name_is_reopened_and_so_is_a_broken_connection() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("board");
-    let device = Device::pty(Board::new(), &path);
-    let bridge = Bridge::ndjson(&device.port);
-    let (outages, log) = replug(&device, bridge, 8);
-    println!("back after {outages:?}");
-    let [made, received, lost, fillers, connections] = totals(&log);
-    assert_eq!(connections, 9, "{log}");
-    assert_eq!(made, device.controls.made.load(Relaxed), "{log}");
-    assert_eq!((received + lost, fillers), (made, lost), "{log}");
-    assert!(lost > 0);
-    println!("{log}");
-    // The bridge must reconnect within 1 s; a busy machine may take one more.
-    let limit = Duration::from_secs(2);
-    assert!(outages.iter().all(|outage| *outage < limit), "{outages:?}");
-}
-
-#[test]
-fn a_broken_connection_is_reestablished() {
-    let device = Device::tcp(Board::new());
-    let (_, log) = replug(&device, Bridge::ndjson(&device.port), 3);
-    let [made, received, lost, ..] = totals(&log);
-    assert_eq!(made, device.controls.made.load(Relaxed), "{log}");
-    assert_eq!(received + lost, made, "{log}");
+    for (device, times) in [
+        (Device::pty(Board::new(), &path), 8),
+        (Device::tcp(Board::new()), 3),
+    ] {
+        let (outages, log) = replug(&device, Bridge::ndjson(&device.port), times);
+        println!("{log}\nback after {outages:?}");
+        let [made, received, lost, fillers, connections] = totals(&log);
+        assert_eq!(connections, times + 1, "{log}");
+        assert_eq!(made, device.controls.made.load(Relaxed), "{log}");
+        assert_eq!((received + lost, fillers), (made, lost), "{log}");
+        assert!(lost > 0);
+        // The bridge must reconnect within 1 s; a busy machine may take one more.
+        let limit = Duration::from_secs(2);
+        assert!(outages.iter().all(|outage| *outage < limit), "{outages:?}");
+    }
 }
 
 #[test]

@@ -1,8 +1,6 @@
 //! What the bridge logs about a full disk, the port of another device, and a bad link.
 
 use std::io::Write;
-use std::os::unix::process::CommandExt;
-use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering::Relaxed;
 use std::thread::sleep;
 use std::time::Duration;
@@ -31,18 +29,9 @@ fn a_full_disk_is_status_1_and_the_log_says_so() {
 fn lines_on_a_disk_that_becomes_full_end_with_a_whole_line() {
     let device = Device::tcp(Board::new());
     let file = tempfile::NamedTempFile::new().unwrap();
-    // A limit on the file's length simulates a full disk: 32 blocks of 512 or 1024 bytes. Without
-    // the `trap` the kernel would end the program by a signal.
-    let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
-    let mut command = Command::new("sh");
-    command
-        .args(["-c", script, "sh", env!("CARGO_BIN_EXE_corticode-bridge")])
-        .args(["--port", &device.port, "--sink", "ndjson"])
-        .env("CORTICODE_CONFIG", "/dev/null")
-        .stdout(file.reopen().unwrap())
-        .stderr(Stdio::piped())
-        .process_group(0);
-    Bridge::spawn_command(&mut command).failure(1);
+    let arguments = ["--port", &device.port, "--sink", "ndjson"];
+    let stdout = file.reopen().unwrap().into();
+    Bridge::start_on_full_disk(&arguments, stdout).failure(1);
     let text = std::fs::read_to_string(file.path()).unwrap();
     assert!(text.len() > 8_000 && text.ends_with('\n'), "{text}");
     for line in text.lines() {

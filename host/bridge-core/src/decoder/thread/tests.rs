@@ -195,18 +195,10 @@ fn the_frame_that_waits_for_a_correction_is_published_when_another_device_takes_
             decoder.decode_block(lost_block(10 * device + index, false));
         }
     }
+    // The frame of the last block is published at the end, without its correction.
     assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
     let due: Vec<(u32, i64)> = (1..=20).zip(0..).collect();
     assert_eq!(*places.lock().unwrap(), due);
-}
-
-#[test]
-fn at_the_end_the_frame_that_waits_is_published_without_its_correction() {
-    let (places, mut decoder) = start();
-    decoder.start_device(reconstruction(), Some(unpacked()));
-    decoder.decode_block(lost_block(7, true));
-    decoder.finish(TIMEOUT);
-    assert_eq!(*places.lock().unwrap(), [(1, 7)]);
 }
 
 #[test]
