@@ -34,15 +34,6 @@ pub(crate) fn show(bar: &ProgressBar, run: &Run) {
     }
 }
 
-/// Prints a line above the bar or, if no terminal can show a bar, to stderr.
-pub(crate) fn print_line(bar: &ProgressBar, line: &str) {
-    if bar.is_hidden() {
-        new_file::message!("{line}");
-    } else {
-        bar.println(line);
-    }
-}
-
 /// Formats the first components of a code as blocks of eight heights, scaled to the largest
 /// magnitude.
 fn blocks(code: &[f32]) -> String {
