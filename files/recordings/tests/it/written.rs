@@ -89,16 +89,7 @@ fn values_rates_and_annotations_are_read_back() {
 
 #[test]
 fn an_edf_file_holds_microvolts_in_tenths_and_its_annotations() {
-    let cz = SignalToWrite {
-        label: "Cz".to_owned(),
-        is_microvolt: true,
-        is_integer: false,
-        range: [-3_276.8, 3_276.7],
-    };
-    let file = FileToWrite {
-        signals: vec![cz],
-        ..file(128, 4)
-    };
+    let file = FileToWrite::microvolts(["Cz"], [-3_276.8, 3_276.7], 128, 4);
     // The bytes 0x14 and 0 end parts of an annotation, and other programs skip a text with a line
     // feed: both become blanks.
     let annotations = vec![(5..5, "T1\r\n\x14\0\u{85}x".to_owned())];
