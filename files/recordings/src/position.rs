@@ -128,7 +128,8 @@ impl Position {
             .minus(across.scaled(radius * angle.sin()))
     }
 
-    fn dot(self, other: Self) -> f64 {
+    /// Returns the scalar product with `other`.
+    pub fn dot(self, other: Self) -> f64 {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
@@ -140,7 +141,8 @@ impl Position {
         }
     }
 
-    fn plus(self, other: Self) -> Self {
+    /// Returns the sum with `other`.
+    pub fn plus(self, other: Self) -> Self {
         Self {
             x: self.x + other.x,
             y: self.y + other.y,
@@ -148,11 +150,13 @@ impl Position {
         }
     }
 
-    fn minus(self, other: Self) -> Self {
+    /// Returns the difference to `other`.
+    pub fn minus(self, other: Self) -> Self {
         self.plus(other.scaled(-1.0))
     }
 
-    fn scaled(self, factor: f64) -> Self {
+    /// Returns this vector times `factor`.
+    pub fn scaled(self, factor: f64) -> Self {
         Self {
             x: self.x * factor,
             y: self.y * factor,
