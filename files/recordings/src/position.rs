@@ -222,24 +222,6 @@ mod tests {
     }
 
     #[test]
-    fn left_mirrors_right_and_all_points_are_on_the_sphere() {
-        for row in [
-            "Fp", "AF", "F", "FFC", "FC", "FCC", "C", "CCP", "CP", "CPP", "P", "PPO", "PO", "O",
-        ] {
-            for odd in [1, 3, 5] {
-                let (left, right) = (format!("{row}{odd}"), format!("{row}{}", odd + 1));
-                let Some(left) = Position::from_label(&left) else {
-                    continue;
-                };
-                let right = at(&right);
-                assert!((left.x + right.x).abs() + (left.y - right.y).abs() < 1e-12);
-                assert!((left.dot(left) - 1.0).abs() < 1e-12);
-                assert!(left.x < 0.0, "odd numbers are on the left");
-            }
-        }
-    }
-
-    #[test]
     fn columns_divide_a_row_evenly() {
         for labels in [
             ["Fz", "F1", "F3", "F5", "F7"],
