@@ -137,7 +137,6 @@ fn draw(twin: &Twin, noise: &Noise, folder: &Path) -> anyhow::Result<()> {
     let response = Response::measure(twin);
     for (name, curves) in [
         ("filters-response.svg", response.magnitude()),
-        ("filters-group-delay.svg", response.group_delay()),
         ("filters-noise.svg", noise.chart()),
     ] {
         curves.draw(&folder.join(name)).with_context(|| {
