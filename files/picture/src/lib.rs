@@ -13,8 +13,7 @@
 //! offline ──┼─ ScalpMap   a value per electrode ────┤
 //!           ├─ Histogram  counted values ───────────┤
 //! trainer ──┼─ Lines      lines and points ─────────┤
-//!           ├─ Patterns   signed maps of the head ──┤
-//!           └─ Confusion  truth and decisions ──────┘
+//!           └─ Patterns   signed maps of the head ──┘
 //! ```
 //!
 //! ```
