@@ -6,14 +6,16 @@ use artifact::Filters;
 use fixed_dsp::{CascadeState, Filter};
 use model_gen::{butterworth_band_pass, notch};
 use num_complex::Complex64;
-use picture::canvas::{RESULT, SOURCE};
-use picture::curves::Curves;
-use picture::lines::{Mark, Series};
+use picture::axis::{Axis, Scale};
+use picture::canvas::{FAINT, REFERENCE, RESULT, SOURCE};
+use picture::lines::{Lines, Mark, Series};
 use pipeline::Mains;
 
 /// Pass band of the filters: lower and upper corner frequency, Hz.
 pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
 
+/// Lowest magnitude of the chart, dB; lower ones are drawn at this one.
+const LOWEST_DB: f64 = -120.0;
 /// Number of points in a curve, evenly spaced over the logarithm of the frequency.
 const POINTS: u32 = 600;
 /// Distance between two of the circles that mark the float64 twin's curve, in points of the curve.
@@ -41,7 +43,7 @@ impl Response {
     }
 
     /// Returns the chart of the magnitude of filters and twin in dB over the frequency in Hz.
-    pub fn magnitude(&self) -> Curves {
+    pub fn magnitude(&self) -> Lines {
         let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
         let compared = self.compare([0.1, 0.999 * nyquist_hz]);
         let difference = largest_difference(&compared);
@@ -50,15 +52,14 @@ impl Response {
              float64 twin down to −40 dB",
             model::ADC_RATE_HZ
         );
-        Curves {
-            title: "The filters pass the EEG from 0.5 to 60 Hz, and stop the mains at 50 Hz",
+        let title = "The filters pass the EEG from 0.5 to 60 Hz, and stop the mains at 50 Hz";
+        let marks = marks([LOWEST_DB, 6.0]);
+        Lines {
+            title: title.to_owned(),
             subtitle,
-            x_hz: [0.1, nyquist_hz],
-            y: [-120.0, 12.0],
-            y_label: "magnitude (dB)",
-            band_hz: BAND_HZ,
-            mains_hz: MAINS_HZ,
-            curves: curves(&compared),
+            x: Axis::new("frequency (Hz)", Scale::Logarithmic),
+            y: Axis::new("magnitude (dB)", Scale::Linear),
+            series: marks.into_iter().chain(curves(&compared)).collect(),
         }
     }
 
@@ -89,15 +90,33 @@ fn largest_difference(compared: &[[f64; 3]]) -> f64 {
     differences.fold(0.0, f64::max)
 }
 
-fn curves(compared: &[[f64; 3]]) -> Vec<Series> {
-    let measured = compared.iter().map(|[hz, measured, _]| (*hz, *measured));
-    let measured = measured.collect();
-    let designed = compared.iter().map(|[hz, _, designed]| (*hz, *designed));
-    let designed = designed.step_by(CIRCLE_DISTANCE).collect();
+fn curves(compared: &[[f64; 3]]) -> [Series; 2] {
+    let shown = |hz: f64, db: f64| (hz, db.max(LOWEST_DB));
+    let measured = compared.iter().map(|[hz, db, _]| shown(*hz, *db)).collect();
+    let designed = compared.iter().step_by(CIRCLE_DISTANCE);
+    let designed = designed.map(|[hz, _, db]| shown(*hz, *db)).collect();
     let label = "measured: impulses through the integer filters";
-    vec![
+    [
         Series::new(label, SOURCE, Mark::Line, measured),
         Series::new("float64 twin, not quantised", RESULT, Mark::Rings, designed),
+    ]
+}
+
+/// Returns the outline of the pass band and a line at the mains frequency, over a range of the y
+/// axis.
+pub fn marks([low, high]: [f64; 2]) -> [Series; 2] {
+    let [from, to] = BAND_HZ;
+    let band = vec![(from, low), (from, high), (to, high), (to, low)];
+    let mains = vec![(MAINS_HZ, low), (MAINS_HZ, high)];
+    let label = format!("pass band, {from} to {to} Hz");
+    [
+        Series::new(label, REFERENCE, Mark::ThinLine, band),
+        Series::new(
+            format!("mains, {MAINS_HZ} Hz"),
+            FAINT,
+            Mark::ThinLine,
+            mains,
+        ),
     ]
 }
 
