@@ -7,7 +7,7 @@ use fixed_dsp::{CascadeState, Filter};
 use model_gen::{butterworth_band_pass, notch};
 use num_complex::Complex64;
 use picture::axis::{Axis, Scale};
-use picture::canvas::{FAINT, REFERENCE, RESULT, SOURCE};
+use picture::canvas::{FAINT, INK, RESULT, SOURCE};
 use picture::lines::{Lines, Mark, Series};
 use pipeline::Mains;
 
@@ -110,7 +110,7 @@ pub fn marks([low, high]: [f64; 2]) -> [Series; 2] {
     let mains = vec![(MAINS_HZ, low), (MAINS_HZ, high)];
     let label = format!("pass band, {from} to {to} Hz");
     [
-        Series::new(label, REFERENCE, Mark::ThinLine, band),
+        Series::new(label, INK, Mark::ThinLine, band),
         Series::new(
             format!("mains, {MAINS_HZ} Hz"),
             FAINT,
