@@ -11,8 +11,9 @@ use ads1299::SamplerCounters;
 use device::CHIPS;
 use link::{Start, Stats, Streams};
 use new_file::NewFileError;
+use offline::first_channels;
 use pipeline::{Mains, Sample};
-use recordings::{RecordingError, VirtualAdc, virtual_adc};
+use recordings::{RecordingError, VirtualAdc};
 
 use crate::fault::Faults;
 use crate::outbox::{Outbox, WhenFull};
@@ -302,8 +303,6 @@ impl Session {
     }
 }
 
-const _: () = assert!(model::CHANNELS <= virtual_adc::CHANNELS);
-
 /// A stream of samples at the ADC's rate.
 pub enum Source {
     /// A recording, converted to samples by the virtual ADC; finite.
@@ -333,13 +332,5 @@ impl Source {
             Self::Recording(adc) => Some(adc.samples()),
             Self::Synthetic(_) => None,
         }
-    }
-}
-
-/// Returns a sample with the channels of the model. A source has as many channels as the longest
-/// chain of converters; those beyond the model's channels carry no electrode.
-pub(crate) fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
-    Sample {
-        counts: std::array::from_fn(|channel| counts[channel]),
     }
 }

@@ -81,7 +81,6 @@ pub struct Generator {
     blinks: Option<Blinks>,
     interference: Interference,
     rails: Option<Rails>,
-    saturated: u64,
 }
 
 impl Generator {
@@ -132,7 +131,6 @@ impl Generator {
             interference: Interference::new(noise(4), spec),
             sensors: (spec.background_uv > 0.0).then(|| noise(6)),
             rails: spec.rails.then(|| Rails::new(noise(5), electrodes, rate)),
-            saturated: 0,
         })
     }
 
@@ -159,7 +157,6 @@ impl Generator {
         }
         microvolts.map(|uv| {
             let counts = (uv / self.lsb_uv).round();
-            self.saturated += u64::from(!RAILS.contains(&counts));
             #[expect(clippy::cast_possible_truncation, reason = "whole and within i24")]
             let count = counts.clamp(*RAILS.start(), *RAILS.end()) as i32;
             count
@@ -170,11 +167,6 @@ impl Generator {
     /// rest.
     pub fn move_hand(&mut self, hand: Option<Hand>) {
         self.moving = hand;
-    }
-
-    /// Returns the number of counts that were clipped to a rail so far.
-    pub fn saturated(&self) -> u64 {
-        self.saturated
     }
 }
 

@@ -9,12 +9,10 @@
 //! demo  ────┬─ Traces     electrodes over time ─────┐
 //!           ├─ HeatMap    codes over time ──────────┤
 //! bench ────┼─ Intervals  histogram of intervals ───┤
-//!           ├─ Curves     curves over frequency ────┼─ canvas (title, axes, colours) ── *.svg
+//!           ├─ Lines      lines and points ─────────┼─ canvas (title, axes, colours) ── *.svg
 //! offline ──┼─ ScalpMap   a value per electrode ────┤
 //!           ├─ Histogram  counted values ───────────┤
-//! trainer ──┼─ Lines      lines and points ─────────┤
-//!           ├─ Patterns   signed maps of the head ──┤
-//!           └─ Confusion  truth and decisions ──────┘
+//! trainer ──┴─ Patterns   signed maps of the head ──┘
 //! ```
 //!
 //! ```
@@ -36,7 +34,6 @@
 
 pub mod axis;
 pub mod canvas;
-pub mod curves;
 pub mod heat_map;
 pub mod histogram;
 pub mod intervals;

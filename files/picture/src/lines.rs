@@ -195,12 +195,12 @@ impl Lines {
 }
 
 /// Returns the width in pixels of the line that [`Mark::Line`] or [`Mark::ThinLine`] draws.
-pub(crate) fn width(mark: Mark) -> u32 {
+fn width(mark: Mark) -> u32 {
     if mark == Mark::ThinLine { 1 } else { 3 }
 }
 
 /// Draws the entry of a series in the legend: its mark, and its label to the right.
-pub(crate) fn draw_entry(area: &Area, at: (i32, i32), series: &Series) -> Drawn {
+fn draw_entry(area: &Area, at: (i32, i32), series: &Series) -> Drawn {
     let centre = (at.0 + 13, at.1);
     match series.mark {
         Mark::Line | Mark::ThinLine => {

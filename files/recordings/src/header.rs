@@ -366,6 +366,28 @@ pub struct FileToWrite {
 }
 
 impl FileToWrite {
+    /// Describes a file of signals in microvolts within `range`, without a start or a description.
+    pub fn microvolts(
+        labels: impl IntoIterator<Item = impl Into<String>>,
+        range: [f64; 2],
+        rate_hz: u32,
+        rows_per_record: u32,
+    ) -> Self {
+        let signals = labels.into_iter().map(|label| SignalToWrite {
+            label: label.into(),
+            is_microvolt: true,
+            is_integer: false,
+            range,
+        });
+        Self {
+            signals: signals.collect(),
+            rate_hz,
+            rows_per_record,
+            start_ns: None,
+            description: String::new(),
+        }
+    }
+
     /// Checks what every format requires of a file.
     ///
     /// # Errors

@@ -403,12 +403,6 @@ mod tests {
     }
 
     #[test]
-    fn missing_electrodes_can_be_zero() {
-        let map = MontageMap::new(&["Cz"], &["C1", "Cz"], Missing::Zero).expect("Cz is common");
-        assert_eq!(map.origins(), [Origin::Zero, Origin::Real(0)]);
-    }
-
-    #[test]
     fn errors_name_the_electrodes_that_do_not_fit() {
         let refused = MontageMap::new(&["Cz"], &["C1", "Cz", "C2"], Missing::Refuse);
         let labels = vec!["C1".to_owned(), "C2".to_owned()];

@@ -211,24 +211,12 @@ mod tests {
 
     use super::*;
     use crate::gdf::writer::GdfWriter;
-    use crate::header::{FileToWrite, SignalToWrite};
+    use crate::header::FileToWrite;
     use crate::montage_map::Missing;
 
     /// Returns a GDF file of two signals with these rates, whose int16 samples are all 1 uV.
     fn file(rates: [u16; 2], seconds: u16) -> Vec<u8> {
-        let signal = |label: &str| SignalToWrite {
-            label: label.to_owned(),
-            is_microvolt: true,
-            is_integer: true,
-            range: [-32_768.0, 32_767.0],
-        };
-        let file = FileToWrite {
-            signals: ["C3", "C4"].map(signal).into(),
-            rate_hz: 1,
-            rows_per_record: 1,
-            start_ns: None,
-            description: String::new(),
-        };
+        let file = FileToWrite::microvolts(["C3", "C4"], [-32_768.0, 32_767.0], 1, 1);
         let writer = GdfWriter::new(Cursor::new(Vec::new()), &file).expect("a header");
         let mut bytes = writer.finish(&[]).expect("memory").into_inner();
         // The writer only knows one rate and float32, so the test replaces samples per record and

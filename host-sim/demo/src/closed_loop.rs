@@ -14,7 +14,7 @@ mod playback;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use artifact::classifier::{Class, Classifier};
+use artifact::classifier::Classifier;
 use pipeline::Mains;
 
 pub use offline::{Prediction, features, predictions};
@@ -126,19 +126,14 @@ async fn play(own: [&Path; 2], options: &Options, folders: [&Path; 2]) -> Result
     let classifier = classifier.map_err(|error| Failure::check("the classifier", error, next))?;
     let reference = Reference::new(recording, &classifier, options.mains)?;
     let hops = reference.predictions.len();
-    let mut trials = reference.trials;
     let bar = progress::bar(hops as u64);
-    let received = playback::play(own, options, folders, |received| {
-        bar.inc(1);
-        let ended = trials.iter_mut().filter(|trial| trial.hop == received.hop);
-        for trial in ended {
-            trial.decision = received.prediction.class;
-            let line = line(trial, &classifier.decision.classes, &received.prediction);
-            progress::print_line(&bar, &line);
-        }
-    });
-    let received = received.await?;
+    let received = playback::play(own, options, folders, &bar).await?;
     bar.finish_and_clear();
+    let mut trials = reference.trials;
+    for trial in &mut trials {
+        let last = received.iter().rfind(|received| received.hop == trial.hop);
+        trial.decision = last.and_then(|received| received.prediction.class);
+    }
     let is_equal = |received: &&Received| {
         let place = received.hop.checked_sub(1);
         let expected = place.and_then(|place| reference.predictions.get(place));
@@ -166,24 +161,6 @@ fn mains_hz(mains: Mains) -> &'static str {
 /// Returns the group delay of the device's filters, seconds.
 fn filter_delay_s(mains: Mains) -> f64 {
     f64::from(mains.filter().group_delay_us) * 1e-6
-}
-
-/// Returns a line that compares a trial's cue with the prediction at its end.
-fn line(trial: &Trial, classes: &[Class], prediction: &Prediction) -> String {
-    let probabilities = classes.iter().zip(&prediction.probabilities);
-    let probabilities = probabilities.map(|(class, p)| format!("{} {p:.2}", class.event));
-    let probabilities: Vec<String> = probabilities.collect();
-    let verdict = match trial.decision {
-        Some(class) if class == trial.class => "right",
-        Some(_) => "wrong",
-        None => "no decision: filters not settled, or signals not usable",
-    };
-    let event = &classes[trial.class].event;
-    let cue_s = trial.cue_s;
-    format!(
-        "{cue_s:6.1} s  cue {event}  probabilities {}  {verdict}",
-        probabilities.join(" ")
-    )
 }
 
 impl Outcome {

@@ -5,7 +5,8 @@ use std::fmt;
 
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
-use pipeline::{ELECTRODES, Electrodes, FrontEnd, Mains, Sample};
+use offline::{ElectrodeSums, microvolts};
+use pipeline::{ELECTRODES, FrontEnd, Mains, Sample};
 
 use crate::Failure;
 use crate::run::Run;
@@ -35,7 +36,8 @@ impl Comparison {
     /// host-sim does not know the position of one of the model's electrodes.
     pub(crate) fn new(run: &Run, seconds: u32, seed: u64) -> Result<Self, Failure> {
         let reference = reference(seconds, seed)?;
-        let (mut first_step, mut source_uv, mut result_uv) = (0, Vec::new(), Vec::new());
+        let mut first_step = 0;
+        let (mut source_uv, mut result_uv) = (Vec::<StepUv>::new(), Vec::<StepUv>::new());
         // The message of window w on `/neurodata_reconstructed` starts at step w * HOP.
         for frame in &run.reconstructed {
             let first = frame.window().saturating_mul(model::HOP);
@@ -52,9 +54,15 @@ impl Comparison {
                 result_uv.extend(steps);
             }
         }
+        let mut sums = ElectrodeSums::default();
+        for (source, result) in source_uv.iter().zip(&result_uv) {
+            for (source, result) in source.iter().zip(result) {
+                sums.add(*source, *result);
+            }
+        }
         Ok(Self {
             first_step,
-            prd_percent: prd_percent(&source_uv, &result_uv),
+            prd_percent: sums.prd_percent(),
             source_uv,
             result_uv,
         })
@@ -99,48 +107,4 @@ fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
         Some(microvolts(&electrodes))
     });
     Ok(steps.collect())
-}
-
-fn microvolts(electrodes: &Electrodes) -> StepUv {
-    // The filters' output is in ADC counts with GUARD_BITS fraction bits (Q27.5). One count is
-    // LSB_NV nV.
-    let levels_per_count = f32::from(1_u16 << model::GUARD_BITS);
-    #[expect(clippy::cast_precision_loss, reason = "24 bits do for a picture")]
-    electrodes.map(|value| value as f32 / levels_per_count * model::LSB_NV / 1000.0)
-}
-
-fn prd_percent<const N: usize>(source: &[[f32; N]], result: &[[f32; N]]) -> f64 {
-    let pairs = || source.as_flattened().iter().zip(result.as_flattened());
-    let error: f64 = pairs().map(|(x, y)| f64::from(x - y).powi(2)).sum();
-    let power: f64 = pairs().map(|(x, _)| f64::from(*x).powi(2)).sum();
-    100.0 * (error / power).sqrt()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_error_names_its_electrodes_and_seconds() {
-        let rate = usize::from(model::STEP_RATE_HZ);
-        let mut comparison = Comparison {
-            first_step: 10 * rate,
-            source_uv: vec![[0.0; ELECTRODES]; 4 * rate],
-            result_uv: vec![[0.0; ELECTRODES]; 4 * rate],
-            prd_percent: 13.14,
-        };
-        let expected = format!("PRD 13.1 % over {ELECTRODES} electrodes, 10.0 to 14.0 s");
-        assert_eq!(comparison.to_string(), expected);
-        comparison.source_uv.clear();
-        comparison.prd_percent = f64::NAN;
-        assert!(comparison.to_string().starts_with("no PRD"), "{comparison}");
-    }
-
-    #[test]
-    fn the_prd_of_a_tenth_too_little_is_10_percent() {
-        let source = [[1.0_f32, -2.0], [3.0, 4.0]];
-        let result = source.map(|step| step.map(|x| 0.9 * x));
-        assert!((prd_percent(&source, &result) - 10.0).abs() < 1e-4);
-        assert!(prd_percent(&source, &source) < 1e-9);
-    }
 }

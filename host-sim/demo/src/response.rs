@@ -6,14 +6,16 @@ use artifact::Filters;
 use fixed_dsp::{CascadeState, Filter};
 use model_gen::{butterworth_band_pass, notch};
 use num_complex::Complex64;
-use picture::canvas::{RESULT, SOURCE};
-use picture::curves::Curves;
-use picture::lines::{Mark, Series};
+use picture::axis::{Axis, Scale};
+use picture::canvas::{FAINT, INK, RESULT, SOURCE};
+use picture::lines::{Lines, Mark, Series};
 use pipeline::Mains;
 
 /// Pass band of the filters: lower and upper corner frequency, Hz.
 pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
 
+/// Lowest magnitude of the chart, dB; lower ones are drawn at this one.
+const LOWEST_DB: f64 = -120.0;
 /// Number of points in a curve, evenly spaced over the logarithm of the frequency.
 const POINTS: u32 = 600;
 /// Distance between two of the circles that mark the float64 twin's curve, in points of the curve.
@@ -41,61 +43,29 @@ impl Response {
     }
 
     /// Returns the chart of the magnitude of filters and twin in dB over the frequency in Hz.
-    pub fn magnitude(&self) -> Curves {
+    pub fn magnitude(&self) -> Lines {
         let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
-        let compared = self.compare(ImpulseResponse::magnitude_db, [0.1, 0.999 * nyquist_hz]);
-        let difference = self.largest_difference(&compared, COMPARED_DB);
+        let compared = self.compare([0.1, 0.999 * nyquist_hz]);
+        let difference = largest_difference(&compared);
         let subtitle = format!(
             "magnitude before the decimation, at {} Hz; integer filters within {difference:.3} dB of the \
              float64 twin down to −40 dB",
             model::ADC_RATE_HZ
         );
-        Curves {
-            title: "The filters pass the EEG from 0.5 to 60 Hz, and stop the mains at 50 Hz",
+        let title = "The filters pass the EEG from 0.5 to 60 Hz, and stop the mains at 50 Hz";
+        let marks = marks([LOWEST_DB, 6.0]);
+        Lines {
+            title: title.to_owned(),
             subtitle,
-            x_hz: [0.1, nyquist_hz],
-            y: [-120.0, 12.0],
-            y_label: "magnitude (dB)",
-            band_hz: BAND_HZ,
-            mains_hz: MAINS_HZ,
-            curves: curves(&compared),
+            x: Axis::new("frequency (Hz)", Scale::Logarithmic),
+            y: Axis::new("magnitude (dB)", Scale::Linear),
+            series: marks.into_iter().chain(curves(&compared)).collect(),
         }
     }
 
-    /// Returns the chart of the group delay of filters and twin in ms over the frequency in Hz.
-    pub fn group_delay(&self) -> Curves {
-        let mut compared = self.compare(ImpulseResponse::group_delay_ms, [1.0, 100.0]);
-        let difference = self.largest_difference(&compared, COMPARED_DB / 2.0);
-        // At the centre of the notch no signal passes, so there is no delay to draw.
-        for [hz, measured, _] in &mut compared {
-            if (*hz - MAINS_HZ).abs() <= 0.01 {
-                *measured = f64::NAN;
-            }
-        }
-        let subtitle = format!(
-            "group delay: {:.1} ms at 10 Hz, more where the filters cut; integer filters within \
-             {difference:.2} ms of the float64 twin down to −20 dB",
-            self.filters.group_delay_ms(10.0)
-        );
-        Curves {
-            title: "How late each frequency leaves the filters",
-            subtitle,
-            x_hz: [1.0, 100.0],
-            y: [0.0, 250.0],
-            y_label: "group delay (ms)",
-            band_hz: BAND_HZ,
-            mains_hz: MAINS_HZ,
-            curves: curves(&compared),
-        }
-    }
-
-    /// Returns, for each point of a curve, the frequency in Hz, and `quantity` of the filters and
-    /// of the twin at this frequency.
-    fn compare(
-        &self,
-        quantity: fn(&ImpulseResponse, f64) -> f64,
-        [first, last]: [f64; 2],
-    ) -> Vec<[f64; 3]> {
+    /// Returns, for each point of a curve, the frequency in Hz, and the magnitude of the filters and
+    /// of the twin at this frequency in dB.
+    fn compare(&self, [first, last]: [f64; 2]) -> Vec<[f64; 3]> {
         let parts = (0..=POINTS).map(|point| f64::from(point) / f64::from(POINTS));
         let mut frequencies: Vec<f64> = parts
             .map(|part| first * (last / first).powf(part))
@@ -103,29 +73,50 @@ impl Response {
         // Add closely spaced points around the notch, where the curve is steep.
         frequencies.extend((-10..=10).map(|point| MAINS_HZ + 0.04 * f64::from(point)));
         frequencies.sort_by(f64::total_cmp);
-        let compared = |hz: f64| [hz, quantity(&self.filters, hz), quantity(&self.twin, hz)];
+        let both = [&self.filters, &self.twin];
+        let compared = |hz: f64| {
+            let [measured, designed] = both.map(|response| response.magnitude_db(hz));
+            [hz, measured, designed]
+        };
         frequencies.into_iter().map(compared).collect()
-    }
-
-    /// Returns the largest difference between the filters and the twin among the points at which
-    /// the twin's magnitude is above `least_db`.
-    fn largest_difference(&self, compared: &[[f64; 3]], least_db: f64) -> f64 {
-        let compared = compared.iter();
-        let passed = compared.filter(|[hz, ..]| self.twin.magnitude_db(*hz) > least_db);
-        let differences = passed.map(|[_, measured, designed]| (measured - designed).abs());
-        differences.fold(0.0, f64::max)
     }
 }
 
-fn curves(compared: &[[f64; 3]]) -> Vec<Series> {
-    let measured = compared.iter().map(|[hz, measured, _]| (*hz, *measured));
-    let measured = measured.filter(|(_, value)| !value.is_nan()).collect();
-    let designed = compared.iter().map(|[hz, _, designed]| (*hz, *designed));
-    let designed = designed.step_by(CIRCLE_DISTANCE).collect();
+/// Returns the largest difference between the filters and the twin among the points at which the
+/// twin's magnitude is above [`COMPARED_DB`].
+fn largest_difference(compared: &[[f64; 3]]) -> f64 {
+    let passed = compared.iter().filter(|[.., db]| *db > COMPARED_DB);
+    let differences = passed.map(|[_, measured, designed]| (measured - designed).abs());
+    differences.fold(0.0, f64::max)
+}
+
+fn curves(compared: &[[f64; 3]]) -> [Series; 2] {
+    let shown = |hz: f64, db: f64| (hz, db.max(LOWEST_DB));
+    let measured = compared.iter().map(|[hz, db, _]| shown(*hz, *db)).collect();
+    let designed = compared.iter().step_by(CIRCLE_DISTANCE);
+    let designed = designed.map(|[hz, _, db]| shown(*hz, *db)).collect();
     let label = "measured: impulses through the integer filters";
-    vec![
+    [
         Series::new(label, SOURCE, Mark::Line, measured),
         Series::new("float64 twin, not quantised", RESULT, Mark::Rings, designed),
+    ]
+}
+
+/// Returns the outline of the pass band and a line at the mains frequency, over a range of the y
+/// axis.
+pub fn marks([low, high]: [f64; 2]) -> [Series; 2] {
+    let [from, to] = BAND_HZ;
+    let band = vec![(from, low), (from, high), (to, high), (to, low)];
+    let mains = vec![(MAINS_HZ, low), (MAINS_HZ, high)];
+    let label = format!("pass band, {from} to {to} Hz");
+    [
+        Series::new(label, INK, Mark::ThinLine, band),
+        Series::new(
+            format!("mains, {MAINS_HZ} Hz"),
+            FAINT,
+            Mark::ThinLine,
+            mains,
+        ),
     ]
 }
 
@@ -135,8 +126,7 @@ fn curves(compared: &[[f64; 3]]) -> Vec<Series> {
 /// (signal/model/manifest.txt). A single impulse, even of twice full scale, drives them far less.
 const IMPULSE: i32 = 1 << 29;
 /// Length of the recorded response, s. The slowest poles decay at 0.96 / s, so after 10 s they have
-/// decayed by about e^-10. Later values are mostly rounding errors, and would distort the group
-/// delay, which weights each value by its time.
+/// decayed by about e^-10. Later values are mostly rounding errors.
 const SECONDS: usize = 10;
 
 /// Response of a filter to a unit impulse, at the ADC's rate.
@@ -167,27 +157,14 @@ impl ImpulseResponse {
 
     /// Returns the magnitude of the filter's response at the frequency `hz`, dB.
     fn magnitude_db(&self, hz: f64) -> f64 {
-        10.0 * self.sums(hz)[0].norm_sqr().log10()
-    }
-
-    /// Returns the group delay at a frequency, ms: the real part of `sum n h[n] z^n / sum h[n]
-    /// z^n`, with the impulse response h and `z = e^(-i w)`, where w is the angle per sample.
-    fn group_delay_ms(&self, hz: f64) -> f64 {
-        let [sum, moment] = self.sums(hz);
-        (moment / sum).re / f64::from(model::ADC_RATE_HZ) * 1000.0
-    }
-
-    /// Returns `sum h[n] z^n` and `sum n h[n] z^n` at the frequency `hz`, by Horner's rule; h and z
-    /// as in [`Self::group_delay_ms`].
-    fn sums(&self, hz: f64) -> [Complex64; 2] {
         let z = Complex64::from_polar(1.0, -2.0 * PI * hz / f64::from(model::ADC_RATE_HZ));
-        let [mut sum, mut moment] = [Complex64::ZERO; 2];
-        let length = u32::try_from(self.0.len()).unwrap_or(u32::MAX);
-        for (n, h) in (0..length).zip(&self.0).rev() {
-            sum = sum * z + h;
-            moment = moment * z + f64::from(n) * h;
-        }
-        [sum, moment]
+        // The sum of h[n] z^n, with the impulse response h, by Horner's rule.
+        let response = self
+            .0
+            .iter()
+            .rev()
+            .fold(Complex64::ZERO, |sum, h| sum * z + h);
+        10.0 * response.norm_sqr().log10()
     }
 }
 
@@ -273,9 +250,9 @@ mod tests {
     #[test]
     fn the_measured_filters_are_the_designed_ones() {
         let response = response();
-        let magnitude = response.compare(ImpulseResponse::magnitude_db, [0.1, 255.0]);
+        let magnitude = response.compare([0.1, 255.0]);
         // The largest difference measured is 0.003 dB, at a magnitude near -40 dB.
-        let difference = response.largest_difference(&magnitude, COMPARED_DB);
+        let difference = largest_difference(&magnitude);
         assert!(difference < 0.01, "{difference} dB");
         let notch = magnitude
             .iter()
@@ -305,16 +282,6 @@ mod tests {
             // The impulse response ends after 10 s, which changes the magnitude by at most 4e-4 dB
             // (measured).
             assert!((db - expected).abs() < 1e-3, "{hz} Hz: {db}");
-        }
-    }
-
-    #[test]
-    fn an_impulse_three_samples_late_has_a_delay_of_three_samples_and_gain_1() {
-        let late = ImpulseResponse(vec![0.0, 0.0, 0.0, 1.0]);
-        let three_ms = 3000.0 / f64::from(model::ADC_RATE_HZ);
-        for hz in [1.0, 40.0] {
-            assert!(late.magnitude_db(hz).abs() < 1e-12);
-            assert!((late.group_delay_ms(hz) - three_ms).abs() < 1e-9);
         }
     }
 }

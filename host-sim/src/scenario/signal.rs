@@ -1,7 +1,7 @@
 //! The signal at the electrodes.
 
 use link::Substitutes;
-use offline::{OfflineError, Played};
+use offline::{OfflineError, Played, first_channels};
 use pipeline::Sample;
 use recordings::{Missing, RecordingError, VirtualAdc};
 use thiserror::Error;
@@ -60,7 +60,7 @@ impl Signal {
         match self {
             Self::Recording(adc) => {
                 let counts = adc.next().transpose()?.ok_or(SignalError::TooShort)?;
-                Ok(crate::session::first_channels(counts))
+                Ok(first_channels(counts))
             }
             Self::Synthetic(samples, played) => {
                 let last = samples.len() - 1;

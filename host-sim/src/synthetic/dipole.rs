@@ -28,10 +28,10 @@ impl Dipole {
     /// Creates a dipole at `place`, in radii of the scalp.
     pub(super) fn at(place: [f64; 3], moment: [f64; 3]) -> Self {
         let [place, moment] = [place, moment].map(|[x, y, z]| Position { x, y, z });
-        let eccentricity = dot(place, place).sqrt();
+        let eccentricity = place.dot(place).sqrt();
         Self {
             eccentricity,
-            direction: scaled(place, 1.0 / eccentricity),
+            direction: place.scaled(1.0 / eccentricity),
             moment,
         }
     }
@@ -65,9 +65,9 @@ fn direction(noise: &mut Noise) -> Position {
         let mut coordinate = || noise.uniform(-1.0, 1.0);
         let (x, y, z) = (coordinate(), coordinate(), coordinate());
         let point = Position { x, y, z };
-        let square = dot(point, point);
+        let square = point.dot(point);
         if (0.01..1.0).contains(&square) {
-            return scaled(point, 1.0 / square.sqrt());
+            return point.scaled(1.0 / square.sqrt());
         }
     }
 }
@@ -76,27 +76,11 @@ fn direction(noise: &mut Noise) -> Position {
 fn tangent(axis: Position, noise: &mut Noise) -> Position {
     loop {
         let other = direction(noise);
-        let along = dot(other, axis);
-        let across = Position {
-            x: other.x - along * axis.x,
-            y: other.y - along * axis.y,
-            z: other.z - along * axis.z,
-        };
-        let square = dot(across, across);
+        let along = other.dot(axis);
+        let across = other.minus(axis.scaled(along));
+        let square = across.dot(across);
         if square > 0.01 {
-            return scaled(across, 1.0 / square.sqrt());
+            return across.scaled(1.0 / square.sqrt());
         }
     }
-}
-
-fn scaled(vector: Position, factor: f64) -> Position {
-    Position {
-        x: vector.x * factor,
-        y: vector.y * factor,
-        z: vector.z * factor,
-    }
-}
-
-pub(super) fn dot(a: Position, b: Position) -> f64 {
-    a.x * b.x + a.y * b.y + a.z * b.z
 }

@@ -2,7 +2,7 @@
 
 use recordings::Position;
 
-use super::dipole::{Dipole, dot};
+use super::dipole::Dipole;
 
 /// Outer radii of brain and skull, in radii of the scalp (Cuffin and Cohen 1979; Berg and Scherg
 /// 1994).
@@ -70,9 +70,9 @@ impl Head {
     /// Returns the potential of `dipole` at a point of the scalp, relative to the potential far
     /// away.
     pub(super) fn potential(&self, dipole: &Dipole, at: Position) -> f64 {
-        let x = dot(dipole.direction, at);
-        let radial = dot(dipole.moment, dipole.direction);
-        let tangential = dot(dipole.moment, at) - x * radial;
+        let x = dipole.direction.dot(at);
+        let radial = dipole.moment.dot(dipole.direction);
+        let tangential = dipole.moment.dot(at) - x * radial;
         // Legendre polynomials P_(n-1) and P_n and their derivatives, by Bonnet's recurrence and
         // P_(n+1)' = P_(n-1)' + (2n + 1) P_n.
         let (mut before, mut polynomial) = (1.0, x);
@@ -96,14 +96,6 @@ impl Head {
 mod tests {
     use super::*;
 
-    fn vector([x, y, z]: [f64; 3]) -> Position {
-        Position { x, y, z }
-    }
-
-    fn combine(a: Position, factor: f64, b: Position) -> Position {
-        vector([a.x + factor * b.x, a.y + factor * b.y, a.z + factor * b.z])
-    }
-
     const DIPOLES: [([f64; 3], [f64; 3]); 4] = [
         ([0.0, 0.0, 0.5], [0.0, 0.0, 1.0]),
         ([0.2, -0.5, 0.3], [0.6, 0.0, 0.8]),
@@ -116,12 +108,12 @@ mod tests {
     /// `2 / d + ln(2 / (1 - r0.r + d))` with `d = |r - r0|`, whose series is
     /// `sum (2n + 1) / n b^n P_n(x)`.
     fn one_sphere(dipole: &Dipole, at: Position) -> f64 {
-        let place = combine(vector([0.0; 3]), dipole.eccentricity, dipole.direction);
-        let to = combine(at, -1.0, place);
-        let distance = dot(to, to).sqrt();
-        let first = 2.0 * dot(dipole.moment, to) / distance.powi(3);
-        let second = dot(dipole.moment, combine(at, 1.0 / distance, to));
-        first + second / (1.0 - dot(place, at) + distance)
+        let place = dipole.direction.scaled(dipole.eccentricity);
+        let to = at.minus(place);
+        let distance = to.dot(to).sqrt();
+        let first = 2.0 * dipole.moment.dot(to) / distance.powi(3);
+        let second = dipole.moment.dot(at.plus(to.scaled(1.0 / distance)));
+        first + second / (1.0 - place.dot(at) + distance)
     }
 
     #[test]
@@ -167,23 +159,5 @@ mod tests {
                 );
             }
         }
-    }
-
-    #[test]
-    fn the_skull_weakens_and_widens_a_potential() {
-        let dipole = Dipole::at([0.0, 0.0, 0.7], [0.0, 0.0, 1.0]);
-        let ratio = |conductivities: [f64; 3]| {
-            let head = Head::new(conductivities);
-            let [near, far] = ["Cz", "C3"].map(|label| {
-                head.potential(&dipole, Position::from_label(label).expect("an electrode"))
-            });
-            (near, far / near)
-        };
-        let (without, narrow) = ratio([1.0; 3]);
-        let (with, wide) = ratio(CONDUCTIVITIES);
-        assert!(
-            with < 0.7 * without && wide > 1.5 * narrow,
-            "{with} {without} {wide} {narrow}"
-        );
     }
 }

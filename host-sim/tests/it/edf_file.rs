@@ -29,8 +29,6 @@ pub(crate) struct EdfFile {
     pub(crate) records: usize,
     /// Annotation lists of each record, such as `+0\x14\x14`; none for a plain EDF file.
     pub(crate) annotations: Vec<&'static [u8]>,
-    /// Whether every sample of a signal is the same, in place of a ramp.
-    pub(crate) is_flat: bool,
 }
 
 /// Size of a record's annotations, in bytes.
@@ -47,7 +45,6 @@ impl EdfFile {
             signals: labels.iter().map(|label| Signal::new(label)).collect(),
             records,
             annotations: Vec::new(),
-            is_flat: false,
         }
     }
 
@@ -95,13 +92,8 @@ impl EdfFile {
         for record in 0..self.records {
             for (number, signal) in self.signals.iter().enumerate() {
                 for sample in 0..signal.samples_per_record {
-                    // Each signal is a ramp from -500 to 499 with a different period, or constant
-                    // if it is to be flat.
-                    let at = if self.is_flat {
-                        40
-                    } else {
-                        record * RATE + sample
-                    };
+                    // Each signal is a ramp from -500 to 499 with a different period.
+                    let at = record * RATE + sample;
                     let value = i16::try_from(at * (3 + number) % 1000).expect("below 1000");
                     out.extend((value - 500).to_le_bytes());
                 }

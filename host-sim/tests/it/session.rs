@@ -1,9 +1,9 @@
 //! Sessions of the virtual board with each kind of output.
 
 use std::{
-    fs::{self, File, OpenOptions},
+    fs::{File, OpenOptions},
     io::Read,
-    path::{Path, PathBuf},
+    path::Path,
     sync::{
         Arc,
         atomic::{AtomicBool, AtomicU32, Ordering},
@@ -122,26 +122,6 @@ fn read_codes(port: &mut impl Read, count: usize) -> Vec<u32> {
 }
 
 const START: ToDevice<'_> = start(Streams::CODES);
-
-fn file_of(seconds: u64, path: PathBuf) -> (Vec<u8>, Report) {
-    let session = session(Output::File(path.clone()), Pace::Fast, Some(seconds));
-    let report = run(&session, &AtomicBool::new(false)).expect("a run into a file");
-    (fs::read(path).expect("the file was written"), report)
-}
-
-#[test]
-fn a_file_contains_every_code_and_equal_runs_are_equal_files() {
-    let folder = folder();
-    let (bytes, report) = file_of(5, folder.path().join("first"));
-    let codes = (5 * 128 - 16) / 8 + 1;
-    assert_eq!(report.stats.codes_made, codes);
-    assert_eq!(report.stats.frames_dropped, 0);
-    assert_eq!(
-        read_codes(&mut &bytes[..], 79),
-        (0..codes).collect::<Vec<_>>()
-    );
-    assert_eq!(bytes, file_of(5, folder.path().join("second")).0);
-}
 
 #[test]
 fn a_file_on_a_slow_disk_gets_every_code() {

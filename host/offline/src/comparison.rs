@@ -23,6 +23,13 @@ pub struct ElectrodeSums {
 }
 
 impl ElectrodeSums {
+    /// Adds one value of the original and of the decoded signal, uV.
+    pub fn add(&mut self, original: f32, decoded: f32) {
+        self.steps += 1;
+        self.signal += f64::from(original).powi(2);
+        self.error += f64::from(original - decoded).powi(2);
+    }
+
     /// Returns the percentage root-mean-square difference, `100 sqrt(error / signal)`; infinite or
     /// NaN if the signal is 0.
     pub fn prd_percent(&self) -> f64 {
@@ -184,12 +191,9 @@ impl Comparing {
             let values = original.iter().zip(decoded);
             let sums = self.comparison.electrodes.iter_mut().zip(values);
             for (electrode, (sums, (original, decoded))) in sums.enumerate() {
-                if excluded >> electrode & 1 == 1 {
-                    continue;
+                if excluded >> electrode & 1 == 0 {
+                    sums.add(*original, *decoded);
                 }
-                sums.steps += 1;
-                sums.signal += f64::from(*original).powi(2);
-                sums.error += f64::from(original - decoded).powi(2);
             }
         }
         Ok(())

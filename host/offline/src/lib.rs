@@ -37,6 +37,6 @@ pub use encoding::{Encoded, EncodedStream, Encoding, PackedCounts};
 pub use error::OfflineError;
 pub use histogram::{BINS, LevelHistogram};
 pub use model::Model;
-pub use played::Played;
+pub use played::{Played, first_channels, microvolts};
 pub use progress::Progress;
 pub use signal_file::SignalFormat;

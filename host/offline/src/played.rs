@@ -62,7 +62,7 @@ impl Played {
 
 /// Returns a sample of the model's ADC. The virtual ADC fills the channels of the longest chain of
 /// converters; those beyond the model's carry no electrode, and are left out.
-pub(crate) fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
+pub fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),
     }
@@ -113,7 +113,7 @@ impl Original {
 }
 
 /// Converts the filters' output, counts with [`model::GUARD_BITS`] fraction bits, to microvolts.
-fn microvolts(electrodes: &Electrodes) -> [f32; ELECTRODES] {
+pub fn microvolts(electrodes: &Electrodes) -> [f32; ELECTRODES] {
     let levels_per_count = f32::from(1_u16 << model::GUARD_BITS);
     #[expect(
         clippy::cast_precision_loss,

@@ -214,10 +214,8 @@ impl Node {
         let name = self.names.resolve(name)?;
         let key = Key::Service(name.clone());
         let provider = Arc::new(Provider::new(name.clone(), service_type, Box::new(handler)));
-        let added = Arc::clone(&provider);
-        let insert = |graph: &mut Graph| drop(graph.services.insert(name, added));
+        let insert = |graph: &mut Graph| drop(graph.services.insert(name, provider));
         Ok(Service {
-            provider,
             _lease: self.add(key, insert).await?,
         })
     }

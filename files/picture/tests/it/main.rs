@@ -4,12 +4,10 @@
 use std::ops::RangeBounds;
 use std::path::Path;
 
-use picture::canvas::{PictureError, RESULT, SOURCE};
-use picture::curves::Curves;
+use picture::canvas::PictureError;
 use picture::heat_map::HeatMap;
 use picture::histogram::Histogram;
 use picture::intervals::{Intervals, Series};
-use picture::lines::{self, Mark};
 use picture::scalp_map::{Place, ScalpMap};
 use picture::traces::{Trace, Traces};
 
@@ -32,7 +30,6 @@ fn assert_drawn(
     }
     let count = text.matches(shape).count();
     assert!(counts.contains(&count), "{count} {shape}");
-    assert!(!text.contains("0.5 Hz"), "a mark beyond the axis");
 }
 
 /// Returns a test signal: a sine of 20 uV times `gain`, with another phase for each electrode.
@@ -97,38 +94,6 @@ fn intervals_are_drawn() {
         "theirs: 62.5",
     ];
     assert_drawn(|path| intervals.draw(path), &words, "<rect", 10..);
-}
-
-#[test]
-fn lines_and_circles_are_drawn_within_the_axes() {
-    let curve = |mark, color, label: &str| {
-        let points = (1..=60).map(|hz| (hz.into(), 1.0 / f64::from(hz)));
-        lines::Series::new(label, color, mark, points.collect())
-    };
-    let curves = Curves {
-        title: "a title",
-        subtitle: SUBTITLE.to_owned(),
-        x_hz: [1.0, 60.0],
-        y: [0.0, 0.5],
-        y_label: "a quantity",
-        band_hz: [0.5, 40.0],
-        mains_hz: 50.0,
-        curves: vec![
-            curve(Mark::Line, SOURCE, "a line"),
-            curve(Mark::Rings, RESULT, "some circles"),
-        ],
-    };
-    let words = [
-        "a title",
-        "a quantity",
-        "a line",
-        "some circles",
-        "40 Hz",
-        "50 Hz",
-    ];
-    // The curve has 59 circles, because one of its 60 points is above the end of the y axis, 0.5.
-    // The legend has one more.
-    assert_drawn(|path| curves.draw(path), &words, "<circle", 60..=60);
 }
 
 #[test]

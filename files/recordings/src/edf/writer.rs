@@ -323,23 +323,11 @@ mod tests {
     use std::io::Cursor;
 
     use super::{EdfWriter, MAX_RECORDS};
-    use crate::header::{FileToWrite, SignalToWrite};
+    use crate::header::FileToWrite;
 
     #[test]
     fn a_record_beyond_the_limit_of_the_format_is_refused_with_advice() {
-        let signal = SignalToWrite {
-            label: "Cz".to_owned(),
-            is_microvolt: true,
-            is_integer: false,
-            range: [-1.0, 1.0],
-        };
-        let file = FileToWrite {
-            signals: vec![signal],
-            rate_hz: 1,
-            rows_per_record: 1,
-            start_ns: None,
-            description: String::new(),
-        };
+        let file = FileToWrite::microvolts(["Cz"], [-1.0, 1.0], 1, 1);
         let mut writer = EdfWriter::bdf(Cursor::new(Vec::new()), &file, 1, Vec::new()).unwrap();
         writer.records = MAX_RECORDS - 1;
         writer.write_record(&[0.0]).unwrap();

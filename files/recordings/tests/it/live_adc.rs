@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use recordings::{AdcSpec, FileToWrite, GdfWriter, LiveAdc, Missing, MontageMap, SignalToWrite};
+use recordings::{AdcSpec, FileToWrite, GdfWriter, LiveAdc, Missing, MontageMap};
 
 use crate::{open, played};
 
@@ -27,19 +27,7 @@ fn samples(rate_hz: u32) -> Vec<f32> {
 }
 
 fn recorded(rate_hz: u32, samples: &[f32]) -> Vec<[i32; 64]> {
-    let signal = |label: &str| SignalToWrite {
-        label: label.to_owned(),
-        is_microvolt: true,
-        is_integer: false,
-        range: [-187_500.0, 187_500.0],
-    };
-    let file = FileToWrite {
-        signals: LABELS.map(signal).into(),
-        rate_hz,
-        rows_per_record: rate_hz,
-        start_ns: None,
-        description: String::new(),
-    };
+    let file = FileToWrite::microvolts(LABELS, [-187_500.0, 187_500.0], rate_hz, rate_hz);
     let mut writer = GdfWriter::new(Cursor::new(Vec::new()), &file).expect("a header");
     for record in samples.chunks(rate_hz as usize * LABELS.len()) {
         writer.write_record(record).expect("memory");

@@ -1,9 +1,8 @@
 //! Tests samples, events, warnings and errors of synthetic EDF, EDF+ and BDF files.
 
-use recordings::{EventLabel, Format, Ratio, RecordingError, Warning};
+use recordings::{Format, Ratio, RecordingError, Warning};
 
 use crate::{
-    event,
     files::{EdfFile, EdfSignal},
     open, read_all,
 };
@@ -83,26 +82,6 @@ fn unknown_and_wrong_numbers_of_records_cause_a_warning() {
         "{warning}"
     );
     assert_eq!(read_all(&mut longer)[0].len(), 2);
-}
-
-#[test]
-fn annotations_are_returned_as_events_and_not_as_samples() {
-    let lists: [&[u8]; 2] = [
-        b"+0\x14\x14\0+0.5\x150.25\x14left hand\x14\0",
-        b"+1\x14\x14\0+1.5\x14T2\x14\0",
-    ];
-    let file = EdfFile::edf_plus("EDF+C", "2", (2, &[1, 2, 3, 4]), &lists);
-    let mut recording = open(file.bytes()).expect("a valid file");
-    assert_eq!(recording.format(), Format::EdfPlusContinuous);
-    let text = |text: &str| EventLabel::Text(text.to_owned());
-    let expected = [
-        event(0.5, Some(0.25), text("left hand")),
-        event(1.5, None, text("T2")),
-    ];
-    assert_eq!(recording.events().expect("readable"), expected);
-    let samples = read_all(&mut recording);
-    assert_eq!((samples[0].len(), samples[1].len()), (4, 0));
-    assert_eq!(recording.warnings(), []);
 }
 
 #[test]

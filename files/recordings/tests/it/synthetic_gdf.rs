@@ -47,16 +47,17 @@ fn the_layout_of_version_1_is_read() {
     let mut file = GdfFile::version_2(2, vec![signal]);
     file.version_1 = true;
     file.events = vec![1, 2, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 5, 3];
-    let mut recording = open(file.bytes()).expect("a valid file");
-    assert_eq!(recording.format(), Format::Gdf1(1.25));
-    assert_eq!(recording.signals()[0].unit.microvolts(), Some(1000.0));
-    let samples = &read_all(&mut recording)[0];
-    assert_eq!(samples[1..], [1.0, -1.0, 0.0]);
-    let events = recording.events().expect("readable");
-    assert_eq!(
-        (events[0].onset_s, events[0].label.clone()),
-        (1.0, EventLabel::Type(0x0305))
-    );
+    for records in [2, -1] {
+        file.records = records;
+        let mut recording = open(file.bytes()).expect("a valid file");
+        assert_eq!(recording.format(), Format::Gdf1(1.25));
+        assert_eq!(recording.records(), 2);
+        assert_eq!(recording.signals()[0].unit.microvolts(), Some(1000.0));
+        let samples = &read_all(&mut recording)[0];
+        assert_eq!(samples[1..], [1.0, -1.0, 0.0]);
+        let expected = [event(1.0, None, EventLabel::Type(0x0305))];
+        assert_eq!(recording.events().expect("readable"), expected);
+    }
 }
 
 #[test]
@@ -186,19 +187,6 @@ fn an_event_table_is_not_read_as_samples() {
         let derived = 80_000 / u64::from(per_record);
         assert_eq!(warnings, [Warning::RecordsUnknown { derived }]);
     }
-}
-
-#[test]
-fn the_event_table_of_version_1_is_found() {
-    let signal = GdfSignal::with_type(3, 1, vec![1, 0, 2, 0, 3, 0]);
-    let mut file = GdfFile::version_2(-1, vec![signal]);
-    file.version_1 = true;
-    file.events = vec![1, 1, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 5, 3];
-    let (events, samples, warnings) = read(file.bytes());
-    assert_eq!(events.len(), 1);
-    assert_eq!(events[0].label, EventLabel::Type(0x0305));
-    assert_eq!(samples[0].len(), 3);
-    assert_eq!(warnings, [Warning::RecordsUnknown { derived: 3 }]);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use host_sim::synthetic::{Generator, Hand, SyntheticSpec};
 use pipeline::Mains;
-use recordings::{EdfWriter, FileToWrite, SignalToWrite};
+use recordings::{EdfWriter, FileToWrite};
 
 use crate::Failure;
 
@@ -84,17 +84,9 @@ fn write_run(
 /// Returns the header of a recording, in records of one second.
 fn content(spec: &SyntheticSpec) -> FileToWrite {
     let rails = [-8_388_608.0, 8_388_607.0];
-    let signals = spec.electrodes.iter().map(|label| SignalToWrite {
-        label: label.clone(),
-        is_microvolt: true,
-        is_integer: false,
-        range: rails.map(|counts| counts * spec.lsb_uv),
-    });
+    let range = rails.map(|counts| counts * spec.lsb_uv);
     FileToWrite {
-        signals: signals.collect(),
-        rate_hz: spec.rate_hz,
-        rows_per_record: spec.rate_hz,
-        start_ns: None,
         description: "synthetic EEG with cues".to_owned(),
+        ..FileToWrite::microvolts(&spec.electrodes, range, spec.rate_hz, spec.rate_hz)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ::offline::Played;
+use ::offline::{Played, first_channels};
 use artifact::classifier::{Classifier, Decision};
 use model::{HOP, STEP_RATE_HZ, SUBSTITUTION};
 use pipeline::{
@@ -102,9 +102,7 @@ impl Reference {
         let mut failed = None;
         let samples = played.adc.map_while(|counts| {
             let counts = counts.map_err(|error| failed = Some(error)).ok()?;
-            Some(Sample {
-                counts: std::array::from_fn(|channel| counts[channel]),
-            })
+            Some(first_channels(counts))
         });
         let features = features(samples, mains, classifier);
         match failed {

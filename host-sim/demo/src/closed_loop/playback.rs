@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use indicatif::ProgressBar;
 use model::HOP;
 use pipeline::Mains;
 use serde_json::Value;
@@ -33,8 +34,8 @@ pub struct Received {
     pub latency_ms: f64,
 }
 
-/// Plays a recording to its end, and passes each prediction to `show` when it arrives. `folders`
-/// are that of the programs, and one for temporary files.
+/// Plays a recording to its end, and moves `bar` on with each prediction that arrives. `folders` are
+/// that of the programs, and one for temporary files.
 ///
 /// # Errors
 /// A program does not start, fails or stays silent.
@@ -42,7 +43,7 @@ pub(super) async fn play(
     own: [&Path; 2],
     options: &Options,
     [programs, folder]: [&Path; 2],
-    mut show: impl FnMut(&Received),
+    bar: &ProgressBar,
 ) -> Result<Vec<Received>, Failure> {
     let port = folder.join("board").display().to_string();
     let [recording, classifier] = own.map(|path| path.display().to_string());
@@ -67,7 +68,7 @@ pub(super) async fn play(
             line = timeout(SILENCE, lines.next_line()) => match line {
                 Ok(Ok(Some(line))) => {
                     if let Some(prediction) = prediction(&line, options.mains) {
-                        show(&prediction);
+                        bar.inc(1);
                         received.push(prediction);
                     }
                 }

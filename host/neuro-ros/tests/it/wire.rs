@@ -1,8 +1,8 @@
 //! Encoded messages decode to themselves; invalid bytes are refused without a panic.
 
 use neuro_ros::{
-    DiagnosticArray, DiagnosticLevel, DiagnosticStatus, Header, KeyValue, NeuroDataFloat,
-    NeuroDataInfo, NeuroDataInt32, NeuroEvent, NeuroFrame, NeuroHeader, Stamp, Wire, WireError,
+    Header, NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroEvent, NeuroFrame, NeuroHeader,
+    Stamp, Wire, WireError,
 };
 use proptest::prelude::*;
 
@@ -130,22 +130,6 @@ fn the_encoding_equals_that_of_genpy() {
         hex.concat(),
         "0100000002000000030000000100000066040000000100000076fbffffff0000003f060000000100000064"
     );
-}
-
-#[test]
-fn diagnostics_survive_a_round_trip() {
-    let status = DiagnosticStatus {
-        level: DiagnosticLevel::Stale,
-        name: "corticode: link".into(),
-        message: "no bytes for 3 s".into(),
-        hardware_id: "host-sim".into(),
-        values: vec![KeyValue::new("lost", &3)],
-    };
-    let array = DiagnosticArray {
-        header: Header::default(),
-        status: vec![status],
-    };
-    assert_eq!(DiagnosticArray::from_bytes(&array.to_bytes()), Ok(array));
 }
 
 #[test]

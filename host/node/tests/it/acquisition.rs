@@ -8,9 +8,7 @@ use pipeline::{
     ExclusionPolicy, FeatureExtractor, FeatureFilters, Features, Mains, Pipeline, Sample,
     Substitution,
 };
-use recordings::{
-    AdcSpec, FileToWrite, GdfWriter, Missing, MontageMap, Recording, SignalToWrite, VirtualAdc,
-};
+use recordings::{AdcSpec, FileToWrite, GdfWriter, Missing, MontageMap, Recording, VirtualAdc};
 
 /// A simulated acquisition, whose frames are computed on request.
 #[derive(Clone)]
@@ -110,19 +108,9 @@ impl Acquisition {
 
     /// Returns the samples that host-sim reads from a recording of the first `frames` frames.
     fn samples_of_recording(&self, frames: u32) -> impl Iterator<Item = Sample> {
-        let signal = |label: &String| SignalToWrite {
-            label: label.clone(),
-            is_microvolt: true,
-            is_integer: false,
-            range: [-187_500.0, 187_500.0],
-        };
-        let file = FileToWrite {
-            signals: self.labels.iter().map(signal).collect(),
-            rate_hz: self.rate_hz.into(),
-            rows_per_record: self.samples.into(),
-            start_ns: None,
-            description: String::new(),
-        };
+        let range = [-187_500.0, 187_500.0];
+        let [rate_hz, rows] = [self.rate_hz, self.samples].map(u32::from);
+        let file = FileToWrite::microvolts(&self.labels, range, rate_hz, rows);
         let mut writer = GdfWriter::new(Cursor::new(Vec::new()), &file).unwrap();
         for index in 0..frames {
             writer.write_record(&self.frame(index).eeg.data).unwrap();

@@ -6,7 +6,7 @@ use std::{
 };
 
 use link::Flags;
-use recordings::{EdfWriter, FileToWrite, GdfWriter, SignalToWrite};
+use recordings::{EdfWriter, FileToWrite, GdfWriter};
 
 use super::{Signal, SignalFile, SignalFormat};
 
@@ -96,18 +96,10 @@ impl SignalFile for GdfFile {
 
 /// Describes the file of a signal whose values are within `range`, microvolts.
 fn file_to_write(signal: &Signal, range: [f64; 2]) -> FileToWrite {
-    let signals = signal.labels.iter().map(|label| SignalToWrite {
-        label: label.clone(),
-        is_microvolt: true,
-        is_integer: false,
-        range,
-    });
+    let [rate_hz, rows] = [signal.rate_hz, signal.rows_per_hop];
     FileToWrite {
-        signals: signals.collect(),
-        rate_hz: signal.rate_hz,
-        rows_per_record: signal.rows_per_hop,
-        // A file of codes does not state when it was recorded.
-        start_ns: None,
         description: signal.description.clone(),
+        // A file of codes does not state when it was recorded.
+        ..FileToWrite::microvolts(signal.labels, range, rate_hz, rows)
     }
 }

@@ -162,13 +162,8 @@ fn other_files_are_refused_with_what_to_do() {
 }
 
 #[test]
-fn outputs_are_never_inputs_and_are_absent_after_an_interruption() {
+fn outputs_are_never_inputs() {
     let fixture = Fixture::new();
-    let progress = Progress::default();
-    progress.interrupt();
-    let error = ENCODING.encode(&fixture.recording(), &fixture.codes(), &progress);
-    assert!(matches!(error, Err(OfflineError::Interrupted)));
-    assert!(!fixture.codes().exists());
     let before = fs::read(fixture.recording()).expect("a recording");
     let replacing = Encoding {
         existing: Existing::Replace,
@@ -183,11 +178,4 @@ fn outputs_are_never_inputs_and_are_absent_after_an_interruption() {
         |error: OfflineError| matches!(error, OfflineError::NewFile(NewFileError::Input { .. }));
     assert!(refused(itself.expect_err("the input")));
     assert_eq!(fs::read(fixture.recording()).expect("a recording"), before);
-    let folder = fixture.recording();
-    let folder = folder
-        .parent()
-        .expect("a folder")
-        .read_dir()
-        .expect("readable");
-    assert_eq!(folder.count(), 1, "only the recording is left");
 }

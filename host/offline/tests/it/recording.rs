@@ -10,9 +10,7 @@ use offline::{
     SignalFormat,
 };
 use pipeline::{Mains, Sample};
-use recordings::{
-    AdcSpec, FileToWrite, GdfWriter, Missing, MontageMap, Recording, SignalToWrite, VirtualAdc,
-};
+use recordings::{AdcSpec, FileToWrite, GdfWriter, Missing, MontageMap, Recording, VirtualAdc};
 
 /// Length of a recording for tests without a comparison, seconds.
 const SHORT_S: u32 = 7;
@@ -164,19 +162,8 @@ pub(crate) fn values(path: &Path) -> Vec<Vec<f64>> {
 
 /// Describes a recording of the model's electrodes at the ADC's rate.
 pub(crate) fn file_to_write() -> FileToWrite {
-    let signals = labels().into_iter().map(|label| SignalToWrite {
-        label: label.to_owned(),
-        is_microvolt: true,
-        is_integer: false,
-        range: [-1_000.0, 1_000.0],
-    });
-    FileToWrite {
-        signals: signals.collect(),
-        rate_hz: model::ADC_RATE_HZ.into(),
-        rows_per_record: ROWS_PER_RECORD,
-        start_ns: None,
-        description: "waves".to_owned(),
-    }
+    let (range, rate_hz) = ([-1_000.0, 1_000.0], model::ADC_RATE_HZ.into());
+    FileToWrite::microvolts(labels(), range, rate_hz, ROWS_PER_RECORD)
 }
 
 fn write(path: &Path, seconds: u32) {

@@ -5,7 +5,6 @@ use std::sync::{Arc, Weak, atomic::Ordering::Relaxed};
 use super::{graph::Key, registrar::Registrar};
 use crate::{
     publication::{Publication, SubscriberLag},
-    service::Provider,
     subscription::Subscription,
 };
 
@@ -116,13 +115,5 @@ impl Subscriber {
 #[derive(Debug)]
 #[must_use = "dropping the handle unregisters the service"]
 pub struct Service {
-    pub(super) provider: Arc<Provider>,
     pub(super) _lease: Lease,
-}
-
-impl Service {
-    /// Full name of the service after remapping.
-    pub fn name(&self) -> &str {
-        &self.provider.name
-    }
 }

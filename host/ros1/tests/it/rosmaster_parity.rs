@@ -353,14 +353,3 @@ async fn parameters_and_their_notifications_equal_those_of_rosmaster() {
 async fn error_messages_equal_those_of_rosmaster() {
     compare("error messages as rosmaster", invalid_calls(), 0).await;
 }
-
-#[tokio::test]
-async fn get_uri_and_get_pid_describe_the_master() {
-    let master = start_master().await;
-    let triple = |value: Value| Value::Array(vec![1.into(), "".into(), value]);
-    let uri = call(master.uri(), "getUri", &texts(&["/t"])).await.unwrap();
-    assert_eq!(uri, triple(master.uri().into()));
-    let pid = call(master.uri(), "getPid", &texts(&["/t"])).await.unwrap();
-    let ours = i32::try_from(std::process::id()).unwrap();
-    assert_eq!(pid, triple(ours.into()));
-}

@@ -135,12 +135,11 @@ fn different(expected: &[u8], output: &[u8]) -> [usize; NAMES.len()] {
 
 fn draw(twin: &Twin, noise: &Noise, folder: &Path) -> anyhow::Result<()> {
     let response = Response::measure(twin);
-    for (name, curves) in [
+    for (name, chart) in [
         ("filters-response.svg", response.magnitude()),
-        ("filters-group-delay.svg", response.group_delay()),
         ("filters-noise.svg", noise.chart()),
     ] {
-        curves.draw(&folder.join(name)).with_context(|| {
+        chart.draw(&folder.join(name)).with_context(|| {
             let folder = folder.display();
             format!(
                 "drawing the pictures failed\n  next: is {folder} writable, and the disk not full?"
