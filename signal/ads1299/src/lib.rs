@@ -73,7 +73,7 @@ pub use decoder::{Alignment, CHANNELS, CHIP_BYTES, Decoder, FrameStatus, MAX_CHI
 pub use error::{Error, Pin};
 pub use image::{Image, ReadBack};
 pub use limits::{SelfTestFault, typical_noise_uv};
-pub use reading::{ChipFault, Reading, StatusWord};
+pub use reading::{Reading, StatusWord};
 pub use ready::{Edge, RateError, ReadyMeter};
 pub use register::{ID, Register};
 pub use retrying_sampler::RetryingSampler;
