@@ -67,7 +67,7 @@ mod tests;
 
 pub use bus::{Bus, Drdy, DrdyEdge, Speed, TooFast};
 pub use chain::Chain;
-pub use channel_tests::{ShortedResult, ShortedTest, SquareWaveResult, SquareWaveTest};
+pub use channel_tests::{ChannelResult, ShortedTest, SquareWaveTest};
 pub use clock::Clock;
 pub use decoder::{Alignment, CHANNELS, CHIP_BYTES, Decoder, FrameStatus, MAX_CHIPS, frame_bytes};
 pub use error::{Error, Pin};
