@@ -15,12 +15,6 @@ pub struct Coefficient {
 }
 
 impl Coefficient {
-    /// The coefficient 1, exactly.
-    pub const ONE: Self = Self {
-        integer: 1,
-        fraction: 0,
-    };
-
     /// Returns the coefficient nearest to `value`; |value| must be below 2^30.
     #[expect(
         clippy::cast_possible_truncation,

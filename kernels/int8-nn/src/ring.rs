@@ -32,17 +32,3 @@ impl<T: Copy, const LEN: usize, const DEPTH: usize> PlaneRing<T, LEN, DEPTH> {
         core::array::from_fn(|age| &self.planes[(self.next + age) % DEPTH][..])
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn planes_are_returned_oldest_first() {
-        let mut ring = PlaneRing::<u8, 1, 3>::filled(0);
-        for value in 1..=5 {
-            *ring.advance() = [value];
-        }
-        assert_eq!(ring.oldest_first(), [[3], [4], [5]]);
-    }
-}

@@ -23,14 +23,16 @@ pub struct SquareWaveTest {
     high: Statistics,
 }
 
-/// Gain error, offset and noise of a channel, measured with the square wave.
+/// Gain error, offset and noise of a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SquareWaveResult {
-    /// Ratio of the measured to the expected amplitude, minus 1; -1 without a square wave.
+pub struct ChannelResult {
+    /// Ratio of the measured to the expected amplitude, minus 1; -1 without a square wave, and 0
+    /// with shorted input, which does not measure it.
     pub gain_error: f32,
-    /// Mean of the square wave's two levels, in microvolts at the input.
+    /// Mean of the samples, or of the square wave's two levels, in microvolts at the input.
     pub offset_uv: f32,
-    /// Noise around the two levels of the square wave, in microvolts rms at the input.
+    /// Noise around the mean, or around the square wave's two levels, in microvolts rms at the
+    /// input.
     pub noise_uv: f32,
     /// Number of samples that the result is computed from.
     pub samples: u32,
@@ -84,14 +86,14 @@ impl SquareWaveTest {
         clippy::cast_possible_truncation,
         reason = "results in f32 for the wire"
     )]
-    pub fn result(&self) -> SquareWaveResult {
+    pub fn result(&self) -> ChannelResult {
         let lsb = self.gain.lsb_uv();
         let (low, high) = (self.low.mean(), self.high.mean());
         let both = self.low.number() > 0 && self.high.number() > 0;
         let amplitude_uv = if both { (high - low) / 2.0 * lsb } else { 0.0 };
         let samples = self.low.number() + self.high.number();
         let spread = self.low.spread() + self.high.spread();
-        SquareWaveResult {
+        ChannelResult {
             gain_error: (amplitude_uv / TEST_AMPLITUDE_UV - 1.0) as f32,
             offset_uv: (f64::midpoint(high, low) * lsb) as f32,
             noise_uv: (rms(spread, samples) * lsb) as f32,
@@ -100,7 +102,7 @@ impl SquareWaveTest {
     }
 }
 
-impl SquareWaveResult {
+impl ChannelResult {
     /// Checks the result against the limits of a working channel at this gain and rate.
     ///
     /// # Errors
@@ -119,17 +121,6 @@ impl SquareWaveResult {
 pub struct ShortedTest {
     gain: Gain,
     statistics: Statistics,
-}
-
-/// Offset and noise of a channel with shorted input.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ShortedResult {
-    /// Mean of the samples, in microvolts at the input.
-    pub offset_uv: f32,
-    /// Noise around the mean, in microvolts rms at the input.
-    pub noise_uv: f32,
-    /// Number of samples that the result is computed from.
-    pub samples: u32,
 }
 
 impl ShortedTest {
@@ -151,26 +142,15 @@ impl ShortedTest {
         clippy::cast_possible_truncation,
         reason = "results in f32 for the wire"
     )]
-    pub fn result(&self) -> ShortedResult {
+    pub fn result(&self) -> ChannelResult {
         let lsb = self.gain.lsb_uv();
         let samples = self.statistics.number();
-        ShortedResult {
+        ChannelResult {
+            gain_error: 0.0,
             offset_uv: (self.statistics.mean() * lsb) as f32,
             noise_uv: (rms(self.statistics.spread(), samples) * lsb) as f32,
             samples,
         }
-    }
-}
-
-impl ShortedResult {
-    /// Checks the result against the limits of a working channel at this gain and rate.
-    ///
-    /// # Errors
-    /// The first limit that is exceeded.
-    pub fn check(&self, gain: Gain, rate: Rate) -> Result<(), SelfTestFault> {
-        check_samples(self.samples)?;
-        check_offset(self.offset_uv)?;
-        check_noise(self.noise_uv, gain, rate)
     }
 }
 

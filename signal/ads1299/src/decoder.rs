@@ -1,6 +1,6 @@
 //! Decoder of the frames that a chain of ADS1299 chips sends: from bytes to counts.
 
-use crate::reading::{ChipFault, NIBBLE, StatusWord};
+use crate::reading::{NIBBLE, StatusWord};
 
 /// Number of consecutive frames that must fit the alignment not in use before the decoder switches
 /// to it.
@@ -37,7 +37,7 @@ pub struct Decoder<const CHIPS: usize> {
     alignment: Option<Alignment>,
     /// Number of consecutive frames, up to the newest, that fit the alignment not in use.
     against: u8,
-    /// Each chip's part of the previous frame, to detect [`ChipFault::Repeated`].
+    /// Each chip's part of the previous frame, to detect frozen chips.
     last: [Part; CHIPS],
     /// Number of repeated counts of each chip, counted as stated at [`FROZEN`]; at most 13, which
     /// is `FROZEN` plus eight channels.
@@ -61,20 +61,6 @@ impl<const CHIPS: usize> FrameStatus<CHIPS> {
     /// Returns whether every chip is neither bad nor frozen.
     pub const fn is_sound(&self) -> bool {
         self.bad | self.repeated == 0
-    }
-
-    /// Returns the fault of a chip, if it has one.
-    pub fn fault(&self, chip: usize) -> Option<ChipFault> {
-        let repeated = self.repeated >> chip & 1 != 0;
-        let word = self.words.get(chip)?;
-        word.fault().or(repeated.then_some(ChipFault::Repeated))
-    }
-
-    /// Returns the faulty chips with their faults, chip 0 first. A dead or shifted chip also
-    /// corrupts the data of the chips that send through it, so the first chip returned is the
-    /// cause.
-    pub fn faults(&self) -> impl Iterator<Item = (usize, ChipFault)> + '_ {
-        (0..CHIPS).filter_map(|chip| Some((chip, self.fault(chip)?)))
     }
 }
 

@@ -67,13 +67,13 @@ mod tests;
 
 pub use bus::{Bus, Drdy, DrdyEdge, Speed, TooFast};
 pub use chain::Chain;
-pub use channel_tests::{ShortedResult, ShortedTest, SquareWaveResult, SquareWaveTest};
+pub use channel_tests::{ChannelResult, ShortedTest, SquareWaveTest};
 pub use clock::Clock;
 pub use decoder::{Alignment, CHANNELS, CHIP_BYTES, Decoder, FrameStatus, MAX_CHIPS, frame_bytes};
 pub use error::{Error, Pin};
 pub use image::{Image, ReadBack};
 pub use limits::{SelfTestFault, typical_noise_uv};
-pub use reading::{ChipFault, Reading, StatusWord};
+pub use reading::{Reading, StatusWord};
 pub use ready::{Edge, RateError, ReadyMeter};
 pub use register::{ID, Register};
 pub use retrying_sampler::RetryingSampler;

@@ -121,11 +121,6 @@ impl Pipeline {
         }
         self.encoder.encode_step(&step)
     }
-
-    /// Returns the acquisition, for its counters.
-    pub const fn acquisition(&self) -> &Acquisition {
-        &self.acquisition
-    }
 }
 
 #[cfg(test)]
@@ -166,15 +161,6 @@ mod tests {
             acquisition.restart(Mains::Hz60);
             assert_eq!(steps(&mut acquisition), expected);
         }
-    }
-
-    #[test]
-    fn a_step_carries_the_index_of_its_sample() {
-        let picked: Vec<u64> = steps(Mains::Hz50, [Sample::default(); 12])
-            .iter()
-            .map(|step| step.sample)
-            .collect();
-        assert_eq!(picked, [0, 4, 8]);
     }
 
     #[test]

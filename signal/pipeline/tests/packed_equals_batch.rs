@@ -4,7 +4,7 @@
 //! Quantiser and range coder are those of the crate `packed`, which
 //! `tests/acceptance/tests/it/packed_python.rs` compares with Python.
 
-use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use artifact::{Artifact, PackedModel};
 use int8_nn::requantise;
@@ -13,12 +13,9 @@ use packed::{Context, Header, Magnitude, Rate, Tables};
 use pipeline::{ELECTRODES, MAX_PACKED_BYTES, PackedEncoder, Step};
 use proptest::prelude::*;
 
-fn artifact_folder() -> PathBuf {
-    option_env!("CORTICODE_ARTIFACT").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact"),
-        Into::into,
-    )
-}
+static ARTIFACT: LazyLock<Artifact> = LazyLock::new(|| {
+    Artifact::from_files(model::artifact_files::FILES).expect("the artifact is readable")
+});
 
 /// Returns whether the model is the checked-in one.
 fn is_built_in() -> bool {
@@ -175,10 +172,9 @@ struct Seen {
 /// Asserts that every block of a stream, and the state after it, equals that of the reference.
 /// Returns the numbers of blank, misfit and coarser blocks.
 fn assert_equal_on(steps: &[Step], rate: Rate) -> Seen {
-    let artifact = Artifact::read(&artifact_folder()).expect("the artifact is readable");
     let mut encoder = PackedEncoder::new();
     encoder.set_rate(rate);
-    let Some(model) = artifact.packed else {
+    let Some(model) = ARTIFACT.packed.clone() else {
         assert!(steps.iter().all(|step| encoder.encode_step(step).is_none()));
         return Seen::default();
     };

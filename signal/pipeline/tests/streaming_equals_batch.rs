@@ -16,18 +16,9 @@ use model_gen::{
 use pipeline::{CELLS, Encoder, Plane, Step};
 use proptest::prelude::*;
 
-/// Returns the folder from which the `model` crate was built.
-fn artifact_folder() -> std::path::PathBuf {
-    option_env!("CORTICODE_ARTIFACT").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact"),
-        Into::into,
-    )
-}
-
 static BUILT_IN: LazyLock<IntegerModel> = LazyLock::new(|| {
-    let artifact =
-        artifact::Artifact::read(&artifact_folder()).expect("the checked-in artifact is readable");
-    model_gen::quantise(&artifact).expect("the checked-in artifact is quantisable")
+    let artifact = artifact::Artifact::from_files(model::artifact_files::FILES);
+    model_gen::quantise(&artifact.expect("a sound artifact")).expect("a quantisable artifact")
 });
 
 /// Asserts that every code of a stream equals the reference's code of the same window.
@@ -92,8 +83,8 @@ fn the_golden_windows_have_the_golden_codes() {
         eprintln!("SKIPPED: CORTICODE_ARTIFACT names another model than the checked-in one");
         return;
     }
-    let golden =
-        artifact::Golden::read(&artifact_folder()).expect("the checked-in golden is readable");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact");
+    let golden = artifact::Golden::read(&folder).expect("the checked-in golden is readable");
     assert!(!golden.windows.is_empty(), "the golden file has no windows");
     for (window, code) in golden.windows.iter().zip(&golden.codes) {
         assert_eq!(&BUILT_IN.encode_window(window), code);

@@ -331,10 +331,10 @@ fn during_a_self_test_starts_are_refused_and_a_stop_does_not_end_it() {
     assert_eq!(device.execute(ToDevice::Stop), (None, AckResult::Done));
     assert_eq!(device.execute(start(Streams::CODES)), busy);
 
-    let Device {
-        session, sender, ..
-    } = &mut device;
-    session.send_self_test(SelfTest::default(), 9, sender);
+    let sender = &mut device.sender;
+    device
+        .session
+        .send_self_test(SelfTest::default(), 9, sender);
     assert_eq!(device.kinds(), ["self-test"]);
     device.run(Streams::CODES);
     assert_eq!(device.execute(ToDevice::SelfTest), busy);
@@ -367,10 +367,8 @@ fn the_converters_status_is_sent_on_introduction_on_a_new_fault_and_while_stream
             fault: crate::converters::fault_text(fault),
             ..Converters::default()
         };
-        let Device {
-            session, sender, ..
-        } = &mut *device;
-        session.update_converters(converters, 5, sender);
+        let sender = &mut device.sender;
+        device.session.update_converters(converters, 5, sender);
         device.kinds().len()
     };
     let sent_counts = ["", "", "chip 3", "chip 3", ""].map(|fault| update(&mut device, fault));

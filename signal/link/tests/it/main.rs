@@ -1,7 +1,6 @@
 //! Tests of the wire format, of both ends, and of `docs/wire-format.md`.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
-mod bit_errors;
 mod compatibility;
 mod corruption;
 mod largest;

@@ -1,11 +1,11 @@
 //! One message of each kind, with the contents of the dumps in `docs/wire-format.md`.
 
 use link::{
-    Audit, BandPass, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading,
-    Code, CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event, EventKind,
-    Exclusion, ExclusionPolicy, FeatureFilters, Features, Filtered, Flags, Hello, ModelBegin,
-    ModelChunk, ModelReceived, PackedCode, Quality, Raw, ResetCause, SelfTest, Stage, StageTiming,
-    Stats, Streams, Substitutes, Timing, ToHost,
+    Ack, AckResult, Audit, BandPass, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest,
+    ClockReading, Code, CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event,
+    EventKind, Exclusion, ExclusionPolicy, FeatureFilters, Features, Filtered, Flags, Hello,
+    ModelBegin, ModelChunk, ModelReceived, PackedCode, Quality, Raw, ResetCause, SelfTest, Stage,
+    StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
 };
 
 /// Announcement of a model of 300 bytes, and the part of it from byte 256 on.
@@ -35,7 +35,7 @@ pub(crate) const FILTERS: FeatureFilters<'_> = FeatureFilters {
     weights: &[127, 0x81, 64, 64],
 };
 
-pub(crate) fn features() -> ToHost<'static> {
+fn features() -> ToHost<'static> {
     ToHost::Features(Features {
         id: FILTERS.id,
         hop: 301,
@@ -45,14 +45,14 @@ pub(crate) fn features() -> ToHost<'static> {
     })
 }
 
-pub(crate) fn model_received() -> ToHost<'static> {
+fn model_received() -> ToHost<'static> {
     ToHost::ModelReceived(ModelReceived {
         crc: MODEL.crc,
         bytes: 256,
     })
 }
 
-pub(crate) fn hello() -> ToHost<'static> {
+fn hello() -> ToHost<'static> {
     ToHost::Hello(Hello {
         firmware: "0.1.0",
         board: "host-sim",
@@ -65,7 +65,7 @@ pub(crate) fn hello() -> ToHost<'static> {
 }
 
 /// `Capabilities` of a board with two electrodes and two code values, to keep the dump short.
-pub(crate) fn capabilities() -> ToHost<'static> {
+fn capabilities() -> ToHost<'static> {
     ToHost::Capabilities(Capabilities {
         adc_rate_hz: 512,
         step_rate_hz: 128,
@@ -132,7 +132,7 @@ pub(crate) fn code_of_16_bits() -> ToHost<'static> {
     ToHost::Code(code_in(CodeValues::int16(&WIDE_RAMP)))
 }
 
-pub(crate) fn stats() -> ToHost<'static> {
+fn stats() -> ToHost<'static> {
     ToHost::Stats(Stats {
         streams: Streams::CODES,
         next_window: 301,
@@ -170,7 +170,7 @@ pub(crate) fn quality() -> ToHost<'static> {
 }
 
 /// Durations of two stages, measured for 19 s; one code was late.
-pub(crate) fn timing() -> ToHost<'static> {
+fn timing() -> ToHost<'static> {
     let acquire = StageTiming {
         stage: Stage::Acquire,
         deadline_ns: 1_953_125,
@@ -191,7 +191,7 @@ pub(crate) fn timing() -> ToHost<'static> {
 }
 
 /// Two samples of two channels; the second channel is at the rail in both samples.
-pub(crate) fn raw() -> ToHost<'static> {
+fn raw() -> ToHost<'static> {
     ToHost::Raw(Raw {
         first_sample: 9_656,
         channels: 2,
@@ -201,7 +201,7 @@ pub(crate) fn raw() -> ToHost<'static> {
 }
 
 /// One step of two electrodes: 25 and -25 counts.
-pub(crate) fn filtered() -> ToHost<'static> {
+fn filtered() -> ToHost<'static> {
     ToHost::Filtered(Filtered {
         first_step: 2_412,
         electrodes: 2,
@@ -212,7 +212,7 @@ pub(crate) fn filtered() -> ToHost<'static> {
 }
 
 /// Audit of a window of two planes with two cells each, to keep the dump short.
-pub(crate) fn audit() -> ToHost<'static> {
+fn audit() -> ToHost<'static> {
     ToHost::Audit(Audit {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
         window: 300,
@@ -221,7 +221,7 @@ pub(crate) fn audit() -> ToHost<'static> {
     })
 }
 
-pub(crate) fn event() -> ToHost<'static> {
+fn event() -> ToHost<'static> {
     ToHost::Event(Event {
         kind: EventKind::TriggerRise,
         number: 12,
@@ -230,7 +230,7 @@ pub(crate) fn event() -> ToHost<'static> {
 }
 
 /// Status of two chips; the second chip has delivered three bad frames and has an electrode off.
-pub(crate) fn converters() -> ToHost<'static> {
+fn converters() -> ToHost<'static> {
     ToHost::Converters(Converters {
         fault: heapless::String::new(),
         drdy_millihertz: 512_003,
@@ -242,7 +242,7 @@ pub(crate) fn converters() -> ToHost<'static> {
 
 /// Self-test result of a chip with two channels, to keep the dump short; the second channel is
 /// dead.
-pub(crate) fn self_test() -> ToHost<'static> {
+fn self_test() -> ToHost<'static> {
     let good = ChannelTest {
         gain_error: 0.015_625,
         offset_uv: -12.5,
@@ -272,14 +272,14 @@ pub(crate) fn self_test() -> ToHost<'static> {
     })
 }
 
-pub(crate) fn clock_reading() -> ToHost<'static> {
+fn clock_reading() -> ToHost<'static> {
     ToHost::ClockReading(ClockReading {
         host_time_us: 1_700_000_000_000_000,
         received_us: 19_900_250,
     })
 }
 
-pub(crate) fn substitutes() -> ToHost<'static> {
+fn substitutes() -> ToHost<'static> {
     ToHost::Substitutes(Substitutes {
         interpolated: 0b1_0000_0010,
         zero: 1 << 60,
@@ -288,7 +288,7 @@ pub(crate) fn substitutes() -> ToHost<'static> {
 
 /// Key block of eight samples of two channels, to keep the dump short;
 /// `kernels/lossless/tests/reference.py` has computed its bytes.
-pub(crate) fn compressed_key() -> ToHost<'static> {
+fn compressed_key() -> ToHost<'static> {
     ToHost::CompressedRaw(CompressedRaw {
         first_sample: 9_656,
         channels: 2,
@@ -303,7 +303,7 @@ pub(crate) fn compressed_key() -> ToHost<'static> {
 }
 
 /// Block of the eight samples after those of [`compressed_key`], with a jump in the second channel.
-pub(crate) fn compressed_continuing() -> ToHost<'static> {
+fn compressed_continuing() -> ToHost<'static> {
     ToHost::CompressedRaw(CompressedRaw {
         first_sample: 9_664,
         channels: 2,
@@ -324,7 +324,7 @@ pub(crate) const POLICY: ExclusionPolicy = ExclusionPolicy {
     automatic: true,
 };
 
-pub(crate) fn exclusion() -> ToHost<'static> {
+fn exclusion() -> ToHost<'static> {
     ToHost::Exclusion(Exclusion {
         first_step: 2_496,
         excluded: 1 << 3 | 1 << 20,
@@ -344,4 +344,39 @@ pub(crate) fn packed_code() -> ToHost<'static> {
             0x91, 0x08, 0xd6, 0x7a, 0x35, 0xec, 0x19, 0x82, 0x40,
         ],
     })
+}
+
+/// Returns each message with the name of its dump, and with seq and device time of its frame.
+pub(crate) fn all() -> Vec<(&'static str, (u32, u64), ToHost<'static>)> {
+    let ack = ToHost::Ack(Ack {
+        of: 1,
+        result: AckResult::Done,
+    });
+    let code_at = (304, 19_871_093);
+    let second = (316, 19_916_015);
+    vec![
+        ("hello", (0, 1_000_000), hello()),
+        ("capabilities", (1, 1_000_100), capabilities()),
+        ("ack", (3, 1_002_000), ack),
+        ("code", code_at, code()),
+        ("code-int8-exponent", code_at, code_with_exponent()),
+        ("code-int16", code_at, code_of_16_bits()),
+        ("stats", (305, 19_900_000), stats()),
+        ("quality", (306, 19_900_100), quality()),
+        ("timing", (307, 19_900_200), timing()),
+        ("raw", (308, 19_900_390), raw()),
+        ("filtered", (309, 19_906_250), filtered()),
+        ("audit", (310, 19_871_093), audit()),
+        ("event", (311, 19_907_777), event()),
+        ("converters", (312, 19_910_000), converters()),
+        ("self-test", (313, 24_500_000), self_test()),
+        ("clock-reading", (314, 24_600_000), clock_reading()),
+        ("substitutes", (1, 1_000), substitutes()),
+        ("compressed-raw-key", (315, 19_900_390), compressed_key()),
+        ("compressed-raw-continuing", second, compressed_continuing()),
+        ("packed-code", (317, 19_929_687), packed_code()),
+        ("exclusion", (318, 19_937_500), exclusion()),
+        ("model-received", (4, 1_004_000), model_received()),
+        ("features", (319, 19_937_500), features()),
+    ]
 }

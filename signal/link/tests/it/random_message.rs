@@ -1,12 +1,14 @@
-//! Proptest strategies for random messages.
+//! Random messages of every kind.
+
+use core::iter;
 
 use link::{
-    Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeValues, CompressedRaw,
-    ElectrodeQuality, Event, EventKind, Exclusion, ExclusionPolicy, Features, Filtered, Flags,
-    Hello, MAX_ELECTRODES, MAX_EXPONENT, MAX_NUMBERS, MAX_STAGES, ModelReceived, PackedCode,
-    Quality, Raw, ResetCause, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
+    CodeValues, Flags, MAX_ELECTRODES, MAX_EXPONENT, MAX_FEATURES, MAX_NUMBERS, MAX_STAGES,
+    Streams, ToHost,
 };
 use proptest::prelude::*;
+
+use crate::messages;
 
 /// Random code values in a random format.
 fn values() -> impl Strategy<Value = CodeValues<'static>> {
@@ -22,216 +24,122 @@ fn values() -> impl Strategy<Value = CodeValues<'static>> {
     prop_oneof![int8, exponent, int16]
 }
 
-/// A random `Timing` with 0 to `MAX_STAGES` stages; a stage's number may be one that this version
-/// does not name.
-fn timing() -> impl Strategy<Value = ToHost<'static>> {
-    let stage = (any::<u8>(), any::<[u32; 2]>(), any::<[u32; 9]>()).prop_map(
-        |(stage, [deadline_ns, worst_ns], histogram)| StageTiming {
-            stage: Stage::from(stage),
-            deadline_ns,
-            worst_ns,
-            histogram,
-        },
-    );
-    let stages = prop::collection::vec(stage, 0..=MAX_STAGES);
-    (stages, any::<[u32; 2]>()).prop_map(|(stages, [stack_used, stack_size])| {
-        ToHost::Timing(Timing {
-            stages: stages.into_iter().collect(),
-            stack_used,
-            stack_size,
-        })
-    })
-}
-
-/// Random features of 1 to `MAX_FEATURES` levels.
-fn features() -> impl Strategy<Value = ToHost<'static>> {
-    let levels = prop::collection::vec(any::<u8>(), 1..=link::MAX_FEATURES);
-    (any::<(u32, u32, u16, u64)>(), levels).prop_map(|((id, hop, flags, saturated), levels)| {
-        ToHost::Features(Features {
-            id,
-            hop,
-            flags: Flags::from_bits(flags),
-            saturated,
-            levels: levels.leak(),
-        })
-    })
-}
-
-/// Random messages that carry byte slices, random events, and random clock readings.
-fn streamed() -> impl Strategy<Value = ToHost<'static>> {
-    let bytes = || prop::collection::vec(any::<u8>(), 0..=1536).prop_map(|bytes| &*bytes.leak());
-    let raw =
-        (any::<(u64, u8, u16)>(), bytes()).prop_map(|((first_sample, channels, flags), counts)| {
-            ToHost::Raw(Raw {
-                first_sample,
-                channels,
-                flags: Flags::from_bits(flags),
-                counts,
-            })
-        });
-    let compressed = (any::<(u64, u8, u16, u8, u8)>(), bytes()).prop_map(
-        |((first_sample, channels, flags, form, samples), bytes)| {
-            ToHost::CompressedRaw(CompressedRaw {
-                first_sample,
-                channels,
-                flags: Flags::from_bits(flags),
-                form: BlockForm::from(form),
-                samples,
-                bytes,
-            })
-        },
-    );
-    let packed = (any::<(u32, u8, u16, u16, u64)>(), bytes()).prop_map(
-        |((block, rate, flags, clipped, saturated), bytes)| {
-            ToHost::PackedCode(PackedCode {
-                block,
-                rate,
-                flags: Flags::from_bits(flags),
-                clipped,
-                saturated,
-                bytes,
-            })
-        },
-    );
-    let filtered = (any::<(u64, u8, u8, u16)>(), bytes()).prop_map(
-        |((first_step, electrodes, fraction_bits, flags), values)| {
-            ToHost::Filtered(Filtered {
-                first_step,
-                electrodes,
-                fraction_bits,
-                flags: Flags::from_bits(flags),
-                values,
-            })
-        },
-    );
-    let audit = (any::<([u8; 8], u32)>(), bytes(), values()).prop_map(
-        |((model_id, window), planes, values)| {
-            ToHost::Audit(Audit {
-                model_id,
-                window,
-                planes,
-                values,
-            })
-        },
-    );
-    let event = any::<(u8, u32, u64)>().prop_map(|(kind, number, sample)| {
-        ToHost::Event(Event {
-            kind: EventKind::from(kind),
-            number,
-            sample,
-        })
-    });
-    let reading = any::<[u64; 2]>().prop_map(|[host_time_us, received_us]| {
-        ToHost::ClockReading(ClockReading {
-            host_time_us,
-            received_us,
-        })
-    });
-    let substitutes = any::<[u64; 2]>()
-        .prop_map(|[interpolated, zero]| ToHost::Substitutes(Substitutes { interpolated, zero }));
-    let exclusion =
-        any::<([u64; 4], bool)>().prop_map(|([first_step, excluded, always, never], automatic)| {
-            let policy = ExclusionPolicy {
-                always,
-                never,
-                automatic,
-            };
-            ToHost::Exclusion(Exclusion {
-                first_step,
-                excluded,
-                policy,
-            })
-        });
-    let received = any::<[u32; 2]>()
-        .prop_map(|[crc, bytes]| ToHost::ModelReceived(ModelReceived { crc, bytes }));
-    prop_oneof![
-        received,
-        raw,
-        compressed,
-        packed,
-        filtered,
-        audit,
-        event,
-        reading,
-        substitutes,
-        exclusion,
-        features()
-    ]
-}
-
 pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {
-    let code = (
-        any::<[u8; 8]>(),
-        any::<u32>(),
-        any::<u64>(),
-        any::<(u16, u8)>(),
-        any::<u16>(),
-        any::<u64>(),
-    );
-    let code = (code, values()).prop_map(
-        |(
-            (model_id, window, first_sample, (clipped, clipped_values), flags, saturated),
-            values,
-        )| {
-            let flags = Flags::from_bits(flags);
-            ToHost::Code(Code {
-                model_id,
-                window,
-                first_sample,
-                flags,
-                clipped,
-                clipped_values,
-                saturated,
-                values,
-            })
-        },
-    );
-    let ack = (any::<u32>(), any::<u8>()).prop_map(|(of, result)| {
-        ToHost::Ack(Ack {
-            of,
-            result: AckResult::from(result),
-        })
-    });
-    let stats = (any::<u32>(), any::<u64>(), any::<u16>()).prop_map(|(count, samples, streams)| {
-        let streams = Streams::from_bits(streams);
-        ToHost::Stats(Stats {
-            codes_made: count,
-            samples,
-            streams,
-            ..Stats::default()
-        })
-    });
-    let hello = (any::<[u8; 12]>(), any::<u32>(), any::<u8>()).prop_map(|(uid, session, cause)| {
-        ToHost::Hello(Hello {
-            firmware: "0.1.0 é",
-            board: "board",
-            chip_uid: uid,
-            model_id: [0; 8],
-            session_id: session,
-            reset_cause: ResetCause::from(cause),
-            fault: "",
-        })
-    });
-    let electrode = (any::<[f32; 3]>(), any::<u16>(), any::<bool>()).prop_map(
-        |([rms_uv, mains_uv, mains_residual_uv], samples_at_rail, flat)| ElectrodeQuality {
-            rms_uv,
-            mains_uv,
-            mains_residual_uv,
-            samples_at_rail,
-            flat,
-        },
-    );
-    let quality = (
-        any::<u64>(),
-        any::<bool>(),
-        prop::collection::vec(electrode, 0..=MAX_ELECTRODES),
+    let messages: Vec<_> = messages::all()
+        .into_iter()
+        .map(|(_, _, message)| message)
+        .collect();
+    let bytes = prop::collection::vec(any::<u64>().prop_map(u64::to_le_bytes), 0..=192)
+        .prop_map(|bytes| bytes.leak().as_flattened());
+    let numbers = any::<(u8, u16, u32, u64)>();
+    (prop::sample::select(messages), bytes, values(), numbers).prop_map(
+        |(message, bytes, values, numbers)| with_contents(message, bytes, values, numbers),
     )
-        .prop_map(|(first_sample, settling, electrodes)| {
-            ToHost::Quality(Quality {
-                first_sample,
-                settling,
-                electrodes: electrodes.into_iter().collect(),
-            })
-        });
-    prop_oneof![4 => code, 1 => ack, 1 => stats, 1 => hello, 1 => quality, 1 => timing(), 2 => streamed()]
+}
+
+/// Returns a message of the same kind with these contents and numbers.
+/// Bytes of an enum and bits of a set can be ones that this version does not name.
+fn with_contents(
+    mut message: ToHost<'static>,
+    bytes: &'static [u8],
+    code_values: CodeValues<'static>,
+    (byte, short, word, long): (u8, u16, u32, u64),
+) -> ToHost<'static> {
+    let bits = Flags::from_bits(short);
+    match &mut message {
+        ToHost::Capabilities(_) | ToHost::Converters(_) | ToHost::SelfTest(_) => {}
+        ToHost::Hello(hello) => {
+            hello.firmware = "0.1.0 é";
+            hello.session_id = word;
+            hello.reset_cause = byte.into();
+        }
+        ToHost::Code(code) => {
+            code.model_id = long.to_le_bytes();
+            code.window = word;
+            code.first_sample = long;
+            code.flags = bits;
+            code.clipped = !short;
+            code.clipped_values = byte;
+            code.saturated = !long;
+            code.values = code_values;
+        }
+        ToHost::Stats(stats) => {
+            stats.streams = Streams::from_bits(short);
+            stats.codes_made = word;
+            stats.samples = long;
+        }
+        ToHost::Ack(ack) => {
+            ack.of = word;
+            ack.result = byte.into();
+        }
+        ToHost::Quality(quality) => {
+            let mut electrode = quality.electrodes[0];
+            electrode.rms_uv = f32::from(short);
+            electrode.samples_at_rail = short;
+            let electrodes = usize::from(byte) % (MAX_ELECTRODES + 1);
+            quality.first_sample = long;
+            quality.electrodes = iter::repeat_n(electrode, electrodes).collect();
+        }
+        ToHost::Timing(timing) => {
+            let mut stage = timing.stages[0];
+            stage.stage = byte.into();
+            stage.histogram[8] = word;
+            let stages = usize::from(byte) % (MAX_STAGES + 1);
+            timing.stages = iter::repeat_n(stage, stages).collect();
+        }
+        ToHost::Raw(raw) => {
+            raw.first_sample = long;
+            raw.channels = byte;
+            raw.flags = bits;
+            raw.counts = bytes;
+        }
+        ToHost::Filtered(filtered) => {
+            filtered.first_step = long;
+            filtered.electrodes = byte;
+            filtered.flags = bits;
+            filtered.values = bytes;
+        }
+        ToHost::Audit(audit) => {
+            audit.window = word;
+            audit.planes = bytes;
+            audit.values = code_values;
+        }
+        ToHost::Event(event) => {
+            event.kind = byte.into();
+            event.number = word;
+            event.sample = long;
+        }
+        ToHost::ClockReading(reading) => reading.host_time_us = long,
+        ToHost::Substitutes(substitutes) => substitutes.zero = long,
+        ToHost::CompressedRaw(compressed) => {
+            compressed.first_sample = long;
+            compressed.channels = byte;
+            compressed.flags = bits;
+            compressed.form = byte.into();
+            compressed.samples = !byte;
+            compressed.bytes = bytes;
+        }
+        ToHost::PackedCode(code) => {
+            code.block = word;
+            code.rate = byte;
+            code.flags = bits;
+            code.clipped = !short;
+            code.saturated = long;
+            code.bytes = bytes;
+        }
+        ToHost::Exclusion(exclusion) => {
+            exclusion.excluded = long;
+            exclusion.policy.always = !long;
+            exclusion.policy.automatic = byte % 2 == 1;
+        }
+        ToHost::ModelReceived(received) => received.crc = word,
+        ToHost::Features(features) => {
+            let levels = code_values.bytes();
+            features.hop = word;
+            features.flags = bits;
+            features.saturated = long;
+            features.levels = &levels[..levels.len().min(MAX_FEATURES)];
+        }
+    }
+    message
 }
