@@ -1,7 +1,7 @@
 //! Part of a report: error of each electrode, and error of PCA with fewer numbers.
 
 use super::{MSE, Report};
-use crate::comparison::{CodeComparison, CodeFigures, Comparison};
+use crate::comparison::{CodeComparison, Comparison};
 use crate::electrode_error::ElectrodeError;
 use crate::error::TrainerError;
 use crate::truncation::TruncationError;
@@ -18,7 +18,7 @@ use std::fmt::Write as _;
 pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), TrainerError> {
     let (windows, prd) = match &comparison.codes {
         Some(codes) => (
-            format!("{} windows of ", codes.network.errors.windows),
+            format!("{} windows of ", codes.network.windows),
             "; PRD = 100 sqrt(sum of squared difference / sum of squared original)",
         ),
         None => (String::new(), ""),
@@ -42,7 +42,7 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
             &format!(
                 "Mean squared error of each electrode with {} codes. The mean over all electrodes is \
                  the error of the model.",
-                codes.network.errors.format
+                codes.network.format
             ),
             &electrodes_csv(codes, comparison.sd_uv),
         )?;
@@ -70,7 +70,7 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
             "Error by bits per window: PCA with the first number of its code, the first two, up to \
              all {}. Float codes are drawn at the bits of {} codes with as many numbers: the distance \
              between the two is the error of rounding.",
-            codes.numbers, codes.network.errors.format
+            codes.numbers, codes.network.format
         ),
         &rate_csv(codes),
     )
@@ -84,18 +84,15 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
         "MSE",
         "MSE, uV²",
         "PRD",
-        "correlation of power, 8-13 Hz",
-        "13-30 Hz",
     ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
-    for (name, CodeFigures { errors, bands }) in codes.models(&mode.to_string(), mode) {
+    for (name, errors) in codes.models(&mode.to_string(), mode) {
         let bits = codes.bits_per_window().to_string();
         let format = errors.format.to_string();
-        for (format, bits, error, bands) in [
-            ("float".to_owned(), String::new(), errors.float, None),
-            (format, bits, errors.integer, Some(bands)),
+        for (format, bits, error) in [
+            ("float".to_owned(), String::new(), errors.float),
+            (format, bits, errors.integer),
         ] {
-            let band = |at: usize| bands.map_or(String::new(), |bands| format!("{:.3}", bands[at]));
             rows.push(vec![
                 name.clone(),
                 format,
@@ -103,8 +100,6 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
                 format!("{:.5}", error.mse),
                 format!("{:.2}", error.mse_uv2),
                 format!("{:.2} %", error.prd_percent),
-                band(0),
-                band(1),
             ]);
         }
     }
@@ -129,9 +124,9 @@ fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
         title: "Error of each electrode".to_owned(),
         subtitle: format!(
             "mean squared error with {} codes; mean over {} electrodes: {:.2} µV²",
-            codes.network.errors.format,
+            codes.network.format,
             errors.len(),
-            codes.network.errors.integer.mse_uv2
+            codes.network.integer.mse_uv2
         ),
         unit: "µV²".to_owned(),
     }
@@ -203,7 +198,7 @@ fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
 }
 
 fn rate(comparison: &Comparison, codes: &CodeComparison) -> Lines {
-    let (format, model) = (codes.network.errors.format, &codes.network.errors);
+    let (format, model) = (codes.network.format, &codes.network);
     let at = |mse| vec![(bits(codes, codes.numbers), mse)];
     let (integer, float) = (at(model.integer.mse), at(model.float.mse));
     let label = format!("model, {format} codes");
@@ -239,7 +234,7 @@ pub(super) fn pca_curves(codes: &CodeComparison) -> Vec<Series> {
             .map(|at| (bits(codes, at.numbers), error(at)))
             .collect()
     };
-    let label = format!("PCA, {} codes", codes.network.errors.format);
+    let label = format!("PCA, {} codes", codes.network.format);
     let (integer, float) = (
         points(|error| error.mse_int8),
         points(|error| error.mse_float),
@@ -273,8 +268,8 @@ fn rate_csv(codes: &CodeComparison) -> String {
         "model,{},{},{},{}",
         codes.numbers,
         codes.bits_per_window(),
-        codes.network.errors.float.mse,
-        codes.network.errors.integer.mse
+        codes.network.float.mse,
+        codes.network.integer.mse
     );
     text
 }

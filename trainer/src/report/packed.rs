@@ -2,7 +2,7 @@
 
 use super::evaluation::{bits, pca_curves};
 use super::{MSE, Report};
-use crate::comparison::{CodeFigures, Comparison};
+use crate::comparison::Comparison;
 use crate::error::TrainerError;
 use crate::packed::cells;
 use packed_fit::RateFigures;
@@ -43,8 +43,6 @@ fn table(packed: &[RateFigures]) -> Vec<Vec<String>> {
         "longest, bytes",
         "MSE at once",
         "MSE a block later",
-        "correlation of power, 8-13 Hz",
-        "13-30 Hz",
     ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     rows.extend(packed.iter().map(|figures| cells(figures).to_vec()));
@@ -74,8 +72,8 @@ fn lines(comparison: &Comparison) -> Lines {
         series.push(Series::new(label, INK, Mark::Rings, points.collect()));
     }
     if let Some(codes) = codes {
-        let label = format!("network, {} codes", codes.network.errors.format);
-        let point = (bits(codes, codes.numbers), codes.network.errors.integer.mse);
+        let label = format!("network, {} codes", codes.network.format);
+        let point = (bits(codes, codes.numbers), codes.network.integer.mse);
         series.push(Series::new(label, INK, Mark::Dots, vec![point]));
     }
     Lines {
@@ -93,43 +91,32 @@ fn lines(comparison: &Comparison) -> Lines {
 
 /// Returns the values of the packed picture as CSV: a line for each rate, for each rate without
 /// prediction (KLT), for each length of a PCA code, and for the network. Only the packed code has
-/// an error a block later, and PCA has band powers only with all numbers.
+/// an error a block later.
 fn csv(comparison: &Comparison) -> String {
-    let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later,\
-                    band_correlation_8_13,band_correlation_13_30\n"
-        .to_owned();
+    let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later\n".to_owned();
     for figures in &comparison.packed {
         let RateFigures {
             rate,
             bits,
             mse,
             mse_smoothed,
-            band_correlation: [alpha, beta],
             ..
         } = figures;
-        let _ = writeln!(
-            text,
-            "packed,{rate},,{bits},{mse},{mse_smoothed},{alpha},{beta}"
-        );
+        let _ = writeln!(text, "packed,{rate},,{bits},{mse},{mse_smoothed}");
     }
     for figures in &comparison.without_prediction {
         let (rate, bits, mse) = (figures.rate, figures.bits, figures.mse);
-        let _ = writeln!(text, "KLT,{rate},,{bits},{mse},,,");
+        let _ = writeln!(text, "KLT,{rate},,{bits},{mse},");
     }
     let Some(codes) = &comparison.codes else {
         return text;
     };
     for at in &codes.pca_by_numbers {
         let bits = codes.bits_of(at.numbers);
-        let bands = match codes.pca.map(|pca| pca.bands) {
-            Some([alpha, beta]) if at.numbers == codes.numbers => format!("{alpha},{beta}"),
-            _ => ",".to_owned(),
-        };
-        let _ = writeln!(text, "PCA,,{},{bits},{},,{bands}", at.numbers, at.mse_int8);
+        let _ = writeln!(text, "PCA,,{},{bits},{},", at.numbers, at.mse_int8);
     }
     let (numbers, bits) = (codes.numbers, codes.bits_per_window());
-    let CodeFigures { errors, bands } = codes.network;
-    let (mse, [alpha, beta]) = (errors.integer.mse, bands);
-    let _ = writeln!(text, "network,,{numbers},{bits},{mse},,{alpha},{beta}");
+    let mse = codes.network.integer.mse;
+    let _ = writeln!(text, "network,,{numbers},{bits},{mse},");
     text
 }

@@ -27,13 +27,6 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     for name in ["mse_float", "mse_int8", "mse_pca", "mse_pca_int8"] {
         assert!((1e-9..2.0).contains(&figure(name)), "{name}: {json}");
     }
-    // Eight electrodes share three sources, so codes of 16 numbers keep most of the power. The
-    // measured correlations are 0.9 and more.
-    for name in ["band_correlation_8_13", "band_correlation_13_30"] {
-        for name in [name.to_owned(), format!("{name}_pca")] {
-            assert!((0.7..1.0).contains(&figure(&name)), "{name}: {json}");
-        }
-    }
 
     let electrodes = Values::read(&folder.path("report/electrodes.csv"));
     assert_eq!(electrodes.column("electrode"), LABELS);
