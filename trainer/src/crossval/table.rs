@@ -66,33 +66,14 @@ pub(crate) struct Spread {
 const COLUMNS: usize = 4;
 
 impl Table {
-    /// Makes the table from the outcomes of all folds, in any order.
-    ///
-    /// # Errors
-    /// If there are no outcomes, they belong to different settings, or folds are missing.
-    pub(super) fn new(mut outcomes: Vec<Outcome>) -> Result<Self, TrainerError> {
-        outcomes.sort_by(|a, b| {
-            let key =
-                |outcome: &Outcome| (outcome.subject.clone(), outcome.repetition, outcome.fold);
-            key(a).cmp(&key(b))
-        });
-        let Some(first) = outcomes.first() else {
-            return Err(TrainerError::NoOutcomes);
-        };
-        if let Some(other) = outcomes
-            .iter()
-            .find(|outcome| !is_same_kind(first, outcome))
-        {
-            let named = |outcome: &Outcome| (outcome.name(), outcome.settings.clone());
-            return Err(TrainerError::MixedOutcomes(named(first), named(other)));
-        }
-        check_complete(&outcomes)?;
+    /// Makes the table from the outcomes of all folds, sorted by subject, repetition and fold.
+    pub(super) fn new(outcomes: Vec<Outcome>) -> Self {
         let mut rows = Vec::new();
         for subject in outcomes.chunk_by(|a, b| a.subject == b.subject) {
             rows.extend(rows_of(subject));
         }
         rows.extend(over_subjects(&rows));
-        Ok(Self { outcomes, rows })
+        Self { outcomes, rows }
     }
 
     /// Returns the outcomes, sorted by subject, repetition and fold.
@@ -184,42 +165,6 @@ impl fmt::Display for Table {
             outcome.settings
         )
     }
-}
-
-/// Returns whether two outcomes have the same settings. Outcomes of two subjects may differ in the
-/// settings of the folds.
-fn is_same_kind(a: &Outcome, b: &Outcome) -> bool {
-    if a.subject == b.subject {
-        return a.settings == b.settings;
-    }
-    let without_folds = |outcome: &Outcome| {
-        let settings = outcome.settings.rsplit_once("; ");
-        settings.map(|(before, _)| before.to_owned())
-    };
-    without_folds(a) == without_folds(b) && a.mode == b.mode && a.numbers == b.numbers
-}
-
-/// Checks that each subject has every fold of every repetition.
-fn check_complete(outcomes: &[Outcome]) -> Result<(), TrainerError> {
-    let largest = |number: fn(&Outcome) -> usize| outcomes.iter().map(number).max().unwrap_or(0);
-    let repetitions = largest(|outcome| outcome.repetition);
-    let folds = largest(|outcome| outcome.fold);
-    let mut missing = Vec::new();
-    for subject in outcomes.chunk_by(|a, b| a.subject == b.subject) {
-        for repetition in 1..=repetitions {
-            for fold in 1..=folds {
-                let is_there =
-                    |outcome: &Outcome| (outcome.repetition, outcome.fold) == (repetition, fold);
-                if !subject.iter().any(is_there) {
-                    missing.push(format!("{}-r{repetition}-f{fold}", subject[0].subject));
-                }
-            }
-        }
-    }
-    if missing.is_empty() {
-        return Ok(());
-    }
-    Err(TrainerError::MissingOutcomes(missing))
 }
 
 /// Returns the four errors of an outcome, each with the model, the kind of codes, and whether the
@@ -343,19 +288,12 @@ mod tests {
         }
     }
 
-    fn two_subjects() -> Vec<Outcome> {
-        [("a", 1, 1.0), ("a", 2, 3.0), ("b", 1, 5.0), ("b", 2, 7.0)]
-            .map(|(subject, fold, mse)| outcome(subject, fold, mse))
-            .into()
-    }
-
     #[test]
-    fn mean_and_deviation_are_over_folds_and_over_the_means_of_subjects_in_any_order() {
-        let table = Table::new(two_subjects()).unwrap();
+    fn mean_and_deviation_are_over_folds_and_over_the_means_of_subjects() {
+        let outcomes = [("a", 1, 1.0), ("a", 2, 3.0), ("b", 1, 5.0), ("b", 2, 7.0)];
+        let outcomes = outcomes.map(|(subject, fold, mse)| outcome(subject, fold, mse));
+        let table = Table::new(outcomes.into());
         assert_eq!(table.rows.len(), 12);
-        let mut reversed = two_subjects();
-        reversed.reverse();
-        assert_eq!(Table::new(reversed).unwrap().csv(), table.csv());
         let row = |subject: &str, model: &str, codes: &str| {
             let is =
                 |row: &&Row| row.subject == subject && row.model == model && row.codes == codes;
@@ -372,24 +310,5 @@ mod tests {
             (all.mean - 4.0).abs() < 1e-12 && (all.sd - 4.0 / root).abs() < 1e-12,
             "{all:?}"
         );
-    }
-
-    #[test]
-    fn missing_mixed_and_absent_outcomes_are_named() {
-        let mut outcomes = two_subjects();
-        outcomes.remove(2);
-        let error = Table::new(outcomes).unwrap_err().to_string();
-        assert!(error.contains("b-r1-f1"), "{error}");
-        let mut outcomes = two_subjects();
-        outcomes[1].settings = "montage m; 9 epochs; 2 folds of whole runs".to_owned();
-        let error = Table::new(outcomes).unwrap_err().to_string();
-        assert!(
-            error.contains("9 epochs") && error.contains("a-r1-f2"),
-            "{error}"
-        );
-        assert!(matches!(
-            Table::new(Vec::new()),
-            Err(TrainerError::NoOutcomes)
-        ));
     }
 }

@@ -1,4 +1,4 @@
-//! Tests of `trainer crossval` and `trainer merge`.
+//! Tests of `trainer crossval`.
 
 use super::files::{Values, assert_near, elements, mean, points};
 use super::people::three;
@@ -12,30 +12,17 @@ fn crossval(mode: &str, arguments: &str) -> String {
 }
 
 #[test]
-fn merged_shards_are_the_table_of_one_process_bit_for_bit() {
+fn shards_in_one_folder_make_the_table_of_one_process_bit_for_bit() {
     let folder = Folder::with_runs(3, 24);
     let whole = folder.succeed(&crossval("pca", "--out=whole"));
-    for shard in 1..=3 {
-        let arguments = format!("--out=shard{shard} --shard={shard}/3");
-        let printed = folder.succeed(&crossval("pca", &arguments));
-        assert_eq!(printed, "", "the folds of other shards are missing");
-    }
-    let error = folder.fail("merge shard1 shard2 --out=table", 1);
-    assert!(error.contains("folds are missing: all-r"), "{error}");
-    let merged = folder.succeed("merge shard1 shard2 shard3 --out=table");
-    assert_eq!(merged, whole);
+    let shard = |shard| folder.succeed(&crossval("pca", &format!("--out=shared --shard={shard}")));
+    assert_eq!(shard("1/2"), "", "the folds of the other shard are missing");
+    // The shard that finishes last makes the table.
+    assert_eq!(shard("2/2"), whole);
     for name in ["table.md", "table.csv", "table.json"] {
         let read = |out: &str| folder.read(&format!("{out}/{name}"));
-        assert_eq!(read("table"), read("whole"), "{name}");
+        assert_eq!(read("shared"), read("whole"), "{name}");
     }
-    // Shards may also share a folder: the shard that finishes last makes the table.
-    for shard in ["1/2", "2/2"] {
-        folder.succeed(&crossval("pca", &format!("--out=shared --shard={shard}")));
-    }
-    assert_eq!(
-        folder.read("shared/table.json"),
-        folder.read("whole/table.json")
-    );
 }
 
 #[test]
@@ -113,14 +100,14 @@ fn pictures_have_every_fold_its_mean_and_its_epochs() {
         points(&folder.path("report/learning.svg"), "#2B6CB0"),
         [2; 5]
     );
-    // A merge of the finished folds is enough for another report.
-    let merge = "merge out --out=merged --report=again";
-    folder.succeed(merge);
+    // A later call, which finds all folds done, makes another report.
+    let again = crossval("shortcut", "--out=out --report=again");
+    folder.succeed(&again);
     for name in ["index.html", "folds.svg", "learning.svg"] {
         let read = |report: &str| folder.read(&format!("{report}/{name}"));
         assert_eq!(read("again"), read("report"), "{name}");
     }
-    assert!(folder.fail(merge, 2).contains("--force"));
+    assert!(folder.fail(&again, 2).contains("--force"));
 }
 
 #[test]
