@@ -37,14 +37,6 @@
 //! # Ok::<(), artifact::ArtifactError>(())
 //! ```
 #![forbid(unsafe_code)]
-#![cfg_attr(
-    test,
-    expect(
-        clippy::float_cmp,
-        clippy::cast_precision_loss,
-        reason = "the hand-made cases are small integers, which f32 holds exactly"
-    )
-)]
 
 pub mod classifier;
 mod convolution;
