@@ -273,7 +273,7 @@ pub(crate) fn validation_windows(split: &Split) -> Vec<&Window> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{self, Run};
+    use crate::testing::Run;
 
     #[test]
     fn the_rate_rises_to_the_peak_and_falls_to_almost_zero() {
@@ -292,27 +292,6 @@ mod tests {
         assert!(of_101[..16].is_sorted());
         assert!(of_101[15..].is_sorted_by(|a, b| a >= b));
         assert!(rates(1)[0] > 0.0, "a training run of one update");
-    }
-
-    #[test]
-    fn epoch_0_has_the_error_of_the_projection_onto_the_directions() {
-        let run = Run::new();
-        let windows = validation_windows(&run.split);
-        let directions = testing::directions();
-        let mut sum = 0.0;
-        for window in &windows {
-            // The directions are orthonormal: the error is the window's energy outside their span.
-            let energy = |values: &[f32]| values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
-            let code: Vec<f32> = directions
-                .iter()
-                .map(|direction| direction.iter().zip(*window).map(|(d, x)| d * x).sum())
-                .collect();
-            sum += energy(&window[..]) - energy(&code);
-        }
-        let expected = sum / (windows.len() * windows[0].len()) as f64;
-        let training = run.start();
-        assert!((training.best.validation - expected).abs() < 1e-6 * expected);
-        assert_eq!(training.best.epoch, 0);
     }
 
     #[test]

@@ -28,27 +28,6 @@ fn models() -> Folder {
 }
 
 #[test]
-fn a_reader_that_has_gone_changes_no_status() {
-    let folder = models();
-    for (arguments, status) in [
-        ("show built-in", 0),
-        ("diff built-in paper --json", 1),
-        ("show none", 2),
-    ] {
-        let (reader, writer) = std::io::pipe().expect("a pipe");
-        drop(reader);
-        let other = writer.try_clone().expect("a pipe");
-        let mut command = folder.command(arguments);
-        let ended = command.stdout(writer).stderr(other).status();
-        assert_eq!(
-            ended.expect("the program").code(),
-            Some(status),
-            "{arguments}"
-        );
-    }
-}
-
-#[test]
 fn show_prints_grid_card_and_integers() {
     let folder = models();
     let printed = folder.succeed("show built-in");
