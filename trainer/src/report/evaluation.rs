@@ -4,6 +4,7 @@ use super::{MSE, Report};
 use crate::comparison::{CodeComparison, Comparison};
 use crate::electrode_error::ElectrodeError;
 use crate::error::TrainerError;
+use crate::person_error::PersonError;
 use crate::truncation::TruncationError;
 use artifact::Mode;
 use picture::axis::{Axis, Scale};
@@ -48,7 +49,12 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
         )?;
     }
     if !comparison.people.is_empty() {
-        super::people::add(report, &comparison.people)?;
+        report.page.push_text(
+            "Error for each person with integer codes: with the electrodes that are bad in a \
+             recording filled from the others, as a device fills electrodes that it excludes, and \
+             as recorded.",
+        );
+        report.page.push_table(&people(&comparison.people));
     }
     if !comparison.packed.is_empty() {
         super::packed::add(report, comparison)?;
@@ -104,6 +110,30 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
         }
     }
     rows
+}
+
+fn people(people: &[PersonError]) -> Vec<Vec<String>> {
+    let head = [
+        "person",
+        "bad electrodes",
+        "PRD, filled",
+        "as recorded",
+        "MSE of the good electrodes, uV²: others filled",
+        "as recorded",
+    ];
+    let rows = people.iter().map(|error| {
+        let [good_on, good_off] = error.of_good();
+        [
+            error.person.subject.clone(),
+            error.person.bad.join(", "),
+            format!("{:.2} %", error.on.all.prd_percent),
+            format!("{:.2} %", error.off.all.prd_percent),
+            format!("{good_on:.2}"),
+            format!("{good_off:.2}"),
+        ]
+    });
+    let rows = std::iter::once(head.map(str::to_owned)).chain(rows);
+    rows.map(Vec::from).collect()
 }
 
 fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
@@ -163,7 +193,7 @@ pub(super) fn places<'a>(
 }
 
 /// Returns label and cell of each electrode.
-pub(super) fn cells(errors: &[ElectrodeError]) -> impl Iterator<Item = (&str, [usize; 2])> + Clone {
+fn cells(errors: &[ElectrodeError]) -> impl Iterator<Item = (&str, [usize; 2])> + Clone {
     errors
         .iter()
         .map(|error| (error.label.as_str(), error.cell))
