@@ -59,8 +59,8 @@ enum Verb {
     Show(ShowArgs),
     /// Print the differences between two models. Exit status: 0 equal, 1 different, 2 error.
     Diff(DiffArgs),
-    /// Check files, integers and golden codes of a model, and its error on recordings. Exit status:
-    /// 0 sound, 1 golden codes differ, 2 error.
+    /// Check files, integers and golden codes of a model. Exit status: 0 sound, 1 golden codes
+    /// differ, 2 error.
     Check(CheckOptions),
     /// Work with montage files, such as those in `files/montages/`.
     #[command(subcommand)]
@@ -288,7 +288,7 @@ fn diff(args: &DiffArgs) -> Result<ExitCode, TrainerError> {
 
 /// Checks a model and prints the result. Returns exit status 1 unless the golden codes are right.
 fn check_model(options: &CheckOptions) -> Result<ExitCode, TrainerError> {
-    let checked = check(options, &mut Terminal::new())?;
+    let checked = check(options)?;
     print(&checked, options.json.then(|| checked.to_json()))?;
     Ok(ExitCode::from(u8::from(!checked.is_good())))
 }

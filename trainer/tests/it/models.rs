@@ -1,4 +1,4 @@
-//! Tests of `trainer show`, `trainer diff` and `trainer check`.
+//! Tests of `trainer show`, `trainer diff` and `trainer check`, and the error of the built-in model.
 
 use super::{Folder, assert_has, json, skip};
 use any_model::{MONTAGES, any_packed_alone};
@@ -127,7 +127,7 @@ fn check_is_0_for_a_sound_model_1_for_other_golden_codes_and_2_for_a_damaged_one
 }
 
 #[test]
-fn check_measures_the_error_on_recordings() {
+fn evaluate_measures_the_error_on_recordings() {
     let folder = models();
     let Some(data) = std::env::var_os("CORTICODE_DATA") else {
         skip(
@@ -137,7 +137,7 @@ fn check_measures_the_error_on_recordings() {
         return;
     };
     let data = Path::new(&data).join("eegmmidb_S001");
-    let mut command = folder.command("check built-in --test R11,R12 --json --data");
+    let mut command = folder.command("evaluate --artifact=built-in --test=R11,R12 --json --data");
     let output = command.arg(data).output().expect("the program starts");
     let object = json(&String::from_utf8_lossy(&output.stdout));
     let number = |key: &str| {
