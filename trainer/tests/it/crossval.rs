@@ -138,24 +138,25 @@ fn each_person_is_tested_with_a_model_of_the_others() {
     );
     // trainer train makes the model of the others, and its card has the error on each person.
     let table = Values::read(&folder.path("out/table.csv"));
+    let prd = |subject: &str, codes: &str| {
+        let subjects = table.column("subject").into_iter();
+        let rows = subjects.zip(table.column("codes"));
+        let mut rows = rows.zip(table.numbers("prd_percent_mean"));
+        let row = rows.find(|(row, _)| *row == (subject, codes));
+        row.expect("a row").1
+    };
+    for codes in ["float", "integer"] {
+        let people = ["A1", "B1", "C1"].map(|subject| prd(subject, codes));
+        assert_near(prd("all", codes), mean(&people), 1e-12);
+    }
     for (subject, others) in [("A1", "[BC]1"), ("B1", "[AC]1"), ("C1", "[AB]1")] {
         folder.succeed(&format!(
             "train {small} --mode=pca --data={others} --train=R01..R03 --test={subject} --out={subject}-model"
         ));
         let model = Artifact::read(&folder.path(&format!("{subject}-model"))).expect("a model");
         let expected = model.description.training.prd_percent.expect("figures");
-        let rows = table
-            .column("subject")
-            .into_iter()
-            .zip(table.column("codes"));
-        let mut rows = rows.zip(table.numbers("prd_percent_mean"));
-        for (codes, expected) in [
-            ("float", expected.pca_float),
-            ("integer", expected.pca_int8),
-        ] {
-            let row = rows.find(|(row, _)| *row == (subject, codes));
-            assert_near(row.expect("a row").1, expected, 1e-6);
-        }
+        assert_near(prd(subject, "float"), expected.pca_float, 1e-6);
+        assert_near(prd(subject, "integer"), expected.pca_int8, 1e-6);
     }
     let error = folder.fail(
         &format!("crossval {small} --mode=pca --data=A1 --leave-one-person-out --out=one"),
