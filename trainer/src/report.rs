@@ -106,8 +106,7 @@ pub(crate) fn write(
     report.finish()
 }
 
-/// Writes the report of a cross-validation into a folder: errors of all folds, and their learning
-/// curves.
+/// Writes the report of a cross-validation into a folder: errors of all folds.
 ///
 /// # Errors
 /// If a file cannot be written.

@@ -56,7 +56,7 @@ fn one_recording_is_divided_into_blocks_and_too_few_runs_are_refused() {
 }
 
 #[test]
-fn pictures_have_every_fold_its_mean_and_its_epochs() {
+fn the_picture_has_every_fold_and_its_mean() {
     let folder = Folder::with_runs(2, 24);
     folder.write("file", "");
     let log = folder.fail(&crossval("shortcut", "--out=out --report=file"), 1);
@@ -86,24 +86,10 @@ fn pictures_have_every_fold_its_mean_and_its_epochs() {
     assert_eq!(points(&picture, "#2B6CB0"), [2, 2]);
     assert_eq!(points(&picture, "#DD6B20"), [2, 2]);
 
-    let learning = Values::read(&folder.path("report/learning.csv"));
-    assert_eq!(learning.column("epoch"), ["0", "1"].repeat(4));
-    // At epoch 0, to which every second line belongs, the shortcut equals PCA.
-    let pca = learning.numbers("validation_mse_pca");
-    let errors = learning.numbers("validation_mse").into_iter().zip(pca);
-    for (mse, pca) in errors.step_by(2) {
-        assert_near(mse, pca, 1e-5);
-    }
-    // Four lines, one for each fold, have a point for each of two epochs; the fifth is the
-    // legend's.
-    assert_eq!(
-        points(&folder.path("report/learning.svg"), "#2B6CB0"),
-        [2; 5]
-    );
     // A later call, which finds all folds done, makes another report.
     let again = crossval("shortcut", "--out=out --report=again");
     folder.succeed(&again);
-    for name in ["index.html", "folds.svg", "learning.svg"] {
+    for name in ["index.html", "folds.svg"] {
         let read = |report: &str| folder.read(&format!("{report}/{name}"));
         assert_eq!(read("again"), read("report"), "{name}");
     }
