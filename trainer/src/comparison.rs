@@ -11,7 +11,6 @@ use crate::people::{People, read_tracks};
 use crate::person_error::{PersonError, Table as PeopleTable};
 use crate::progress::ProgressObserver;
 use crate::selection::{self, TestFiles, file_name};
-use crate::truncation::{TruncationError, TruncationSums};
 use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
 use nalgebra::DMatrix;
 use packed_fit::Track;
@@ -302,9 +301,6 @@ pub struct CodeComparison {
     pub numbers: usize,
     /// Errors of the network at each electrode, in the order of the montage.
     pub(crate) electrode_errors: Vec<ElectrodeError>,
-    /// Errors of PCA with the first n numbers of a code only, for ascending n up to all; empty
-    /// without PCA.
-    pub(crate) pca_by_numbers: Vec<TruncationError>,
 }
 
 impl CodeComparison {
@@ -322,23 +318,15 @@ impl CodeComparison {
     ) -> Result<Self, TrainerError> {
         let description = &model.description;
         let mut electrodes = ElectrodeSums::new(description.montage.electrodes.len());
-        let is_pca = description.mode == Mode::Pca;
-        let mut truncation = is_pca.then(|| TruncationSums::new(model)).transpose()?;
         let name = description.mode.to_string();
         let network = evaluate_for(model, dataset, (&name, loss.as_deref_mut()), |block| {
             electrodes.add(block);
-            if let Some(sums) = &mut truncation {
-                sums.add(block);
-            }
         })?;
         let pca = match pca {
-            _ if is_pca => Some(network),
+            _ if description.mode == Mode::Pca => Some(network),
             Some(pca) => {
                 let linear = pca.to_model(description.clone())?;
-                let sums = truncation.insert(TruncationSums::new(&linear)?);
-                Some(evaluate_for(&linear, dataset, ("pca", loss), |block| {
-                    sums.add(block);
-                })?)
+                Some(evaluate_for(&linear, dataset, ("pca", loss), |_| ())?)
             }
             None => None,
         };
@@ -347,7 +335,6 @@ impl CodeComparison {
             pca,
             numbers: description.code.numbers,
             electrode_errors: electrodes.errors(description, is_recorded),
-            pca_by_numbers: truncation.map_or_else(Vec::new, |sums| sums.errors_by_numbers()),
         })
     }
 
@@ -381,12 +368,7 @@ impl CodeComparison {
 
     /// Returns the length of an integer code in bits.
     pub fn bits_per_window(&self) -> usize {
-        self.bits_of(self.numbers)
-    }
-
-    /// Returns the length in bits of an integer code that has `numbers` numbers.
-    pub fn bits_of(&self, numbers: usize) -> usize {
-        self.network.format.bits(numbers)
+        self.network.format.bits(self.numbers)
     }
 }
 

@@ -85,8 +85,7 @@ pub(crate) fn message(folder: &Path) -> String {
 }
 
 /// Writes the report of a training run or an evaluation into a folder: learning curves if there
-/// were epochs, and the errors of each electrode and of PCA with fewer numbers if there were
-/// recordings to test with.
+/// were epochs, and the errors of each electrode if there were recordings to test with.
 ///
 /// # Errors
 /// If a file cannot be written.

@@ -1,15 +1,11 @@
-//! Part of a report: error of each electrode, and error of PCA with fewer numbers.
+//! Part of a report: figures of an evaluation, and the error of each electrode.
 
-use super::{MSE, Report};
+use super::Report;
 use crate::comparison::{CodeComparison, Comparison};
 use crate::electrode_error::ElectrodeError;
 use crate::error::TrainerError;
 use crate::person_error::PersonError;
-use crate::truncation::TruncationError;
 use artifact::Mode;
-use picture::axis::{Axis, Scale};
-use picture::canvas::{INK, RESULT, SOURCE};
-use picture::lines::{Lines, Mark, Series};
 use picture::page::csv_field;
 use picture::scalp_map::{Place, ScalpMap, on_map};
 use recordings::Position;
@@ -59,27 +55,7 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
     if !comparison.packed.is_empty() {
         super::packed::add(report, comparison)?;
     }
-    let Some(codes) = &comparison.codes else {
-        return Ok(());
-    };
-    if codes.pca_by_numbers.is_empty() {
-        report.page.push_text(
-            "The artifact has no pca.safetensors, so there is no picture of rate and error.",
-        );
-        return Ok(());
-    }
-    let rate = rate(comparison, codes);
-    report.add_picture(
-        "rate",
-        |path| rate.draw(path),
-        &format!(
-            "Error by bits per window: PCA with the first number of its code, the first two, up to \
-             all {}. Float codes are drawn at the bits of {} codes with as many numbers: the distance \
-             between the two is the error of rounding.",
-            codes.numbers, codes.network.format
-        ),
-        &rate_csv(codes),
-    )
+    Ok(())
 }
 
 fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
@@ -224,83 +200,6 @@ fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
             mse_int8 * unit
         );
     }
-    text
-}
-
-fn rate(comparison: &Comparison, codes: &CodeComparison) -> Lines {
-    let (format, model) = (codes.network.format, &codes.network);
-    let at = |mse| vec![(bits(codes, codes.numbers), mse)];
-    let (integer, float) = (at(model.integer.mse), at(model.float.mse));
-    let label = format!("model, {format} codes");
-    let mut series = pca_curves(codes);
-    series.extend([
-        Series::new(label, SOURCE, Mark::Dots, integer),
-        Series::new("model, float codes", SOURCE, Mark::Rings, float),
-    ]);
-    Lines {
-        title: "Rate and error".to_owned(),
-        subtitle: format!(
-            "model {}, mode {}: {} numbers, {} bits per window",
-            comparison.model,
-            comparison.mode,
-            codes.numbers,
-            codes.bits_per_window()
-        ),
-        x: Axis::new(format!("bits per window of {format} codes"), Scale::Linear),
-        y: Axis::new(MSE, Scale::Logarithmic),
-        series,
-    }
-}
-
-/// Returns curves of the error of PCA over the bits of a code. Their points are for the first
-/// number alone, the first two, up to all. Without PCA there are no curves.
-pub(super) fn pca_curves(codes: &CodeComparison) -> Vec<Series> {
-    if codes.pca_by_numbers.is_empty() {
-        return Vec::new();
-    }
-    let points = |error: fn(&TruncationError) -> f64| {
-        let errors = codes.pca_by_numbers.iter();
-        errors
-            .map(|at| (bits(codes, at.numbers), error(at)))
-            .collect()
-    };
-    let label = format!("PCA, {} codes", codes.network.format);
-    let (integer, float) = (
-        points(|error| error.mse_int8),
-        points(|error| error.mse_float),
-    );
-    vec![
-        Series::new(label, RESULT, Mark::Line, integer),
-        Series::new("PCA, float codes", INK, Mark::ThinLine, float),
-    ]
-}
-
-/// Returns the length in bits of an integer code with `numbers` numbers, as a value on an axis.
-pub(super) fn bits(codes: &CodeComparison, numbers: usize) -> f64 {
-    f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX))
-}
-
-/// Returns the rate picture's values as CSV: a line for each length of a PCA code, one for the
-/// model.
-fn rate_csv(codes: &CodeComparison) -> String {
-    let mut text = "model,numbers,bits_per_window,mse_float,mse_int8\n".to_owned();
-    for error in &codes.pca_by_numbers {
-        let TruncationError {
-            numbers,
-            mse_float,
-            mse_int8,
-        } = error;
-        let bits = codes.bits_of(*numbers);
-        let _ = writeln!(text, "PCA,{numbers},{bits},{mse_float},{mse_int8}");
-    }
-    let _ = writeln!(
-        text,
-        "model,{},{},{},{}",
-        codes.numbers,
-        codes.bits_per_window(),
-        codes.network.float.mse,
-        codes.network.integer.mse
-    );
     text
 }
 

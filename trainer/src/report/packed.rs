@@ -1,13 +1,13 @@
 //! Part of a report: rate and error of the packed model, and of the codes of network and PCA.
 
-use super::evaluation::{bits, pca_curves};
 use super::{MSE, Report};
 use crate::comparison::Comparison;
 use crate::error::TrainerError;
+use crate::evaluate::Evaluation;
 use crate::packed::cells;
 use packed_fit::RateFigures;
 use picture::axis::{Axis, Scale};
-use picture::canvas::{INK, REFERENCE, SOURCE};
+use picture::canvas::{INK, REFERENCE, RESULT, SOURCE};
 use picture::lines::{Lines, Mark, Series};
 use std::fmt::Write as _;
 
@@ -56,7 +56,7 @@ fn lines(comparison: &Comparison) -> Lines {
         Series::new(label, SOURCE, mark, points.collect())
     };
     let codes = comparison.codes.as_ref();
-    let mut series = codes.map_or_else(Vec::new, pca_curves);
+    let mut series = Vec::new();
     if !comparison.without_prediction.is_empty() {
         let points = comparison.without_prediction.iter();
         let points = points.map(|figures| (figures.bits, figures.mse)).collect();
@@ -72,9 +72,16 @@ fn lines(comparison: &Comparison) -> Lines {
         series.push(Series::new(label, INK, Mark::Rings, points.collect()));
     }
     if let Some(codes) = codes {
-        let label = format!("network, {} codes", codes.network.format);
-        let point = (bits(codes, codes.numbers), codes.network.integer.mse);
-        series.push(Series::new(label, INK, Mark::Dots, vec![point]));
+        let bits = f64::from(u32::try_from(codes.bits_per_window()).unwrap_or(u32::MAX));
+        let mut add = |model: &str, color, errors: &Evaluation| {
+            let label = format!("{model}, {} codes", errors.format);
+            let point = (bits, errors.integer.mse);
+            series.push(Series::new(label, color, Mark::Dots, vec![point]));
+        };
+        if let Some(pca) = &codes.pca {
+            add("PCA", RESULT, pca);
+        }
+        add("network", INK, &codes.network);
     }
     Lines {
         title: "Packed code: rate and error".to_owned(),
@@ -90,8 +97,7 @@ fn lines(comparison: &Comparison) -> Lines {
 }
 
 /// Returns the values of the packed picture as CSV: a line for each rate, for each rate without
-/// prediction (KLT), for each length of a PCA code, and for the network. Only the packed code has
-/// an error a block later.
+/// prediction (KLT), for PCA and for the network. Only the packed code has an error a block later.
 fn csv(comparison: &Comparison) -> String {
     let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later\n".to_owned();
     for figures in &comparison.packed {
@@ -111,12 +117,11 @@ fn csv(comparison: &Comparison) -> String {
     let Some(codes) = &comparison.codes else {
         return text;
     };
-    for at in &codes.pca_by_numbers {
-        let bits = codes.bits_of(at.numbers);
-        let _ = writeln!(text, "PCA,,{},{bits},{},", at.numbers, at.mse_int8);
-    }
     let (numbers, bits) = (codes.numbers, codes.bits_per_window());
-    let mse = codes.network.integer.mse;
-    let _ = writeln!(text, "network,,{numbers},{bits},{mse},");
+    let pca = codes.pca.iter().map(|errors| ("PCA", errors));
+    for (model, errors) in pca.chain([("network", &codes.network)]) {
+        let mse = errors.integer.mse;
+        let _ = writeln!(text, "{model},,{numbers},{bits},{mse},");
+    }
     text
 }

@@ -43,29 +43,8 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let is_hollow = |circle: &&String| circle.contains("r=3;") && circle.contains("fill=none;");
     assert_eq!(map.iter().filter(is_hollow).count(), 2);
 
-    let rate = Values::read(&folder.path("report/rate.csv"));
-    let numbers = rate.rows.len() - 1;
-    assert_eq!(rate.column("model")[..numbers], vec!["PCA"; numbers]);
-    let bits = rate.numbers("bits_per_window");
-    for (column, pca, model) in [
-        ("mse_float", "mse_pca", "mse_float"),
-        ("mse_int8", "mse_pca_int8", "mse_int8"),
-    ] {
-        let errors = rate.numbers(column);
-        // The error in the file and that in the JSON add up f32 values in different orders.
-        assert_near(errors[numbers - 1], figure(pca), 1e-4);
-        assert_near(errors[numbers], figure(model), 1e-12);
-        assert!(errors[0] > errors[numbers - 1], "{errors:?}");
-    }
-    assert_near(bits[0], 16.0, 1e-12);
-    assert_near(bits[numbers], figure("bits_per_window"), 1e-12);
-    let picture = folder.path("report/rate.svg");
-    // The curve has a point for each length of a PCA code; the line of 2 points is the legend's
-    // entry.
-    assert_eq!(points(&picture, "#DD6B20"), [numbers, 2]);
-    assert_eq!(elements(&picture, "circle").len(), 2 + 2);
     let page = folder.read("report/index.html");
-    for name in ["electrodes.svg", "electrodes.csv", "rate.svg", "rate.csv"] {
+    for name in ["electrodes.svg", "electrodes.csv"] {
         assert!(page.contains(&format!("=\"{name}\"")), "{page}");
     }
     let error = format!("{:.5}", figure("mse_int8"));
@@ -120,7 +99,7 @@ fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
     assert_eq!(points(&picture, "#2B6CB0"), [4, 2]);
     assert_eq!(points(&picture, "#DD6B20"), [2, 2]);
     let page = folder.read("report/index.html");
-    for name in ["learning.svg", "electrodes.svg", "rate.svg"] {
+    for name in ["learning.svg", "electrodes.svg"] {
         assert!(page.contains(&format!("src=\"{name}\"")), "{page}");
     }
 }
