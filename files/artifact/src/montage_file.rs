@@ -35,22 +35,21 @@ pub struct MontageAdc {
 
 /// Why a montage file cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[expect(
+    missing_docs,
+    reason = "the messages say what each variant and its fields mean"
+)]
 pub enum MontageFileError {
-    /// The file cannot be read.
     #[error("cannot read the montage {}", path.display())]
     File {
-        /// Path of the file.
         path: PathBuf,
-        /// Error from the operating system.
         source: std::io::Error,
     },
     /// The text has no montage: it is not TOML, or a field is missing, misspelt or of the wrong
     /// type.
     #[error("{} is no montage; files/montages/paper-61.toml is an example", path.display())]
     Toml {
-        /// Path of the file.
         path: PathBuf,
-        /// Position and kind of the error in the file.
         source: toml::de::Error,
     },
 }
