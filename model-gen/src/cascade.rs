@@ -329,30 +329,3 @@ pub(crate) fn numerator(section: &Section) -> [f64; 3] {
 fn value(coefficient: Coefficient) -> f64 {
     coefficient.to_q32() as f64 / 4_294_967_296.0
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_paper_s_band_pass_equals_scipy_s() {
-        // Expected gain and largest pole radius are those of scipy 1.17: butter(5, [0.5, 60],
-        // 'bandpass', fs=512, output='zpk').
-        let filter = butterworth_band_pass(5, 0.5, 60.0, 512.0);
-        assert!(
-            (filter.gain - 0.002_419_698_231_044_458).abs() < 1e-15,
-            "{}",
-            filter.gain
-        );
-        let radius = filter.poles.iter().map(|p| p.norm()).fold(0.0, f64::max);
-        assert!((radius - 0.998_130_097_811_680_8).abs() < 1e-12, "{radius}");
-    }
-
-    #[test]
-    fn the_mains_notch_equals_scipy_s() {
-        // Expected coefficients are those of scipy 1.17: iirnotch(50, 30, 512).
-        let n = notch(50.0, 30.0, 512.0);
-        assert!((n.gain - 0.989_876_635_481_953_6).abs() < 1e-15);
-        assert!((n.gain * n.cosine + 1.618_616_208_127_262_8).abs() < 1e-14);
-    }
-}

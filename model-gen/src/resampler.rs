@@ -245,30 +245,3 @@ fn greatest_common_divisor(a: u32, b: u32) -> u32 {
 fn real(count: usize) -> f64 {
     count as f64
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_bessel_function_equals_scipy_s() {
-        // The expected values are those of scipy 1.17: scipy.special.i0([0, 1, 5, 12]).
-        for (x, expected) in [
-            (0.0, 1.0),
-            (1.0, 1.266_065_877_752_008_2),
-            (5.0, 27.239_871_823_604_442),
-            (12.0, 18_948.925_349_296_31),
-        ] {
-            let error = bessel_i0(x) / expected - 1.0;
-            assert!(error.abs() < 1e-14, "I0({x}) is off by {error:e}");
-        }
-    }
-
-    #[test]
-    fn the_response_is_symmetric_and_passes_a_constant() {
-        let taps = kaiser_low_pass(64, 62.0, 5.0, 512.0);
-        let mirrored: Vec<f64> = taps.iter().rev().copied().collect();
-        assert_eq!(taps, mirrored);
-        assert!((taps.iter().sum::<f64>() - 1.0).abs() < 1e-15);
-    }
-}

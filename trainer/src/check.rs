@@ -1,9 +1,6 @@
-//! Checks a model: its files, its integers, its golden codes and, on recordings, its error.
+//! Checks a model: its files, its integers and its golden codes.
 
-use crate::comparison::{self, Comparison};
 use crate::error::TrainerError;
-use crate::progress::ProgressObserver;
-use crate::selection::TestFiles;
 use crate::substitution::{largest_radius, radius_text};
 use artifact::{Artifact, Golden};
 use model_gen::{DeviceModel, IntegerModel};
@@ -17,9 +14,6 @@ pub(crate) struct CheckOptions {
     /// Folder of the model.
     #[arg(default_value = "signal/model/artifact")]
     folder: PathBuf,
-    /// Recordings to measure the error of the model and of PCA on, if any is named.
-    #[command(flatten)]
-    files: TestFiles,
     /// Print one JSON object.
     #[arg(long)]
     pub(crate) json: bool,
@@ -36,7 +30,6 @@ pub(crate) struct Checked {
     /// Largest spectral radius of the substitution of bad electrodes; `None` if the model has no
     /// table for it.
     pub(crate) substitution_radius: Option<f64>,
-    pub(crate) comparison: Option<Comparison>,
 }
 
 /// Comparison of a network's golden codes with those of its integer encoder.
@@ -50,17 +43,12 @@ pub(crate) struct CheckedCodes {
 }
 
 /// Checks a model: reads it, turns it into integers, which proves that no sum overflows, compares
-/// its golden codes, checks that the substitution of bad electrodes converges, and measures its
-/// error on recordings if the options name any.
+/// its golden codes, and checks that the substitution of bad electrodes converges.
 ///
 /// # Errors
-/// If a file cannot be read, the model cannot be turned into integers, the substitution does not
-/// converge, or a recording cannot be used. Golden codes that differ are no error:
-/// [`CheckedCodes::wrong`] lists their windows.
-pub(crate) fn check(
-    options: &CheckOptions,
-    observer: &mut impl ProgressObserver,
-) -> Result<Checked, TrainerError> {
+/// If a file cannot be read, the model cannot be turned into integers, or the substitution does not
+/// converge. Golden codes that differ are no error: [`CheckedCodes::wrong`] lists their windows.
+pub(crate) fn check(options: &CheckOptions) -> Result<Checked, TrainerError> {
     let folder = &options.folder;
     let model = Artifact::read(folder).map_err(TrainerError::no_model(folder))?;
     let has_network = model.description.mode.has_network();
@@ -71,12 +59,6 @@ pub(crate) fn check(
     let radius = table
         .map(|table| largest_radius(table, &model.description))
         .transpose()?;
-    let files = &options.files;
-    let comparison = if files.data.is_none() && files.test.is_empty() {
-        None
-    } else {
-        Some(comparison::compare(folder, files, observer)?)
-    };
     let code = &model.description.code;
     let codes = golden.map(|golden| CheckedCodes {
         bits_per_window: code.format.bits(code.numbers),
@@ -88,7 +70,6 @@ pub(crate) fn check(
         real_electrodes: model.description.training.real_electrodes,
         codes,
         substitution_radius: radius,
-        comparison,
     })
 }
 
@@ -114,9 +95,7 @@ impl Checked {
         codes.is_none_or(|codes| codes.wrong.is_empty() && codes.windows > 0)
     }
 
-    /// Returns the result as a JSON object. If recordings were measured, it has the keys of
-    /// `trainer evaluate --json`, and `real_electrodes` counts the recorded electrodes of these
-    /// recordings. Without a network, the keys about codes are left out.
+    /// Returns the result as a JSON object. Without a network, the keys about codes are left out.
     pub(crate) fn to_json(&self) -> Json {
         let mut object = json!({
             "model": self.model,
@@ -125,18 +104,10 @@ impl Checked {
         if let Some(radius) = self.substitution_radius {
             object["substitution_radius"] = json!(radius);
         }
-        let codes = self.codes.as_ref().map(|codes| {
-            json!({
-                "bits_per_window": codes.bits_per_window,
-                "golden_windows": codes.windows,
-                "golden_wrong": codes.wrong,
-            })
-        });
-        let figures = self.comparison.as_ref().map(Comparison::to_json);
-        for part in [codes, figures].into_iter().flatten() {
-            if let (Json::Object(object), Json::Object(part)) = (&mut object, part) {
-                object.extend(part);
-            }
+        if let Some(codes) = &self.codes {
+            object["bits_per_window"] = json!(codes.bits_per_window);
+            object["golden_windows"] = json!(codes.windows);
+            object["golden_wrong"] = json!(codes.wrong);
         }
         object
     }
@@ -153,11 +124,8 @@ impl fmt::Display for Checked {
             Some(codes) => write!(f, "{codes}")?,
             None => writeln!(f, "the model has no network, so it has no golden codes")?,
         }
-        if let Some(radius) = self.substitution_radius {
-            writeln!(f, "{}", radius_text(radius))?;
-        }
-        match &self.comparison {
-            Some(comparison) => write!(f, "{comparison}"),
+        match self.substitution_radius {
+            Some(radius) => writeln!(f, "{}", radius_text(radius)),
             None => Ok(()),
         }
     }

@@ -5,7 +5,7 @@ mod terminal;
 use crate::check::{CheckOptions, check};
 use crate::classify::{self, ClassifierLossOptions, ClassifyOptions};
 use crate::comparison;
-use crate::crossval::{self, CrossvalOptions, Table};
+use crate::crossval::{self, CrossvalOptions};
 use crate::difference::Difference;
 use crate::error::TrainerError;
 use crate::import::Import;
@@ -45,8 +45,6 @@ enum Verb {
     Evaluate(EvaluateArgs),
     /// Compare a model with PCA by cross-validation, for each subject.
     Crossval(Box<CrossvalArgs>),
-    /// Make the table of a cross-validation from the folders of its shards.
-    Merge(MergeArgs),
     /// Train a packed model: as few bits as the requested error allows.
     Packed(Box<PackedOptions>),
     /// Train the table from which a device finds and substitutes bad electrodes.
@@ -61,8 +59,8 @@ enum Verb {
     Show(ShowArgs),
     /// Print the differences between two models. Exit status: 0 equal, 1 different, 2 error.
     Diff(DiffArgs),
-    /// Check files, integers and golden codes of a model, and its error on recordings. Exit status:
-    /// 0 sound, 1 golden codes differ, 2 error.
+    /// Check files, integers and golden codes of a model. Exit status: 0 sound, 1 golden codes
+    /// differ, 2 error.
     Check(CheckOptions),
     /// Work with montage files, such as those in `files/montages/`.
     #[command(subcommand)]
@@ -89,18 +87,6 @@ struct EvaluateArgs {
 struct CrossvalArgs {
     #[command(flatten)]
     options: CrossvalOptions,
-    #[command(flatten)]
-    report: ReportArgs,
-}
-
-#[derive(Args, Debug)]
-struct MergeArgs {
-    /// Folders that `trainer crossval --out` wrote.
-    #[arg(required = true)]
-    folders: Vec<PathBuf>,
-    /// Folder of the table and of all outcomes.
-    #[arg(long)]
-    out: PathBuf,
     #[command(flatten)]
     report: ReportArgs,
 }
@@ -159,7 +145,6 @@ pub fn run() -> ExitCode {
         Verb::Train(options) => (train(&options), 1),
         Verb::Evaluate(args) => (evaluate(&args), 1),
         Verb::Crossval(args) => (cross_validate(&args), 1),
-        Verb::Merge(args) => (merge(&args), 1),
         Verb::Packed(options) => (train_packed(&options), 1),
         Verb::Substitution(options) => (train_substitution(&options), 1),
         Verb::Classify(options) => (classify(&options), 1),
@@ -214,34 +199,23 @@ fn cross_validate(args: &CrossvalArgs) -> Result<ExitCode, TrainerError> {
     let terminal = &mut Terminal::new();
     let table = crossval::run(options, terminal)?;
     terminal.message(&cost(start));
-    match table {
-        Some(table) => print_table(&table, &options.out, report)?,
-        None => terminal.message(&format!(
-            "folds of other shards are missing; `trainer merge {} --out TABLE` makes the table once \
-             all are done",
-            options.out.display()
-        )),
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Merges the outcomes of a cross-validation's shards and prints the table.
-fn merge(args: &MergeArgs) -> Result<ExitCode, TrainerError> {
-    report::prepare(args.report.report.as_deref(), args.report.force)?;
-    let table = crossval::merge(&args.folders, &args.out)?;
-    print_table(&table, &args.out, &args.report)?;
-    Ok(ExitCode::SUCCESS)
-}
-
-fn print_table(table: &Table, folder: &Path, report: &ReportArgs) -> Result<(), TrainerError> {
-    new_file::print(table)?;
-    let folder = folder.display();
-    new_file::message!("table.md, table.csv and table.json written to {folder}");
+    let out = options.out.display();
+    let Some(table) = table else {
+        terminal.message(&format!(
+            "folds of other shards are missing; once all are in {out}/folds, the same command prints \
+             the table"
+        ));
+        return Ok(ExitCode::SUCCESS);
+    };
+    new_file::print(&table)?;
+    terminal.message(&format!(
+        "table.md, table.csv and table.json written to {out}"
+    ));
     if let Some(folder) = &report.report {
-        report::write_crossval(folder, table)?;
-        new_file::message!("{}", report::message(folder));
+        report::write_crossval(folder, &table)?;
+        terminal.message(&report::message(folder));
     }
-    Ok(())
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Returns wall time since `start`, processor time and peak memory of this process, as text.
@@ -314,7 +288,7 @@ fn diff(args: &DiffArgs) -> Result<ExitCode, TrainerError> {
 
 /// Checks a model and prints the result. Returns exit status 1 unless the golden codes are right.
 fn check_model(options: &CheckOptions) -> Result<ExitCode, TrainerError> {
-    let checked = check(options, &mut Terminal::new())?;
+    let checked = check(options)?;
     print(&checked, options.json.then(|| checked.to_json()))?;
     Ok(ExitCode::from(u8::from(!checked.is_good())))
 }

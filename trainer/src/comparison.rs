@@ -11,11 +11,9 @@ use crate::people::{People, read_tracks};
 use crate::person_error::{PersonError, Table as PeopleTable};
 use crate::progress::ProgressObserver;
 use crate::selection::{self, TestFiles, file_name};
-use crate::truncation::{TruncationError, TruncationSums};
 use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
 use nalgebra::DMatrix;
 use packed_fit::Track;
-use packed_fit::band_power::BandPower;
 use packed_fit::{RateFigures, evaluate as evaluate_packed};
 use serde_json::{Value as Json, json};
 use std::fmt;
@@ -149,28 +147,18 @@ impl Comparison {
         let pca = codes.pca.as_ref()?;
         let figure = |error| (figure(error) * 1e6).round() / 1e6;
         Some(Figures {
-            autoencoder_float: figure(&codes.network.errors.float),
-            autoencoder_int8: figure(&codes.network.errors.integer),
-            pca_float: figure(&pca.errors.float),
-            pca_int8: figure(&pca.errors.integer),
+            autoencoder_float: figure(&codes.network.float),
+            autoencoder_int8: figure(&codes.network.integer),
+            pca_float: figure(&pca.float),
+            pca_int8: figure(&pca.integer),
         })
     }
 
-    /// Prints the errors of network and PCA, and the correlation of the power of two bands.
+    /// Prints the errors of network and PCA.
     fn fmt_codes(&self, codes: &CodeComparison, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let models = codes.models("autoencoder", self.mode);
-        let rows = models
-            .iter()
-            .map(|(name, figures)| (name.as_str(), figures.errors));
-        let rows: Vec<_> = rows.collect();
-        write!(f, "{}", Table(&rows))?;
-        for (name, CodeFigures { errors, bands }) in &models {
-            let (format, [alpha, beta]) = (errors.format, bands);
-            writeln!(
-                f,
-                "{name}, {format} codes: correlation of power {alpha:.3} at 8-13 Hz, {beta:.3} at 13-30 Hz"
-            )?;
-        }
+        let rows = models.iter().map(|(name, errors)| (name.as_str(), *errors));
+        write!(f, "{}", Table(&rows.collect::<Vec<_>>()))?;
         writeln!(
             f,
             "{} bits per window; {} of {} electrodes were recorded",
@@ -301,31 +289,18 @@ pub(crate) fn compare_for(
     })
 }
 
-/// Figures of the codes of one model.
-#[derive(Clone, Copy, Debug)]
-pub struct CodeFigures {
-    /// Reconstruction errors with float and with integer codes.
-    pub errors: Evaluation,
-    /// Correlation of the power of the alpha and the beta band before and after integer coding;
-    /// overlapping windows are averaged, as in a stream.
-    pub bands: [f64; 2],
-}
-
 /// Figures of a network's codes, and of PCA with the same number of components, on the same
 /// recordings.
 #[derive(Clone, Debug)]
 pub struct CodeComparison {
-    /// Figures of the network, which is a linear map in mode `pca`.
-    pub network: CodeFigures,
-    /// Figures of PCA; `None` if the artifact has no `pca.safetensors`.
-    pub pca: Option<CodeFigures>,
+    /// Errors of the network, which is a linear map in mode `pca`.
+    pub network: Evaluation,
+    /// Errors of PCA; `None` if the artifact has no `pca.safetensors`.
+    pub pca: Option<Evaluation>,
     /// How many numbers a code has.
     pub numbers: usize,
     /// Errors of the network at each electrode, in the order of the montage.
     pub(crate) electrode_errors: Vec<ElectrodeError>,
-    /// Errors of PCA with the first n numbers of a code only, for ascending n up to all; empty
-    /// without PCA.
-    pub(crate) pca_by_numbers: Vec<TruncationError>,
 }
 
 impl CodeComparison {
@@ -343,28 +318,15 @@ impl CodeComparison {
     ) -> Result<Self, TrainerError> {
         let description = &model.description;
         let mut electrodes = ElectrodeSums::new(description.montage.electrodes.len());
-        let is_pca = description.mode == Mode::Pca;
-        let mut truncation = is_pca.then(|| TruncationSums::new(model)).transpose()?;
         let name = description.mode.to_string();
-        let network = evaluate_with_bands(model, dataset, (&name, loss.as_deref_mut()), |block| {
+        let network = evaluate_for(model, dataset, (&name, loss.as_deref_mut()), |block| {
             electrodes.add(block);
-            if let Some(sums) = &mut truncation {
-                sums.add(block);
-            }
         })?;
         let pca = match pca {
-            _ if is_pca => Some(network),
+            _ if description.mode == Mode::Pca => Some(network),
             Some(pca) => {
                 let linear = pca.to_model(description.clone())?;
-                let sums = truncation.insert(TruncationSums::new(&linear)?);
-                Some(evaluate_with_bands(
-                    &linear,
-                    dataset,
-                    ("pca", loss),
-                    |block| {
-                        sums.add(block);
-                    },
-                )?)
+                Some(evaluate_for(&linear, dataset, ("pca", loss), |_| ())?)
             }
             None => None,
         };
@@ -373,22 +335,19 @@ impl CodeComparison {
             pca,
             numbers: description.code.numbers,
             electrode_errors: electrodes.errors(description, is_recorded),
-            pca_by_numbers: truncation.map_or_else(Vec::new, |sums| sums.errors_by_numbers()),
         })
     }
 
-    /// Returns the figures of the network, called `name`, and of PCA. In mode `pca` both are the
+    /// Returns the errors of the network, called `name`, and of PCA. In mode `pca` both are the
     /// same, so it returns those of PCA alone.
-    pub(crate) fn models(&self, name: &str, mode: Mode) -> Vec<(String, CodeFigures)> {
+    pub(crate) fn models(&self, name: &str, mode: Mode) -> Vec<(String, Evaluation)> {
         let network = (mode != Mode::Pca).then(|| (name.to_owned(), self.network));
         let pca = self.pca.map(|pca| (format!("PCA-{}", self.numbers), pca));
         network.into_iter().chain(pca).collect()
     }
 
     fn to_json(&self) -> Json {
-        let CodeFigures { errors, bands } = self.network;
-        let pca = self.pca.map(|pca| pca.errors);
-        let pca_bands = self.pca.map(|pca| pca.bands);
+        let (errors, pca) = (self.network, self.pca);
         json!({
             "windows": errors.windows,
             "numbers": self.numbers,
@@ -402,10 +361,6 @@ impl CodeComparison {
             "prd_percent_int8": errors.integer.prd_percent,
             "prd_percent_pca": pca.map(|pca| pca.float.prd_percent),
             "prd_percent_pca_int8": pca.map(|pca| pca.integer.prd_percent),
-            "band_correlation_8_13": bands[0],
-            "band_correlation_13_30": bands[1],
-            "band_correlation_8_13_pca": pca_bands.map(|bands| bands[0]),
-            "band_correlation_13_30_pca": pca_bands.map(|bands| bands[1]),
             "input_clipped": errors.input_clipped,
             "codes_at_rail": errors.code_clipped,
         })
@@ -413,37 +368,25 @@ impl CodeComparison {
 
     /// Returns the length of an integer code in bits.
     pub fn bits_per_window(&self) -> usize {
-        self.bits_of(self.numbers)
-    }
-
-    /// Returns the length in bits of an integer code that has `numbers` numbers.
-    pub fn bits_of(&self, numbers: usize) -> usize {
-        self.network.errors.format.bits(numbers)
+        self.network.format.bits(self.numbers)
     }
 }
 
-/// Measures the errors of a model on a dataset, the correlation of its band powers and, under a
-/// name, what classifiers lose. Passes each block of windows to `observe`.
-fn evaluate_with_bands(
+/// Measures the errors of a model on a dataset and, under a name, what classifiers lose. Passes each
+/// block of windows to `observe`.
+fn evaluate_for(
     model: &Artifact,
     dataset: &Dataset,
     (name, loss): (&str, Option<&mut CodingLoss>),
     mut observe: impl FnMut(&CodedBlock),
-) -> Result<CodeFigures, TrainerError> {
-    let description = &model.description;
-    let mut decoded = OverlapMean::new(dataset, description.window.hop);
+) -> Result<Evaluation, TrainerError> {
+    let mut decoded = OverlapMean::new(dataset, model.description.window.hop);
     let errors = evaluate_blocks(model, dataset, |block| {
         decoded.add(block.decoded_received);
         observe(block);
     })?;
-    let band_power = BandPower::new(
-        description.montage.electrodes.len(),
-        description.window.rate_hz,
-    );
-    let mean = decoded.mean();
     if let Some(loss) = loss {
-        loss.add(name, mean.iter().map(Vec::as_slice))?;
+        loss.add(name, decoded.signals().iter().map(Vec::as_slice))?;
     }
-    let bands = band_power.correlation(&decoded.original(), &mean);
-    Ok(CodeFigures { errors, bands })
+    Ok(errors)
 }

@@ -4,7 +4,7 @@
 //! ```text
 //! recordings --group--> Subject --deal--> Fold --fit, test--> Outcome, one file each
 //!                                          |                        |
-//!                                     shard K of N              merge: Table as Markdown, CSV, JSON
+//!                                     shard K of N              Table as Markdown, CSV, JSON
 //! ```
 //!
 //! Each fold is tested with a model that was trained on the other folds of the same subject; or each
@@ -30,7 +30,7 @@ use crate::selection::{self, mains_hz};
 use crate::subject::group;
 use crate::training::Settings;
 use clap::Args;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use fit::Data;
 pub(crate) use outcome::Outcome;
@@ -158,23 +158,9 @@ pub(crate) fn run(
             None => return Ok(None),
         }
     }
-    let table = Table::new(outcomes)?;
+    let table = Table::new(outcomes);
     table.write(&options.out)?;
     Ok(Some(table))
-}
-
-/// Makes the table from the outcomes in the folders of all shards, and writes it to `out`.
-///
-/// # Errors
-/// If outcomes are missing, exist twice with different contents, or belong to different settings.
-pub(crate) fn merge(folders: &[PathBuf], out: &Path) -> Result<Table, TrainerError> {
-    let table = Table::new(outcome::read_all(folders)?)?;
-    outcome::prepare(out)?;
-    for outcome in table.outcomes() {
-        outcome.write(out)?;
-    }
-    table.write(out)?;
-    Ok(table)
 }
 
 /// Returns as text all settings that determine an outcome, except the number of the fold. All

@@ -18,12 +18,8 @@ pub(crate) struct Difference {
     pub(crate) fields: Vec<FieldDifference>,
     /// Tensors that differ.
     pub(crate) tensors: Vec<TensorDifference>,
-    /// Whether the integers of the packed models differ; `None` if neither model has one.
-    pub(crate) packed_differ: Option<bool>,
-    /// Whether the integers of the tables of substitutions differ; `None` if neither model has one.
-    pub(crate) substitution_differ: Option<bool>,
-    /// Whether the golden windows or codes differ; `None` if neither folder has any.
-    pub(crate) golden_differ: Option<bool>,
+    /// Parts whose numbers differ: packed models, tables of substitutions, golden codes.
+    pub(crate) parts: Vec<&'static str>,
 }
 
 /// A field of `model.toml` that differs between two models.
@@ -74,41 +70,44 @@ impl Difference {
     pub(crate) fn read(folders: [&Path; 2]) -> Result<Self, TrainerError> {
         let read = |folder: &Path| Artifact::read(folder).map_err(TrainerError::no_model(folder));
         let [one, other] = [read(folders[0])?, read(folders[1])?];
-        let golden = match [read_golden(folders[0])?, read_golden(folders[1])?] {
-            [None, None] => None,
-            [one, other] => Some(one != other),
-        };
-        Ok(Self::new(&one, &other, golden))
+        let golden_differ = read_golden(folders[0])? != read_golden(folders[1])?;
+        Ok(Self::new(&one, &other, golden_differ))
     }
 
-    fn new(one: &Artifact, other: &Artifact, golden: Option<bool>) -> Self {
+    fn new(one: &Artifact, other: &Artifact, golden_differ: bool) -> Self {
         let mut tensors = compare("weights", &one.weights, &other.weights);
         tensors.extend(compare("calibration", &one.calibration, &other.calibration));
+        let packed = [one, other].map(|model| {
+            let packed = model.packed.as_ref()?;
+            let levels = [&packed.predicted_levels, &packed.reset_levels];
+            let matrices = [&packed.analysis, &packed.prediction];
+            let decoder = (&packed.smoother, &packed.synthesis);
+            Some((matrices, levels, &packed.starts, decoder))
+        });
+        let substitution = [one, other].map(|model| {
+            let table = model.substitution.as_ref()?;
+            Some((&table.weights, &table.innovation))
+        });
+        let parts = [
+            ("packed models", packed[0] != packed[1]),
+            (
+                "tables of substitutions",
+                substitution[0] != substitution[1],
+            ),
+            ("golden codes", golden_differ),
+        ];
+        let parts = parts.into_iter().filter(|(_, differ)| *differ);
         Self {
             models: [one.id.to_string(), other.id.to_string()],
             fields: compare_fields(&fields(one), &fields(other)),
             tensors,
-            packed_differ: differ([one, other].map(|model| {
-                let packed = model.packed.as_ref()?;
-                let levels = [&packed.predicted_levels, &packed.reset_levels];
-                let matrices = [&packed.analysis, &packed.prediction];
-                Some((matrices, levels, &packed.starts, &packed.smoother))
-            })),
-            substitution_differ: differ([one, other].map(|model| {
-                let table = model.substitution.as_ref()?;
-                Some((&table.weights, &table.innovation))
-            })),
-            golden_differ: golden,
+            parts: parts.map(|(part, _)| part).collect(),
         }
     }
 
     /// Returns whether the models are equal, golden codes included.
     pub(crate) fn is_empty(&self) -> bool {
-        self.fields.is_empty()
-            && self.tensors.is_empty()
-            && self.packed_differ != Some(true)
-            && self.substitution_differ != Some(true)
-            && self.golden_differ != Some(true)
+        self.fields.is_empty() && self.tensors.is_empty() && self.parts.is_empty()
     }
 
     /// Returns the differences as a JSON object, in which `equal` says whether there are none.
@@ -117,11 +116,6 @@ impl Difference {
         object["equal"] = json!(self.is_empty());
         object
     }
-}
-
-/// Returns whether a part differs between two models; `None` if neither has it.
-fn differ<T: PartialEq>([one, other]: [Option<T>; 2]) -> Option<bool> {
-    (one.is_some() || other.is_some()).then(|| one != other)
 }
 
 /// Reads the golden codes in a folder; `None` if it has no such file.
@@ -268,15 +262,7 @@ impl fmt::Display for Difference {
                 )?,
             }
         }
-        if self.packed_differ == Some(true) {
-            writeln!(f, "packed models differ")?;
-        }
-        if self.substitution_differ == Some(true) {
-            writeln!(f, "tables of substitutions differ")?;
-        }
-        match self.golden_differ {
-            Some(true) => writeln!(f, "golden codes differ"),
-            _ => Ok(()),
-        }
+        let mut parts = self.parts.iter();
+        parts.try_for_each(|part| writeln!(f, "{part} differ"))
     }
 }

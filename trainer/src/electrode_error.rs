@@ -105,8 +105,6 @@ mod tests {
         let mut sums = ElectrodeSums::new(electrodes);
         sums.add(&CodedBlock {
             windows: &[&window, &window],
-            codes: &[],
-            received: &[],
             decoded: &[float, window.clone()].concat(),
             decoded_received: &[window.clone(), integer].concat(),
         });

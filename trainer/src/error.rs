@@ -78,19 +78,6 @@ pub enum TrainerError {
         .0.display(), .1, .2
     )]
     OtherTraining(PathBuf, String, String),
-    /// A checkpoint cannot be resumed with the requested number of epochs: it is smaller than the
-    /// checkpoint's, or it is larger and the checkpoint's training run is not finished.
-    #[error(
-        "{} has finished {finished} of {stored} epochs; resume it with --epochs {stored}, then \
-         more epochs can be added ({requested} were asked for)",
-        path.display()
-    )]
-    OtherEpochs {
-        path: PathBuf,
-        stored: u32,
-        finished: u32,
-        requested: u32,
-    },
     /// A subject has fewer runs or blocks than folds.
     #[error(
         "{subject} has {blocks} runs or blocks for {folds} folds; at least 2 folds, and a block \
@@ -206,28 +193,6 @@ pub enum TrainerError {
     // Errors of a cross-validation's outcomes.
     #[error("{} is no outcome of a fold; delete it, and its fold is computed again", .0.display())]
     Outcome(PathBuf, #[source] serde_json::Error),
-    #[error(
-        "fold {} has another outcome in {} than in a folder before it; merge shards of one \
-         cross-validation",
-        .0,
-        .1.display()
-    )]
-    TwoOutcomes(String, PathBuf),
-    #[error("there are no outcomes to merge; name the folders that `trainer crossval --out` wrote")]
-    NoOutcomes,
-    /// Two outcomes, each with its name and its settings, belong to different cross-validations.
-    #[error(
-        "fold {} does not belong to the same cross-validation as {}\n  {}: {}\n  {}: {}",
-        .1.0, .0.0, .0.0, .0.1, .1.0, .1.1
-    )]
-    MixedOutcomes((String, String), (String, String)),
-    #[error(
-        "folds are missing: {}; compute them with `trainer crossval`, or name the folders of all \
-         shards",
-        .0.join(" ")
-    )]
-    MissingOutcomes(Vec<String>),
-
     // Errors of the model.
     #[error("the model cannot be turned into integers")]
     Quantise(#[from] model_gen::ModelGenError),
@@ -295,7 +260,6 @@ impl TrainerError {
                 | Self::Shape(_)
                 | Self::PaperMode
                 | Self::OtherTraining(..)
-                | Self::OtherEpochs { .. }
                 | Self::TooFewBlocks { .. }
                 | Self::OnePerson(_)
                 | Self::OtherCrossval(..)

@@ -67,16 +67,12 @@ struct Codec {
     sd_uv: f64,
 }
 
-/// A block of windows, with their codes and reconstructions. Each slice has one element for each
-/// window, or holds the values of one window after the other.
+/// A block of windows, with their reconstructions. Each slice has one element for each window, or
+/// holds the values of one window after the other.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CodedBlock<'a> {
     /// Windows, in units of `input.sd_uv`.
     pub(crate) windows: &'a [&'a Window],
-    /// Codes of the float encoder.
-    pub(crate) codes: &'a [f32],
-    /// Integer codes after dequantisation, as a host receives them.
-    pub(crate) received: &'a [f32],
     /// Windows decoded from the float codes.
     pub(crate) decoded: &'a [f32],
     /// Windows decoded from the integer codes.
@@ -169,8 +165,6 @@ impl Codec {
         total.code_error += distance(&codes, &received);
         observe(&CodedBlock {
             windows,
-            codes: &codes,
-            received: &received,
             decoded: &decoded,
             decoded_received: &decoded_received,
         });

@@ -135,26 +135,3 @@ impl Volume {
 pub(crate) fn product(size: [usize; 3]) -> usize {
     size.iter().product()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn padding_surrounds_each_channel_with_zeros() {
-        let mut volume = Volume::zeros(2, [1, 2, 3]);
-        let mut next = 0_u8;
-        volume.values.fill_with(|| {
-            next += 1;
-            [f32::from(next); LANES]
-        });
-        let padded = volume.padded([1, 0, 1]);
-        assert_eq!(padded.size, [3, 2, 5]);
-        let first: Vec<f32> = padded.values.iter().map(|lanes| lanes[0]).collect();
-        let middle = [0.0, 1.0, 2.0, 3.0, 0.0, 0.0, 4.0, 5.0, 6.0, 0.0];
-        assert_eq!(first[..10], [0.0; 10]);
-        assert_eq!(first[10..20], middle);
-        assert_eq!(first[20..40], [0.0; 20]);
-        assert_eq!(first[41].to_bits(), 7.0_f32.to_bits());
-    }
-}

@@ -66,7 +66,6 @@ mod show;
 mod subject;
 mod substitution;
 mod training;
-mod truncation;
 
 #[cfg(test)]
 mod testing;

@@ -6,7 +6,6 @@ mod cross_validation;
 mod evaluation;
 mod learning;
 mod packed;
-mod people;
 
 use crate::classify::Trained;
 use crate::comparison::Comparison;
@@ -86,8 +85,7 @@ pub(crate) fn message(folder: &Path) -> String {
 }
 
 /// Writes the report of a training run or an evaluation into a folder: learning curves if there
-/// were epochs, and the errors of each electrode and of PCA with fewer numbers if there were
-/// recordings to test with.
+/// were epochs, and the errors of each electrode if there were recordings to test with.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -107,8 +105,7 @@ pub(crate) fn write(
     report.finish()
 }
 
-/// Writes the report of a cross-validation into a folder: errors of all folds, and their learning
-/// curves.
+/// Writes the report of a cross-validation into a folder: errors of all folds.
 ///
 /// # Errors
 /// If a file cannot be written.

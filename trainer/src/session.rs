@@ -42,8 +42,8 @@ pub(crate) struct TrainOptions {
     /// Folder to write the artifact to.
     #[arg(long)]
     out: PathBuf,
-    /// Folder to write a report to: learning curves, error of each electrode, rate and error, as
-    /// pictures with their values and a page that shows them.
+    /// Folder to write a report to: learning curves and error of each electrode, as pictures with
+    /// their values and a page that shows them.
     #[arg(long)]
     report: Option<PathBuf>,
     /// Replace an artifact in the folder of --out, and a report in that of --report.

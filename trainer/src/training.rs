@@ -16,8 +16,7 @@ use std::path::PathBuf;
 /// Settings that determine the result of a training run on given data.
 #[derive(clap::Args, Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Settings {
-    /// Number of epochs. If `train --resume` states more than the checkpoint has, another cycle of
-    /// the learning rate begins.
+    /// Number of epochs.
     #[arg(long, default_value_t = 12)]
     pub(crate) epochs: u32,
     /// Number of windows in a batch; each batch is one update of the parameters.
@@ -36,7 +35,7 @@ pub(crate) struct Settings {
 }
 
 impl fmt::Display for Settings {
-    /// Writes all settings but the number of epochs, which may grow when a training run is resumed.
+    /// Writes all settings but the number of epochs.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             epochs: _,
@@ -95,8 +94,6 @@ pub(crate) struct Training {
     pub(crate) settings: Settings,
     /// Number of finished epochs.
     pub(crate) epoch: u32,
-    /// Number of epochs that were finished when the present cycle of the learning rate began.
-    pub(crate) cycle_start: u32,
     pub(crate) parameters: Parameters,
     pub(crate) adam: Adam,
     /// Candidate with the smallest validation error so far.
@@ -173,7 +170,6 @@ impl Training {
         Self {
             settings,
             epoch: 0,
-            cycle_start: 0,
             parameters,
             adam,
             best,
@@ -182,13 +178,6 @@ impl Training {
                 epochs: Vec::new(),
             },
         }
-    }
-
-    /// Adds epochs to a finished training run: another cycle of the learning rate begins, and the
-    /// optimiser keeps its state.
-    pub(crate) fn extend(&mut self, epochs: u32) {
-        self.cycle_start = self.settings.epochs;
-        self.settings.epochs = epochs;
     }
 
     /// Returns whether all epochs are finished.
@@ -221,9 +210,8 @@ impl Training {
         let batches = self.batches(split);
         let schedule = OneCycle {
             peak: self.settings.peak_rate,
-            updates: u64::from(self.settings.epochs - self.cycle_start) * batches as u64,
+            updates: u64::from(self.settings.epochs) * batches as u64,
         };
-        let first_update = u64::from(self.cycle_start) * batches as u64;
         let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
         rng.set_stream(u64::MAX - u64::from(epoch));
         let windows = split
@@ -235,7 +223,7 @@ impl Training {
             if !loss.is_finite() {
                 return Err(TrainerError::Diverged(epoch, "loss", loss));
             }
-            let rate = schedule.rate(self.adam.updates - first_update);
+            let rate = schedule.rate(self.adam.updates);
             self.adam.update(&mut self.parameters, &gradients, rate);
             sum += loss;
             if after_batch(loss).is_break() {
@@ -273,7 +261,7 @@ pub(crate) fn validation_windows(split: &Split) -> Vec<&Window> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{self, Run};
+    use crate::testing::Run;
 
     #[test]
     fn the_rate_rises_to_the_peak_and_falls_to_almost_zero() {
@@ -292,27 +280,6 @@ mod tests {
         assert!(of_101[..16].is_sorted());
         assert!(of_101[15..].is_sorted_by(|a, b| a >= b));
         assert!(rates(1)[0] > 0.0, "a training run of one update");
-    }
-
-    #[test]
-    fn epoch_0_has_the_error_of_the_projection_onto_the_directions() {
-        let run = Run::new();
-        let windows = validation_windows(&run.split);
-        let directions = testing::directions();
-        let mut sum = 0.0;
-        for window in &windows {
-            // The directions are orthonormal: the error is the window's energy outside their span.
-            let energy = |values: &[f32]| values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
-            let code: Vec<f32> = directions
-                .iter()
-                .map(|direction| direction.iter().zip(*window).map(|(d, x)| d * x).sum())
-                .collect();
-            sum += energy(&window[..]) - energy(&code);
-        }
-        let expected = sum / (windows.len() * windows[0].len()) as f64;
-        let training = run.start();
-        assert!((training.best.validation - expected).abs() < 1e-6 * expected);
-        assert_eq!(training.best.epoch, 0);
     }
 
     #[test]

@@ -5,46 +5,36 @@ use std::path::{Path, PathBuf};
 
 /// Reason why an artifact cannot be read, written or used.
 #[derive(Debug, thiserror::Error)]
+#[expect(
+    missing_docs,
+    reason = "the messages say what each variant and its fields mean"
+)]
 pub enum ArtifactError {
-    /// A file of the folder cannot be read or written.
     #[error("cannot access {}: is this the folder of an artifact? (`trainer train` writes one)", path.display())]
     File {
-        /// File or folder that was accessed.
         path: PathBuf,
-        /// Error that the operating system returned.
         source: std::io::Error,
     },
-    /// A file is not TOML, or a field in it is missing, misspelt or of the wrong type.
     #[error(
         "{file} cannot be understood; correct what is named, or restore the file if it is cut short"
     )]
     Toml {
-        /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// Position and kind of the error in the file.
         source: Box<toml::de::Error>,
     },
-    /// The TOML library cannot serialise the description.
     #[error("the description cannot be written as TOML")]
     WriteToml(#[from] toml::ser::Error),
-    /// A file is damaged or not in the safetensors format.
     #[error("{file} is damaged or not a safetensors file; write the artifact again")]
     Safetensors {
-        /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// Error from the safetensors library.
         source: safetensors::SafeTensorError,
     },
-    /// A field of a TOML file has an invalid value.
     #[error("{file}: {field} is {found}, but must be {expected}")]
     Field {
-        /// Name of the file in the artifact's folder.
         file: &'static str,
         /// Name of the field, as `table.key`.
         field: &'static str,
-        /// Description of the values that the field may have.
         found: String,
-        /// Values that the field may have, in words.
         expected: String,
     },
     /// Only one of the two files of a packed model, or of a table of substitutions, exists.
@@ -53,39 +43,27 @@ pub enum ArtifactError {
         missing.display()
     )]
     Half {
-        /// Path of the missing file.
         missing: PathBuf,
-        /// Name of the file that exists.
         other: &'static str,
-        /// Command of the trainer that writes both files.
         command: &'static str,
     },
-    /// An electrode label is malformed, occurs twice, or is missing on the grid or in the montage.
     #[error(
         "model.toml: electrode {label}: {problem}; grid.cells and montage.electrodes must hold the same labels, each once"
     )]
     Label {
-        /// Label of the electrode, as the file has it.
         label: String,
-        /// Description of the problem, which the message puts after the label.
         problem: &'static str,
     },
-    /// A tensor is missing, unknown, or not as the model requires.
     #[error("{file}: tensor {name}{problem}")]
     Tensor {
-        /// Name of the file in the artifact's folder.
         file: &'static str,
-        /// Name of the tensor, as in the file.
         name: String,
-        /// How the tensor differs from what the model requires.
         problem: TensorProblem,
     },
-    /// The model has mode `paper`, whose decoder needs pool indices, and codes carry none.
     #[error(
         "a model of mode `paper` cannot be decoded from its code: its pool indices are not sent; use `paper-code-only` or `shortcut`"
     )]
     NotDecodable,
-    /// The model has mode `packed`, but its folder has no packed model.
     #[error(
         "the model has mode `packed`, but no packed.toml and packed.safetensors; `trainer packed --montage` writes them"
     )]
@@ -94,17 +72,17 @@ pub enum ArtifactError {
 
 /// How a tensor differs from what the model's mode, padding and pool require.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(
+    missing_docs,
+    reason = "the messages say what each variant and its fields mean"
+)]
 pub enum TensorProblem {
-    /// The file does not hold the tensor.
     #[error(" is missing; a model of this mode needs it")]
     Missing,
-    /// No model of this mode has the tensor; its name may be misspelt.
     #[error(" is not part of a model of this mode; rename or remove it")]
     Unknown,
-    /// The tensor has the first of these shapes, but should have the second.
     #[error(" has shape {}, expected {}", List(.0), List(.1))]
     Shape(Vec<usize>, Vec<usize>),
-    /// The tensor has elements of the first of these types, but should have the second.
     #[error(" has elements of type {0}, expected {1}; convert it before writing")]
     ElementType(String, String),
     /// An element is infinite or NaN, probably because training diverged. The fields are its index

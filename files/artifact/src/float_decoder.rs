@@ -103,65 +103,7 @@ impl Convolutions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::description::{NetworkShape, Padding};
-    use crate::float_encoder::FloatEncoder;
     use crate::testing;
-
-    #[test]
-    fn pca_decoding_inverts_encoding_for_windows_spanned_by_the_components() {
-        let artifact = testing::pca();
-        let decoder = FloatDecoder::new(&artifact).unwrap();
-        let code: [f32; 128] = core::array::from_fn(|index| index as f32 + 1.0);
-        let window = decoder.decode(&code);
-        assert_eq!(window[..128], code);
-        assert!(window[128..].iter().all(|value| *value == 0.0));
-        let grid = ScalpGrid::new(&artifact.description);
-        let encoder = FloatEncoder::new(&artifact).unwrap();
-        assert_eq!(encoder.encode(&grid.scatter(&window)), code);
-    }
-
-    #[test]
-    fn a_code_decodes_to_the_window_worked_out_by_hand() {
-        // The model has few weights that are not 0. decoder.fc copies number 0 of the code to
-        // output 0, which is unpooled to a region at the origin. Tap (0,0,0) of conv1 is 1; the
-        // norm has gain 2 and offset 0.25; tap (2,2,2) of conv2 is 1, and its bias is -0.5. On an
-        // unpadded axis, the transposed conv1 leaves the region in place and conv2 moves it by +2.
-        // On a padded axis, conv1 moves it by -1, which cuts off its start, and conv2 by +1. Inside
-        // the region, a value is gain * code + offset + bias. Outside, it is offset + bias from the
-        // first position that conv2's tap reaches, and the bias alone before it. Each case states
-        // padding, pool, the region in the decoded window, and this first position.
-        let cases = [
-            (Padding::None, [2, 2, 2], [2..4, 2..4, 2..5], [2, 2, 2]),
-            (Padding::None, [4, 3, 5], [2..6, 2..5, 2..7], [2, 2, 2]),
-            (Padding::Space, [2, 3, 3], [2..4, 1..4, 1..3], [2, 1, 1]),
-            (Padding::All, [2, 2, 4], [1..2, 1..2, 1..5], [1, 1, 1]),
-        ];
-        for (padding, pool, covered, first) in cases {
-            let mut description = testing::description();
-            description.network = NetworkShape { padding, pool };
-            let artifact = testing::shortcut_with(description);
-            let decoder = FloatDecoder::new(&artifact).unwrap();
-            let mut code = [0.0; 128];
-            code[0] = 3.0;
-            let window = decoder.decode(&code);
-            let grid = ScalpGrid::new(&artifact.description);
-            for (index, value) in window.iter().enumerate() {
-                let cell = grid.cell_of_electrode()[index % 61];
-                let at = [index / 61, cell / 9, cell % 9];
-                let inside = (0..3).all(|axis| covered[axis].contains(&at[axis]));
-                let reached = (0..3).all(|axis| at[axis] >= first[axis]);
-                let expected = match (inside, reached) {
-                    (true, _) => 2.0 * 3.0 + 0.25 - 0.5,
-                    (false, true) => 0.25 - 0.5,
-                    (false, false) => -0.5,
-                };
-                assert!(
-                    (value - expected).abs() < 1e-4,
-                    "{padding:?} {pool:?}, {at:?}: {value} is not {expected}"
-                );
-            }
-        }
-    }
 
     #[test]
     fn a_model_of_mode_paper_has_no_decoder() {

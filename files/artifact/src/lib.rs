@@ -37,14 +37,6 @@
 //! # Ok::<(), artifact::ArtifactError>(())
 //! ```
 #![forbid(unsafe_code)]
-#![cfg_attr(
-    test,
-    expect(
-        clippy::float_cmp,
-        clippy::cast_precision_loss,
-        reason = "the hand-made cases are small integers, which f32 holds exactly"
-    )
-)]
 
 pub mod classifier;
 mod convolution;
@@ -91,7 +83,7 @@ pub use packed::{
 };
 pub use pca::Pca;
 pub use scalp_grid::ScalpGrid;
-pub use shapes::{NORM_EPSILON, NamedShape, calibration_shapes, weight_shapes};
+pub use shapes::{NORM_EPSILON, NamedShape, weight_shapes};
 pub use substitution::{
     LARGEST_INNOVATION, SubstitutionDescription, SubstitutionFigures, SubstitutionTable,
     SubstitutionTraining,

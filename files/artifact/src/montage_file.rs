@@ -35,22 +35,21 @@ pub struct MontageAdc {
 
 /// Why a montage file cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[expect(
+    missing_docs,
+    reason = "the messages say what each variant and its fields mean"
+)]
 pub enum MontageFileError {
-    /// The file cannot be read.
     #[error("cannot read the montage {}", path.display())]
     File {
-        /// Path of the file.
         path: PathBuf,
-        /// Error from the operating system.
         source: std::io::Error,
     },
     /// The text has no montage: it is not TOML, or a field is missing, misspelt or of the wrong
     /// type.
     #[error("{} is no montage; files/montages/paper-61.toml is an example", path.display())]
     Toml {
-        /// Path of the file.
         path: PathBuf,
-        /// Position and kind of the error in the file.
         source: toml::de::Error,
     },
 }
@@ -124,17 +123,5 @@ mod tests {
         let ordered = TWO.replace("[adc]", "order = [\"P4\", \"C3\"]\n[adc]");
         let file = MontageFile::parse(Path::new("two.toml"), &ordered).unwrap();
         assert_eq!(file.montage().electrodes, ["P4", "C3"]);
-    }
-
-    #[test]
-    fn unknown_fields_are_refused_by_name() {
-        for (from, to) in [("gain", "gian"), ("name", "nmae")] {
-            let error =
-                MontageFile::parse(Path::new("x.toml"), &TWO.replace(from, to)).unwrap_err();
-            let MontageFileError::Toml { source, .. } = error else {
-                panic!("{error}")
-            };
-            assert!(source.to_string().contains(to), "{source}");
-        }
     }
 }

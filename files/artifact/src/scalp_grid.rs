@@ -74,6 +74,7 @@ mod tests {
     use crate::testing;
 
     #[test]
+    #[expect(clippy::cast_precision_loss, reason = "indices below 2^24")]
     fn gathering_inverts_scattering() {
         let grid = ScalpGrid::new(&testing::description());
         let count = testing::description().dimensions().window_electrodes();

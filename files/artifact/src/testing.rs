@@ -3,7 +3,7 @@
 use crate::description::{Description, Mode};
 use crate::folder::Artifact;
 use crate::geometry::Geometry;
-use crate::shapes::{NORM_EPSILON, calibration_shapes, weight_shapes};
+use crate::shapes::{calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
 
 /// Returns the description of the built-in model for 61 electrodes, but with mode `pca`.
@@ -48,8 +48,7 @@ pub(crate) fn pca_with(mut description: Description) -> Artifact {
     Artifact::new(description, weights, calibration).unwrap()
 }
 
-/// Returns a model of mode `shortcut` with few non-zero weights, so that results can be computed by
-/// hand.
+/// Returns a model of mode `shortcut` whose weights are all 1.
 pub(crate) fn shortcut() -> Artifact {
     shortcut_with(description())
 }
@@ -57,32 +56,10 @@ pub(crate) fn shortcut() -> Artifact {
 /// Returns the model of [`shortcut`], but with the padding and the pool in `description`.
 pub(crate) fn shortcut_with(mut description: Description) -> Artifact {
     description.mode = Mode::Shortcut;
-    let expected = weight_shapes(Mode::Shortcut, &Geometry::new(&description));
     let mut weights = Tensors::for_weights();
-    for (name, shape) in &expected {
-        let value = match name.rsplit_once('.') {
-            Some((_, "running_var")) => 1.0 - NORM_EPSILON,
-            Some((norm, "weight")) if norm.contains("norm") => 2.0,
-            Some((norm, "bias")) if norm.contains("norm") => 0.25,
-            _ => 0.0,
-        };
-        weights.insert(name, shape, vec![value; shape.iter().product()]);
+    for (name, shape) in weight_shapes(Mode::Shortcut, &Geometry::new(&description)) {
+        weights.insert(name, &shape, vec![1.0; shape.iter().product()]);
     }
-    let mut set = |name: &str, range: core::ops::Range<usize>, value: f32| {
-        let (_, shape) = expected.iter().find(|(known, _)| *known == name).unwrap();
-        let mut values = weights.tensor(name, shape).unwrap().to_vec();
-        values[range].fill(value);
-        weights.insert(name, shape, values);
-    };
-    set("encoder.conv1.weight", 0..27, 1.0);
-    set("encoder.conv1.bias", 0..1, 0.5);
-    set("encoder.conv2.weight", 13..14, 0.1);
-    set("encoder.fc.weight", 0..1, 1.0);
-    set("encoder.fc.bias", 0..1, 1.0);
-    set("decoder.fc.weight", 0..1, 1.0);
-    set("decoder.conv1.weight", 0..1, 1.0);
-    set("decoder.conv2.weight", 26..27, 1.0);
-    set("decoder.conv2.bias", 0..1, -0.5);
     let calibration = calibration(&description);
     Artifact::new(description, weights, calibration).unwrap()
 }

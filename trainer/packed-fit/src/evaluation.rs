@@ -1,6 +1,5 @@
 //! Bits and error of a packed model at each rate.
 
-use crate::band_power::{BandPower, correlation};
 use crate::coded;
 use crate::error::FitError;
 use crate::in_parallel;
@@ -34,10 +33,6 @@ pub struct RateFigures {
     /// Mean squared error of the signal smoothed by the next block, which arrives a hop later, in
     /// units of `input.sd_uv` squared.
     pub mse_smoothed: f64,
-    /// Correlation of the power of the alpha band (8 to 13 Hz) and of the beta band (13 to 30 Hz)
-    /// before and after coding, without smoothing: Pearson's, of the logarithm of the power in each
-    /// second, as the mean over the electrodes.
-    pub band_correlation: [f64; 2],
 }
 
 impl RateFigures {
@@ -87,12 +82,6 @@ pub(crate) fn evaluate_with_resets(
     let synthesis = DMatrix::from_column_slice(synthesis.len() / count, count, &synthesis);
     let synthesis = to_f32(&synthesis);
     let scale = Scale::new(model, sd_uv);
-    let electrodes = description.montage.electrodes.len();
-    let band_power = BandPower::new(electrodes, description.window.rate_hz);
-    let powers = |sequences: &[DMatrix<f32>]| {
-        in_parallel::map(sequences, |blocks| band_power.log_powers(blocks.as_slice()))
-    };
-    let original_powers = powers(&blocks.sequences);
     let figures = Rate::all().map(|rate| {
         let coded = coded::code(model, &coefficients, rate, reset);
         let smoother = DMatrix::from_row_slice(count, count, &model.smoother.matrix(rate.index()));
@@ -113,7 +102,6 @@ pub(crate) fn evaluate_with_resets(
             longest: lengths().copied().max().unwrap_or(0),
             mse: mean_squared_error(&blocks.sequences, &at_once),
             mse_smoothed: mean_squared_error(&blocks.sequences, &smoothed),
-            band_correlation: correlation(&original_powers, &powers(&at_once)),
         }
     });
     Ok(figures.collect())

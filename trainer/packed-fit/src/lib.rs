@@ -18,7 +18,6 @@
 
 pub mod bad_electrodes;
 pub mod band_pass;
-pub mod band_power;
 pub mod directions;
 pub mod features;
 pub mod in_parallel;

@@ -179,7 +179,6 @@ pub(crate) mod tests {
             longest: 0,
             mse,
             mse_smoothed: mse,
-            band_correlation: [1.0; 2],
         });
         for (bits, expected) in [
             (400.0, 0.01),

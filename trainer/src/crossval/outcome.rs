@@ -5,9 +5,8 @@ use crate::error::TrainerError;
 use crate::evaluate::ReconstructionError;
 use crate::training::LearningCurve;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Name of the folder of the outcomes, within the folder of the tables.
 const FOLDER: &str = "folds";
@@ -95,37 +94,12 @@ pub(super) fn read(
     if !path.exists() {
         return Ok(None);
     }
-    let outcome = read_file(&path)?;
+    let text = fs::read_to_string(&path).map_err(TrainerError::file(&path))?;
+    let outcome: Outcome = serde_json::from_str(&text)
+        .map_err(|source| TrainerError::Outcome(path.clone(), source))?;
     if outcome.settings != settings {
         let (found, expected) = (outcome.settings, settings.to_owned());
         return Err(TrainerError::OtherCrossval(path, found, expected));
     }
     Ok(Some(outcome))
-}
-
-/// Reads all outcomes of several folders. The same outcome may be in more than one folder.
-pub(super) fn read_all(folders: &[PathBuf]) -> Result<Vec<Outcome>, TrainerError> {
-    let mut outcomes: BTreeMap<(String, usize, usize), Outcome> = BTreeMap::new();
-    for folder in folders {
-        let path = folder.join(FOLDER);
-        let error = TrainerError::file(&path);
-        for entry in fs::read_dir(&path).map_err(error)? {
-            let file = entry.map_err(error)?.path();
-            if file.extension().is_none_or(|extension| extension != "json") {
-                continue;
-            }
-            let outcome = read_file(&file)?;
-            let key = (outcome.subject.clone(), outcome.repetition, outcome.fold);
-            if outcomes.get(&key).is_some_and(|other| *other != outcome) {
-                return Err(TrainerError::TwoOutcomes(outcome.name(), file));
-            }
-            outcomes.insert(key, outcome);
-        }
-    }
-    Ok(outcomes.into_values().collect())
-}
-
-fn read_file(path: &Path) -> Result<Outcome, TrainerError> {
-    let text = fs::read_to_string(path).map_err(TrainerError::file(path))?;
-    serde_json::from_str(&text).map_err(|source| TrainerError::Outcome(path.to_owned(), source))
 }

@@ -192,17 +192,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_fold_is_in_one_shard() {
-        let shards: Vec<Shard> = ["1/3", "2/3", "3/3"]
-            .map(|text| text.parse().unwrap())
-            .into();
-        for fold in 0..20 {
-            let owners = shards.iter().filter(|shard| shard.contains(fold));
-            assert_eq!(owners.count(), 1);
-        }
-    }
-
-    #[test]
     fn other_text_is_refused_with_an_example() {
         for text in ["0/3", "4/3", "3", "a/b", "1/0", "-1/2"] {
             let error = text.parse::<Shard>().unwrap_err();

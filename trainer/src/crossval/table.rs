@@ -66,33 +66,14 @@ pub(crate) struct Spread {
 const COLUMNS: usize = 4;
 
 impl Table {
-    /// Makes the table from the outcomes of all folds, in any order.
-    ///
-    /// # Errors
-    /// If there are no outcomes, they belong to different settings, or folds are missing.
-    pub(super) fn new(mut outcomes: Vec<Outcome>) -> Result<Self, TrainerError> {
-        outcomes.sort_by(|a, b| {
-            let key =
-                |outcome: &Outcome| (outcome.subject.clone(), outcome.repetition, outcome.fold);
-            key(a).cmp(&key(b))
-        });
-        let Some(first) = outcomes.first() else {
-            return Err(TrainerError::NoOutcomes);
-        };
-        if let Some(other) = outcomes
-            .iter()
-            .find(|outcome| !is_same_kind(first, outcome))
-        {
-            let named = |outcome: &Outcome| (outcome.name(), outcome.settings.clone());
-            return Err(TrainerError::MixedOutcomes(named(first), named(other)));
-        }
-        check_complete(&outcomes)?;
+    /// Makes the table from the outcomes of all folds, sorted by subject, repetition and fold.
+    pub(super) fn new(outcomes: Vec<Outcome>) -> Self {
         let mut rows = Vec::new();
         for subject in outcomes.chunk_by(|a, b| a.subject == b.subject) {
             rows.extend(rows_of(subject));
         }
         rows.extend(over_subjects(&rows));
-        Ok(Self { outcomes, rows })
+        Self { outcomes, rows }
     }
 
     /// Returns the outcomes, sorted by subject, repetition and fold.
@@ -186,42 +167,6 @@ impl fmt::Display for Table {
     }
 }
 
-/// Returns whether two outcomes have the same settings. Outcomes of two subjects may differ in the
-/// settings of the folds.
-fn is_same_kind(a: &Outcome, b: &Outcome) -> bool {
-    if a.subject == b.subject {
-        return a.settings == b.settings;
-    }
-    let without_folds = |outcome: &Outcome| {
-        let settings = outcome.settings.rsplit_once("; ");
-        settings.map(|(before, _)| before.to_owned())
-    };
-    without_folds(a) == without_folds(b) && a.mode == b.mode && a.numbers == b.numbers
-}
-
-/// Checks that each subject has every fold of every repetition.
-fn check_complete(outcomes: &[Outcome]) -> Result<(), TrainerError> {
-    let largest = |number: fn(&Outcome) -> usize| outcomes.iter().map(number).max().unwrap_or(0);
-    let repetitions = largest(|outcome| outcome.repetition);
-    let folds = largest(|outcome| outcome.fold);
-    let mut missing = Vec::new();
-    for subject in outcomes.chunk_by(|a, b| a.subject == b.subject) {
-        for repetition in 1..=repetitions {
-            for fold in 1..=folds {
-                let is_there =
-                    |outcome: &Outcome| (outcome.repetition, outcome.fold) == (repetition, fold);
-                if !subject.iter().any(is_there) {
-                    missing.push(format!("{}-r{repetition}-f{fold}", subject[0].subject));
-                }
-            }
-        }
-    }
-    if missing.is_empty() {
-        return Ok(());
-    }
-    Err(TrainerError::MissingOutcomes(missing))
-}
-
 /// Returns the four errors of an outcome, each with the model, the kind of codes, and whether the
 /// signal can be decoded from the code alone. In mode `pca` those of the model itself are `None`,
 /// because they would equal those of PCA.
@@ -302,94 +247,5 @@ impl Spread {
             mean,
             sd: (squares / (count - 1.0).max(1.0)).sqrt(),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::outcome::Validation;
-    use super::*;
-
-    fn errors(mse: f64) -> ReconstructionError {
-        ReconstructionError {
-            mse,
-            mse_uv2: 100.0 * mse,
-            prd_percent: 10.0,
-        }
-    }
-
-    fn outcome(subject: &str, fold: usize, mse: f64) -> Outcome {
-        Outcome {
-            settings: "montage m; 2 epochs; 2 folds of whole runs".to_owned(),
-            subject: subject.to_owned(),
-            repetition: 1,
-            fold,
-            mode: "shortcut".to_owned(),
-            numbers: 16,
-            is_decodable: true,
-            tested_on: "a.edf".to_owned(),
-            windows: 10,
-            sd_uv: 10.0,
-            best_epoch: 2,
-            validation: Validation {
-                model: 0.1,
-                pca: 0.2,
-            },
-            curve: None,
-            model_float: Some(errors(mse)),
-            model_integer: Some(errors(2.0 * mse)),
-            pca_float: errors(3.0 * mse),
-            pca_integer: errors(4.0 * mse),
-        }
-    }
-
-    fn two_subjects() -> Vec<Outcome> {
-        [("a", 1, 1.0), ("a", 2, 3.0), ("b", 1, 5.0), ("b", 2, 7.0)]
-            .map(|(subject, fold, mse)| outcome(subject, fold, mse))
-            .into()
-    }
-
-    #[test]
-    fn mean_and_deviation_are_over_folds_and_over_the_means_of_subjects_in_any_order() {
-        let table = Table::new(two_subjects()).unwrap();
-        assert_eq!(table.rows.len(), 12);
-        let mut reversed = two_subjects();
-        reversed.reverse();
-        assert_eq!(Table::new(reversed).unwrap().csv(), table.csv());
-        let row = |subject: &str, model: &str, codes: &str| {
-            let is =
-                |row: &&Row| row.subject == subject && row.model == model && row.codes == codes;
-            table.rows.iter().find(is).unwrap().mse
-        };
-        let spread = |mean, sd| Spread { mean, sd };
-        // The sample standard deviation of two values is their difference over the root of 2.
-        let root = 2.0_f64.sqrt();
-        assert_eq!(row("a", "shortcut", "float"), spread(2.0, root));
-        assert_eq!(row("b", "PCA-16", "integer"), spread(24.0, 4.0 * root));
-        // The mean errors of the two subjects are 2 and 6.
-        let all = row("all", "shortcut", "float");
-        assert!(
-            (all.mean - 4.0).abs() < 1e-12 && (all.sd - 4.0 / root).abs() < 1e-12,
-            "{all:?}"
-        );
-    }
-
-    #[test]
-    fn missing_mixed_and_absent_outcomes_are_named() {
-        let mut outcomes = two_subjects();
-        outcomes.remove(2);
-        let error = Table::new(outcomes).unwrap_err().to_string();
-        assert!(error.contains("b-r1-f1"), "{error}");
-        let mut outcomes = two_subjects();
-        outcomes[1].settings = "montage m; 9 epochs; 2 folds of whole runs".to_owned();
-        let error = Table::new(outcomes).unwrap_err().to_string();
-        assert!(
-            error.contains("9 epochs") && error.contains("a-r1-f2"),
-            "{error}"
-        );
-        assert!(matches!(
-            Table::new(Vec::new()),
-            Err(TrainerError::NoOutcomes)
-        ));
     }
 }

@@ -1,11 +1,10 @@
-//! Part of the report on a cross-validation: errors of all folds, and their learning curves.
+//! Part of the report on a cross-validation: errors of all folds.
 
-use super::learning::{CSV_HEAD, csv_lines, numbered};
 use super::{MSE, Report};
 use crate::crossval::{Outcome, Table, columns};
 use crate::error::TrainerError;
 use picture::axis::{Axis, Scale};
-use picture::canvas::{INK, RESULT, SOURCE};
+use picture::canvas::{RESULT, SOURCE};
 use picture::lines::{Lines, Mark, Series};
 use picture::page::csv_field;
 use std::fmt::Write as _;
@@ -15,7 +14,7 @@ const NAMED_FOLDS: usize = 12;
 /// Distance on the axis between the points of one fold, where neighbouring folds are 1 apart.
 const APART: f64 = 0.15;
 
-/// Adds the table and the pictures of a cross-validation to a report.
+/// Adds the table and the picture of a cross-validation to a report.
 pub(super) fn add(report: &mut Report, table: &Table) -> Result<(), TrainerError> {
     report.page.push_text(&format!(
         "Test error, mean ± standard deviation over the folds. {}.",
@@ -28,21 +27,6 @@ pub(super) fn add(report: &mut Report, table: &Table) -> Result<(), TrainerError
         |path| folds.draw(path),
         "Test error of each fold, and at the end of each subject mean and standard deviation of its folds.",
         &folds_csv(table),
-    )?;
-    if table.outcomes().iter().all(|fold| fold.curve.is_none()) {
-        report.page.push_text(
-            "There are no learning curves: mode pca has no epochs, and outcomes of earlier versions \
-             lack them.",
-        );
-        return Ok(());
-    }
-    let learning = learning(table);
-    report.add_picture(
-        "learning",
-        |path| learning.draw(path),
-        "Validation error of each fold after each epoch, relative to that of PCA. Epoch 0 is the network before \
-         training.",
-        &learning_csv(table),
     )
 }
 
@@ -160,52 +144,6 @@ fn folds_csv(table: &Table) -> String {
                 errors.mse_uv2,
                 errors.prd_percent
             );
-        }
-    }
-    text
-}
-
-fn learning(table: &Table) -> Lines {
-    let (mut curves, mut chosen, mut last) = (Vec::new(), Vec::new(), 0.0_f64);
-    for outcome in table.outcomes() {
-        let Some(curve) = &outcome.curve else {
-            continue;
-        };
-        let relative = curve.validations().map(|mse| mse / outcome.validation.pca);
-        let points = numbered(relative, 0);
-        last = points.last().map_or(last, |(epoch, _)| last.max(*epoch));
-        let best = usize::try_from(outcome.best_epoch).ok();
-        chosen.extend(best.and_then(|epoch| points.get(epoch)).copied());
-        let label = if curves.is_empty() {
-            "validation of each fold"
-        } else {
-            ""
-        };
-        curves.push(Series::new(label, SOURCE, Mark::ThinLine, points));
-    }
-    let pca = vec![(0.0, 1.0), (last, 1.0)];
-    curves.insert(0, Series::new("PCA", RESULT, Mark::Line, pca));
-    curves.push(Series::new("chosen epochs", INK, Mark::Rings, chosen));
-    Lines {
-        title: "Learning curves of all folds".to_owned(),
-        subtitle: "mean squared error on the validation part of each fold, relative to PCA of the same fold".to_owned(),
-        x: Axis::new("epoch", Scale::Whole),
-        y: Axis::new("validation MSE / validation MSE of PCA", Scale::Logarithmic),
-        series: curves,
-    }
-}
-
-/// Returns the learning curves as CSV: a line for each fold and epoch.
-fn learning_csv(table: &Table) -> String {
-    let mut text = format!("subject,repetition,fold,{CSV_HEAD}\n");
-    for outcome in table.outcomes() {
-        let Some(curve) = &outcome.curve else {
-            continue;
-        };
-        let subject = csv_field(&outcome.subject);
-        let (repetition, fold) = (outcome.repetition, outcome.fold);
-        for line in csv_lines(curve, outcome.validation.pca) {
-            let _ = writeln!(text, "{subject},{repetition},{fold},{line}");
         }
     }
     text

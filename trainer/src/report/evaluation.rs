@@ -1,14 +1,11 @@
-//! Part of a report: error of each electrode, and error of PCA with fewer numbers.
+//! Part of a report: figures of an evaluation, and the error of each electrode.
 
-use super::{MSE, Report};
-use crate::comparison::{CodeComparison, CodeFigures, Comparison};
+use super::Report;
+use crate::comparison::{CodeComparison, Comparison};
 use crate::electrode_error::ElectrodeError;
 use crate::error::TrainerError;
-use crate::truncation::TruncationError;
+use crate::person_error::PersonError;
 use artifact::Mode;
-use picture::axis::{Axis, Scale};
-use picture::canvas::{INK, RESULT, SOURCE};
-use picture::lines::{Lines, Mark, Series};
 use picture::page::csv_field;
 use picture::scalp_map::{Place, ScalpMap, on_map};
 use recordings::Position;
@@ -18,7 +15,7 @@ use std::fmt::Write as _;
 pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), TrainerError> {
     let (windows, prd) = match &comparison.codes {
         Some(codes) => (
-            format!("{} windows of ", codes.network.errors.windows),
+            format!("{} windows of ", codes.network.windows),
             "; PRD = 100 sqrt(sum of squared difference / sum of squared original)",
         ),
         None => (String::new(), ""),
@@ -42,38 +39,23 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
             &format!(
                 "Mean squared error of each electrode with {} codes. The mean over all electrodes is \
                  the error of the model.",
-                codes.network.errors.format
+                codes.network.format
             ),
             &electrodes_csv(codes, comparison.sd_uv),
         )?;
     }
     if !comparison.people.is_empty() {
-        super::people::add(report, &comparison.people)?;
+        report.page.push_text(
+            "Error for each person with integer codes: with the electrodes that are bad in a \
+             recording filled from the others, as a device fills electrodes that it excludes, and \
+             as recorded.",
+        );
+        report.page.push_table(&people(&comparison.people));
     }
     if !comparison.packed.is_empty() {
         super::packed::add(report, comparison)?;
     }
-    let Some(codes) = &comparison.codes else {
-        return Ok(());
-    };
-    if codes.pca_by_numbers.is_empty() {
-        report.page.push_text(
-            "The artifact has no pca.safetensors, so there is no picture of rate and error.",
-        );
-        return Ok(());
-    }
-    let rate = rate(comparison, codes);
-    report.add_picture(
-        "rate",
-        |path| rate.draw(path),
-        &format!(
-            "Error by bits per window: PCA with the first number of its code, the first two, up to \
-             all {}. Float codes are drawn at the bits of {} codes with as many numbers: the distance \
-             between the two is the error of rounding.",
-            codes.numbers, codes.network.errors.format
-        ),
-        &rate_csv(codes),
-    )
+    Ok(())
 }
 
 fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
@@ -84,18 +66,15 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
         "MSE",
         "MSE, uV²",
         "PRD",
-        "correlation of power, 8-13 Hz",
-        "13-30 Hz",
     ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
-    for (name, CodeFigures { errors, bands }) in codes.models(&mode.to_string(), mode) {
+    for (name, errors) in codes.models(&mode.to_string(), mode) {
         let bits = codes.bits_per_window().to_string();
         let format = errors.format.to_string();
-        for (format, bits, error, bands) in [
-            ("float".to_owned(), String::new(), errors.float, None),
-            (format, bits, errors.integer, Some(bands)),
+        for (format, bits, error) in [
+            ("float".to_owned(), String::new(), errors.float),
+            (format, bits, errors.integer),
         ] {
-            let band = |at: usize| bands.map_or(String::new(), |bands| format!("{:.3}", bands[at]));
             rows.push(vec![
                 name.clone(),
                 format,
@@ -103,12 +82,34 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
                 format!("{:.5}", error.mse),
                 format!("{:.2}", error.mse_uv2),
                 format!("{:.2} %", error.prd_percent),
-                band(0),
-                band(1),
             ]);
         }
     }
     rows
+}
+
+fn people(people: &[PersonError]) -> Vec<Vec<String>> {
+    let head = [
+        "person",
+        "bad electrodes",
+        "PRD, filled",
+        "as recorded",
+        "MSE of the good electrodes, uV²: others filled",
+        "as recorded",
+    ];
+    let rows = people.iter().map(|error| {
+        let [good_on, good_off] = error.of_good();
+        [
+            error.person.subject.clone(),
+            error.person.bad.join(", "),
+            format!("{:.2} %", error.on.all.prd_percent),
+            format!("{:.2} %", error.off.all.prd_percent),
+            format!("{good_on:.2}"),
+            format!("{good_off:.2}"),
+        ]
+    });
+    let rows = std::iter::once(head.map(str::to_owned)).chain(rows);
+    rows.map(Vec::from).collect()
 }
 
 fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
@@ -129,9 +130,9 @@ fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
         title: "Error of each electrode".to_owned(),
         subtitle: format!(
             "mean squared error with {} codes; mean over {} electrodes: {:.2} µV²",
-            codes.network.errors.format,
+            codes.network.format,
             errors.len(),
-            codes.network.errors.integer.mse_uv2
+            codes.network.integer.mse_uv2
         ),
         unit: "µV²".to_owned(),
     }
@@ -168,7 +169,7 @@ pub(super) fn places<'a>(
 }
 
 /// Returns label and cell of each electrode.
-pub(super) fn cells(errors: &[ElectrodeError]) -> impl Iterator<Item = (&str, [usize; 2])> + Clone {
+fn cells(errors: &[ElectrodeError]) -> impl Iterator<Item = (&str, [usize; 2])> + Clone {
     errors
         .iter()
         .map(|error| (error.label.as_str(), error.cell))
@@ -199,83 +200,6 @@ fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
             mse_int8 * unit
         );
     }
-    text
-}
-
-fn rate(comparison: &Comparison, codes: &CodeComparison) -> Lines {
-    let (format, model) = (codes.network.errors.format, &codes.network.errors);
-    let at = |mse| vec![(bits(codes, codes.numbers), mse)];
-    let (integer, float) = (at(model.integer.mse), at(model.float.mse));
-    let label = format!("model, {format} codes");
-    let mut series = pca_curves(codes);
-    series.extend([
-        Series::new(label, SOURCE, Mark::Dots, integer),
-        Series::new("model, float codes", SOURCE, Mark::Rings, float),
-    ]);
-    Lines {
-        title: "Rate and error".to_owned(),
-        subtitle: format!(
-            "model {}, mode {}: {} numbers, {} bits per window",
-            comparison.model,
-            comparison.mode,
-            codes.numbers,
-            codes.bits_per_window()
-        ),
-        x: Axis::new(format!("bits per window of {format} codes"), Scale::Linear),
-        y: Axis::new(MSE, Scale::Logarithmic),
-        series,
-    }
-}
-
-/// Returns curves of the error of PCA over the bits of a code. Their points are for the first
-/// number alone, the first two, up to all. Without PCA there are no curves.
-pub(super) fn pca_curves(codes: &CodeComparison) -> Vec<Series> {
-    if codes.pca_by_numbers.is_empty() {
-        return Vec::new();
-    }
-    let points = |error: fn(&TruncationError) -> f64| {
-        let errors = codes.pca_by_numbers.iter();
-        errors
-            .map(|at| (bits(codes, at.numbers), error(at)))
-            .collect()
-    };
-    let label = format!("PCA, {} codes", codes.network.errors.format);
-    let (integer, float) = (
-        points(|error| error.mse_int8),
-        points(|error| error.mse_float),
-    );
-    vec![
-        Series::new(label, RESULT, Mark::Line, integer),
-        Series::new("PCA, float codes", INK, Mark::ThinLine, float),
-    ]
-}
-
-/// Returns the length in bits of an integer code with `numbers` numbers, as a value on an axis.
-pub(super) fn bits(codes: &CodeComparison, numbers: usize) -> f64 {
-    f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX))
-}
-
-/// Returns the rate picture's values as CSV: a line for each length of a PCA code, one for the
-/// model.
-fn rate_csv(codes: &CodeComparison) -> String {
-    let mut text = "model,numbers,bits_per_window,mse_float,mse_int8\n".to_owned();
-    for error in &codes.pca_by_numbers {
-        let TruncationError {
-            numbers,
-            mse_float,
-            mse_int8,
-        } = error;
-        let bits = codes.bits_of(*numbers);
-        let _ = writeln!(text, "PCA,{numbers},{bits},{mse_float},{mse_int8}");
-    }
-    let _ = writeln!(
-        text,
-        "model,{},{},{},{}",
-        codes.numbers,
-        codes.bits_per_window(),
-        codes.network.errors.float.mse,
-        codes.network.errors.integer.mse
-    );
     text
 }
 

@@ -2,7 +2,7 @@
 
 use super::{MSE, Report};
 use crate::error::TrainerError;
-use crate::training::{Learning, LearningCurve};
+use crate::training::Learning;
 use picture::axis::{Axis, Scale};
 use picture::canvas::{FAINT, INK, RESULT, SOURCE};
 use picture::lines::{Lines, Mark, Series};
@@ -63,27 +63,20 @@ fn lines(learning: &Learning) -> Lines {
 
 /// Returns the points of a learning curve: each value with the number of its epoch, from `first`
 /// on.
-pub(super) fn numbered(values: impl Iterator<Item = f64>, first: u32) -> Vec<(f64, f64)> {
+fn numbered(values: impl Iterator<Item = f64>, first: u32) -> Vec<(f64, f64)> {
     (first..).map(f64::from).zip(values).collect()
 }
 
-/// Returns the values of the learning curves as CSV.
+/// Returns the values of the learning curves as CSV: a line for each epoch; epoch 0 has no training
+/// loss.
 fn csv(learning: &Learning) -> String {
-    let mut text = format!("{CSV_HEAD}\n");
-    for line in csv_lines(&learning.curve, learning.pca_validation) {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{line}");
-    }
-    text
-}
-
-/// First line of a CSV file whose other lines [`csv_lines`] returns: names of the fields.
-pub(super) const CSV_HEAD: &str = "epoch,training_loss,validation_mse,validation_mse_pca";
-
-/// Returns a line of CSV for each epoch; epoch 0 has no training loss.
-pub(super) fn csv_lines(curve: &LearningCurve, pca: f64) -> impl Iterator<Item = String> {
+    let (curve, pca) = (&learning.curve, learning.pca_validation);
     let losses = curve.epochs.iter().map(|epoch| epoch.loss.to_string());
     let losses = std::iter::once(String::new()).chain(losses);
-    let epochs = losses.zip(curve.validations()).enumerate();
-    epochs.map(move |(epoch, (loss, validation))| format!("{epoch},{loss},{validation},{pca}"))
+    let mut text = "epoch,training_loss,validation_mse,validation_mse_pca\n".to_owned();
+    for (epoch, (loss, validation)) in losses.zip(curve.validations()).enumerate() {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{epoch},{loss},{validation},{pca}");
+    }
+    text
 }

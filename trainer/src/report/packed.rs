@@ -1,13 +1,13 @@
 //! Part of a report: rate and error of the packed model, and of the codes of network and PCA.
 
-use super::evaluation::{bits, pca_curves};
 use super::{MSE, Report};
-use crate::comparison::{CodeFigures, Comparison};
+use crate::comparison::Comparison;
 use crate::error::TrainerError;
+use crate::evaluate::Evaluation;
 use crate::packed::cells;
 use packed_fit::RateFigures;
 use picture::axis::{Axis, Scale};
-use picture::canvas::{INK, REFERENCE, SOURCE};
+use picture::canvas::{INK, REFERENCE, RESULT, SOURCE};
 use picture::lines::{Lines, Mark, Series};
 use std::fmt::Write as _;
 
@@ -43,8 +43,6 @@ fn table(packed: &[RateFigures]) -> Vec<Vec<String>> {
         "longest, bytes",
         "MSE at once",
         "MSE a block later",
-        "correlation of power, 8-13 Hz",
-        "13-30 Hz",
     ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     rows.extend(packed.iter().map(|figures| cells(figures).to_vec()));
@@ -58,7 +56,7 @@ fn lines(comparison: &Comparison) -> Lines {
         Series::new(label, SOURCE, mark, points.collect())
     };
     let codes = comparison.codes.as_ref();
-    let mut series = codes.map_or_else(Vec::new, pca_curves);
+    let mut series = Vec::new();
     if !comparison.without_prediction.is_empty() {
         let points = comparison.without_prediction.iter();
         let points = points.map(|figures| (figures.bits, figures.mse)).collect();
@@ -74,9 +72,16 @@ fn lines(comparison: &Comparison) -> Lines {
         series.push(Series::new(label, INK, Mark::Rings, points.collect()));
     }
     if let Some(codes) = codes {
-        let label = format!("network, {} codes", codes.network.errors.format);
-        let point = (bits(codes, codes.numbers), codes.network.errors.integer.mse);
-        series.push(Series::new(label, INK, Mark::Dots, vec![point]));
+        let bits = f64::from(u32::try_from(codes.bits_per_window()).unwrap_or(u32::MAX));
+        let mut add = |model: &str, color, errors: &Evaluation| {
+            let label = format!("{model}, {} codes", errors.format);
+            let point = (bits, errors.integer.mse);
+            series.push(Series::new(label, color, Mark::Dots, vec![point]));
+        };
+        if let Some(pca) = &codes.pca {
+            add("PCA", RESULT, pca);
+        }
+        add("network", INK, &codes.network);
     }
     Lines {
         title: "Packed code: rate and error".to_owned(),
@@ -92,44 +97,31 @@ fn lines(comparison: &Comparison) -> Lines {
 }
 
 /// Returns the values of the packed picture as CSV: a line for each rate, for each rate without
-/// prediction (KLT), for each length of a PCA code, and for the network. Only the packed code has
-/// an error a block later, and PCA has band powers only with all numbers.
+/// prediction (KLT), for PCA and for the network. Only the packed code has an error a block later.
 fn csv(comparison: &Comparison) -> String {
-    let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later,\
-                    band_correlation_8_13,band_correlation_13_30\n"
-        .to_owned();
+    let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later\n".to_owned();
     for figures in &comparison.packed {
         let RateFigures {
             rate,
             bits,
             mse,
             mse_smoothed,
-            band_correlation: [alpha, beta],
             ..
         } = figures;
-        let _ = writeln!(
-            text,
-            "packed,{rate},,{bits},{mse},{mse_smoothed},{alpha},{beta}"
-        );
+        let _ = writeln!(text, "packed,{rate},,{bits},{mse},{mse_smoothed}");
     }
     for figures in &comparison.without_prediction {
         let (rate, bits, mse) = (figures.rate, figures.bits, figures.mse);
-        let _ = writeln!(text, "KLT,{rate},,{bits},{mse},,,");
+        let _ = writeln!(text, "KLT,{rate},,{bits},{mse},");
     }
     let Some(codes) = &comparison.codes else {
         return text;
     };
-    for at in &codes.pca_by_numbers {
-        let bits = codes.bits_of(at.numbers);
-        let bands = match codes.pca.map(|pca| pca.bands) {
-            Some([alpha, beta]) if at.numbers == codes.numbers => format!("{alpha},{beta}"),
-            _ => ",".to_owned(),
-        };
-        let _ = writeln!(text, "PCA,,{},{bits},{},,{bands}", at.numbers, at.mse_int8);
-    }
     let (numbers, bits) = (codes.numbers, codes.bits_per_window());
-    let CodeFigures { errors, bands } = codes.network;
-    let (mse, [alpha, beta]) = (errors.integer.mse, bands);
-    let _ = writeln!(text, "network,,{numbers},{bits},{mse},,{alpha},{beta}");
+    let pca = codes.pca.iter().map(|errors| ("PCA", errors));
+    for (model, errors) in pca.chain([("network", &codes.network)]) {
+        let mse = errors.integer.mse;
+        let _ = writeln!(text, "{model},,{numbers},{bits},{mse},");
+    }
     text
 }

@@ -1,4 +1,4 @@
-//! Tests of `trainer crossval` and `trainer merge`.
+//! Tests of `trainer crossval`.
 
 use super::files::{Values, assert_near, elements, mean, points};
 use super::people::three;
@@ -12,30 +12,17 @@ fn crossval(mode: &str, arguments: &str) -> String {
 }
 
 #[test]
-fn merged_shards_are_the_table_of_one_process_bit_for_bit() {
+fn shards_in_one_folder_make_the_table_of_one_process_bit_for_bit() {
     let folder = Folder::with_runs(3, 24);
     let whole = folder.succeed(&crossval("pca", "--out=whole"));
-    for shard in 1..=3 {
-        let arguments = format!("--out=shard{shard} --shard={shard}/3");
-        let printed = folder.succeed(&crossval("pca", &arguments));
-        assert_eq!(printed, "", "the folds of other shards are missing");
-    }
-    let error = folder.fail("merge shard1 shard2 --out=table", 1);
-    assert!(error.contains("folds are missing: all-r"), "{error}");
-    let merged = folder.succeed("merge shard1 shard2 shard3 --out=table");
-    assert_eq!(merged, whole);
+    let shard = |shard| folder.succeed(&crossval("pca", &format!("--out=shared --shard={shard}")));
+    assert_eq!(shard("1/2"), "", "the folds of the other shard are missing");
+    // The shard that finishes last makes the table.
+    assert_eq!(shard("2/2"), whole);
     for name in ["table.md", "table.csv", "table.json"] {
         let read = |out: &str| folder.read(&format!("{out}/{name}"));
-        assert_eq!(read("table"), read("whole"), "{name}");
+        assert_eq!(read("shared"), read("whole"), "{name}");
     }
-    // Shards may also share a folder: the shard that finishes last makes the table.
-    for shard in ["1/2", "2/2"] {
-        folder.succeed(&crossval("pca", &format!("--out=shared --shard={shard}")));
-    }
-    assert_eq!(
-        folder.read("shared/table.json"),
-        folder.read("whole/table.json")
-    );
 }
 
 #[test]
@@ -69,7 +56,7 @@ fn one_recording_is_divided_into_blocks_and_too_few_runs_are_refused() {
 }
 
 #[test]
-fn pictures_have_every_fold_its_mean_and_its_epochs() {
+fn the_picture_has_every_fold_and_its_mean() {
     let folder = Folder::with_runs(2, 24);
     folder.write("file", "");
     let log = folder.fail(&crossval("shortcut", "--out=out --report=file"), 1);
@@ -99,28 +86,14 @@ fn pictures_have_every_fold_its_mean_and_its_epochs() {
     assert_eq!(points(&picture, "#2B6CB0"), [2, 2]);
     assert_eq!(points(&picture, "#DD6B20"), [2, 2]);
 
-    let learning = Values::read(&folder.path("report/learning.csv"));
-    assert_eq!(learning.column("epoch"), ["0", "1"].repeat(4));
-    // At epoch 0, to which every second line belongs, the shortcut equals PCA.
-    let pca = learning.numbers("validation_mse_pca");
-    let errors = learning.numbers("validation_mse").into_iter().zip(pca);
-    for (mse, pca) in errors.step_by(2) {
-        assert_near(mse, pca, 1e-5);
-    }
-    // Four lines, one for each fold, have a point for each of two epochs; the fifth is the
-    // legend's.
-    assert_eq!(
-        points(&folder.path("report/learning.svg"), "#2B6CB0"),
-        [2; 5]
-    );
-    // A merge of the finished folds is enough for another report.
-    let merge = "merge out --out=merged --report=again";
-    folder.succeed(merge);
-    for name in ["index.html", "folds.svg", "learning.svg"] {
+    // A later call, which finds all folds done, makes another report.
+    let again = crossval("shortcut", "--out=out --report=again");
+    folder.succeed(&again);
+    for name in ["index.html", "folds.svg"] {
         let read = |report: &str| folder.read(&format!("{report}/{name}"));
         assert_eq!(read("again"), read("report"), "{name}");
     }
-    assert!(folder.fail(merge, 2).contains("--force"));
+    assert!(folder.fail(&again, 2).contains("--force"));
 }
 
 #[test]
@@ -151,24 +124,25 @@ fn each_person_is_tested_with_a_model_of_the_others() {
     );
     // trainer train makes the model of the others, and its card has the error on each person.
     let table = Values::read(&folder.path("out/table.csv"));
+    let prd = |subject: &str, codes: &str| {
+        let subjects = table.column("subject").into_iter();
+        let rows = subjects.zip(table.column("codes"));
+        let mut rows = rows.zip(table.numbers("prd_percent_mean"));
+        let row = rows.find(|(row, _)| *row == (subject, codes));
+        row.expect("a row").1
+    };
+    for codes in ["float", "integer"] {
+        let people = ["A1", "B1", "C1"].map(|subject| prd(subject, codes));
+        assert_near(prd("all", codes), mean(&people), 1e-12);
+    }
     for (subject, others) in [("A1", "[BC]1"), ("B1", "[AC]1"), ("C1", "[AB]1")] {
         folder.succeed(&format!(
             "train {small} --mode=pca --data={others} --train=R01..R03 --test={subject} --out={subject}-model"
         ));
         let model = Artifact::read(&folder.path(&format!("{subject}-model"))).expect("a model");
         let expected = model.description.training.prd_percent.expect("figures");
-        let rows = table
-            .column("subject")
-            .into_iter()
-            .zip(table.column("codes"));
-        let mut rows = rows.zip(table.numbers("prd_percent_mean"));
-        for (codes, expected) in [
-            ("float", expected.pca_float),
-            ("integer", expected.pca_int8),
-        ] {
-            let row = rows.find(|(row, _)| *row == (subject, codes));
-            assert_near(row.expect("a row").1, expected, 1e-6);
-        }
+        assert_near(prd(subject, "float"), expected.pca_float, 1e-6);
+        assert_near(prd(subject, "integer"), expected.pca_int8, 1e-6);
     }
     let error = folder.fail(
         &format!("crossval {small} --mode=pca --data=A1 --leave-one-person-out --out=one"),

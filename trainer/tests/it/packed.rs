@@ -40,10 +40,6 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
     // 64 coefficients represent a block's 64 values fully; only the quantiser's error remains.
     assert!(figure(0, "mse") < 0.01, "{json}");
     assert!(figure(4, "mse_smoothed") < figure(4, "mse"), "{json}");
-    for name in ["band_correlation_8_13", "band_correlation_13_30"] {
-        let [finest, coarse] = [0, 12].map(|rate| figure(rate, name));
-        assert!(finest > 0.97 && coarse < finest, "{json}");
-    }
     // At the same error, prediction saves bits compared with the KLT without it.
     let klt = &json["packed_without_prediction"];
     assert_eq!(klt.as_array().map(Vec::len), Some(16));

@@ -27,13 +27,6 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     for name in ["mse_float", "mse_int8", "mse_pca", "mse_pca_int8"] {
         assert!((1e-9..2.0).contains(&figure(name)), "{name}: {json}");
     }
-    // Eight electrodes share three sources, so codes of 16 numbers keep most of the power. The
-    // measured correlations are 0.9 and more.
-    for name in ["band_correlation_8_13", "band_correlation_13_30"] {
-        for name in [name.to_owned(), format!("{name}_pca")] {
-            assert!((0.7..1.0).contains(&figure(&name)), "{name}: {json}");
-        }
-    }
 
     let electrodes = Values::read(&folder.path("report/electrodes.csv"));
     assert_eq!(electrodes.column("electrode"), LABELS);
@@ -50,29 +43,8 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let is_hollow = |circle: &&String| circle.contains("r=3;") && circle.contains("fill=none;");
     assert_eq!(map.iter().filter(is_hollow).count(), 2);
 
-    let rate = Values::read(&folder.path("report/rate.csv"));
-    let numbers = rate.rows.len() - 1;
-    assert_eq!(rate.column("model")[..numbers], vec!["PCA"; numbers]);
-    let bits = rate.numbers("bits_per_window");
-    for (column, pca, model) in [
-        ("mse_float", "mse_pca", "mse_float"),
-        ("mse_int8", "mse_pca_int8", "mse_int8"),
-    ] {
-        let errors = rate.numbers(column);
-        // The error in the file and that in the JSON add up f32 values in different orders.
-        assert_near(errors[numbers - 1], figure(pca), 1e-4);
-        assert_near(errors[numbers], figure(model), 1e-12);
-        assert!(errors[0] > errors[numbers - 1], "{errors:?}");
-    }
-    assert_near(bits[0], 16.0, 1e-12);
-    assert_near(bits[numbers], figure("bits_per_window"), 1e-12);
-    let picture = folder.path("report/rate.svg");
-    // The curve has a point for each length of a PCA code; the line of 2 points is the legend's
-    // entry.
-    assert_eq!(points(&picture, "#DD6B20"), [numbers, 2]);
-    assert_eq!(elements(&picture, "circle").len(), 2 + 2);
     let page = folder.read("report/index.html");
-    for name in ["electrodes.svg", "electrodes.csv", "rate.svg", "rate.csv"] {
+    for name in ["electrodes.svg", "electrodes.csv"] {
         assert!(page.contains(&format!("=\"{name}\"")), "{page}");
     }
     let error = format!("{:.5}", figure("mse_int8"));
@@ -101,15 +73,15 @@ fn a_model_without_pca_is_evaluated_alone_and_a_training_file_is_named() {
 fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
     let folder = Folder::with_runs(2, 30);
     let train = "--train=run1 --test=run2 --checkpoint=state --learning-rate=1e-2 --report=report";
-    folder.train("shortcut", &format!("{train} --epochs=1"));
+    let train = format!("{train} --epochs=3");
+    folder.train("shortcut", &train);
     let learning = || Values::read(&folder.path("report/learning.csv"));
     let first = learning();
-    assert_eq!(first.column("epoch"), ["0", "1"]);
-    // Add epochs to a finished training run.
-    folder.train("shortcut", &format!("{train} --epochs=3 --resume --force"));
+    // The checkpoint is that of the last epoch, so nothing is left to do.
+    folder.train("shortcut", &format!("{train} --resume --force"));
     let resumed = learning();
     assert_eq!(resumed.column("epoch"), ["0", "1", "2", "3"]);
-    assert_eq!(resumed.rows[..2], first.rows);
+    assert_eq!(resumed.rows, first.rows);
     // At epoch 0 the shortcut equals PCA.
     let validation = resumed.numbers("validation_mse");
     let pca = resumed.numbers("validation_mse_pca");
@@ -127,7 +99,7 @@ fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
     assert_eq!(points(&picture, "#2B6CB0"), [4, 2]);
     assert_eq!(points(&picture, "#DD6B20"), [2, 2]);
     let page = folder.read("report/index.html");
-    for name in ["learning.svg", "electrodes.svg", "rate.svg"] {
+    for name in ["learning.svg", "electrodes.svg"] {
         assert!(page.contains(&format!("src=\"{name}\"")), "{page}");
     }
 }

@@ -5,40 +5,31 @@ use thiserror::Error;
 
 /// Why a file is no classifier.
 #[derive(Debug, Error)]
+#[expect(
+    missing_docs,
+    reason = "the messages say what each variant and its fields mean"
+)]
 pub enum ClassifierError {
-    /// The file cannot be read.
     #[error("cannot read {}; `trainer classify` writes a classifier", path.display())]
     File {
-        /// Path of the file.
         path: PathBuf,
-        /// Error that the operating system returned.
         source: std::io::Error,
     },
-    /// The file is not TOML, or a field in it is missing, misspelt or of the wrong type.
     #[error("the classifier cannot be understood; correct what is named, or train it again")]
     Toml(#[from] toml::de::Error),
-    /// The TOML library cannot serialise the classifier.
     #[error("the classifier cannot be written as TOML")]
     WriteToml(#[from] toml::ser::Error),
-    /// A field has an invalid value.
     #[error("the classifier's field {field} must be {expected}")]
     Field {
         /// Name of the field, as `table.key`.
         field: &'static str,
-        /// Values that the field may have, in words.
         expected: &'static str,
     },
-    /// The classifier was trained for another device.
     #[error(
         "the classifier is for {expected}, but the device has {found}; train a classifier with \
          recordings of this montage"
     )]
-    Device {
-        /// What the classifier needs.
-        expected: String,
-        /// What the device has.
-        found: String,
-    },
+    Device { expected: String, found: String },
 }
 
 impl ClassifierError {

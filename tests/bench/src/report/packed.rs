@@ -258,7 +258,7 @@ fn recorded_errors() -> anyhow::Result<Json> {
         "mse": own.mse,
         "mse_smoothed": own.mse_smoothed,
         "pca_int8_bits": codes.bits_per_window(),
-        "pca_int8_mse": codes.pca.map(|pca| pca.errors.integer.mse),
+        "pca_int8_mse": codes.pca.map(|pca| pca.integer.mse),
         "rates": rates.collect::<Vec<_>>(),
     }))
 }
