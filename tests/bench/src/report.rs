@@ -17,7 +17,6 @@ mod packed;
 mod programs;
 mod substitution;
 mod table;
-mod training;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -100,9 +99,6 @@ enum Benchmark {
         #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(20..=86_400))]
         seconds: u32,
     },
-    /// Training on one thread of this PC: windows per second; PyTorch for comparison, where it is
-    /// installed.
-    Training,
     /// Bridge on this PC: intervals and latency of codes at a subscriber, processor time and
     /// memory; a node in rospy for comparison, where it is installed.
     Bridge {
@@ -159,7 +155,6 @@ fn run(options: &Options) -> anyhow::Result<()> {
         }
         Benchmark::Host => host::measure()?,
         Benchmark::Offline { seconds } => offline::measure(*seconds)?,
-        Benchmark::Training => training::measure()?,
         Benchmark::Bridge { seconds } => nodes::bridge::measure(*seconds)?,
         Benchmark::Node { rate, seconds } => nodes::node::measure(*rate, *seconds)?,
     };
