@@ -62,33 +62,6 @@ impl Response {
         }
     }
 
-    /// Returns the chart of the group delay of filters and twin in ms over the frequency in Hz.
-    pub fn group_delay(&self) -> Curves {
-        let mut compared = self.compare(ImpulseResponse::group_delay_ms, [1.0, 100.0]);
-        let difference = self.largest_difference(&compared, COMPARED_DB / 2.0);
-        // At the centre of the notch no signal passes, so there is no delay to draw.
-        for [hz, measured, _] in &mut compared {
-            if (*hz - MAINS_HZ).abs() <= 0.01 {
-                *measured = f64::NAN;
-            }
-        }
-        let subtitle = format!(
-            "group delay: {:.1} ms at 10 Hz, more where the filters cut; integer filters within \
-             {difference:.2} ms of the float64 twin down to −20 dB",
-            self.filters.group_delay_ms(10.0)
-        );
-        Curves {
-            title: "How late each frequency leaves the filters",
-            subtitle,
-            x_hz: [1.0, 100.0],
-            y: [0.0, 250.0],
-            y_label: "group delay (ms)",
-            band_hz: BAND_HZ,
-            mains_hz: MAINS_HZ,
-            curves: curves(&compared),
-        }
-    }
-
     /// Returns, for each point of a curve, the frequency in Hz, and `quantity` of the filters and
     /// of the twin at this frequency.
     fn compare(
@@ -119,12 +92,11 @@ impl Response {
 
 fn curves(compared: &[[f64; 3]]) -> Vec<Series> {
     let measured = compared.iter().map(|[hz, measured, _]| (*hz, *measured));
-    let measured = measured.filter(|(_, value)| !value.is_nan()).collect();
     let designed = compared.iter().map(|[hz, _, designed]| (*hz, *designed));
     let designed = designed.step_by(CIRCLE_DISTANCE).collect();
     let label = "measured: impulses through the integer filters";
     vec![
-        Series::new(label, SOURCE, Mark::Line, measured),
+        Series::new(label, SOURCE, Mark::Line, measured.collect()),
         Series::new("float64 twin, not quantised", RESULT, Mark::Rings, designed),
     ]
 }
@@ -135,8 +107,7 @@ fn curves(compared: &[[f64; 3]]) -> Vec<Series> {
 /// (signal/model/manifest.txt). A single impulse, even of twice full scale, drives them far less.
 const IMPULSE: i32 = 1 << 29;
 /// Length of the recorded response, s. The slowest poles decay at 0.96 / s, so after 10 s they have
-/// decayed by about e^-10. Later values are mostly rounding errors, and would distort the group
-/// delay, which weights each value by its time.
+/// decayed by about e^-10. Later values are mostly rounding errors.
 const SECONDS: usize = 10;
 
 /// Response of a filter to a unit impulse, at the ADC's rate.
@@ -165,29 +136,14 @@ impl ImpulseResponse {
         Self(response.collect())
     }
 
-    /// Returns the magnitude of the filter's response at the frequency `hz`, dB.
+    /// Returns the magnitude of the filter's response at the frequency `hz`, dB: that of `sum h[n]
+    /// z^n` by Horner's rule, with the impulse response h and `z = e^(-i w)`, where w is the angle
+    /// per sample.
     fn magnitude_db(&self, hz: f64) -> f64 {
-        10.0 * self.sums(hz)[0].norm_sqr().log10()
-    }
-
-    /// Returns the group delay at a frequency, ms: the real part of `sum n h[n] z^n / sum h[n]
-    /// z^n`, with the impulse response h and `z = e^(-i w)`, where w is the angle per sample.
-    fn group_delay_ms(&self, hz: f64) -> f64 {
-        let [sum, moment] = self.sums(hz);
-        (moment / sum).re / f64::from(model::ADC_RATE_HZ) * 1000.0
-    }
-
-    /// Returns `sum h[n] z^n` and `sum n h[n] z^n` at the frequency `hz`, by Horner's rule; h and z
-    /// as in [`Self::group_delay_ms`].
-    fn sums(&self, hz: f64) -> [Complex64; 2] {
         let z = Complex64::from_polar(1.0, -2.0 * PI * hz / f64::from(model::ADC_RATE_HZ));
-        let [mut sum, mut moment] = [Complex64::ZERO; 2];
-        let length = u32::try_from(self.0.len()).unwrap_or(u32::MAX);
-        for (n, h) in (0..length).zip(&self.0).rev() {
-            sum = sum * z + h;
-            moment = moment * z + f64::from(n) * h;
-        }
-        [sum, moment]
+        let sum = self.0.iter().rev();
+        let sum = sum.fold(Complex64::ZERO, |sum, h| sum * z + h);
+        10.0 * sum.norm_sqr().log10()
     }
 }
 
@@ -305,16 +261,6 @@ mod tests {
             // The impulse response ends after 10 s, which changes the magnitude by at most 4e-4 dB
             // (measured).
             assert!((db - expected).abs() < 1e-3, "{hz} Hz: {db}");
-        }
-    }
-
-    #[test]
-    fn an_impulse_three_samples_late_has_a_delay_of_three_samples_and_gain_1() {
-        let late = ImpulseResponse(vec![0.0, 0.0, 0.0, 1.0]);
-        let three_ms = 3000.0 / f64::from(model::ADC_RATE_HZ);
-        for hz in [1.0, 40.0] {
-            assert!(late.magnitude_db(hz).abs() < 1e-12);
-            assert!((late.group_delay_ms(hz) - three_ms).abs() < 1e-9);
         }
     }
 }

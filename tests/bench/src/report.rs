@@ -46,7 +46,7 @@ struct Options {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Benchmark {
-    /// Filters: instructions on emulated microcontrollers, noise, and frequency response.
+    /// Filters: instructions on emulated microcontrollers, and noise.
     Filters,
     /// Encoder: instructions of each time step and kernel on emulated microcontrollers, memory, and
     /// computed cycles.

@@ -1,11 +1,7 @@
-//! The benchmark `filters`: compares filter implementations by executed instructions, noise and
-//! frequency response, and draws the results.
+//! The benchmark `filters`: compares filter implementations by executed instructions and noise.
 
 mod noise;
 
-use std::path::Path;
-
-use anyhow::Context;
 use emulator::{Image, MACHINES, Machine};
 use fixed_dsp::BLOCK;
 use model::ELECTRODES;
@@ -20,7 +16,7 @@ use super::inputs::{self, Inputs};
 use crate::block::{self, BYTES, Block};
 use crate::contenders::{NAMES, with_contenders};
 use crate::tally::Tally;
-use demo::response::{Response, Twin};
+use demo::response::Twin;
 
 /// Name of the contender (compared filter) whose figures have limits.
 const OURS: &str = "ours-blocks";
@@ -78,11 +74,10 @@ impl Counts {
     }
 }
 
-/// Counts the contenders' instructions, measures the noise, and draws response and noise.
+/// Counts the contenders' instructions and measures the noise.
 ///
 /// # Errors
-/// QEMU or the target is missing, the image does not build or run, or an input or picture cannot be
-/// made.
+/// QEMU or the target is missing, the image does not build or run, or an input cannot be made.
 pub(crate) fn measure() -> anyhow::Result<Report> {
     let image = Image::build("bench", "filters", &[])?;
     let inputs = inputs::blocks()?;
@@ -99,7 +94,6 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     let twin = Twin::new(&checked_in::artifact()?.description.filters);
     eprintln!("measuring the noise of our filters and of idsp's");
     let noise = Noise::measure(&twin);
-    draw(&twin, &noise, &image.create_folder("bench")?)?;
     report(&inputs, &machines, &noise)
 }
 
@@ -131,24 +125,6 @@ fn different(expected: &[u8], output: &[u8]) -> [usize; NAMES.len()] {
         different[contender] += usize::from(expected[twin] != *block);
     }
     different
-}
-
-fn draw(twin: &Twin, noise: &Noise, folder: &Path) -> anyhow::Result<()> {
-    let response = Response::measure(twin);
-    for (name, curves) in [
-        ("filters-response.svg", response.magnitude()),
-        ("filters-group-delay.svg", response.group_delay()),
-        ("filters-noise.svg", noise.chart()),
-    ] {
-        curves.draw(&folder.join(name)).with_context(|| {
-            let folder = folder.display();
-            format!(
-                "drawing the pictures failed\n  next: is {folder} writable, and the disk not full?"
-            )
-        })?;
-    }
-    eprintln!("pictures: {}", folder.display());
-    Ok(())
 }
 
 fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow::Result<Report> {
