@@ -3,7 +3,6 @@
 
 mod architecture;
 mod bad_electrodes;
-mod board_chain;
 mod calibrated_model;
 mod catkin;
 mod closed_loop;
