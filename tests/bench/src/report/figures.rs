@@ -85,17 +85,15 @@ impl Report {
         let limits: Limits = checked_in::table("limits.toml", text, benchmark)?;
         let mut faults = Vec::new();
         for (name, limit) in &limits {
-            let figures = figures(&object, name);
-            if figures.is_empty() {
+            let Some(figure) = object.get(name) else {
                 faults.push(format!("limits.toml names {name}, which is not measured"));
-            }
-            for (label, figure) in figures {
-                if !limit.contains(figure) {
-                    let (figure, reason) = (table::cell(figure), &limit.reason);
-                    faults.push(format!(
-                        "{label} is {figure}; the limit is {limit} ({reason})"
-                    ));
-                }
+                continue;
+            };
+            if !limit.contains(figure) {
+                let (figure, reason) = (table::cell(figure), &limit.reason);
+                faults.push(format!(
+                    "{name} is {figure}; the limit is {limit} ({reason})"
+                ));
             }
         }
         object["faults"] = faults.clone().into();
@@ -117,19 +115,6 @@ impl Report {
         );
         Ok(())
     }
-}
-
-/// Returns the figure `name` of `object`, with its name as label. If there is none, returns the
-/// figures of that name in the array `rooms`, each labelled with its microcontroller.
-fn figures<'o>(object: &'o Json, name: &str) -> Vec<(String, &'o Json)> {
-    if let Some(figure) = object.get(name) {
-        return vec![(name.to_owned(), figure)];
-    }
-    let rooms = object["rooms"].as_array().into_iter().flatten();
-    let label = |room: &Json| format!("{name} of {}", table::cell(&room["part"]));
-    rooms
-        .filter_map(|room| Some((label(room), room.get(name)?)))
-        .collect()
 }
 
 /// Returns the median of a figure over rounds, in each of which all contenders are timed in turn;
