@@ -21,7 +21,6 @@ pub mod chain;
 pub mod emulated_board;
 pub mod files;
 pub mod lossy_cable;
-pub mod npz;
 pub mod numpy_reference;
 pub mod other_model;
 pub mod port;
