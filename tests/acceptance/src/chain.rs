@@ -31,8 +31,6 @@ const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
 /// A NeuroFrame that the subscriber `tests/acceptance/ros/subscribe.py` has received and printed.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Message {
-    /// Time at which the subscriber received the message, in seconds of a monotonic clock.
-    pub arrival: f64,
     /// MD5 sum of the message's definition, from the header of the publisher's connection.
     pub md5: String,
     /// Name of the message's type, from the header of the publisher's connection.
@@ -187,11 +185,6 @@ impl<'a> Chain<'a> {
         board.arg("run").args(arguments).arg("--realtime");
         board.arg(format!("--output=pty:{}", port(self.folder).display()));
         Process::start("board", &mut board, self.folder).expect("host-sim starts")
-    }
-
-    /// Starts another subscriber to the topic `/encoded`, which carries the codes.
-    pub fn another_subscriber(&self) -> Process {
-        self.subscriber_of("/encoded")
     }
 
     /// Starts a subscriber to `topic`, which must carry NeuroFrames.
