@@ -10,10 +10,11 @@ use std::time::Duration;
 
 use acceptance::files::write_gdf;
 use acceptance::port::free_port;
-use acceptance::{numpy_reference, process, programs::programs, real_data, workspace};
-use artifact::Artifact;
+use acceptance::{numpy_reference, process, programs::programs, real_data};
 use link::{Code, Decoder, MAX_FRAME, ToHost};
 use recordings::Recording;
+
+use crate::inputs::artifact;
 
 /// Duration of the synthetic recording in seconds.
 const SECONDS: u32 = 12;
@@ -355,9 +356,11 @@ fn real_recordings_of_three_formats_are_encoded_and_decoded() {
     let _ = std::io::stdout().write_all(text.as_bytes());
     // Largest permitted PRD over the measured electrodes, as a multiple of the PRD in the model's
     // card, which was measured on recordings like the EDF file.
-    let artifact =
-        Artifact::read(&workspace::root().join("signal/model/artifact")).expect("the artifact");
-    let card = artifact.description.training.prd_percent.expect("figures");
+    let card = artifact()
+        .description
+        .training
+        .prd_percent
+        .expect("figures");
     for (name, ratio) in [("r11.edf", 1.2), ("again.bdf", 1.2), ("paper.gdf", 2.0)] {
         let limit = ratio * card.autoencoder_int8;
         let line = text

@@ -11,13 +11,13 @@ use acceptance::port::free_port;
 use acceptance::printing::{self, board, messages};
 use acceptance::process::Process;
 use acceptance::ros;
-use artifact::Artifact;
 use artifact::reconstruction::{PackedBlock, PackedDecoder};
 use emulator::skip::skipped;
-use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use model::{ADC_RATE_HZ, ELECTRODES, HOP, STEP_RATE_HZ, SUBSTITUTION};
-use pipeline::{Acquisition, ExclusionPolicy, Mains, PackedEncoder, Rate, Sample, Substitution};
+use pipeline::{Acquisition, ExclusionPolicy, Mains, PackedEncoder, Rate, Substitution};
+
+use crate::inputs::{artifact, synthetic};
 
 /// Duration of the EEG that the board encodes, in seconds.
 const SECONDS: usize = 8;
@@ -37,8 +37,6 @@ type Frame = (Vec<f32>, u64);
 /// the electrodes `excluded` (bit n is electrode n) are filled from the others, if the model has a
 /// table for it.
 fn blocks(excluded: u64) -> Vec<Vec<u8>> {
-    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
-    let generator = Generator::new(&spec).expect("the model's electrodes");
     let mut acquisition = Acquisition::new(Mains::Hz50);
     let mut encoder = Box::new(PackedEncoder::new());
     encoder.set_rate(Rate::new(RATE).expect("a rate"));
@@ -47,10 +45,10 @@ fn blocks(excluded: u64) -> Vec<Vec<u8>> {
         always: excluded,
         ..ExclusionPolicy::AUTOMATIC
     };
-    let samples = generator.take(SECONDS * usize::from(ADC_RATE_HZ));
-    let steps = samples.filter_map(|counts| {
-        substitution.observe_sample(&Sample { counts });
-        let mut step = acquisition.process_sample(&Sample { counts })?;
+    let samples = synthetic(7).take(SECONDS * usize::from(ADC_RATE_HZ));
+    let steps = samples.filter_map(|sample| {
+        substitution.observe_sample(&sample);
+        let mut step = acquisition.process_sample(&sample)?;
         if let Some(table) = &SUBSTITUTION {
             substitution.fill_step(&mut step, policy, table);
         }
@@ -65,8 +63,7 @@ fn blocks(excluded: u64) -> Vec<Vec<u8>> {
 
 /// Decodes blocks with the library; `None` stands for a lost block.
 fn decode(blocks: &[Option<&Vec<u8>>]) -> Vec<PackedBlock> {
-    let artifact = Artifact::from_files(model::artifact_files::FILES);
-    let artifact = artifact.expect("the built-in model");
+    let artifact = artifact();
     let mut decoder = PackedDecoder::new(artifact.packed.as_ref().expect("a packed model"));
     let rate = Rate::new(RATE).expect("a rate");
     let decoded = blocks.iter().map(|block| match block {

@@ -11,11 +11,12 @@ use acceptance::programs::programs;
 use acceptance::{ros, workspace};
 use any_model::any_classifier;
 use demo::closed_loop::{features, predictions};
-use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ};
 use pipeline::{Mains, Sample};
 use rustix::process::Signal;
 use serde::Deserialize;
+
+use crate::inputs::synthetic;
 
 /// Duration of the EEG, seconds: the filters settle in the first ten.
 const SECONDS: usize = 14;
@@ -35,10 +36,7 @@ struct Printed {
 
 /// Returns the board's synthetic EEG.
 fn samples() -> impl Iterator<Item = Sample> {
-    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
-    let generator = Generator::new(&spec).expect("the model's electrodes");
-    let samples = generator.map(|counts| Sample { counts });
-    samples.take(SECONDS * usize::from(ADC_RATE_HZ))
+    synthetic(7).take(SECONDS * usize::from(ADC_RATE_HZ))
 }
 
 /// Starts `integrate.py` on the bridge's default topic.

@@ -7,7 +7,8 @@ use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_continuous};
 use acceptance::port::free_port;
 use acceptance::{emulated_board, ros};
 use emulator::installed;
-use host_sim::synthetic::{Generator, SyntheticSpec};
+
+use crate::inputs::synthetic;
 
 /// Duration in seconds of the EEG whose codes must arrive, unless `CORTICODE_QEMU_SECONDS` sets
 /// another.
@@ -29,8 +30,7 @@ fn every_code_of_an_emulated_microcontroller_reaches_rospy() {
     let folder = tempfile::tempdir().expect("a folder");
     let port = free_port().expect("a port");
     let mut chain = Chain::start_at(folder.path(), &format!("tcp:127.0.0.1:{port}"));
-    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
-    let eeg = Generator::new(&spec).expect("the model's electrodes");
+    let eeg = synthetic(7).map(|sample| sample.counts);
     let mut board = emulated_board::start(&image, port, folder.path(), eeg);
 
     chain.wait_for(1);

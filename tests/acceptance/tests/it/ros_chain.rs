@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5, messages_of};
 use acceptance::{real_data, ros};
-use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use pipeline::{Mains, Pipeline, Sample};
+
+use crate::inputs::{recorded, synthetic};
 
 /// Duration of the EEG that the board encodes in each test, in seconds.
 const SECONDS: u32 = 20;
@@ -20,13 +21,8 @@ fn every_code_of_synthetic_eeg_reaches_rospy() {
     if !ros::available(test) {
         return;
     }
-    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
-    let mut generator = Generator::new(&spec).expect("the model's electrodes");
-    let samples = std::iter::repeat_with(|| Sample {
-        counts: generator.next_sample(),
-    });
     let input = ["--input=synthetic", "--seed=7"];
-    passes(&input, Mains::Hz50, samples, &[]);
+    passes(&input, Mains::Hz50, synthetic(7), &[]);
 }
 
 #[test]
@@ -39,10 +35,9 @@ fn every_code_of_a_gdf_recording_at_512_hz_reaches_rospy() {
         return;
     };
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
-    let samples = real_data::samples(&path, &electrodes).expect("samples");
-    let samples = samples.map(|sample| sample.expect("a whole recording"));
+    let samples = recorded(&path);
     let input = format!("--input={}", path.display());
-    let missing = real_data::interpolated(&path, &electrodes).expect("a recording");
+    let missing = real_data::interpolated(&path, &electrodes);
     passes(&[&input, "--mains=60"], Mains::Hz60, samples, &missing);
 }
 
