@@ -83,9 +83,6 @@ enum Benchmark {
         /// Measure only the montage of this name.
         #[arg(long)]
         montage: Option<String>,
-        /// Leave out flash and RAM of the boards' images, whose builds take most of the time.
-        #[arg(long)]
-        without_boards: bool,
         /// Number of windows that are encoded and compared for each model, over all inputs.
         #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
         windows: u32,
@@ -141,16 +138,8 @@ fn run(options: &Options) -> anyhow::Result<()> {
         Benchmark::Lossless => lossless::measure()?,
         Benchmark::Substitution => substitution::measure()?,
         Benchmark::Model { folder, windows } => models::measure_folder(folder, *windows as usize)?,
-        Benchmark::Montages {
-            montage,
-            without_boards,
-            windows,
-        } => {
-            let parts = if *without_boards {
-                Parts::Encoder
-            } else {
-                Parts::EncoderAndBoards
-            };
+        Benchmark::Montages { montage, windows } => {
+            let parts = Parts::EncoderAndBoards;
             models::measure_montages(montage.as_deref(), *windows as usize, parts)?
         }
         Benchmark::Host => host::measure()?,

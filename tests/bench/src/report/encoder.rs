@@ -7,11 +7,10 @@ mod cycles;
 use emulator::{Image, MACHINES, Machine};
 use model::CODE_FORMAT;
 use pipeline::{CodeValues, Encoder, Plane, Step};
-use serde_json::{Value as Json, json};
+use serde_json::json;
 
 use self::counts::{Counts, Printed};
 use self::cycles::{LoopCycles, REST_M4, REST_M7, load_percent};
-use super::checked_in;
 use super::figures::Report;
 use super::images;
 use super::inputs::{self, Inputs};
@@ -138,7 +137,6 @@ fn report(
     let ram_bytes = machines.iter().map(|counts| counts.ram_bytes).max();
     let ram_bytes = ram_bytes.unwrap_or(u32::MAX);
     let steps = inputs.data.iter().map(Vec::len);
-    let published = include_str!("../../published.toml");
     let mut figures = json!({
         // The cycles include the shortcut, and assume code and data in memory without wait states.
         "cycles_per_code_m4": m4,
@@ -155,7 +153,6 @@ fn report(
         "machines": machines,
         "inputs": inputs.names,
         "skipped": inputs.skipped,
-        "counted_elsewhere": checked_in::table::<Json>("published.toml", published, "encoder")?,
     });
     // The figures with limits are those of the Cortex-M4F. The kernels for the Cortex-M7 have more
     // instructions, which that processor can issue in pairs.

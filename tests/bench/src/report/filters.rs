@@ -6,7 +6,7 @@ use emulator::{Image, MACHINES, Machine};
 use fixed_dsp::BLOCK;
 use model::ELECTRODES;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value as Json, json};
+use serde_json::json;
 
 use self::noise::Noise;
 use super::checked_in;
@@ -134,7 +134,6 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
     let peer = all().filter(|each| each.name == IDSP_DITHER);
     let peer = peer.map(|each| each.fewest).fold(f64::INFINITY, f64::min);
     let mut all_ours = all().filter(|each| each.name.starts_with("ours"));
-    let published = include_str!("../../published.toml");
     let figures = json!({
         // Most instructions of our filters, four samples at a time, over all inputs and both
         // machines.
@@ -150,7 +149,6 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
         "noise_nv": noise,
         "inputs": inputs.names,
         "skipped": inputs.skipped,
-        "published_elsewhere": checked_in::table::<Json>("published.toml", published, "filters")?,
     });
     let next = "see `machines`; compare with `git log` of fixed-dsp, model and the toolchain";
     Report::new("filters", figures, next)

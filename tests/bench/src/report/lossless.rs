@@ -82,18 +82,6 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&machines, state_bytes, &inputs.skipped)
 }
 
-/// Returns the mean number of compressed bits per sample of one channel of synthetic EEG, computed
-/// on this PC alone.
-///
-/// # Errors
-/// An input cannot be made, or a block differs after decompression.
-pub(crate) fn bits_per_sample() -> anyhow::Result<Option<f64>> {
-    let inputs = inputs::samples(BLOCKS * MAX_SAMPLES)?;
-    let bits = Expected::new(&inputs)?.bits;
-    let mut named = inputs.names.iter().zip(bits);
-    Ok(named.find_map(|(name, bits)| (*name == EEG).then_some(bits)))
-}
-
 impl Expected {
     /// Compresses all inputs on this PC and decompresses every block.
     ///
