@@ -6,7 +6,6 @@ mod cost;
 mod encoder;
 mod figures;
 mod filters;
-mod host;
 mod images;
 mod inputs;
 mod lossless;
@@ -87,8 +86,6 @@ enum Benchmark {
         #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
         windows: u32,
     },
-    /// Encoder on this PC: codes per second on one core, also of PyTorch where it is installed.
-    Host,
     /// Recordings encoded and decoded on one core of this PC, as multiples of real time; scipy and
     /// PyTorch for comparison, where they are installed.
     Offline {
@@ -142,7 +139,6 @@ fn run(options: &Options) -> anyhow::Result<()> {
             let parts = Parts::EncoderAndBoards;
             models::measure_montages(montage.as_deref(), *windows as usize, parts)?
         }
-        Benchmark::Host => host::measure()?,
         Benchmark::Offline { seconds } => offline::measure(*seconds)?,
         Benchmark::Bridge { seconds } => nodes::bridge::measure(*seconds)?,
         Benchmark::Node { rate, seconds } => nodes::node::measure(*rate, *seconds)?,

@@ -170,7 +170,7 @@ mod tests {
     }
 
     fn report(figures: Json) -> Report {
-        Report::new("host", figures, "look there").expect("limits.toml")
+        Report::new("offline", figures, "look there").expect("limits.toml")
     }
 
     #[test]
@@ -199,18 +199,18 @@ mod tests {
 
     #[test]
     fn an_exceeded_limit_is_named_with_value_bound_and_next_step() {
-        let sound = report(json!({"int8_rms_steps": 4.0, "torch_relative": null, "list": [1, 2]}));
+        let sound = report(json!({"prd_percent": 16.0, "torch_prd_percent": null, "list": [1, 2]}));
         assert_eq!(sound.faults(), [""; 0]);
         let text = sound.to_string();
-        for words in ["  4          at most 4\n", "not measured", "\nlist: 1, 2\n"] {
+        for words in ["  16    at most 16\n", "not measured", "\nlist: 1, 2\n"] {
             assert!(text.contains(words), "{text}");
         }
-        let failure = report(json!({"int8_rms_steps": 4.5}))
+        let failure = report(json!({"prd_percent": 16.5}))
             .outcome()
-            .expect_err("above 4");
+            .expect_err("above 16");
         for words in [
-            "`host` failed: int8_rms_steps is 4.5; the limit is at most 4 (",
-            "limits.toml names torch_relative, which is not measured\n  next: look there",
+            "`offline` failed: prd_percent is 16.5; the limit is at most 16 (",
+            "limits.toml names torch_prd_percent, which is not measured\n  next: look there",
         ] {
             assert!(failure.to_string().contains(words), "{failure}");
         }
