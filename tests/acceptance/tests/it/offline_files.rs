@@ -136,8 +136,8 @@ fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
         return;
     }
     let script = "import sys, numpy as np\n\
-        theirs = np.load('wire.reconstructed.npz')\n\
-        ours = np.load('decoded.npz')\n\
+        theirs = np.load(sys.argv[1] + '/wire.reconstructed.npz')\n\
+        ours = np.load(sys.argv[1] + '/decoded.npz')\n\
         rows = theirs['rows']['values']\n\
         assert list(ours['labels']) == list(theirs['labels']), 'labels'\n\
         assert ours['uv'].dtype == np.float32 and len(rows) > 1000, len(rows)\n\
@@ -145,18 +145,9 @@ fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
         assert np.array_equal(ours['uv'][:len(rows)], rows), 'microvolts'\n\
         assert len(ours['uv']) >= len(rows) + 8, 'the last hop is more'\n\
         print(len(rows))\n";
-    let mut python = Command::new("/usr/bin/python3");
-    let python = python
-        .current_dir(folder)
-        .arg("-c")
-        .arg(script)
-        .output()
-        .expect("python starts");
-    assert!(
-        python.status.success(),
-        "{}",
-        String::from_utf8_lossy(&python.stderr)
-    );
+    let path = folder.join("compare.py");
+    fs::write(&path, script).expect("a file");
+    numpy_reference::run(path, folder).unwrap_or_else(|error| panic!("{error}"));
 }
 
 #[test]
