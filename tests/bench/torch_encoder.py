@@ -1,22 +1,11 @@
-"""The encoder in PyTorch, f32, on one thread, timed for comparison by `cargo xtask bench host`.
-
-    python3 torch_encoder.py WEIGHTS CELLS CODES < WINDOWS
-
-WINDOWS are f32, [window][step][row][column] of 16 time steps, 10 rows and 9 columns; CELLS are the cells of the
-electrodes, separated by commas. Prints one JSON object: PyTorch's version, the values of the first CODES codes,
-and codes per second with one window per call ("single") and with all windows in one call ("batch").
-"""
+"""The encoder in PyTorch, f32, for `offline_torch.py` and `rospy_node.py`."""
 
 import json
 import struct
 import sys
-import time
 
 import torch
 from torch import nn
-
-# Shortest duration of a measurement; tests/bench/src/report/host.rs has the same.
-TURN_S = 0.2
 
 
 def tensors(path):
@@ -71,34 +60,3 @@ class Encoder(nn.Module):
         x = self.fc(self.pool(x).flatten(1))
         electrodes = windows.flatten(2).index_select(2, self.cells)
         return x + self.shortcut(electrodes.flatten(1))
-
-
-def speed(encoder, batches):
-    """Returns codes per second, after one call that warms up."""
-    encoder(batches[0])
-    codes, start = 0, time.perf_counter()
-    while time.perf_counter() - start < TURN_S:
-        for batch in batches:
-            codes += len(encoder(batch))
-    return codes / (time.perf_counter() - start)
-
-
-def main():
-    _, weights, cells, codes = sys.argv
-    torch.set_num_threads(1)
-    torch.set_num_interop_threads(1)
-    encoder = Encoder(tensors(weights), [int(cell) for cell in cells.split(",")]).eval()
-    windows = torch.frombuffer(bytearray(sys.stdin.buffer.read()), dtype=torch.float32)
-    windows = windows.reshape(-1, 16, 10, 9)
-    with torch.no_grad():
-        answer = {
-            "version": torch.__version__,
-            "codes": encoder(windows)[: int(codes)].flatten().tolist(),
-            "single": speed(encoder, windows.split(1)),
-            "batch": speed(encoder, [windows]),
-        }
-    json.dump(answer, sys.stdout, allow_nan=False)
-
-
-if __name__ == "__main__":
-    main()

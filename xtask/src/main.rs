@@ -66,7 +66,7 @@ enum Verb {
         fast: bool,
     },
     /// Count instructions on an emulated microcontroller, for the checked-in model or another one,
-    /// measure and draw the filters' noise, or time the encoder, the bridge or the node on this PC;
+    /// measure the filters' noise, or time host-sim's files, the bridge or the node on this PC;
     /// `cargo xtask bench --help` lists the options
     #[command(disable_help_flag = true)]
     Bench {

@@ -41,11 +41,11 @@ pub(crate) fn closed_loop(
 }
 
 /// Runs the program `report` of the benchmarks with the arguments `words`. It is optimised only for
-/// `host`, `offline`, `training`, `bridge` and `node`, the benchmarks that measure time on this PC.
+/// `offline`, `bridge` and `node`, the benchmarks that measure time on this PC.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;
     match words.first().map(String::as_str) {
-        Some("host" | "offline" | "training") => {
+        Some("offline") => {
             replace(cargo("run --release --package bench --bin report --").args(words))
         }
         Some(benchmark @ ("bridge" | "node")) => {

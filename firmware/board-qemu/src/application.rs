@@ -15,7 +15,7 @@ use firmware::{
 use link::{ResetCause, Start, Streams};
 use pipeline::{Acquisition, Mains};
 
-use crate::failure::{self, FAILURES};
+use crate::failure;
 use crate::interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt, SHARED};
 use crate::sample_source::{FILE_ENDED, SampleSource};
 use crate::semihosting::{Arguments, HostFile};
@@ -108,13 +108,6 @@ async fn feed_watchdog() {
     firmware::keep_alive(&SHARED.progress, failure::feed_watchdog).await;
 }
 
-/// Calls `cause` one second after the start, so that this task fails as a test has requested.
-#[embassy_executor::task]
-async fn fail(cause: fn()) {
-    Timer::after_secs(1).await;
-    cause();
-}
-
 #[entry]
 fn main() -> ! {
     let started = start();
@@ -164,13 +157,6 @@ fn start() -> Result<(), SpawnError> {
         conversation.spawn(play_commands(file, boot)?);
     }
     let encoding = ENCODE.start(Interrupt::Encode);
-    if previous.is_none()
-        && let Some((_, cause)) = FAILURES
-            .into_iter()
-            .find(|(argument, _)| arguments.has(argument))
-    {
-        encoding.spawn(fail(cause)?);
-    }
     encoding.spawn(encode(memory.encode)?);
     let acquisition = ACQUIRE.start(Interrupt::Acquire);
     acquisition.spawn(acquire(source, memory.acquire)?);

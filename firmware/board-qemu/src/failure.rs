@@ -56,15 +56,3 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
         "hard fault at {pc:#010x}, called from {lr:#010x}"
     )))
 }
-
-/// Failures that a test can request: for each, the emulator argument that requests it, and a
-/// function that makes the calling task fail in this way.
-pub(crate) const FAILURES: [(&str, fn()); 3] = [
-    ("hang", || {
-        loop {
-            cortex_m::asm::nop();
-        }
-    }),
-    ("panic", || panic!("asked to panic")),
-    ("fault", || cortex_m::asm::udf()),
-];

@@ -14,7 +14,6 @@
 //! | `start` | streams codes without a command from the host |
 //! | `start-all` | starts all streams but packed blocks without a command from the host |
 //! | `start-packed` | starts all streams that need no network without a command from the host |
-//! | `hang`, `panic`, `fault` | a task fails in this way 1 s after the first boot; the second boot reports it |
 //! | `commands` | delivers the commands in the file `commands::COMMANDS` at their times |
 //! | `trigger` | applies the edges in the file `trigger::EDGES` to the trigger input |
 #![cfg_attr(target_os = "none", no_std)]

@@ -27,7 +27,6 @@ def main():
     integrated = []
 
     def heard(message):
-        now = time.time()
         soft = list(message.softpredict.data)
         if len(soft) != len(message.decoder.classes):
             raise ValueError("%d probabilities of %d classes" % (len(soft), len(message.decoder.classes)))
@@ -36,8 +35,6 @@ def main():
         integrated[:] = [ALPHA * old + (1 - ALPHA) * new for old, new in zip(integrated, soft)]
         line = json.dumps(
             {
-                "now": now,
-                "stamp": message.header.stamp.to_sec(),
                 "seq": message.neuroheader.seq,
                 "flags": message.header.frame_id,
                 "soft": soft,

@@ -11,7 +11,6 @@ is subscribed; ends on a signal.
 import json
 import sys
 import threading
-import time
 
 import rospy
 from rosneuro_msgs.msg import NeuroFrame
@@ -22,13 +21,10 @@ def main():
     lock = threading.Lock()
 
     def heard(message):
-        arrival = time.monotonic()
         line = json.dumps(
             {
-                "arrival": arrival,
                 "md5": message._connection_header["md5sum"],
                 "type": message._connection_header["type"],
-                "callerid": message._connection_header["callerid"],
                 "header_seq": message.header.seq,
                 "stamp": message.header.stamp.to_sec(),
                 "seq": message.neuroheader.seq,
@@ -37,11 +33,7 @@ def main():
                 "exg": shape(message.exg),
                 "tri": shape(message.tri),
                 "status": dict(zip(message.tri.info.labels, message.tri.data)),
-                "unit": message.eeg.info.unit,
                 "transducter": message.eeg.info.transducter,
-                "prefiltering": message.eeg.info.prefiltering,
-                "smallest": min(message.eeg.data),
-                "largest": max(message.eeg.data),
                 "values": [round(value, 6) for value in message.eeg.data],
             }
         )

@@ -4,8 +4,8 @@
 //! workspace's own programs, emulated boards, ROS and numpy.
 //!
 //! ```text
-//! host-sim, QEMU or virtual-board ── PTY or TCP ──> bridge ──> roscore ──> rospy subscriber, rosbag
-//!                                    Chain: starts them, collects the messages, stops them
+//! host-sim or QEMU ── PTY or TCP ──> bridge ──> roscore ──> rospy subscriber, rosbag
+//!                     Chain: starts them, collects the messages, stops them
 //! ```
 //!
 //! ```
@@ -21,7 +21,6 @@ pub mod chain;
 pub mod emulated_board;
 pub mod files;
 pub mod lossy_cable;
-pub mod npz;
 pub mod numpy_reference;
 pub mod other_model;
 pub mod port;
@@ -31,5 +30,4 @@ pub mod programs;
 pub mod real_data;
 pub mod ros;
 pub mod ros_messages;
-pub mod virtual_board;
 pub mod workspace;

@@ -25,7 +25,7 @@ pub enum NumpyError {
     /// The Python program ended with an error.
     #[error("{PYTHON} {script} failed:\n{message}")]
     Failed {
-        /// File name of the Python program.
+        /// Name of the Python program, or of the array that it reads.
         script: String,
         /// What the program wrote to its standard error.
         message: String,
@@ -79,19 +79,41 @@ pub fn integer_codes<'w>(
         .collect())
 }
 
-/// Runs the program `script` in `tests/acceptance/tests/it` with `folder` as its argument, and
-/// prints what the program prints.
+/// Returns the values of the array `name` in the `.npz` file `archive`, in row-major order.
+///
+/// # Errors
+/// When Python fails, or the file has no such array.
+pub fn array(archive: &Path, name: &str) -> Result<Vec<f64>, NumpyError> {
+    let program = "import sys, numpy\n\
+                   array = numpy.load(sys.argv[1])[sys.argv[2]]\n\
+                   sys.stdout.buffer.write(array.astype('<f8').tobytes())";
+    let mut python = Command::new(PYTHON);
+    let bytes = output(python.args(["-c", program]).arg(archive).arg(name), name)?;
+    let values = bytes.as_chunks().0.iter().copied().map(f64::from_le_bytes);
+    Ok(values.collect())
+}
+
+/// Runs the program `script` with `folder` as its argument, and prints what the program prints. A
+/// relative path is one in `tests/acceptance/tests/it`.
 ///
 /// # Errors
 /// When Python does not start or the program fails.
-pub fn run(script: &str, folder: &Path) -> Result<(), NumpyError> {
+pub fn run(script: impl AsRef<Path>, folder: &Path) -> Result<(), NumpyError> {
+    let script = script.as_ref();
     let path = workspace::root()
         .join("tests/acceptance/tests/it")
         .join(script);
-    let output = Command::new(PYTHON).arg(path).arg(folder).output()?;
+    let mut python = Command::new(PYTHON);
+    let printed = output(python.arg(path).arg(folder), &script.to_string_lossy())?;
+    print!("{}", String::from_utf8_lossy(&printed));
+    Ok(())
+}
+
+/// Returns what `python` writes to its standard output; an error names the program `script`.
+fn output(python: &mut Command, script: &str) -> Result<Vec<u8>, NumpyError> {
+    let output = python.output()?;
     if output.status.success() {
-        print!("{}", String::from_utf8_lossy(&output.stdout));
-        return Ok(());
+        return Ok(output.stdout);
     }
     Err(NumpyError::Failed {
         script: script.to_owned(),

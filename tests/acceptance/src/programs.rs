@@ -79,7 +79,7 @@ pub fn trainer(what: &str) -> Option<PathBuf> {
 }
 
 /// Returns the path of the program `name`, as the JSON messages of cargo's build report it.
-pub(crate) fn executable(messages: &str, name: &str) -> PathBuf {
+fn executable(messages: &str, name: &str) -> PathBuf {
     let mut built = messages.lines().filter_map(|line| {
         let message: serde_json::Value = serde_json::from_str(line).ok()?;
         let is_it = message["target"]["name"] == name;

@@ -1,10 +1,10 @@
 //! Real EEG from the folder that `CORTICODE_DATA` names; its files are not part of the project.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use emulator::skip::skipped;
 use pipeline::Sample;
-use recordings::{AdcSpec, Missing, MontageMap, Recording, RecordingError, VirtualAdc};
+use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
 /// GDF file with 30 s of 61 electrodes at 512 Hz, as int16.
 pub const GDF_I16: &str = "derived/s001r04_61ch_512hz_i16.gdf";
@@ -17,17 +17,6 @@ pub const EDF_R11: &str = "eegmmidb_S001/S001R11.edf";
 /// EDF file with another recording of the same length and format as [`EDF_R11`], also not used for
 /// training.
 pub const EDF_R12: &str = "eegmmidb_S001/S001R12.edf";
-
-/// Reason why a recording cannot be converted to samples.
-#[derive(Debug, thiserror::Error)]
-pub enum SamplesError {
-    /// The file cannot be read.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-    /// The recording lacks an electrode that cannot be interpolated.
-    #[error(transparent)]
-    Montage(#[from] recordings::MontageMapError),
-}
 
 /// Returns the path of `file` in the folder `CORTICODE_DATA`. Without this variable, reports `test`
 /// as skipped and returns `None`.
@@ -55,27 +44,25 @@ pub fn path(test: &str, file: &str) -> Option<PathBuf> {
 /// Returns the samples of a recording at 512 Hz as the virtual ADC delivers them, with the channels
 /// in the order of `electrodes`.
 ///
-/// # Errors
-/// The file cannot be read, or lacks electrodes that cannot be interpolated.
-pub fn samples(
-    path: &std::path::Path,
-    electrodes: &[&str],
-) -> Result<impl Iterator<Item = Result<Sample, RecordingError>>, SamplesError> {
-    let recording = Recording::open(path)?;
-    let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate)?;
-    let adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512))?;
-    Ok(adc.map(|counts| counts.map(|counts| Sample { counts })))
+/// # Panics
+/// When the file cannot be read, or lacks electrodes that cannot be interpolated.
+pub fn samples(path: &Path, electrodes: &[&str]) -> impl Iterator<Item = Sample> + use<> {
+    let recording = Recording::open(path).expect("a recording");
+    let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate);
+    let map = map.expect("electrodes that can be interpolated");
+    let adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512)).expect("samples");
+    adc.map(|counts| Sample {
+        counts: counts.expect("a whole recording"),
+    })
 }
 
 /// Returns the labels of those `electrodes` that the recording lacks, which are interpolated.
 ///
-/// # Errors
+/// # Panics
 /// As [`samples`].
-pub fn interpolated(
-    path: &std::path::Path,
-    electrodes: &[&str],
-) -> Result<Vec<String>, SamplesError> {
-    let recording = Recording::open(path)?;
-    let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate)?;
-    Ok(map.interpolated().into_iter().map(str::to_owned).collect())
+pub fn interpolated(path: &Path, electrodes: &[&str]) -> Vec<String> {
+    let recording = Recording::open(path).expect("a recording");
+    let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate);
+    let map = map.expect("electrodes that can be interpolated");
+    map.interpolated().into_iter().map(str::to_owned).collect()
 }

@@ -6,7 +6,6 @@ mod cost;
 mod encoder;
 mod figures;
 mod filters;
-mod host;
 mod images;
 mod inputs;
 mod lossless;
@@ -17,7 +16,6 @@ mod packed;
 mod programs;
 mod substitution;
 mod table;
-mod training;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -47,7 +45,7 @@ struct Options {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Benchmark {
-    /// Filters: instructions on emulated microcontrollers, noise, and frequency response.
+    /// Filters: instructions on emulated microcontrollers, and noise.
     Filters,
     /// Encoder: instructions of each time step and kernel on emulated microcontrollers, memory, and
     /// computed cycles.
@@ -84,15 +82,10 @@ enum Benchmark {
         /// Measure only the montage of this name.
         #[arg(long)]
         montage: Option<String>,
-        /// Leave out flash and RAM of the boards' images, whose builds take most of the time.
-        #[arg(long)]
-        without_boards: bool,
         /// Number of windows that are encoded and compared for each model, over all inputs.
         #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
         windows: u32,
     },
-    /// Encoder on this PC: codes per second on one core, also of PyTorch where it is installed.
-    Host,
     /// Recordings encoded and decoded on one core of this PC, as multiples of real time; scipy and
     /// PyTorch for comparison, where they are installed.
     Offline {
@@ -100,9 +93,6 @@ enum Benchmark {
         #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(20..=86_400))]
         seconds: u32,
     },
-    /// Training on one thread of this PC: windows per second; PyTorch for comparison, where it is
-    /// installed.
-    Training,
     /// Bridge on this PC: intervals and latency of codes at a subscriber, processor time and
     /// memory; a node in rospy for comparison, where it is installed.
     Bridge {
@@ -145,21 +135,11 @@ fn run(options: &Options) -> anyhow::Result<()> {
         Benchmark::Lossless => lossless::measure()?,
         Benchmark::Substitution => substitution::measure()?,
         Benchmark::Model { folder, windows } => models::measure_folder(folder, *windows as usize)?,
-        Benchmark::Montages {
-            montage,
-            without_boards,
-            windows,
-        } => {
-            let parts = if *without_boards {
-                Parts::Encoder
-            } else {
-                Parts::EncoderAndBoards
-            };
+        Benchmark::Montages { montage, windows } => {
+            let parts = Parts::EncoderAndBoards;
             models::measure_montages(montage.as_deref(), *windows as usize, parts)?
         }
-        Benchmark::Host => host::measure()?,
         Benchmark::Offline { seconds } => offline::measure(*seconds)?,
-        Benchmark::Training => training::measure()?,
         Benchmark::Bridge { seconds } => nodes::bridge::measure(*seconds)?,
         Benchmark::Node { rate, seconds } => nodes::node::measure(*rate, *seconds)?,
     };

@@ -7,6 +7,8 @@ use emulator::skip::skipped;
 use model::{LABELS, STEP_RATE_HZ, SUBSTITUTION, Substitution as Table};
 use pipeline::{Acquisition, ExclusionPolicy, Mains, Substitution};
 
+use crate::inputs::recorded;
+
 const TEST: &str = "exclusions of the recordings of eight people";
 
 /// Largest number of exclusions per hour after the filters have settled, 20 % above the
@@ -52,8 +54,7 @@ fn excluded(path: &Path, table: &Table<'_>) -> (Vec<(f64, &'static str)>, f64) {
     let mut substitution = Box::new(Substitution::NEW);
     substitution.restart(mains);
     let (mut found, mut steps, mut settled, mut before) = (Vec::new(), 0.0, 0.0, 0);
-    for sample in real_data::samples(path, &labels).expect("samples") {
-        let sample = sample.expect("a whole recording");
+    for sample in recorded(path) {
         substitution.observe_sample(&sample);
         let Some(mut step) = acquisition.process_sample(&sample) else {
             continue;

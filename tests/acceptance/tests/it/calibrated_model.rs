@@ -13,6 +13,8 @@ use acceptance::programs::programs;
 use artifact::Artifact;
 use rustix::process::Signal;
 
+use crate::inputs;
+
 /// Longest wait for a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(2);
 
@@ -39,7 +41,7 @@ fn errors_at(rate: &str, table: &str) -> [f64; 2] {
 
 #[test]
 fn a_model_is_fitted_to_a_board_s_signal_and_the_bridge_streams_with_it() {
-    let built_in = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
+    let built_in = inputs::artifact();
     if built_in.packed.is_none() {
         return;
     }
@@ -158,7 +160,7 @@ fn write_recording(path: &Path, labels: &[String], is_bad: bool) {
 
 #[test]
 fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
-    let built_in = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
+    let built_in = inputs::artifact();
     if built_in.packed.is_none() {
         return;
     }

@@ -2,7 +2,6 @@
 //! crate `reconstruction`.
 
 use std::fs;
-use std::process::Command;
 
 use acceptance::{numpy_reference, workspace};
 use any_model::{Size, any_artifact_with, every_variant};
@@ -95,13 +94,7 @@ fn compare(artifact: &Artifact) -> f64 {
     fs::write(folder.join("z.f32"), bytes).expect("the folder is writable");
     let script = folder.join("decoding.py");
     fs::write(&script, format!("{}{MAIN}", program())).expect("the folder is writable");
-    let output = Command::new("/usr/bin/python3")
-        .arg(&script)
-        .arg(folder)
-        .output();
-    let output = output.expect("python starts");
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{message}");
+    numpy_reference::run(script, folder).unwrap_or_else(|error| panic!("{error}"));
     let theirs = fs::read(folder.join("windows.f64")).expect("numpy's windows");
     let theirs = theirs.as_chunks().0.iter().copied().map(f64::from_le_bytes);
     let theirs: Vec<f64> = theirs.collect();

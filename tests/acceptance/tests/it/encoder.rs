@@ -1,10 +1,11 @@
 //! The streaming encoder computes the same codes as the batch reference, on every window of an EEG
 //! recording that was not used for training.
 
-use acceptance::{real_data, workspace};
-use artifact::Artifact;
+use acceptance::real_data;
 use model_gen::IntegerModel;
-use pipeline::{Acquisition, Code, Encoder, FrontEnd, Mains, Plane, Sample, quantise};
+use pipeline::{Acquisition, Code, Encoder, FrontEnd, Mains, Plane, quantise};
+
+use crate::inputs::{artifact, recorded};
 
 const STEPS: usize = model::STEPS;
 
@@ -17,19 +18,14 @@ fn streaming_equals_batch_on_every_window_of_a_recording() {
     let Some(path) = real_data::path(&test, file) else {
         return;
     };
-    let artifact =
-        Artifact::read(&workspace::root().join("signal/model/artifact")).expect("the artifact");
-    let batch = model_gen::quantise(&artifact).expect("an integer model");
-    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
-    let samples = real_data::samples(&path, &electrodes).expect("samples");
+    let batch = model_gen::quantise(&artifact()).expect("an integer model");
 
     // The recordings come from a country where the mains frequency is 60 Hz.
     let (mut acquisition, mut encoder) = (Acquisition::new(Mains::Hz60), Encoder::new());
     let mut front_end = FrontEnd::new(Mains::Hz60, &model::RESAMPLER);
     let mut planes: Vec<Plane> = Vec::new();
     let mut codes: Vec<Code> = Vec::new();
-    for sample in samples {
-        let sample: Sample = sample.expect("a whole recording");
+    for sample in recorded(&path) {
         let step = acquisition.process_sample(&sample);
         codes.extend(step.and_then(|step| encoder.encode_step(&step)));
         planes.extend(

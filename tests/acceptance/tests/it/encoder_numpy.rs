@@ -4,12 +4,13 @@
 //! The numpy implementation, `encoder_numpy.py`, shares no code with the Rust implementations. It
 //! reads the integers that model-gen computes from the weights, in PyTorch's order.
 
-use acceptance::{numpy_reference, real_data, workspace};
+use acceptance::{numpy_reference, real_data};
 use any_model::Stress;
-use artifact::{Artifact, CodeFormat, IntegerCode};
-use host_sim::synthetic::{Generator, SyntheticSpec};
+use artifact::{CodeFormat, IntegerCode};
 use model::{HOP, STEPS};
-use pipeline::{Acquisition, CELLS, Encoder, Mains, Plane, Sample, Step};
+use pipeline::{CELLS, Encoder, Mains, Plane, Sample, Step};
+
+use crate::inputs::{self, recorded, synthetic};
 
 /// Number of windows that numpy encodes in all, unless `CORTICODE_WINDOWS` sets another number.
 const WINDOWS: usize = 1_000;
@@ -30,9 +31,7 @@ fn numpy_computes_the_codes_of_the_streaming_encoder() {
     let inputs = inputs(test);
     let codes: Vec<IntegerCode> = inputs.iter().flat_map(|planes| streamed(planes)).collect();
 
-    let artifact =
-        Artifact::read(&workspace::root().join("signal/model/artifact")).expect("the artifact");
-    let model = model_gen::quantise(&artifact).expect("an integer model");
+    let model = model_gen::quantise(&inputs::artifact()).expect("an integer model");
     let windows = inputs
         .iter()
         .flat_map(|planes| planes.windows(STEPS).step_by(HOP))
@@ -101,34 +100,23 @@ fn inputs(test: &str) -> Vec<Vec<Plane>> {
     let count = Stress::ALL.len() + 1 + usize::from(real.is_some());
     let steps = STEPS + HOP * (windows.div_ceil(count) - 1);
 
-    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let stress = Stress::ALL.map(|stress| {
         let planes = stress.planes(CELLS).take(steps);
         let planes = planes.map(|plane| std::array::from_fn(|cell| plane[cell]));
         planes.collect()
     });
     let mut inputs: Vec<Vec<Plane>> = stress.to_vec();
-    let generator = Generator::new(&SyntheticSpec::new(5, electrodes.iter().copied()));
-    let synthetic = generator
-        .expect("a generator")
-        .map(|counts| Sample { counts });
-    inputs.push(acquired(Mains::Hz50, synthetic, steps));
+    inputs.push(acquired(Mains::Hz50, synthetic(5), steps));
     if let Some(path) = real {
-        let samples = real_data::samples(&path, &electrodes).expect("samples");
-        let samples = samples.map(|sample| sample.expect("a whole recording"));
-        inputs.push(acquired(Mains::Hz60, samples, steps));
+        inputs.push(acquired(Mains::Hz60, recorded(&path), steps));
     }
     assert!(inputs.iter().all(|planes| planes.len() == steps));
     inputs
 }
 
 fn acquired(mains: Mains, samples: impl Iterator<Item = Sample>, steps: usize) -> Vec<Plane> {
-    let mut acquisition = Acquisition::new(mains);
-    samples
-        .filter_map(|sample| acquisition.process_sample(&sample))
-        .map(|step| step.plane)
-        .take(steps)
-        .collect()
+    let made = inputs::steps(mains, samples).take(steps);
+    made.map(|step| step.plane).collect()
 }
 
 fn streamed(planes: &[Plane]) -> Vec<IntegerCode> {

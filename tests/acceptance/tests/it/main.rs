@@ -3,7 +3,6 @@
 
 mod architecture;
 mod bad_electrodes;
-mod board_chain;
 mod calibrated_model;
 mod catkin;
 mod closed_loop;
@@ -13,6 +12,7 @@ mod encoder;
 mod encoder_numpy;
 mod filters;
 mod float_numpy;
+mod inputs;
 mod licences;
 mod manual;
 mod messages;

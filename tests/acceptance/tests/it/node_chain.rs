@@ -12,12 +12,13 @@ use acceptance::process::Process;
 use acceptance::programs::programs;
 use acceptance::ros::{Ros, TIMEOUT};
 use acceptance::{real_data, ros, workspace};
-use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::{Decoder, Flags, MAX_FRAME, ToHost};
 use neuro_ros::ros1::{Node, NodeOptions, Subscriber};
 use neuro_ros::{NeuroFrame, RosMessage, Wire};
 use recordings::{Block, Recording};
 use rustix::process::Signal;
+
+use crate::inputs::synthetic;
 
 /// Duration of the EEG in each test, in seconds.
 const SECONDS: usize = 12;
@@ -35,13 +36,13 @@ struct Eeg {
 
 impl Eeg {
     fn synthetic() -> Eeg {
-        let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
-        let mut generator = Generator::new(&spec).expect("the model's electrodes");
         let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
         let rate_hz = usize::from(model::ADC_RATE_HZ);
-        let rows = (0..SECONDS * rate_hz).map(|_| generator.next_sample());
-        let values = rows.flat_map(|counts| {
-            let uv = counts.map(|count| f64::from(count) * f64::from(model::LSB_NV) / 1000.0);
+        let rows = synthetic(7).take(SECONDS * rate_hz);
+        let values = rows.flat_map(|row| {
+            let uv = row
+                .counts
+                .map(|count| f64::from(count) * f64::from(model::LSB_NV) / 1000.0);
             #[expect(
                 clippy::cast_possible_truncation,
                 reason = "rounded to a NeuroFrame's float32"

@@ -10,10 +10,11 @@ use std::time::Duration;
 
 use acceptance::files::write_gdf;
 use acceptance::port::free_port;
-use acceptance::{numpy_reference, process, programs::programs, real_data, workspace};
-use artifact::Artifact;
+use acceptance::{numpy_reference, process, programs::programs, real_data};
 use link::{Code, Decoder, MAX_FRAME, ToHost};
 use recordings::Recording;
+
+use crate::inputs::artifact;
 
 /// Duration of the synthetic recording in seconds.
 const SECONDS: u32 = 12;
@@ -135,8 +136,8 @@ fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
         return;
     }
     let script = "import sys, numpy as np\n\
-        theirs = np.load('wire.reconstructed.npz')\n\
-        ours = np.load('decoded.npz')\n\
+        theirs = np.load(sys.argv[1] + '/wire.reconstructed.npz')\n\
+        ours = np.load(sys.argv[1] + '/decoded.npz')\n\
         rows = theirs['rows']['values']\n\
         assert list(ours['labels']) == list(theirs['labels']), 'labels'\n\
         assert ours['uv'].dtype == np.float32 and len(rows) > 1000, len(rows)\n\
@@ -144,18 +145,9 @@ fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
         assert np.array_equal(ours['uv'][:len(rows)], rows), 'microvolts'\n\
         assert len(ours['uv']) >= len(rows) + 8, 'the last hop is more'\n\
         print(len(rows))\n";
-    let mut python = Command::new("/usr/bin/python3");
-    let python = python
-        .current_dir(folder)
-        .arg("-c")
-        .arg(script)
-        .output()
-        .expect("python starts");
-    assert!(
-        python.status.success(),
-        "{}",
-        String::from_utf8_lossy(&python.stderr)
-    );
+    let path = folder.join("compare.py");
+    fs::write(&path, script).expect("a file");
+    numpy_reference::run(path, folder).unwrap_or_else(|error| panic!("{error}"));
 }
 
 #[test]
@@ -355,9 +347,11 @@ fn real_recordings_of_three_formats_are_encoded_and_decoded() {
     let _ = std::io::stdout().write_all(text.as_bytes());
     // Largest permitted PRD over the measured electrodes, as a multiple of the PRD in the model's
     // card, which was measured on recordings like the EDF file.
-    let artifact =
-        Artifact::read(&workspace::root().join("signal/model/artifact")).expect("the artifact");
-    let card = artifact.description.training.prd_percent.expect("figures");
+    let card = artifact()
+        .description
+        .training
+        .prd_percent
+        .expect("figures");
     for (name, ratio) in [("r11.edf", 1.2), ("again.bdf", 1.2), ("paper.gdf", 2.0)] {
         let limit = ratio * card.autoencoder_int8;
         let line = text

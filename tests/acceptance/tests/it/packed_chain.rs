@@ -11,14 +11,13 @@ use acceptance::port::free_port;
 use acceptance::printing::{self, board, messages};
 use acceptance::process::Process;
 use acceptance::ros;
-use artifact::Artifact;
 use artifact::reconstruction::{PackedBlock, PackedDecoder};
 use emulator::skip::skipped;
-use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use model::{ADC_RATE_HZ, ELECTRODES, HOP, STEP_RATE_HZ, SUBSTITUTION};
-use pipeline::{Acquisition, ExclusionPolicy, Mains, PackedEncoder, Rate, Sample, Substitution};
-use serde_json::Value;
+use pipeline::{Acquisition, ExclusionPolicy, Mains, PackedEncoder, Rate, Substitution};
+
+use crate::inputs::{artifact, synthetic};
 
 /// Duration of the EEG that the board encodes, in seconds.
 const SECONDS: usize = 8;
@@ -38,8 +37,6 @@ type Frame = (Vec<f32>, u64);
 /// the electrodes `excluded` (bit n is electrode n) are filled from the others, if the model has a
 /// table for it.
 fn blocks(excluded: u64) -> Vec<Vec<u8>> {
-    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
-    let generator = Generator::new(&spec).expect("the model's electrodes");
     let mut acquisition = Acquisition::new(Mains::Hz50);
     let mut encoder = Box::new(PackedEncoder::new());
     encoder.set_rate(Rate::new(RATE).expect("a rate"));
@@ -48,10 +45,10 @@ fn blocks(excluded: u64) -> Vec<Vec<u8>> {
         always: excluded,
         ..ExclusionPolicy::AUTOMATIC
     };
-    let samples = generator.take(SECONDS * usize::from(ADC_RATE_HZ));
-    let steps = samples.filter_map(|counts| {
-        substitution.observe_sample(&Sample { counts });
-        let mut step = acquisition.process_sample(&Sample { counts })?;
+    let samples = synthetic(7).take(SECONDS * usize::from(ADC_RATE_HZ));
+    let steps = samples.filter_map(|sample| {
+        substitution.observe_sample(&sample);
+        let mut step = acquisition.process_sample(&sample)?;
         if let Some(table) = &SUBSTITUTION {
             substitution.fill_step(&mut step, policy, table);
         }
@@ -66,8 +63,7 @@ fn blocks(excluded: u64) -> Vec<Vec<u8>> {
 
 /// Decodes blocks with the library; `None` stands for a lost block.
 fn decode(blocks: &[Option<&Vec<u8>>]) -> Vec<PackedBlock> {
-    let artifact = Artifact::from_files(model::artifact_files::FILES);
-    let artifact = artifact.expect("the built-in model");
+    let artifact = artifact();
     let mut decoder = PackedDecoder::new(artifact.packed.as_ref().expect("a packed model"));
     let rate = Rate::new(RATE).expect("a rate");
     let decoded = blocks.iter().map(|block| match block {
@@ -118,13 +114,6 @@ fn counts(blocks: &[Vec<u8>]) -> String {
         "packed blocks: made {BLOCKS} received {BLOCKS} lost 0 fillers 0 bits {}",
         8 * bytes
     )
-}
-
-/// Returns the value of `key` in a diagnostic status of the bridge; `None` without that key.
-fn value(status: &Value, key: &str) -> Option<f64> {
-    let values = status["values"].as_array()?;
-    let found = values.iter().find(|value| value["key"] == key)?;
-    found["value"].as_str()?.parse().ok()
 }
 
 #[test]
@@ -178,17 +167,6 @@ fn packed_blocks_alone_reach_rospy_as_the_library_decodes_them() {
 }
 
 #[test]
-fn blocks_are_decoded_at_once_or_corrected_and_take_few_bits_on_the_wire() {
-    for is_at_once in [true, false] {
-        let blocks = blocks(0);
-        let option = format!("--low-latency={is_at_once}");
-        let (flags, lines) = assert_decoded(&blocks, is_at_once, &[&option]);
-        assert!(flags.iter().all(|flags| flags & SUBSTITUTED == 0));
-        report_bits(&lines);
-    }
-}
-
-#[test]
 fn an_electrode_that_the_user_excludes_is_filled_flagged_and_named() {
     if SUBSTITUTION.is_none() {
         return skipped(
@@ -198,27 +176,13 @@ fn an_electrode_that_the_user_excludes_is_filled_flagged_and_named() {
     }
     let mut labels = model::LABELS.split(' ');
     let excluded = labels.position(|label| label == "Cz").expect("Cz");
-    let (flags, lines) = assert_decoded(&blocks(1 << excluded), false, &["--exclude=Cz"]);
-    assert!(flags.iter().all(|flags| flags & SUBSTITUTED != 0));
-    let named = "filled from the others: Cz";
-    assert!(messages(&lines, "/diagnostics").any(|report| report.to_string().contains(named)));
-}
-
-/// Runs a bridge with `options` beside a board, and asserts that it prints what the library decodes
-/// from `blocks`: each at once, or corrected by the next. Returns the flags of all frames, and all
-/// that the bridge has printed.
-fn assert_decoded(blocks: &[Vec<u8>], is_at_once: bool, options: &[&str]) -> (Vec<u64>, String) {
+    let blocks = blocks(1 << excluded);
     let all: Vec<_> = blocks.iter().map(Some).collect();
-    let decoded = decode(&all);
-    let expected = if is_at_once {
-        decoded.into_iter().map(|block| block.microvolts).collect()
-    } else {
-        expected(&decoded)
-    };
+    let expected = expected(&decode(&all));
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let port = folder.join("board").display().to_string();
-    let mut printing = print_blocks(folder, &port, options);
+    let mut printing = print_blocks(folder, &port, &["--exclude=Cz"]);
     let ended = board(folder, SECONDS, &format!("pty:{port}")).wait(SLACK);
     assert!(ended.success());
     printing.wait_until("all frames", SLACK, |bridge| {
@@ -226,43 +190,13 @@ fn assert_decoded(blocks: &[Vec<u8>], is_at_once: bool, options: &[&str]) -> (Ve
         printed(&bridge.output()).len() + 1 >= expected.len()
     });
     let [lines, log] = printing::stop(printing, folder);
-    let (frames, flags): (Vec<_>, Vec<_>) = printed(&lines).into_iter().unzip();
-    assert!(frames == expected, "{} frames, {options:?}", frames.len());
-    let counts = counts(blocks);
+    let (frames, flags): (Vec<_>, Vec<u64>) = printed(&lines).into_iter().unzip();
+    assert!(frames == expected, "{} frames", frames.len());
+    let counts = counts(&blocks);
     assert!(log.contains(&counts), "{log}");
-    (flags, lines)
-}
-
-/// Prints how many bits the packed blocks, and all bytes on the wire, take in the last second of
-/// the run, as the bridge's diagnostics report.
-fn report_bits(lines: &str) {
-    let reports: Vec<Value> = messages(lines, "/diagnostics").collect();
-    let values = |status: &str, key: &str| {
-        let name = format!("corticode: {status}");
-        let found = reports.iter().filter_map(|report| {
-            let mut statuses = report["status"].as_array()?.iter();
-            value(statuses.find(|status| status["name"] == *name)?, key)
-        });
-        found.collect::<Vec<f64>>()
-    };
-    let rates = values("packed code", "rate");
-    assert!(
-        !rates.is_empty()
-            && rates
-                .iter()
-                .all(|rate| (*rate - f64::from(RATE)).abs() < 0.5)
-    );
-    let bits = values("packed code", "bits per second");
-    let wire = values("link", "bytes");
-    // Count the reports made during the run; the newest ones come after its end.
-    let streaming = bits.iter().filter(|bits| **bits > 0.0).count();
-    assert!(streaming >= SECONDS - 2, "{bits:?}");
-    let place = wire.len() - bits.len() + streaming - 1;
-    println!(
-        "at rate {RATE}, packed blocks take {:.0} bits in one second, and everything on the wire {:.0}",
-        bits[streaming - 1],
-        8.0 * (wire[place] - wire[place - 1])
-    );
+    assert!(flags.iter().all(|flags| flags & SUBSTITUTED != 0));
+    let named = "filled from the others: Cz";
+    assert!(messages(&lines, "/diagnostics").any(|report| report.to_string().contains(named)));
 }
 
 #[test]
@@ -279,11 +213,9 @@ fn a_recording_of_packed_blocks_is_replayed_and_converted() {
     assert!(log.contains(&counts), "{log}");
     let counts = format!("played 0 codes and {BLOCKS} packed blocks");
     assert!(replay_log.contains(&counts), "{replay_log}");
-    let frames: Vec<_> = printed(&lines)
-        .into_iter()
-        .map(|(values, _)| values)
-        .collect();
+    let (frames, flags): (Vec<_>, Vec<u64>) = printed(&lines).into_iter().unzip();
     assert!(frames == expected, "{} frames", frames.len());
+    assert!(flags.iter().all(|flags| flags & SUBSTITUTED == 0));
     let table = Table::read(&folder.join("run.reconstructed.csv"));
     let labels: Vec<&str> = model::LABELS.split(' ').collect();
     let rows: Vec<f32> = table.numbers(&labels).flatten().collect();

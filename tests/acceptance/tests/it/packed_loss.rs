@@ -2,12 +2,14 @@
 //! recovers, and that it marks blocks until then as not sound.
 #![expect(clippy::cast_precision_loss, reason = "a few thousand blocks")]
 
-use acceptance::{real_data, workspace};
+use acceptance::real_data;
+use artifact::PackedModel;
 use artifact::reconstruction::{HEALING_BLOCKS, PackedDecoder};
-use artifact::{Artifact, PackedModel};
-use model::{ELECTRODES, GUARD_BITS, HOP, LABELS, LSB_NV};
+use model::{ELECTRODES, GUARD_BITS, HOP, LSB_NV};
 use packed::Rate;
-use pipeline::{Acquisition, Mains, PackedEncoder, Step};
+use pipeline::{Mains, PackedEncoder, Step};
+
+use crate::inputs::{artifact, recorded, steps};
 
 /// Number of blocks from one that is coded without prediction to the next such block.
 const RESET_BLOCKS: usize = 64;
@@ -167,19 +169,13 @@ fn mean_square(a: &[f32], b: &[f32]) -> f64 {
 }
 
 fn model() -> PackedModel {
-    let artifact =
-        Artifact::read(&workspace::root().join("signal/model/artifact")).expect("the artifact");
-    artifact.packed.expect("a packed model")
+    artifact().packed.expect("a packed model")
 }
 
 /// Encodes the recording R11; returns `None` without `CORTICODE_DATA`.
 fn coded(test: &str) -> Option<Coded> {
     let path = real_data::path(test, real_data::EDF_R11)?;
-    let electrodes: Vec<&str> = LABELS.split(' ').collect();
-    let samples = real_data::samples(&path, &electrodes).expect("samples");
-    let mut acquisition = Acquisition::new(Mains::Hz60);
-    let steps: Vec<Step> = samples
-        .filter_map(|sample| acquisition.process_sample(&sample.expect("a whole recording")))
+    let steps: Vec<Step> = steps(Mains::Hz60, recorded(&path))
         .skip(SETTLING_STEPS)
         .take(BLOCKS * HOP)
         .collect();

@@ -9,13 +9,13 @@ use std::fs;
 use std::process::Command;
 
 use acceptance::{real_data, workspace};
-use artifact::Artifact;
 use artifact::reconstruction::PackedDecoder;
 use emulator::skip::skip_unless_required;
-use host_sim::synthetic::{Generator, SyntheticSpec};
-use model::{CHANNELS, HOP, LABELS};
+use model::{CHANNELS, HOP};
 use packed::Rate;
-use pipeline::{Acquisition, Mains, PackedEncoder, Sample, Step};
+use pipeline::{Mains, PackedEncoder, Sample, Step};
+
+use crate::inputs::{artifact, recorded, steps, synthetic};
 
 /// Path of Debian's Python, which must be version 3.11 or later.
 const PYTHON: &str = "/usr/bin/python3";
@@ -49,8 +49,7 @@ fn python_computes_the_bytes_of_the_packed_encoder_and_the_decoders_state() {
 /// Returns, as the Python program prints them, each block's bytes and the CRC-32 of the decoder's
 /// state after the block.
 fn coded(steps: &[Step], rate: u8) -> Vec<String> {
-    let folder = workspace::root().join("signal/model/artifact");
-    let artifact = Artifact::read(&folder).expect("the artifact");
+    let artifact = artifact();
     let mut decoder = PackedDecoder::new(artifact.packed.as_ref().expect("a packed model"));
     let mut encoder = PackedEncoder::new();
     let rate = Rate::new(rate).expect("a rate");
@@ -94,11 +93,6 @@ fn python(steps: &[Step]) -> Vec<String> {
 /// Returns the steps of each input: silence, noise over all 24 bits, synthetic EEG and, if
 /// available, real EEG.
 fn inputs(test: &str) -> Vec<(&'static str, Vec<Step>)> {
-    let electrodes: Vec<&str> = LABELS.split(' ').collect();
-    let synthetic = Generator::new(&SyntheticSpec::new(5, electrodes.iter().copied()));
-    let synthetic = synthetic
-        .expect("a generator")
-        .map(|counts| Sample { counts });
     let mut state = 1_u32;
     let noise = std::iter::repeat_with(move || Sample {
         counts: [(); CHANNELS].map(|()| {
@@ -109,21 +103,16 @@ fn inputs(test: &str) -> Vec<(&'static str, Vec<Step>)> {
     let mut inputs = vec![
         ("silence", vec![Step::SILENCE; BLOCKS * HOP]),
         ("noise", acquired(Mains::Hz50, noise, 0)),
-        ("synthetic EEG", acquired(Mains::Hz50, synthetic, 200)),
+        ("synthetic EEG", acquired(Mains::Hz50, synthetic(5), 200)),
     ];
     if let Some(path) = real_data::path(test, real_data::EDF_R12) {
-        let samples = real_data::samples(&path, &electrodes).expect("samples");
-        let samples = samples.map(|sample| sample.expect("a whole recording"));
-        inputs.push(("real EEG", acquired(Mains::Hz60, samples, 2_000)));
+        let samples = acquired(Mains::Hz60, recorded(&path), 2_000);
+        inputs.push(("real EEG", samples));
     }
     inputs
 }
 
 fn acquired(mains: Mains, samples: impl Iterator<Item = Sample>, skipped: usize) -> Vec<Step> {
-    let mut acquisition = Acquisition::new(mains);
-    samples
-        .filter_map(|sample| acquisition.process_sample(&sample))
-        .skip(skipped)
-        .take(BLOCKS * HOP)
-        .collect()
+    let steps = steps(mains, samples).skip(skipped);
+    steps.take(BLOCKS * HOP).collect()
 }

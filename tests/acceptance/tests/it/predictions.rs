@@ -11,11 +11,12 @@ use acceptance::programs::programs;
 use acceptance::{ros, workspace};
 use any_model::any_classifier;
 use demo::closed_loop::{features, predictions};
-use host_sim::synthetic::{Generator, SyntheticSpec};
-use model::{ADC_RATE_HZ, HOP, MAINS_50, STEP_RATE_HZ};
+use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ};
 use pipeline::{Mains, Sample};
 use rustix::process::Signal;
 use serde::Deserialize;
+
+use crate::inputs::synthetic;
 
 /// Duration of the EEG, seconds: the filters settle in the first ten.
 const SECONDS: usize = 14;
@@ -26,8 +27,6 @@ const SLACK: Duration = Duration::from_mins(1);
 /// What the integrator prints of a prediction.
 #[derive(Debug, Deserialize)]
 struct Printed {
-    now: f64,
-    stamp: f64,
     seq: u32,
     flags: String,
     soft: Vec<f64>,
@@ -37,10 +36,7 @@ struct Printed {
 
 /// Returns the board's synthetic EEG.
 fn samples() -> impl Iterator<Item = Sample> {
-    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
-    let generator = Generator::new(&spec).expect("the model's electrodes");
-    let samples = generator.map(|counts| Sample { counts });
-    samples.take(SECONDS * usize::from(ADC_RATE_HZ))
+    synthetic(7).take(SECONDS * usize::from(ADC_RATE_HZ))
 }
 
 /// Starts `integrate.py` on the bridge's default topic.
@@ -103,23 +99,6 @@ fn an_integrator_gets_the_predictions_that_the_library_computes() {
     }
     let chosen = expected.iter().filter(|of| of.class.is_some()).count();
     assert!(chosen > 16, "{chosen} hops with a chosen class");
-
-    // From the last sample of a hop, which passes the filters later than its stamp tells.
-    let steps = u8::try_from(HOP - 1).expect("a few steps");
-    let last_s = f64::from(steps) / f64::from(STEP_RATE_HZ);
-    let delay_s = last_s + f64::from(MAINS_50.group_delay_us) * 1e-6;
-    let mut latencies: Vec<f64> = printed
-        .iter()
-        .skip(HOPS / 2)
-        .map(|printed| (printed.now - printed.stamp - delay_s) * 1e3)
-        .collect();
-    latencies.sort_by(f64::total_cmp);
-    println!(
-        "{HOPS} predictions, each the library's, {chosen} with a class; from the last sample of a hop to the \
-         subscriber {:.1} ms (median), {:.1} ms (largest)",
-        latencies[latencies.len() / 2],
-        latencies[latencies.len() - 1]
-    );
     chain.stop();
 }
 

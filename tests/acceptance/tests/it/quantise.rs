@@ -68,25 +68,6 @@ fn zeros_in_place_of_the_padding_degrade_the_codes() {
 }
 
 #[test]
-fn layers_that_a_mode_lacks_are_empty() {
-    let model = |mode| {
-        let artifact = any_artifact(3, mode, Padding::None, [2, 2, 2], 16).expect("an artifact");
-        quantise(&artifact).expect("a quantisable network")
-    };
-    let pca = model(Mode::Pca);
-    assert!(pca.conv1.weights.is_empty() && pca.conv2.weights.is_empty());
-    assert!(pca.fc.weights.is_empty() && pca.fc.multipliers.is_empty());
-    assert_eq!(pca.shortcut.weights.len(), 128 * 976);
-    let paper = model(Mode::Paper);
-    assert!(paper.shortcut.weights.is_empty() && paper.shortcut.multipliers.is_empty());
-    assert_eq!(paper.fc.weights.len(), 128 * 1_152);
-    assert_eq!(
-        (paper.hidden_padding, paper.largest_hidden()),
-        ([0; 16], 255)
-    );
-}
-
-#[test]
 fn a_padding_beyond_16_bits_is_refused_naming_its_channel() {
     let mut artifact =
         any_artifact(5, Mode::Shortcut, Padding::Space, [2, 2, 2], 8).expect("an artifact");

@@ -9,8 +9,9 @@ use acceptance::lossy_cable::LossyCable;
 use acceptance::port::free_port;
 use acceptance::printing::{self, board};
 use acceptance::process::Process;
-use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{ADC_RATE_HZ, CHANNELS, LSB_NV};
+
+use crate::inputs::synthetic;
 
 /// Duration of the EEG that the board samples, in seconds.
 const SECONDS: usize = 6;
@@ -26,13 +27,12 @@ type Row = (Vec<f32>, bool);
 
 /// Returns the samples of the board's synthetic EEG, in uV.
 fn expected() -> Vec<Vec<f32>> {
-    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
-    let generator = Generator::new(&spec).expect("the model's electrodes");
     let uv = f64::from(LSB_NV) * 1e-3;
     #[expect(clippy::cast_possible_truncation, reason = "as the bridge does")]
     let row = |counts: [i32; CHANNELS]| counts.map(|count| (f64::from(count) * uv) as f32).to_vec();
     let samples = SECONDS * usize::from(ADC_RATE_HZ);
-    generator.take(samples).map(row).collect()
+    let samples = synthetic(7).take(samples);
+    samples.map(|sample| row(sample.counts)).collect()
 }
 
 /// Starts a bridge with `--raw-form` set to `form`; it prints the samples of the board at `port`.

@@ -5,10 +5,11 @@ use std::time::Duration;
 use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5, messages_of};
 use acceptance::process::Process;
 use acceptance::ros;
-use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use model::{ADC_RATE_HZ, CHANNELS, ELECTRODES, HOP, LSB_NV, STEP_RATE_HZ};
-use pipeline::{Acquisition, Mains, Sample};
+use pipeline::{Mains, Sample};
+
+use crate::inputs::{steps, synthetic};
 
 /// Duration of the EEG that the board samples, in seconds.
 const SECONDS: usize = 8;
@@ -21,20 +22,11 @@ const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
 fn samples_and_steps_reach_rospy_together_with_the_codes() {
-    let test = "raw samples and filtered steps to rospy";
-    if !ros::available(test) {
+    if !ros::available("raw samples and filtered steps to rospy") {
         return;
     }
-    for form in ["compressed", "plain"] {
-        println!("{test}, {form}");
-        stream_samples(&format!("--raw-form={form}"));
-    }
-}
-
-/// Streams samples with `--raw-form` set to `form`, and checks the values of all samples.
-fn stream_samples(form: &str) {
     let folder = tempfile::tempdir().expect("a folder");
-    let chain = Chain::start_with(folder.path(), &["--streams=codes,raw,filtered", form]);
+    let chain = Chain::start_with(folder.path(), &["--streams=codes,raw,filtered"]);
     let mut raw = chain.subscriber_of("/neurodata");
     let mut filtered = chain.subscriber_of("/neurodata_corticode");
     let duration = SECONDS.to_string();
@@ -44,14 +36,8 @@ fn stream_samples(form: &str) {
     let summary = board.errors();
     assert!(summary.contains(" 0 frames dropped"), "{summary}");
 
-    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
-    let mut generator = Generator::new(&spec).expect("the model's electrodes");
     let total = SECONDS * usize::from(ADC_RATE_HZ);
-    let samples: Vec<Sample> = std::iter::repeat_with(|| Sample {
-        counts: generator.next_sample(),
-    })
-    .take(total)
-    .collect();
+    let samples: Vec<Sample> = synthetic(7).take(total).collect();
 
     let uv = f64::from(LSB_NV) * 1e-3;
     let electrodes = samples
@@ -69,11 +55,7 @@ fn stream_samples(form: &str) {
         assert_eq!(message.exg.count, SAMPLES * spare.len());
     }
 
-    let mut acquisition = Acquisition::new(Mains::Hz50);
-    let steps = samples
-        .iter()
-        .filter_map(|sample| acquisition.process_sample(sample));
-    let expected: Vec<f64> = steps
+    let expected: Vec<f64> = steps(Mains::Hz50, samples.into_iter())
         .flat_map(|step| step.electrodes)
         .map(|value| f64::from(value) * uv / FRACTION)
         .collect();
@@ -83,7 +65,6 @@ fn stream_samples(form: &str) {
 
     let codes = chain.messages();
     assert!(codes.iter().all(|code| code.status.lost == 0));
-    println!("{total} samples and their steps, none lost");
     let bag = chain.stop();
     assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
 }

@@ -1,10 +1,9 @@
 //! The default model, which was trained on recordings, can decode host-sim's synthetic EEG.
 
-use acceptance::workspace;
-use artifact::Artifact;
 use artifact::reconstruction::WindowDecoder;
-use host_sim::synthetic::{Generator, SyntheticSpec};
-use pipeline::{FrontEnd, Mains, Plane, Sample, quantise};
+use pipeline::{FrontEnd, Mains, Plane, quantise};
+
+use crate::inputs::{artifact, synthetic};
 
 /// Number of steps that the test skips until the filters have settled on offsets of 20 mV: 9.5 s.
 const SETTLING: usize = 19 * model::STEP_RATE_HZ as usize / 2;
@@ -20,18 +19,13 @@ const LIMIT: f64 = 17.0;
 
 #[test]
 fn synthetic_eeg_is_decoded_almost_as_well_as_a_recording() {
-    let artifact =
-        Artifact::read(&workspace::root().join("signal/model/artifact")).expect("the artifact");
+    let artifact = artifact();
     let encoder = model_gen::quantise(&artifact).expect("an integer model");
     let decoder = WindowDecoder::new(&artifact).expect("a decoder");
     for seed in 1..=3 {
-        let spec = SyntheticSpec::new(seed, model::LABELS.split(' '));
-        let generator = Generator::new(&spec).expect("electrodes with positions");
         let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
-        let filtered = generator.filter_map(|counts| {
-            let counts = std::array::from_fn(|channel| counts[channel]);
-            Some(front_end.filter_sample(&Sample { counts })?.0)
-        });
+        let filtered = synthetic(seed).filter_map(|sample| front_end.filter_sample(&sample));
+        let filtered = filtered.map(|(electrodes, _)| electrodes);
         let filtered: Vec<_> = filtered.skip(SETTLING).take(STEPS).collect();
         let planes: Vec<Plane> = filtered.iter().map(|step| quantise(step).0).collect();
 

@@ -9,14 +9,15 @@ use acceptance::printing::{self, board, messages};
 use any_model::{any_linear_for, any_packed_of};
 use artifact::reconstruction::{PackedDecoder, dequantise};
 use artifact::{Artifact, PackedModel};
-use host_sim::synthetic::{Generator, SyntheticSpec};
 use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
 use link::{
     Decoder, Encoder, Flags, MAX_CHUNK_BYTES, MAX_FRAME, ModelBegin, ModelChunk, Start, Streams,
     ToDevice, ToHost, model_crc,
 };
 use model::{ADC_RATE_HZ, HAS_SHORTCUT, HOP, STEP_RATE_HZ};
-use pipeline::{Mains, PackedEncoder, Rate, Sample};
+use pipeline::{Mains, PackedEncoder, Rate};
+
+use crate::inputs::{self, synthetic};
 
 /// Longest run of a board, seconds.
 const SECONDS: usize = 6;
@@ -29,7 +30,7 @@ const SLACK: Duration = Duration::from_mins(1);
 /// Writes the built-in model with another packed model, and a linear code if the board takes one,
 /// to `folder`.
 fn write_personal(folder: &Path) -> Artifact {
-    let mut artifact = Artifact::from_files(model::artifact_files::FILES).expect("a model");
+    let mut artifact = inputs::artifact();
     let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &artifact.description);
     if HAS_SHORTCUT {
         artifact = any_linear_for(2, &artifact).expect("a model");
@@ -71,10 +72,8 @@ fn expected(artifact: &Artifact, packed: &PackedModel) -> [Vec<Vec<f32>>; 2] {
         },
         mains_hz: 50,
     }));
-    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
-    let generator = Generator::new(&spec).expect("the model's electrodes");
-    for counts in generator.take(SECONDS * usize::from(ADC_RATE_HZ)) {
-        board.process_sample(&Sample { counts }, 0);
+    for sample in synthetic(7).take(SECONDS * usize::from(ADC_RATE_HZ)) {
+        board.process_sample(&sample, 0);
     }
     let mut decoder = PackedDecoder::new(packed);
     let rate = Rate::new(packed.description.rate).expect("a rate");

@@ -23,7 +23,7 @@ pub(crate) fn artifact() -> anyhow::Result<Artifact> {
     Artifact::read(Path::new(ARTIFACT)).context(failed)
 }
 
-/// Returns the table or array of tables `name` in `text`, the contents of `tests/bench/FILE`.
+/// Returns the table `name` in `text`, the contents of `tests/bench/FILE`.
 ///
 /// # Errors
 /// `text` is no TOML, has no such table, or a table does not have the fields of `T`.

@@ -7,36 +7,14 @@ mod cycles;
 use emulator::{Image, MACHINES, Machine};
 use model::CODE_FORMAT;
 use pipeline::{CodeValues, Encoder, Plane, Step};
-use serde::{Deserialize, Serialize};
-use serde_json::{Value as Json, json};
+use serde_json::json;
 
 use self::counts::{Counts, Printed};
 use self::cycles::{LoopCycles, REST_M4, REST_M7, load_percent};
-use super::checked_in;
 use super::figures::Report;
 use super::images;
 use super::inputs::{self, Inputs};
 use crate::{any_network, hop};
-
-/// A microcontroller, with the flash and RAM that acquisition and encoder leave free on it, bytes;
-/// negative if they do not fit.
-#[derive(Debug, Serialize)]
-struct Room {
-    part: String,
-    region: String,
-    flash_left: i64,
-    ram_left: i64,
-}
-
-/// A microcontroller of `parts.toml`, and the sizes of its memories in KiB of 1024 bytes.
-#[derive(Debug, Deserialize)]
-struct Part {
-    name: String,
-    flash_kib: i64,
-    ram_kib: i64,
-    /// Name of the microcontroller's memory region that holds a program's variables and stack.
-    region: String,
-}
 
 /// Encodes at least `windows` windows on each emulated machine, and returns the report.
 ///
@@ -159,7 +137,6 @@ fn report(
     let ram_bytes = machines.iter().map(|counts| counts.ram_bytes).max();
     let ram_bytes = ram_bytes.unwrap_or(u32::MAX);
     let steps = inputs.data.iter().map(Vec::len);
-    let published = include_str!("../../published.toml");
     let mut figures = json!({
         // The cycles include the shortcut, and assume code and data in memory without wait states.
         "cycles_per_code_m4": m4,
@@ -171,13 +148,11 @@ fn report(
         "bytes_equal": machines.iter().all(Counts::bytes_equal),
         "ram_bytes": ram_bytes,
         "flash_bytes": flash_bytes,
-        "rooms": rooms(flash_bytes, ram_bytes)?,
         // Number of windows that each machine encodes, over all inputs.
         "windows": steps.map(hop::windows).sum::<usize>(),
         "machines": machines,
         "inputs": inputs.names,
         "skipped": inputs.skipped,
-        "counted_elsewhere": checked_in::table::<Json>("published.toml", published, "encoder")?,
     });
     // The figures with limits are those of the Cortex-M4F. The kernels for the Cortex-M7 have more
     // instructions, which that processor can issue in pairs.
@@ -187,21 +162,6 @@ fn report(
     let next =
         "see `machines`; compare with `git log` of int8-nn, pipeline, model and the toolchain";
     Report::new("encoder", figures, next)
-}
-
-/// Returns the flash and RAM that acquisition and encoder leave free on each microcontroller of
-/// `parts.toml`.
-fn rooms(flash_bytes: usize, ram_bytes: u32) -> anyhow::Result<Vec<Room>> {
-    let parts: Vec<Part> =
-        checked_in::table("parts.toml", include_str!("../../parts.toml"), "part")?;
-    let flash_bytes = i64::try_from(flash_bytes).unwrap_or(i64::MAX);
-    let room = |part: Part| Room {
-        part: part.name,
-        region: part.region,
-        flash_left: part.flash_kib * 1024 - flash_bytes,
-        ram_left: part.ram_kib * 1024 - i64::from(ram_bytes),
-    };
-    Ok(parts.into_iter().map(room).collect())
 }
 
 #[cfg(test)]
@@ -252,11 +212,10 @@ mod tests {
             assert_eq!(json[name], value, "{name}");
         }
         assert!(json["cycles_per_code_m4"].is_null());
-        assert_eq!(json["rooms"][0]["flash_left"], 512 * 1024 - 300_000);
         assert_eq!(json["machines"][0]["insn_per_code"], json["insn_per_code"]);
         assert_eq!(json["machines"][0]["steps"][HOP - 1], json!([1100, 1100]));
         let text = report.to_string();
-        for words in ["mps2-an386: steps", "STM32F446RE", "not measured"] {
+        for words in ["mps2-an386: steps", "not measured"] {
             assert!(text.contains(words), "{text}");
         }
         assert_eq!(report.faults(), [""; 0]);
@@ -274,24 +233,6 @@ mod tests {
         ] {
             report.assert_only_fault(words);
         }
-    }
-
-    #[test]
-    fn one_byte_too_many_does_not_fit_the_smallest_part() {
-        let faults = |flash_bytes, ram_bytes| {
-            let figures = json!({ "rooms": rooms(flash_bytes, ram_bytes).expect("parts.toml") });
-            let report = Report::new("encoder", figures, "").expect("limits.toml");
-            let mut faults = report.faults().to_vec();
-            faults.retain(|fault| fault.contains("_left of"));
-            faults
-        };
-        assert_eq!(faults(512 * 1024, 128 * 1024), [""; 0]);
-        let flash = faults(512 * 1024 + 1, 0);
-        assert!(flash[0].starts_with("flash_left of STM32F446RE is -1;"));
-        assert_eq!(flash.len(), 1);
-        let ram = faults(0, 128 * 1024 + 1);
-        assert!(ram[0].starts_with("ram_left of STM32F446RE is -1;"));
-        assert_eq!(ram.len(), 2);
     }
 
     #[test]

@@ -1,16 +1,12 @@
-//! The benchmark `filters`: compares filter implementations by executed instructions, noise and
-//! frequency response, and draws the results.
+//! The benchmark `filters`: compares filter implementations by executed instructions and noise.
 
 mod noise;
 
-use std::path::Path;
-
-use anyhow::Context;
 use emulator::{Image, MACHINES, Machine};
 use fixed_dsp::BLOCK;
 use model::ELECTRODES;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value as Json, json};
+use serde_json::json;
 
 use self::noise::Noise;
 use super::checked_in;
@@ -20,7 +16,7 @@ use super::inputs::{self, Inputs};
 use crate::block::{self, BYTES, Block};
 use crate::contenders::{NAMES, with_contenders};
 use crate::tally::Tally;
-use demo::response::{Response, Twin};
+use demo::response::Twin;
 
 /// Name of the contender (compared filter) whose figures have limits.
 const OURS: &str = "ours-blocks";
@@ -78,11 +74,10 @@ impl Counts {
     }
 }
 
-/// Counts the contenders' instructions, measures the noise, and draws response and noise.
+/// Counts the contenders' instructions and measures the noise.
 ///
 /// # Errors
-/// QEMU or the target is missing, the image does not build or run, or an input or picture cannot be
-/// made.
+/// QEMU or the target is missing, the image does not build or run, or an input cannot be made.
 pub(crate) fn measure() -> anyhow::Result<Report> {
     let image = Image::build("bench", "filters", &[])?;
     let inputs = inputs::blocks()?;
@@ -99,7 +94,6 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     let twin = Twin::new(&checked_in::artifact()?.description.filters);
     eprintln!("measuring the noise of our filters and of idsp's");
     let noise = Noise::measure(&twin);
-    draw(&twin, &noise, &image.create_folder("bench")?)?;
     report(&inputs, &machines, &noise)
 }
 
@@ -133,23 +127,6 @@ fn different(expected: &[u8], output: &[u8]) -> [usize; NAMES.len()] {
     different
 }
 
-fn draw(twin: &Twin, noise: &Noise, folder: &Path) -> anyhow::Result<()> {
-    let response = Response::measure(twin);
-    for (name, chart) in [
-        ("filters-response.svg", response.magnitude()),
-        ("filters-noise.svg", noise.chart()),
-    ] {
-        chart.draw(&folder.join(name)).with_context(|| {
-            let folder = folder.display();
-            format!(
-                "drawing the pictures failed\n  next: is {folder} writable, and the disk not full?"
-            )
-        })?;
-    }
-    eprintln!("pictures: {}", folder.display());
-    Ok(())
-}
-
 fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow::Result<Report> {
     let all = || machines.iter().flat_map(|counts| &counts.contenders);
     let ours = all().filter(|each| each.name == OURS);
@@ -157,7 +134,6 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
     let peer = all().filter(|each| each.name == IDSP_DITHER);
     let peer = peer.map(|each| each.fewest).fold(f64::INFINITY, f64::min);
     let mut all_ours = all().filter(|each| each.name.starts_with("ours"));
-    let published = include_str!("../../published.toml");
     let figures = json!({
         // Most instructions of our filters, four samples at a time, over all inputs and both
         // machines.
@@ -173,7 +149,6 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
         "noise_nv": noise,
         "inputs": inputs.names,
         "skipped": inputs.skipped,
-        "published_elsewhere": checked_in::table::<Json>("published.toml", published, "filters")?,
     });
     let next = "see `machines`; compare with `git log` of fixed-dsp, model and the toolchain";
     Report::new("filters", figures, next)

@@ -82,18 +82,6 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&machines, state_bytes, &inputs.skipped)
 }
 
-/// Returns the mean number of compressed bits per sample of one channel of synthetic EEG, computed
-/// on this PC alone.
-///
-/// # Errors
-/// An input cannot be made, or a block differs after decompression.
-pub(crate) fn bits_per_sample() -> anyhow::Result<Option<f64>> {
-    let inputs = inputs::samples(BLOCKS * MAX_SAMPLES)?;
-    let bits = Expected::new(&inputs)?.bits;
-    let mut named = inputs.names.iter().zip(bits);
-    Ok(named.find_map(|(name, bits)| (*name == EEG).then_some(bits)))
-}
-
 impl Expected {
     /// Compresses all inputs on this PC and decompresses every block.
     ///
@@ -172,41 +160,4 @@ fn report(machines: &[Counts], state_bytes: usize, skipped: &[String]) -> anyhow
     });
     let next = "compare the instructions of `kernels/lossless/src/encoder.rs` with those of the last commit";
     Report::new("lossless", figures, next)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn counts(insn_per_sample: f64, insn_worst_block: u32, different_blocks: usize) -> Counts {
-        Counts {
-            machine: "m",
-            core: "c",
-            different_blocks,
-            inputs: vec![Input {
-                name: EEG,
-                bits_per_sample: 10.0,
-                insn_per_sample,
-                insn_fewest_block: 1,
-                insn_worst_block,
-            }],
-        }
-    }
-
-    #[test]
-    fn too_many_instructions_and_other_bytes_are_faults() {
-        let sound = report(&[counts(20.0, 10_000, 0)], 1, &[]).expect("a report");
-        assert_eq!(sound.faults(), [""; 0]);
-        for (counts, words) in [
-            (counts(100.0, 10_000, 0), "lossless_insn_per_sample is 100;"),
-            (
-                counts(20.0, 100_000, 0),
-                "lossless_insn_worst_block is 100000;",
-            ),
-            (counts(20.0, 10_000, 1), "bytes_equal is false;"),
-        ] {
-            let report = report(&[counts], 1, &[]).expect("a report");
-            report.assert_only_fault(words);
-        }
-    }
 }

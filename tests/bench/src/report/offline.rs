@@ -57,7 +57,7 @@ pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
         .to_string()
         .into_bytes();
     let ours = Ours::new(seconds)?;
-    let torch = Python::find_torch("numpy scipy");
+    let torch = Python::find_torch();
     eprintln!("encoding and decoding {seconds} s of signal, {ROUNDS} times each");
     let mut rounds = Vec::new();
     for _ in 0..=ROUNDS {

@@ -18,7 +18,6 @@ use super::checked_in;
 use super::figures::Report;
 use super::images;
 use super::inputs::{self, Inputs};
-use super::lossless;
 use crate::tally::Tally;
 
 /// Instruction counts and memory that the image `packed` prints, as TOML.
@@ -196,7 +195,6 @@ fn report(
         "insn_after_last_sample": eeg.insn_after_last_sample,
         "flash_bytes": flash_bytes,
         "ram_bytes": ram_bytes,
-        "lossless_bits_per_sample": lossless::bits_per_sample()?,
         "bytes_equal": machines.iter().all(|counts| counts.bytes_equal),
         "decoder_equal": coded.iter().all(|coded| coded.decoder_equal),
         "hops": coded.iter().map(|coded| coded.lengths.len()).sum::<usize>(),

@@ -35,17 +35,11 @@ impl Python {
         python.map(Self)
     }
 
-    /// Finds an interpreter that can import PyTorch and the modules `others`, separated by blanks;
-    /// pip installs them by these names.
-    pub(crate) fn find_torch(others: &str) -> Option<Self> {
-        let modules = ["torch"].into_iter().chain(others.split_whitespace());
-        let modules = modules.collect::<Vec<_>>();
-        let next = format!(
-            "`python3 -m venv torch-venv && torch-venv/bin/pip install {}`, then again with torch-venv/bin first in \
-             PATH",
-            modules.join(" ")
-        );
-        Self::find(&modules.join(", "), &next)
+    /// Finds an interpreter that can import PyTorch, numpy and scipy.
+    pub(crate) fn find_torch() -> Option<Self> {
+        let next = "`python3 -m venv torch-venv && torch-venv/bin/pip install torch numpy scipy`, then again \
+                    with torch-venv/bin first in PATH";
+        Self::find("torch, numpy, scipy", next)
     }
 
     /// Returns a command that runs a script of this crate on one thread, for a fair comparison.

@@ -173,39 +173,3 @@ fn report(
         "compare with `git log` of signal/pipeline/src/substitution, int8-nn and the toolchain";
     Report::new("substitution", figures, next)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn counts(insn_per_step: u64, insn_worst_step: u32, steps_equal: bool) -> Counts {
-        Counts {
-            core: "c",
-            steps_equal,
-            rows: vec![Row {
-                input: "EEG",
-                insn_per_step,
-                insn_fewest_step: 1,
-                insn_worst_step,
-                insn_worst_sample: 1,
-                insn_features_hop: 9_000,
-                insn_features_step: [1, 2],
-                excluded: 0,
-            }],
-        }
-    }
-
-    #[test]
-    fn too_many_instructions_and_other_steps_are_faults() {
-        let sound = report(&[counts(9_000, 9_000, true)], [1; 2], &[]).expect("a report");
-        assert_eq!(sound.faults(), [""; 0]);
-        for (counts, words) in [
-            (counts(99_000, 9_000, true), "insn_per_step is 99000;"),
-            (counts(9_000, 99_000, true), "insn_worst_step is 99000;"),
-            (counts(9_000, 9_000, false), "steps_equal is false;"),
-        ] {
-            let report = report(&[counts], [1; 2], &[]).expect("a report");
-            report.assert_only_fault(words);
-        }
-    }
-}

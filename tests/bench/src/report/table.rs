@@ -4,7 +4,7 @@ use serde_json::Value as Json;
 
 /// Names of fields that can label an element of an array in a table; the first of them that the
 /// element has is its label.
-const LABELS: [&str; 3] = ["name", "machine", "part"];
+const LABELS: [&str; 2] = ["name", "machine"];
 
 /// Returns rows of cells as text under a title, with the first column aligned left and all others
 /// right.
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn objects_are_rows_or_columns_and_their_nested_arrays_tables_of_their_own() {
         let rows = json!([
-            {"name": "b", "n": 1, "x": 0.123_456, "range": [3, 4], "inner": [{"part": "p", "y": null}]},
+            {"name": "b", "n": 1, "x": 0.123_456, "range": [3, 4], "inner": [{"machine": "p", "y": null}]},
             {"name": "long", "n": 12, "x": 1e-7, "range": []},
             {"name": "c", "n": 3, "x": true, "range": [5]},
         ]);

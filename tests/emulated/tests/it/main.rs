@@ -3,7 +3,6 @@
 
 mod all_streams;
 mod damaged_model;
-mod failures;
 mod golden_vectors;
 mod restart;
 mod stalled_host;

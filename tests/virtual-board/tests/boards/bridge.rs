@@ -94,8 +94,34 @@ pub(crate) fn calibration_is_refused(subject: Subject) -> Result<(), BoardError>
     assert_sound(&mut board)
 }
 
-/// Scenario: the self-test that the bridge requests passes, and the bridge publishes codes.
-/// `tests/acceptance/tests/it/board_chain.rs` checks the codes for gaps.
+/// Checks that no code is missing between the bridge's lines, and that the codes are 62.5 ms apart
+/// by the device's clock. The board rounds device times to whole microseconds.
+fn assert_no_gap(text: &str) {
+    let complete = text.rfind('\n').map_or("", |end| &text[..end]);
+    let codes = complete
+        .lines()
+        .filter(|line| line.contains("\"topic\":\"/encoded\""));
+    let mut first = None;
+    for (index, line) in (0..).zip(codes) {
+        // docs/topics.md lists the status words.
+        let words = line.split("\"tri\":").nth(1).expect("status words");
+        let words = words.split("\"data\":[").nth(1).expect("their values");
+        let (words, _) = words.split_once(']').expect("their end");
+        let words = words
+            .split(',')
+            .map(|word| word.trim().parse().expect(words));
+        let words: Vec<u64> = words.collect();
+        let window = words[1] | words[2] << 16;
+        let device_us = words[3] | words[4] << 16 | words[5] << 32;
+        let (first_window, first_us) = *first.get_or_insert((window, device_us));
+        assert_eq!((window, words[6]), (first_window + index, 0), "a gap");
+        let error_us = (device_us - first_us).abs_diff(index * 62_500);
+        assert!(error_us <= 1, "code {index} is {error_us} us off");
+    }
+}
+
+/// Scenario: the self-test that the bridge requests passes, and the bridge publishes codes, none of
+/// which is missing.
 pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> {
     let mut board = power_on(subject, &subject.setup());
     let (mut table, mut status) = (String::new(), None);
@@ -118,6 +144,7 @@ pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> 
         codes(text) >= CODES
     })?;
     assert!(codes(&text) >= CODES, "{text}");
+    assert_no_gap(&text);
     assert_sound(&mut board)?;
     subject.record("bridge_codes", codes(&text));
     Ok(())

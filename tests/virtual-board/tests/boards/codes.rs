@@ -76,7 +76,7 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
     Ok(())
 }
 
-fn received(frames: &[Frame]) -> Vec<ReceivedCode> {
+pub(crate) fn received(frames: &[Frame]) -> Vec<ReceivedCode> {
     let code = |kind: &Kind| match kind {
         Kind::Code(code) => Some(code.clone()),
         _ => None,

@@ -1,13 +1,15 @@
 //! Scenarios with restarts of the device: after failures of the firmware, and on command.
 
 use link::{ResetCause, ResetInto, Streams, ToDevice};
-use virtual_board::{BoardError, Injection, Kind, VirtualBoard};
+use virtual_board::{BoardError, Frame, Injection, Kind, ReceivedCode, VirtualBoard};
 
+use crate::codes::received;
 use crate::images::Subject;
 use crate::session::{
-    acks, assert_no_findings_but, assert_sound, greetings, pick, run_codes, run_up, running, start,
+    acks, assert_no_findings_but, assert_sound, greetings, pick, run_codes, run_up, running,
     streaming,
 };
+use crate::simulation::{HOP, Repeatable};
 
 /// Longest time from a failure to the next `Hello`, in us. It covers the watchdog's 200 ms, the
 /// tolerance of its oscillator, and the start.
@@ -80,14 +82,21 @@ pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Resul
 }
 
 /// Asserts that the newest `Hello` reports the reset cause `cause` and that the device streams
-/// again. Returns the fault that this `Hello` reports.
+/// host-sim's codes again. Returns the fault that this `Hello` reports.
 fn assert_streams_after(board: &mut VirtualBoard, cause: ResetCause) -> Result<String, BoardError> {
     let (reported, fault) = greetings(board.inbox().frames()).pop().expect("a Hello");
     assert_eq!(reported, cause, "Hello reports {fault:?}");
     run_up(board)?;
-    start(board, Streams::CODES)?;
+    let run = Repeatable::start(board, Streams::CODES, &[])?;
     run_codes(board, 4)?;
+    run.assert_equal(board, HOP, received_since_hello);
     Ok(fault)
+}
+
+fn received_since_hello(frames: &[Frame]) -> Vec<ReceivedCode> {
+    let is_hello = |frame: &Frame| matches!(frame.kind, Kind::Hello { .. });
+    let started = frames.iter().rposition(is_hello).unwrap_or(0);
+    received(&frames[started..])
 }
 
 /// Scenario: the device restarts on `Reset`, reports this as the cause, and streams again. Its

@@ -7,9 +7,6 @@ use dsp_process::SplitProcess;
 use fixed_dsp::{CascadeState, Filter};
 use idsp::iir::{DirectForm1Dither, DirectForm1Wide};
 use model::GUARD_BITS;
-use picture::axis::{Axis, Scale};
-use picture::canvas::{FAINT, REFERENCE, RESULT, SOURCE};
-use picture::lines::{Lines, Mark, Series};
 use pipeline::Mains;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -17,15 +14,13 @@ use realfft::{RealFftPlanner, num_complex::Complex64};
 use serde::Serialize;
 
 use crate::idsp_cascade::{IdspCascade, Section29};
-use demo::response::{BAND_HZ, MAINS_HZ, Twin, marks};
+use demo::response::{BAND_HZ, MAINS_HZ, Twin};
 
 /// Length of time before the measurement in which the filters settle, s. The slowest poles decay at
 /// 0.97 / s: by e^-31 in this time.
 const SETTLING_S: usize = 32;
 /// Duration of the measured part of each signal, s.
 const MEASURED_S: usize = 64;
-/// Lowest frequency in the chart, Hz.
-const LEAST_HZ: f64 = 0.25;
 /// Number of electrodes. Each has a different signal; the powers of their noise are averaged.
 const ELECTRODES: u64 = 8;
 
@@ -51,9 +46,6 @@ pub(crate) struct Measured {
     pub(crate) eeg: f64,
     mains: f64,
     silence: f64,
-    /// Noise density with the test signal [`EEG`]: frequency in Hz, density in nV per root Hz.
-    #[serde(skip)]
-    density: Vec<(f64, f64)>,
 }
 
 impl Noise {
@@ -66,48 +58,6 @@ impl Noise {
             ours: measure(twin, ours),
             idsp_dither: measure(twin, peer::<DirectForm1Dither>),
             idsp_wide: measure(twin, peer::<DirectForm1Wide>),
-        }
-    }
-
-    /// Returns the chart that shows the noise densities of all filters and of the ADC.
-    pub(crate) fn chart(&self) -> Lines {
-        let filters = [
-            ("idsp dither", RESULT, &self.idsp_dither),
-            ("idsp wide", REFERENCE, &self.idsp_wide),
-            ("ours", SOURCE, &self.ours),
-        ];
-        let line = |(label, color, measured): (&str, _, &Measured)| {
-            let label = format!("{label}: {:.1} nV rms", measured.eeg);
-            let points = measured.density.iter().copied();
-            let points = points.filter(|(hz, _)| *hz >= LEAST_HZ);
-            Series::new(label, color, Mark::Line, points.collect())
-        };
-        let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
-        // Rounding to whole counts in the ADC adds noise of power LSB^2 / 12, spread evenly from 0
-        // to `nyquist_hz`.
-        let adc = f64::from(model::LSB_NV) / (12.0 * nyquist_hz).sqrt();
-        let adc_in_band = adc * (BAND_HZ[1] - BAND_HZ[0]).sqrt();
-        let label = format!("rounding in the ADC: {adc_in_band:.1} nV rms");
-        let points = vec![(LEAST_HZ, adc), (nyquist_hz, adc)];
-        let rounding = Series::new(label, FAINT, Mark::Line, points);
-        let densities = filters
-            .iter()
-            .flat_map(|(_, _, measured)| &measured.density);
-        let highest = densities
-            .filter(|(hz, _)| *hz >= LEAST_HZ)
-            .fold(adc, |highest, (_, density)| highest.max(*density));
-        let lines = marks([0.0, 1.1 * highest]).into_iter();
-        let lines = lines.chain(filters.into_iter().map(line)).chain([rounding]);
-        Lines {
-            title: "What integer arithmetic adds to the EEG, beside what rounding in the ADC adds"
-                .to_owned(),
-            subtitle:
-                "output minus that of a float64 twin, on 20 mV offset, 100 µV mains and 30 µV EEG; \
-                       the lower the quieter; rms over 0.5 to 60 Hz"
-                    .to_owned(),
-            x: Axis::new("frequency (Hz)", Scale::Logarithmic),
-            y: Axis::new("density (nV per √Hz)", Scale::Linear),
-            series: lines.collect(),
         }
     }
 }
@@ -131,13 +81,10 @@ fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measur
         });
         Spectrum::mean(&spectra.collect::<Vec<_>>())
     };
-    let eeg = spectrum(EEG);
-    let density = eeg.points().map(|(hz, power)| (hz, power.sqrt()));
     Measured {
-        eeg: eeg.rms(BAND_HZ),
+        eeg: spectrum(EEG).rms(BAND_HZ),
         mains: spectrum(MAINS).rms(BAND_HZ),
         silence: spectrum(SILENCE).rms(BAND_HZ),
-        density: density.collect(),
     }
 }
 
