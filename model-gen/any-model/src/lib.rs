@@ -266,7 +266,7 @@ pub fn any_packed_alone(seed: u32, montage: &MontageFile) -> Result<Artifact, Ar
 
 /// Writes the grid, the electrodes and the converters of a montage into a description, and selects
 /// the decimation that `trainer` selects for the converters' rate.
-fn apply_montage(montage: &MontageFile, description: &mut Description) {
+pub fn apply_montage(montage: &MontageFile, description: &mut Description) {
     description.grid = montage.grid();
     description.montage = montage.montage();
     description.adc = montage.adc();

@@ -58,7 +58,7 @@ impl AuditedWindow {
     }
 
     /// Builds the wire message, which borrows the planes and the bytes of the values.
-    pub(crate) fn message<'b>(&'b self, model_id: [u8; 8], bytes: &'b mut ValueBytes) -> Audit<'b> {
+    pub fn message<'b>(&'b self, model_id: [u8; 8], bytes: &'b mut ValueBytes) -> Audit<'b> {
         Audit {
             model_id,
             window: self.window,

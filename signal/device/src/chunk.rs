@@ -112,7 +112,7 @@ impl RawChunk {
     }
 
     /// Builds the `Raw` message, which borrows the chunk's counts.
-    pub(crate) fn message(&self) -> Raw<'_> {
+    pub fn message(&self) -> Raw<'_> {
         Raw {
             first_sample: self.first,
             channels: const { narrow(CHANNELS) },
@@ -137,7 +137,7 @@ impl FilteredChunk {
     }
 
     /// Builds the `Filtered` message, which borrows the chunk's values.
-    pub(crate) fn message(&self) -> Filtered<'_> {
+    pub fn message(&self) -> Filtered<'_> {
         Filtered {
             first_step: self.first,
             electrodes: const { narrow(ELECTRODES) },
@@ -182,7 +182,7 @@ impl CompressedChunk {
     };
 
     /// Builds the `CompressedRaw` message, which borrows the chunk's bytes.
-    pub(crate) fn message(&self) -> CompressedRaw<'_> {
+    pub fn message(&self) -> CompressedRaw<'_> {
         let bytes = self.block.as_flattened().as_flattened();
         CompressedRaw {
             first_sample: self.first,

@@ -180,31 +180,3 @@ impl<E: Encoders> Encoders for &mut E {
         E::model_is_sound()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// `tests/acceptance` also builds this test with models that have one of the encoders only.
-    #[test]
-    fn a_device_offers_what_its_encoders_feed_and_what_needs_none() {
-        let packed = if PACKED.is_some() {
-            Streams::PACKED | Streams::AUDIT
-        } else {
-            Streams::empty()
-        };
-        let others = Streams::RAW
-            | Streams::COMPRESSED_RAW
-            | Streams::FILTERED
-            | Streams::EVENTS
-            | Streams::FEATURES;
-        let network = if HAS_NETWORK {
-            Streams::CODES | Streams::AUDIT
-        } else {
-            Streams::empty()
-        };
-        assert_eq!(streams_with::<EncoderMemory>(), others | network);
-        assert_eq!(streams_with::<PackedMemory>(), others | packed);
-        assert_eq!(streams_with::<BothEncoders>(), others | network | packed);
-    }
-}

@@ -161,3 +161,42 @@ pub(crate) fn quality(quality: &Quality) -> QualityMessage {
             .collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::boxed::Box;
+
+    use model::HOP;
+    use pipeline::{MAX_PACKED_BYTES, PackedEncoder, Step};
+
+    use super::*;
+
+    #[test]
+    fn the_message_carries_the_blocks_status_and_its_bytes() {
+        let step = Step {
+            electrodes: [i32::MAX; model::ELECTRODES],
+            saturated: 1 << 9,
+            settling: true,
+            ..Step::SILENCE
+        };
+        let mut encoder = Box::new(PackedEncoder::new());
+        let mut blocks = (0..HOP).filter_map(|_| encoder.encode_step(&step));
+        let code = blocks.next().expect("a block");
+        let message = packed_code(&code, Marks::NONE);
+        let flags = [
+            Flags::SATURATED,
+            Flags::SETTLING,
+            Flags::CLIPPED,
+            Flags::MISFIT,
+        ];
+        assert!(flags.into_iter().all(|flag| message.flags.contains(flag)));
+        assert!(!message.flags.contains(Flags::OVERRUN));
+        assert_eq!((message.saturated, message.block), (1 << 9, 0));
+        assert_eq!(
+            usize::from(message.clipped),
+            HOP * model::ELECTRODES,
+            "every value"
+        );
+        assert!(message.bytes == code.bytes() && message.bytes.len() <= MAX_PACKED_BYTES);
+    }
+}

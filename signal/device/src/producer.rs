@@ -470,6 +470,3 @@ impl<E: Encoders> Producer<E> {
         });
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -41,31 +41,28 @@ pub struct OtherModel {
 }
 
 impl OtherModel {
-    /// Builds programs and tests with the model in the folder `artifact`. Each string of `commands`
-    /// holds the arguments of one call of cargo, such as `build --workspace --bin=host-sim`.
+    /// Builds programs and tests with the model in the folder `artifact`. `words` are the arguments
+    /// of cargo, such as `build --workspace --bin=host-sim`.
     ///
     /// # Panics
     /// When cargo fails or reports a warning.
-    pub fn build(artifact: &Path, commands: &[&str]) -> Self {
+    pub fn build(artifact: &Path, words: &str) -> Self {
         // Hold the lock until the executables are copied: the next build replaces them.
         let _builds = lock_builds();
         let folder = tempfile::tempdir().expect("a folder");
         let mut tests = Vec::new();
-        for words in commands {
-            let mut cargo = cargo(words);
-            let messages = succeed(cargo.env("CORTICODE_ARTIFACT", artifact));
-            assert!(!messages.contains("warning: "), "{words}: {messages}");
-            let messages = messages.lines().map(serde_json::from_str::<Value>);
-            for message in messages.flatten() {
-                let Some(built) = message["executable"].as_str() else {
-                    continue;
-                };
-                let name = Path::new(built).file_name().expect("a name");
-                let copy = folder.path().join(name);
-                fs::copy(built, &copy).expect("the executable is readable");
-                if message["profile"]["test"] == true {
-                    tests.push(copy);
-                }
+        let messages = succeed(cargo(words).env("CORTICODE_ARTIFACT", artifact));
+        assert!(!messages.contains("warning: "), "{words}: {messages}");
+        let messages = messages.lines().map(serde_json::from_str::<Value>);
+        for message in messages.flatten() {
+            let Some(built) = message["executable"].as_str() else {
+                continue;
+            };
+            let name = Path::new(built).file_name().expect("a name");
+            let copy = folder.path().join(name);
+            fs::copy(built, &copy).expect("the executable is readable");
+            if message["profile"]["test"] == true {
+                tests.push(copy);
             }
         }
         Self { folder, tests }

@@ -2,6 +2,8 @@
 
 use any_model::any_classifier;
 use artifact::classifier::Decision;
+use bridge_core::Model;
+use neuro_ros::DiagnosticLevel;
 use pipeline::Mains;
 
 use crate::acquisition::Acquisition;
@@ -76,6 +78,19 @@ fn each_hop_of_frames_has_the_prediction_of_the_pipeline_s_features() {
         chosen += usize::from(class.is_some());
     }
     assert!(chosen > 16, "{chosen}");
+}
+
+#[test]
+fn the_program_decodes_the_codes_of_the_model_that_it_was_built_with() {
+    let acquisition = Acquisition::new(model::ADC_RATE_HZ, model::ADC_RATE_HZ / 16);
+    let mut harness = Harness::new(&acquisition.frame(0));
+    let decoded = Model::embedded().unwrap();
+    assert_eq!(decoded.id(), model::MODEL_ID);
+    let labels: Vec<&str> = model::LABELS.split(' ').collect();
+    assert_eq!(decoded.electrodes(), labels);
+    let device = harness.status("corticode: device");
+    assert_ne!(device.level, DiagnosticLevel::Error, "{}", device.message);
+    assert!(!device.message.contains("--model"), "{}", device.message);
 }
 
 #[test]

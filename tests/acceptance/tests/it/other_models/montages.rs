@@ -1,9 +1,8 @@
-//! Each file in `files/montages/` gives a model that streams: the pipeline's codes equal those of
-//! the batch reference, which equal numpy's. The models have random weights, but for that of the
-//! paper's montage, which is trained, and that of the built-in model's, which other tests compare.
-//! Two of the models are also built into programs: a host-sim announces the model and streams its
-//! codes, which it also decodes for the trained model; for a montage with few channels,
-//! corticode-node decodes the codes.
+//! Each file in `files/montages/` gives a model whose batch reference has the codes of numpy. The
+//! models have random weights, but for that of the paper's montage, which is trained. This model
+//! and that for a montage with few channels are built into programs: a host-sim announces the model
+//! and streams its codes, which equal those of the batch reference. It also decodes those of the
+//! trained model; corticode-node decodes those of the other one.
 
 use std::fs;
 use std::path::Path;
@@ -13,8 +12,6 @@ use acceptance::other_model::{OtherModel, fail, succeed};
 use acceptance::{numpy_reference, workspace};
 use artifact::{Artifact, IntegerCode, Mode, MontageFile};
 use link::{Decoder, MAX_FRAME, ToHost};
-
-use crate::inputs::artifact;
 
 /// How many numbers a code of each model with random weights has.
 const NUMBERS: usize = 48;
@@ -27,48 +24,51 @@ const SECONDS: u64 = 6;
 
 /// Montage of the trained model in `signal/model/paper`.
 const TRAINED_MONTAGE: &str = "paper-61";
+/// Montage of the built-in model, which the tests of `pipeline` and `encoder_numpy.rs` compare.
+const BUILT_IN_MONTAGE: &str = "ten-ten-61";
+/// Montages of models that `variants.rs` builds.
+const VARIANTS: [&str; 2] = ["cyton-16", "ten-twenty-32"];
 
 /// Arguments of cargo that build, for each model, the test that compares the pipeline with its
 /// batch reference.
 const BUILD: &str = "build --workspace --test=streaming_equals_batch";
 /// Name of the test target that compares the pipeline with its batch reference.
 const COMPARISON: &str = "streaming_equals_batch";
-/// Argument in addition to [`BUILD`] that also builds host-sim. A call of cargo for that package
-/// alone would compile most crates again with other features.
-const HOST_SIM: &str = " --bin=host-sim";
+/// Arguments in addition to [`BUILD`] that also build host-sim and the tests of the device's
+/// producer. A call of cargo for these packages alone would compile most crates again with other
+/// features.
+const HOST_SIM_AND_DEVICE: &str = " --bin=host-sim --test=producer";
 /// Arguments in addition to [`BUILD`] that also build host-sim and the tests of corticode-node.
 const HOST_SIM_AND_NODE: &str = " --bin=host-sim --test=node";
 /// Part of the name of the test in corticode-node that depends on the model's shape.
 const NODE_TEST: &str = "the_program_decodes";
 
 #[test]
-fn every_montage_streams_the_codes_of_numpy() {
-    let montages = any_model::montages().expect("the montages");
-    assert!(montages.len() >= 5, "{} montages", montages.len());
-    let built_in = artifact().description;
-    for (seed, montage) in (1..).zip(&montages) {
-        if montage.name == TRAINED_MONTAGE {
-            continue;
-        }
-        if montage.montage() == built_in.montage {
-            // The tests of `pipeline` and `encoder_numpy.rs` compare the built-in model.
-            assert_eq!(montage.grid(), built_in.grid);
-            continue;
-        }
-        let folder = tempfile::tempdir().expect("a folder");
-        let artifact = model(seed, montage);
-        artifact.write(folder.path()).expect("a folder to write to");
-        compare_with_numpy(seed, &artifact);
-        let has_node = montage.name == NODE_MONTAGE;
-        let build = BUILD.to_owned() + if has_node { HOST_SIM_AND_NODE } else { "" };
-        let built = OtherModel::build(folder.path(), &[&build]);
-        built.test(COMPARISON, "");
-        if has_node {
-            built.test("node", NODE_TEST);
-            let codes = play(&built, &artifact, &folder.path().join("frames"));
-            println!("{}: {codes} codes", montage.name);
-        }
+fn every_montage_has_the_codes_of_numpy() {
+    let built_in = [NODE_MONTAGE, TRAINED_MONTAGE, BUILT_IN_MONTAGE];
+    for (seed, montage) in (1..).zip(any_model::montages().expect("the montages")) {
+        let name = montage.name.as_str();
+        assert!(
+            built_in.contains(&name) || VARIANTS.contains(&name),
+            "no test streams a model for {name}: add one to variants.rs"
+        );
+        compare_with_numpy(seed, &model(seed, &montage));
     }
+}
+
+#[test]
+fn a_model_for_few_channels_streams_in_every_program() {
+    let mut montages = any_model::montages().expect("the montages").into_iter();
+    let montage = montages.find(|montage| montage.name == NODE_MONTAGE);
+    let artifact = model(1, &montage.expect("the montage"));
+    let folder = tempfile::tempdir().expect("a folder");
+    artifact.write(folder.path()).expect("a folder to write to");
+    let build = BUILD.to_owned() + HOST_SIM_AND_NODE;
+    let built = OtherModel::build(folder.path(), &build);
+    built.test(COMPARISON, "");
+    built.test("node", NODE_TEST);
+    let codes = play(&built, &artifact, &folder.path().join("frames"));
+    println!("{NODE_MONTAGE}: {codes} codes");
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
     assert_eq!(artifact.description.montage, paper.montage());
     assert_eq!(artifact.description.grid, paper.grid());
     compare_with_numpy(1, &artifact);
-    let built = OtherModel::build(&model, &[&(BUILD.to_owned() + HOST_SIM)]);
+    let built = OtherModel::build(&model, &(BUILD.to_owned() + HOST_SIM_AND_DEVICE));
     built.test(COMPARISON, "");
     let output = tempfile::tempdir().expect("a folder");
     let codes = play(&built, &artifact, &output.path().join("run.codes"));
@@ -89,8 +89,7 @@ fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
 
     // The model has no packed code: the tests of `device` check that the device does not offer it,
     // and `encode` must report that it is missing.
-    let device = OtherModel::build(&model, &["test --no-run --package=device"]);
-    device.test("device", "a_device_offers");
+    built.test("producer", "a_device_offers");
     let host_sim = |words: &str| {
         let mut program = built.program("host-sim");
         program.current_dir(output.path()).args(words.split(' '));

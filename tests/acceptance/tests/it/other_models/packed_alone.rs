@@ -26,17 +26,16 @@ fn a_model_without_a_network_encodes_and_decodes_recordings() {
     let folder = tempfile::tempdir().expect("a folder");
     let artifact = folder.path().join("model");
     model.write(&artifact).expect("a folder to write to");
-    let pipeline = "build --workspace --bin=host-sim --test=packed_equals_batch";
-    let built = OtherModel::build(&artifact, &[pipeline]);
+    let tests = "build --workspace --bin=host-sim --test=packed_equals_batch --test=producer";
+    let built = OtherModel::build(&artifact, tests);
     built.test("packed_equals_batch", "");
-    let device = OtherModel::build(&artifact, &["test --no-run --package=device"]);
     for test in [
         "a_device_offers",
         "audits_reach_the_host",
         "blocks_of_repeated_steps",
         "a_railed_electrode_is_reported_and_filled",
     ] {
-        device.test("device", test);
+        built.test("producer", test);
     }
     let labels = &model.description.montage.electrodes;
     let rate_hz = model.description.adc.rate_hz;

@@ -1,5 +1,6 @@
 //! With models other than the checked-in one, too, the pipeline streams the codes and packed blocks
-//! of the batch references. Each model is built from an artifact, as a user builds it.
+//! of the batch references. Each model is built from an artifact, as a user builds it. Two of the
+//! models are for montages in `files/montages/`; `montages.rs` has the others.
 //!
 //! `encoder_numpy.rs` compares the reference itself with numpy for networks of every mode, padding
 //! and pool.
@@ -7,25 +8,48 @@
 use std::thread;
 
 use acceptance::other_model::OtherModel;
-use any_model::{Size, any_artifact_with, any_packed};
+use any_model::{Size, any_artifact_with, any_packed, apply_montage};
 use artifact::{
-    CodeFormat,
+    CodeFormat, Description,
     Mode::{self, Paper, PaperCodeOnly, Pca, Shortcut},
-    NetworkShape, Padding,
+    MontageFile, NetworkShape, Padding,
 };
 
-/// Models to build (mode, padding, pool, size). Together they use every kernel, both ends of a
+use Input::{Montage, Sized};
+
+/// Models to build (mode, padding, pool, input). Together they use every kernel, both ends of a
 /// padded window, for each optional part an encoder without it, every overlap of windows, and the
 /// ends of every parameter's range.
-const VARIANTS: [(Mode, Padding, [usize; 3], Size); 7] = [
-    (Paper, Padding::None, [2, 2, 2], Size::paper(16)),
-    (Paper, Padding::None, [4, 3, 3], Size::paper(8)),
-    (Shortcut, Padding::All, [2, 2, 2], Size::paper(4)),
-    (Shortcut, Padding::All, [1, 3, 1], Size::paper(16)),
-    (Pca, Padding::None, [2, 2, 2], SMALLEST),
-    (Shortcut, Padding::None, [2, 2, 2], LARGEST),
-    (PaperCodeOnly, Padding::Space, [1, 1, 2], ROW),
+const VARIANTS: [(Mode, Padding, [usize; 3], Input); 7] = [
+    (Paper, Padding::None, [2, 2, 2], Montage("ten-twenty-32")),
+    (Paper, Padding::None, [4, 3, 3], Sized(Size::paper(8))),
+    (Shortcut, Padding::All, [2, 2, 2], Sized(Size::paper(4))),
+    (Shortcut, Padding::All, [1, 3, 1], Montage("cyton-16")),
+    (Pca, Padding::None, [2, 2, 2], Sized(SMALLEST)),
+    (Shortcut, Padding::None, [2, 2, 2], Sized(LARGEST)),
+    (PaperCodeOnly, Padding::Space, [1, 1, 2], Sized(ROW)),
 ];
+
+/// Electrodes and windows of a model.
+#[derive(Debug)]
+enum Input {
+    /// A montage file, and the windows of the checked-in model.
+    Montage(&'static str),
+    /// A size that no montage has.
+    Sized(Size),
+}
+
+impl Input {
+    fn apply(&self, montages: &[MontageFile], description: &mut Description) {
+        match self {
+            Montage(name) => {
+                let montage = montages.iter().find(|montage| montage.name == *name);
+                apply_montage(montage.expect("the montage"), description);
+            }
+            Sized(size) => size.apply(description),
+        }
+    }
+}
 
 /// Size of the smallest model. Its grid of four electrodes is too small for a convolution.
 const SMALLEST: Size = Size {
@@ -69,26 +93,27 @@ const PACKED: &str = " --test=packed_equals_batch";
 #[test]
 fn streaming_equals_batch_with_every_variant() {
     let formats = FORMATS.into_iter().cycle();
+    let montages = any_model::montages().expect("the montages");
     // Run the tests of a variant while cargo builds the next one.
     thread::scope(|scope| {
-        for ((seed, (mode, padding, pool, size)), format) in (1..).zip(VARIANTS).zip(formats) {
+        for ((seed, (mode, padding, pool, input)), format) in (1..).zip(VARIANTS).zip(formats) {
             let folder = tempfile::tempdir().expect("a folder");
             let artifact = any_artifact_with(seed, |description| {
                 description.mode = mode;
                 description.network = NetworkShape { padding, pool };
-                size.apply(description);
+                input.apply(&montages, description);
             });
             let mut artifact = artifact.expect("a model");
             artifact.description.code.format = format;
-            // The packed code does not depend on the network, so one model of each size has it.
-            let has_packed = size.electrodes != 61 || size.hop == 16;
+            // The packed code does not depend on the network, and has one block length.
+            let has_packed = artifact.description.montage.electrodes.len() != 61;
             let packed = has_packed.then(|| any_packed(seed, &artifact.description));
             let artifact = artifact.with_packed(packed).expect("a packed model");
             artifact.write(folder.path()).expect("a folder to write to");
             let tests = BUILD.to_owned() + if has_packed { PACKED } else { "" };
-            let built = OtherModel::build(folder.path(), &[&tests]);
+            let built = OtherModel::build(folder.path(), &tests);
             scope.spawn(move || {
-                println!("{mode:?}, padding {padding:?}, pool {pool:?}, {size:?}, {format}");
+                println!("{mode:?}, padding {padding:?}, pool {pool:?}, {input:?}, {format}");
                 // Keep the model's folder until the tests, which read it, have ended.
                 let _folder = folder;
                 built.test("streaming_equals_batch", "");

@@ -1,6 +1,6 @@
 //! Blocks of the packed code: their content, rate and faults.
 
-use pipeline::{EncoderMemory, MAX_PACKED_BYTES, PackedCode};
+use pipeline::{PackedCode, PackedEncoder, Rate};
 
 use super::*;
 
@@ -202,38 +202,6 @@ fn an_encoder_alone_makes_its_own_stream_and_no_other() {
     assert_eq!(kinds(pipeline::PackedMemory::EMPTY), (false, true));
     assert_eq!(kinds(BothEncoders::EMPTY), (true, true));
     assert!(BothEncoders::model_is_sound());
-}
-
-#[test]
-fn the_message_carries_the_blocks_status_and_its_bytes() {
-    let mut input: Vec<AcquiredSample> = signals(Streams::PACKED, PER_BLOCK, &[]).collect();
-    for acquired in &mut input {
-        if let Some(step) = &mut acquired.step {
-            step.electrodes = [i32::MAX; model::ELECTRODES];
-            step.saturated = 1 << 9;
-            step.settling = true;
-        }
-    }
-    let made = blocks(&outputs_of(input));
-    let [(code, _, marks)] = &made[..] else {
-        panic!("{}", made.len())
-    };
-    let message = crate::message::packed_code(code, *marks);
-    let flags = [
-        Flags::SATURATED,
-        Flags::SETTLING,
-        Flags::CLIPPED,
-        Flags::MISFIT,
-    ];
-    assert!(flags.into_iter().all(|flag| message.flags.contains(flag)));
-    assert!(!message.flags.contains(Flags::OVERRUN));
-    assert_eq!((message.saturated, message.block), (1 << 9, 0));
-    assert_eq!(
-        usize::from(message.clipped),
-        HOP * model::ELECTRODES,
-        "every value"
-    );
-    assert!(message.bytes == code.bytes() && message.bytes.len() <= MAX_PACKED_BYTES);
 }
 
 /// Returns the indices of the windows that a device with these encoders audits, each with the

@@ -1,13 +1,14 @@
 //! Outputs of the producer for complete sequences of samples and for sequences with gaps.
 
-use std::{boxed::Box, vec, vec::Vec};
-
-use link::{BlockForm, Flags, RAW_SAMPLES};
-use model::{ADC_RATE_HZ, CELLS, HOP, STEP_RATE_HZ, STEPS};
-use pipeline::{Acquisition, Mains, Sample};
-
-use super::*;
-use crate::encoders::BothEncoders;
+use device::{
+    AcquiredSample, BothEncoders, CapturedEvent, Encoders, Marks, Output, Payload, Producer, Run,
+    streams_with,
+};
+use link::{BlockForm, EventKind, ExclusionPolicy, Flags, RAW_SAMPLES, Streams};
+use model::{ADC_RATE_HZ, CELLS, HAS_NETWORK, HOP, PACKED, STEP_RATE_HZ, STEPS, SUBSTITUTION};
+use pipeline::{
+    Acquisition, Code, EncoderMemory, FeatureFilters, Mains, PackedMemory, Sample, Step,
+};
 
 mod packed;
 
@@ -455,7 +456,7 @@ fn an_event_that_waits_for_its_sample_is_kept_if_it_happened_in_the_new_run() {
 #[test]
 fn a_railed_electrode_is_reported_and_filled() {
     if SUBSTITUTION.is_none() {
-        std::eprintln!("SKIPPED: the model has no table of substitutions");
+        eprintln!("SKIPPED: the model has no table of substitutions");
         return;
     }
     let streams = Streams::ALL.without(Streams::RAW | Streams::COMPRESSED_RAW | Streams::EVENTS);
@@ -522,4 +523,27 @@ fn a_railed_electrode_is_reported_and_filled() {
         _ => false,
     });
     assert!(measured);
+}
+
+/// `tests/acceptance` also builds this test with models that have one of the encoders only.
+#[test]
+fn a_device_offers_what_its_encoders_feed_and_what_needs_none() {
+    let packed = if PACKED.is_some() {
+        Streams::PACKED | Streams::AUDIT
+    } else {
+        Streams::empty()
+    };
+    let others = Streams::RAW
+        | Streams::COMPRESSED_RAW
+        | Streams::FILTERED
+        | Streams::EVENTS
+        | Streams::FEATURES;
+    let network = if HAS_NETWORK {
+        Streams::CODES | Streams::AUDIT
+    } else {
+        Streams::empty()
+    };
+    assert_eq!(streams_with::<EncoderMemory>(), others | network);
+    assert_eq!(streams_with::<PackedMemory>(), others | packed);
+    assert_eq!(streams_with::<BothEncoders>(), others | network | packed);
 }
