@@ -142,6 +142,7 @@ impl Position {
     }
 
     /// Returns the sum with `other`.
+    #[must_use]
     pub fn plus(self, other: Self) -> Self {
         Self {
             x: self.x + other.x,
@@ -151,11 +152,13 @@ impl Position {
     }
 
     /// Returns the difference to `other`.
+    #[must_use]
     pub fn minus(self, other: Self) -> Self {
         self.plus(other.scaled(-1.0))
     }
 
     /// Returns this vector times `factor`.
+    #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         Self {
             x: self.x * factor,

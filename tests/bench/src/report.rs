@@ -24,8 +24,6 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use emulator::EmulatorError;
 
-use self::cost::Parts;
-
 /// Environment variable with the path of a file to which the benchmark writes its figures as a JSON
 /// object, with or without `--json`.
 const OBJECT: &str = "CORTICODE_OBJECT";
@@ -136,8 +134,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         Benchmark::Substitution => substitution::measure()?,
         Benchmark::Model { folder, windows } => models::measure_folder(folder, *windows as usize)?,
         Benchmark::Montages { montage, windows } => {
-            let parts = Parts::EncoderAndBoards;
-            models::measure_montages(montage.as_deref(), *windows as usize, parts)?
+            models::measure_montages(montage.as_deref(), *windows as usize, true)?
         }
         Benchmark::Offline { seconds } => offline::measure(*seconds)?,
         Benchmark::Bridge { seconds } => nodes::bridge::measure(*seconds)?,

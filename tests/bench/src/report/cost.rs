@@ -15,17 +15,9 @@ use serde_json::{Map, Value as Json, json};
 use self::reference::Reference;
 use super::images::{self, Range};
 
-/// Parts of a model's cost that a run measures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Parts {
-    /// Instructions of the encoder, and its codes compared with the reference's.
-    Encoder,
-    /// In addition the flash and RAM of the boards' images, whose builds take most of the time.
-    EncoderAndBoards,
-}
-
 /// Returns the cost of the model in `folder` as an object of figures without nested values. At
-/// least `windows` windows are encoded on each emulated machine.
+/// least `windows` windows are encoded on each emulated machine. With `boards`, it includes flash
+/// and RAM of the boards' images, whose builds take most of the time.
 ///
 /// # Errors
 /// The folder has no model that can be built, QEMU or the target is missing, or an image does not
@@ -34,7 +26,7 @@ pub(crate) fn measure(
     name: &str,
     folder: &Path,
     windows: usize,
-    parts: Parts,
+    boards: bool,
 ) -> anyhow::Result<Map<String, Json>> {
     let folder = folder.canonicalize().with_context(|| {
         let folder = folder.display();
@@ -74,7 +66,7 @@ pub(crate) fn measure(
     }
     figures.insert("state_bytes".into(), state.into());
     figures.insert("path_flash_bytes".into(), path(model)?.into());
-    if parts == Parts::EncoderAndBoards {
+    if boards {
         figures.extend(boards::measure(model)?);
     }
     figures.insert("constant_count".into(), constant.into());

@@ -9,7 +9,7 @@ use anyhow::{Context, ensure};
 use artifact::{Artifact, Mode, MontageFile};
 use serde_json::{Map, Value as Json, json};
 
-use super::cost::{self, Parts};
+use super::cost;
 use super::figures::Report;
 
 /// Returns the report on the model in `folder`: encodes at least `windows` windows with it on each
@@ -19,7 +19,7 @@ use super::figures::Report;
 /// The folder has no model, the model does not fit a board, or QEMU or the target is missing.
 pub(crate) fn measure_folder(folder: &Path, windows: usize) -> anyhow::Result<Report> {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
-    let figures = cost::measure(&name, folder, windows, Parts::EncoderAndBoards)?;
+    let figures = cost::measure(&name, folder, windows, true)?;
     let next =
         "`cargo test --package pipeline --test streaming_equals_batch` with CORTICODE_ARTIFACT";
     Report::new("model", Json::Object(figures), next)
@@ -33,7 +33,8 @@ const CONVOLUTIONS: &str = "ten-twenty-32";
 const SEED: u32 = 1;
 
 /// Returns the report on the models of all montages, or of the one named `only`. For each model, at
-/// least `windows` windows are encoded on each emulated machine.
+/// least `windows` windows are encoded on each emulated machine. `boards` is that of
+/// [`cost::measure`].
 ///
 /// # Errors
 /// No montage has the name, a montage file cannot be read, QEMU or the target is missing, or an
@@ -41,7 +42,7 @@ const SEED: u32 = 1;
 pub(crate) fn measure_montages(
     only: Option<&str>,
     windows: usize,
-    parts: Parts,
+    boards: bool,
 ) -> anyhow::Result<Report> {
     let mut rows = Vec::new();
     for montage in selected(any_model::montages()?, only)? {
@@ -54,7 +55,7 @@ pub(crate) fn measure_montages(
             };
             eprintln!("{name}");
             let folder = write(&artifact, &name)?;
-            rows.push(cost::measure(&name, &folder, windows, parts)?);
+            rows.push(cost::measure(&name, &folder, windows, boards)?);
         }
     }
     report(&rows)
@@ -154,7 +155,7 @@ mod tests {
         if !installed::available("codes of another montage on emulated microcontrollers") {
             return;
         }
-        let report = measure_montages(Some(SMALL), 50, Parts::Encoder).expect("a report");
+        let report = measure_montages(Some(SMALL), 50, false).expect("a report");
         assert_eq!(report.faults(), [""; 0]);
         let row = &report.object["montages"][0];
         assert_eq!(row["electrodes"], 8);
