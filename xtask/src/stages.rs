@@ -32,7 +32,7 @@ const SLOW_TESTS: &[&str] = &[
     "rosmaster_parity::", "real_ros::",
     // They compare whole recordings with a reference, or train models.
     "streaming_equals_batch_on", "_numpy::", "packed_python::", "quantise::integer_codes",
-    "synthetic_eeg::", "crossval::", "report::", "evaluate_measures_the_error",
+    "synthetic_eeg::", "crossval::", "report::",
     // They simulate minutes or hours.
     "synthetic::tests", "every_scenario_of_the_repository", "rates::stamps_follow", "codes::",
     "an_edge_is_at_most_a_row_from_its_place", "after_a_restart_at_any_phase",

@@ -133,11 +133,13 @@ pub fn environment() -> [(&'static str, PathBuf); 2] {
 }
 
 /// Returns cargo's options that give the crates that depend on the model a profile of their own.
-/// host-sim is built without optimisation, in half the time: these tests run it for some seconds.
+/// host-sim and what decodes for it are built without optimisation, in half the time: these tests
+/// run it for some seconds.
 pub fn options() -> impl Iterator<Item = String> {
-    let option = |name| format!("--config=profile.dev.package.{name}.debug=false");
-    let unoptimised = "--config=profile.dev.package.host-sim.opt-level=0".to_owned();
-    DEPENDENTS.into_iter().map(option).chain([unoptimised])
+    let option = |name: &str, value: &str| format!("--config=profile.dev.package.{name}.{value}");
+    let changed = DEPENDENTS.map(|name| option(name, "debug=false"));
+    let unoptimised = ["bridge-core", "host-sim"].map(|name| option(name, "opt-level=0"));
+    changed.into_iter().chain(unoptimised)
 }
 
 /// Runs a command that must succeed, and returns its standard output and standard error.

@@ -28,30 +28,27 @@ fn shards_in_one_folder_make_the_table_of_one_process_bit_for_bit() {
 #[test]
 fn finished_folds_are_kept_and_other_settings_refused() {
     let folder = Folder::with_runs(2, 24);
-    let table = folder.succeed(&crossval("shortcut", "--out=out"));
+    let table = folder.succeed(&crossval("pca", "--out=out"));
     let missing = "out/folds/all-r2-f1.json";
     let before = folder.read(missing);
     fs::remove_file(folder.path(missing)).expect("an outcome");
-    let [again, log] = folder.run(&crossval("shortcut", "--out=out"), 0);
+    let [again, log] = folder.run(&crossval("pca", "--out=out"), 0);
     assert_eq!(again, table);
     assert_eq!(log.matches("done before").count(), 3, "{log}");
     assert_eq!(folder.read(missing), before);
-    let error = folder.fail(&crossval("shortcut", "--out=out --seed=2"), 2);
+    let error = folder.fail(&crossval("pca", "--out=out --seed=2"), 2);
     assert_has(&error, &["belongs to another cross-validation", "seed 2"]);
 }
 
 #[test]
 fn one_recording_is_divided_into_blocks_and_too_few_runs_are_refused() {
     let folder = Folder::with_runs(1, 60);
-    let error = folder.fail(&crossval("shortcut", "--out=out --blocks=1"), 2);
+    let error = folder.fail(&crossval("pca", "--out=out --blocks=1"), 2);
     assert!(error.contains("1 runs or blocks for 2 folds"), "{error}");
-    let table = folder.succeed(&crossval("shortcut", "--out=out --subject=me"));
+    let table = folder.succeed(&crossval("pca", "--out=out --subject=me"));
     assert_has(
         &table,
-        &[
-            "| me | 4 | shortcut | float | yes |",
-            "blocks, 4 in each run",
-        ],
+        &["| me | 4 | PCA-16 | float | yes |", "blocks, 4 in each run"],
     );
 }
 

@@ -4,13 +4,14 @@ use std::env;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
+use artifact::Description;
 use artifact::reconstruction::PackedDecoder;
 use emulator::{Image, MACHINES, Machine};
 use model::HOP;
 use pipeline::{PackedEncoder, Step};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
-use trainer::comparison;
+use trainer::comparison::{self, CodeComparison};
 use trainer::progress::ProgressObserver;
 use trainer::selection::TestFiles;
 
@@ -188,6 +189,9 @@ fn report(
         "mse_smoothed": recorded["mse_smoothed"],
         "pca_int8_bits": recorded["pca_int8_bits"],
         "pca_int8_mse": recorded["pca_int8_mse"],
+        "int8_mse_over_float": recorded["int8_mse_over_float"],
+        "float_mse_over_pca": recorded["float_mse_over_pca"],
+        "prd_change_from_card": recorded["prd_change_from_card"],
         "insn_per_hop": eeg.insn_per_hop,
         "insn_worst_hop": eeg.insn_worst_hop,
         "insn_worst_hop_any_input": worst,
@@ -208,12 +212,15 @@ fn report(
 
 /// Folder with the recordings, within the folder that `CORTICODE_DATA` names.
 const FOLDER: &str = "eegmmidb_S001";
+/// The person in the recordings.
+const SUBJECT: &str = "S001";
 /// File names of the recordings: 125 s each, mains at 60 Hz, not used in training.
 const RECORDINGS: [&str; 2] = ["S001R11.edf", "S001R12.edf"];
 const MAINS_HZ: u32 = 60;
 
 /// Measures bits and errors on recordings: of the built-in packed model, at its own rate and at
-/// every rate, and of windows coded by PCA. Returns null if `CORTICODE_DATA` is not set.
+/// every rate, and of windows coded by the network and by PCA. Returns null if `CORTICODE_DATA` is
+/// not set.
 ///
 /// # Errors
 /// The recordings or the model cannot be used.
@@ -235,10 +242,10 @@ fn recorded_errors() -> anyhow::Result<Json> {
     let codes = comparison
         .codes
         .context("the built-in model has no network")?;
+    let pca = codes.pca.context("the built-in model has no PCA")?;
     let artifact = checked_in::artifact()?;
-    let model = artifact
-        .packed
-        .context("the built-in model has no packed model")?;
+    let model = artifact.packed.as_ref();
+    let model = model.context("the built-in model has no packed model")?;
     let rate = model.description.rate;
     let own = figures.iter().find(|figures| figures.rate == rate);
     let own = own.context("figures of the model's rate")?;
@@ -256,9 +263,34 @@ fn recorded_errors() -> anyhow::Result<Json> {
         "mse": own.mse,
         "mse_smoothed": own.mse_smoothed,
         "pca_int8_bits": codes.bits_per_window(),
-        "pca_int8_mse": codes.pca.map(|pca| pca.integer.mse),
+        "pca_int8_mse": pca.integer.mse,
+        "int8_mse_over_float": codes.network.integer.mse / codes.network.float.mse,
+        "float_mse_over_pca": codes.network.float.mse / pca.float.mse,
+        "prd_change_from_card": change_from_card(&artifact.description, &codes)?,
         "rates": rates.collect::<Vec<_>>(),
     }))
+}
+
+/// Returns the largest relative change of the PRDs of network and PCA, with float and integer
+/// codes, from those that the model's training card states for [`SUBJECT`].
+///
+/// # Errors
+/// The card does not have the person, or the model no PCA.
+fn change_from_card(description: &Description, codes: &CodeComparison) -> anyhow::Result<f64> {
+    let mut tested = description.training.tested.iter();
+    let person = tested.find(|person| person.subject == SUBJECT);
+    let card = person
+        .with_context(|| format!("the model's card does not have {SUBJECT}"))?
+        .prd_percent;
+    let pca = codes.pca.context("the built-in model has no PCA")?;
+    let changes = [
+        (codes.network.float, card.autoencoder_float),
+        (codes.network.integer, card.autoencoder_int8),
+        (pca.float, card.pca_float),
+        (pca.integer, card.pca_int8),
+    ];
+    let changes = changes.map(|(error, stated)| (error.prd_percent / stated - 1.0).abs());
+    Ok(changes.into_iter().fold(0.0, f64::max))
 }
 
 /// Observer that drops all messages about progress.

@@ -11,7 +11,7 @@ use link::{AckResult, Streams};
 use serde_json::json;
 
 /// Duration of the samples of the scenario, seconds; the board receives `Start` at device time 0.
-const SECONDS: usize = 10;
+const SECONDS: usize = 4;
 
 /// Text of the fault that `Hello` must report for a damaged model.
 const FAULT: &str = "the model in flash is damaged";
