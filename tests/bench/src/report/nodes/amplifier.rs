@@ -16,19 +16,18 @@ use super::{run_before_others, wait_until};
 pub(super) struct Frames {
     /// Samples per second.
     rate_hz: u32,
-    /// Samples in a frame: those of a hop or, where these are no whole number, of 20 ms.
+    /// Samples in a frame.
     samples: u32,
 }
 
 impl Frames {
-    /// Returns the frames of an amplifier of `rate_hz`; `None` if neither a hop nor 20 ms has a
-    /// whole number of samples.
+    /// Returns the frames of an amplifier of `rate_hz`: of a hop at the rate of the model's ADC,
+    /// otherwise of 1/64 s or 20 ms. Returns `None` if neither has a whole number of samples.
     pub(super) fn new(rate_hz: u16) -> Option<Frames> {
-        let rate_hz = u32::from(rate_hz);
         let step_rate = u32::from(model::STEP_RATE_HZ);
-        // Frames per second that are each as long as a hop, if that number is whole; or 20 ms.
-        let hops = step_rate.is_multiple_of(HOP).then_some(step_rate / HOP);
-        let mut per_second = hops.into_iter().chain([50]);
+        let hops = (rate_hz == model::ADC_RATE_HZ).then_some(step_rate / HOP);
+        let rate_hz = u32::from(rate_hz);
+        let mut per_second = hops.into_iter().chain([64, 50]);
         let per_second = per_second.find(|frames| rate_hz.is_multiple_of(*frames))?;
         let samples = rate_hz / per_second;
         Some(Frames { rate_hz, samples })
@@ -155,7 +154,7 @@ mod tests {
 
     #[test]
     fn windows_are_those_counted_sample_by_sample() {
-        for rate_hz in [128, 250, 500, 512, 1000] {
+        for rate_hz in [128, 250, 256, 500, 512, 1000] {
             let frames = Frames::new(rate_hz).expect("a whole number of samples");
             let [a, b, c] = frames.windows();
             let rate = u64::from(rate_hz);

@@ -45,7 +45,7 @@ const TOPICS: [[&str; 2]; 2] = [
 pub(crate) fn measure(rate_hz: Option<u16>, seconds: u32) -> anyhow::Result<Report> {
     let rate_hz = rate_hz.unwrap_or(model::ADC_RATE_HZ);
     let frames = Frames::new(rate_hz).with_context(|| {
-        format!("neither a hop nor 20 ms is a whole number of samples at {rate_hz} Hz\n  next: --rate=500")
+        format!("neither 1/64 s nor 20 ms is a whole number of samples at {rate_hz} Hz\n  next: --rate=500")
     })?;
     let programs = Programs::find("node", &[NODE])?;
     let torch = (rate_hz == model::ADC_RATE_HZ)
