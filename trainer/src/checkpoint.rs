@@ -30,7 +30,8 @@ pub(crate) fn write(path: &Path, training: &Training, data: &str) -> Result<(), 
     std::fs::rename(&partial, path).map_err(file_error)
 }
 
-/// Reads a training run that [`write()`] has written with the same settings and data.
+/// Reads a training run that [`write()`] has written with the same settings and data. If the run is
+/// finished and `settings` has more epochs, the extra ones form another cycle of the learning rate.
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or belongs to another training run.
@@ -53,6 +54,15 @@ pub(crate) fn read(
     if state.training != expected {
         let path = path.to_owned();
         return Err(TrainerError::OtherTraining(path, state.training, expected));
+    }
+    let State { epochs, epoch, .. } = state;
+    if settings.epochs < epochs || (settings.epochs > epochs && epoch < epochs) {
+        return Err(TrainerError::OtherEpochs {
+            path: path.to_owned(),
+            stored: epochs,
+            finished: epoch,
+            requested: settings.epochs,
+        });
     }
     let file = SafeTensors::deserialize(&bytes).map_err(|error| damaged(path, &error))?;
     let tensor = |kind: &str, tensor: &Tensor, shape: &[usize]| -> Result<Vec<f32>, TrainerError> {
@@ -79,9 +89,10 @@ pub(crate) fn read(
         }
         Ok(weights)
     };
-    Ok(Training {
-        settings,
-        epoch: state.epoch,
+    let mut training = Training {
+        settings: Settings { epochs, ..settings },
+        epoch,
+        cycle_start: state.cycle_start,
         parameters: parameters("current")?,
         adam: Adam {
             updates: state.updates,
@@ -94,7 +105,11 @@ pub(crate) fn read(
             parameters: parameters("best")?,
         },
         curve: state.curve,
-    })
+    };
+    if settings.epochs > epochs {
+        training.extend(settings.epochs);
+    }
+    Ok(training)
 }
 
 /// Key of the [`State`] in the metadata of a checkpoint.
@@ -105,6 +120,9 @@ const STATE: &str = "state";
 struct State {
     /// Settings and data of the checkpoint, in the text that [`training_identity`] returns.
     training: String,
+    /// Number of epochs after which the training run is finished.
+    epochs: u32,
+    cycle_start: u32,
     /// Number of finished epochs.
     epoch: u32,
     /// Number of updates of the optimiser.
@@ -114,9 +132,10 @@ struct State {
     curve: LearningCurve,
 }
 
-/// Returns settings and data as text. A training run can be resumed only if it yields the same text.
+/// Returns settings and data as text, without the number of epochs. A training run can be resumed
+/// only if it yields the same text.
 fn training_identity(settings: Settings, data: &str) -> String {
-    format!("{} epochs in {settings}, on {data}", settings.epochs)
+    format!("{settings}, on {data}")
 }
 
 fn to_bytes(path: &Path, training: &Training, data: &str) -> Result<Vec<u8>, TrainerError> {
@@ -137,6 +156,8 @@ fn to_bytes(path: &Path, training: &Training, data: &str) -> Result<Vec<u8>, Tra
     }
     let state = State {
         training: training_identity(training.settings, data),
+        epochs: training.settings.epochs,
+        cycle_start: training.cycle_start,
         epoch: training.epoch,
         updates: training.adam.updates,
         best_epoch: training.best.epoch,
@@ -187,11 +208,10 @@ mod tests {
         run.run_epoch(&mut resumed);
         assert_eq!(resumed, through);
 
-        let (seed, epochs) = (SETTINGS.seed + 1, SETTINGS.epochs + 1);
+        let seed = SETTINGS.seed + 1;
         for (settings, data) in [
             (SETTINGS, "others"),
             (Settings { seed, ..SETTINGS }, "these"),
-            (Settings { epochs, ..SETTINGS }, "these"),
         ] {
             let error = read_with(&path, settings, data).unwrap_err();
             let is_other = matches!(error, TrainerError::OtherTraining(..));
@@ -200,5 +220,30 @@ mod tests {
         std::fs::write(&path, b"nothing").unwrap();
         let error = read_with(&path, SETTINGS, "these").unwrap_err();
         assert!(matches!(error, TrainerError::Checkpoint(..)), "{error}");
+    }
+
+    #[test]
+    fn a_finished_training_can_go_on_with_another_cycle_and_an_unfinished_one_cannot_change() {
+        let (run, folder) = (Run::new(), tempfile::tempdir().unwrap());
+        let path = path(&folder);
+        let mut training = run.start();
+        let read_with = |epochs| read_with(&path, Settings { epochs, ..SETTINGS }, "these");
+        run.run_epoch(&mut training);
+        write(&path, &training, "these").unwrap();
+        let error = read_with(5).unwrap_err().to_string();
+        assert!(error.contains("1 of 2 epochs"), "{error}");
+        run.run_epoch(&mut training);
+        write(&path, &training, "these").unwrap();
+        assert!(read_with(1).is_err());
+        let mut longer = read_with(5).unwrap();
+        assert!(!longer.is_done());
+        let before = longer.parameters.clone();
+        run.run_epoch(&mut longer);
+        // The epoch has changed the parameters, so the new cycle begins with a rate above 0.
+        assert_ne!(longer.parameters, before);
+        assert_eq!(
+            (longer.epoch, longer.settings.epochs, longer.cycle_start),
+            (3, 5, 2)
+        );
     }
 }

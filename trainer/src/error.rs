@@ -78,6 +78,19 @@ pub enum TrainerError {
         .0.display(), .1, .2
     )]
     OtherTraining(PathBuf, String, String),
+    /// A checkpoint cannot be resumed with the requested number of epochs: it is smaller than the
+    /// checkpoint's, or it is larger and the checkpoint's training run is not finished.
+    #[error(
+        "{} has finished {finished} of {stored} epochs; resume it with --epochs {stored}, then \
+         more epochs can be added ({requested} were asked for)",
+        path.display()
+    )]
+    OtherEpochs {
+        path: PathBuf,
+        stored: u32,
+        finished: u32,
+        requested: u32,
+    },
     /// A subject has fewer runs or blocks than folds.
     #[error(
         "{subject} has {blocks} runs or blocks for {folds} folds; at least 2 folds, and a block \
@@ -260,6 +273,7 @@ impl TrainerError {
                 | Self::Shape(_)
                 | Self::PaperMode
                 | Self::OtherTraining(..)
+                | Self::OtherEpochs { .. }
                 | Self::TooFewBlocks { .. }
                 | Self::OnePerson(_)
                 | Self::OtherCrossval(..)

@@ -18,7 +18,7 @@ use sha2::{Digest, Sha256};
 use spec::Spec;
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
-use tensors::{Reference, StateDict};
+use tensors::{Calibration, Reference, StateDict};
 
 /// Options of `trainer import`.
 #[derive(clap::Args, Clone, Debug)]
@@ -43,8 +43,9 @@ pub(crate) struct Imported {
     pub(crate) id: ModelId,
     /// Differences from the exported network; `None` if the file has no reference.
     pub(crate) agreement: Option<Agreement>,
-    /// Error of float and integer codes on the windows of the calibration.
-    pub(crate) evaluation: Evaluation,
+    /// Error of float and integer codes on the windows of the calibration; `None` if the file has
+    /// ranges instead of such windows.
+    pub(crate) evaluation: Option<Evaluation>,
     /// Number of channels that never vary, and are therefore held at the bias of their norm.
     pub(crate) silent_channels: usize,
 }
@@ -72,7 +73,8 @@ impl Import {
         let agreement = agreement.transpose()?;
         model.description.training.note = note(&self.tensors, agreement.as_ref())?;
         let integers = model_gen::quantise(&model).map_err(|source| unusable(source.into()))?;
-        let evaluation = evaluate(&model, &dataset).map_err(unusable)?;
+        let evaluation = dataset.map(|dataset| evaluate(&model, &dataset));
+        let evaluation = evaluation.transpose().map_err(unusable)?;
         let id = model.write(&self.out)?;
         golden_windows(&integers).write(&self.out)?;
         Ok(Imported {
@@ -88,13 +90,22 @@ impl Import {
 fn calibrated(
     description: Description,
     weights: &Tensors,
-    windows: Vec<Vec<f32>>,
-) -> Result<(Artifact, usize, Dataset), TrainerError> {
+    calibration: Calibration,
+) -> Result<(Artifact, usize, Option<Dataset>), TrainerError> {
     let geometry = Geometry::new(&description);
     let mut parameters = Parameters::from_tensors(description.mode, geometry, weights)?;
     let silent_channels = parameters.hold_silent_channels();
-    let dataset = Dataset::from_segments(windows, description.dimensions());
-    let model = calibrated_artifact(description, &parameters, &dataset)?;
+    let (model, dataset) = match calibration {
+        Calibration::Ranges(ranges) => {
+            let model = Artifact::new(description, parameters.to_tensors(), ranges)?;
+            (model, None)
+        }
+        Calibration::Windows(windows) => {
+            let dataset = Dataset::from_segments(windows, description.dimensions());
+            let model = calibrated_artifact(description, &parameters, &dataset)?;
+            (model, Some(dataset))
+        }
+    };
     Ok((model, silent_channels, dataset))
 }
 
@@ -131,13 +142,15 @@ impl fmt::Display for Imported {
                 self.silent_channels
             )?;
         }
-        let evaluation = self.evaluation;
-        writeln!(
-            f,
-            "on the {} windows of the calibration:",
-            evaluation.windows
-        )?;
-        write!(f, "{}", Table(&[("imported", evaluation)]))
+        if let Some(evaluation) = self.evaluation {
+            writeln!(
+                f,
+                "on the {} windows of the calibration:",
+                evaluation.windows
+            )?;
+            write!(f, "{}", Table(&[("imported", evaluation)]))?;
+        }
+        Ok(())
     }
 }
 

@@ -29,7 +29,7 @@ pub(crate) struct IntegerError {
     /// Error over all electrodes.
     pub(crate) all: ReconstructionError,
     /// Error of each electrode, in the order of the montage.
-    electrodes: Vec<ElectrodeError>,
+    pub(crate) electrodes: Vec<ElectrodeError>,
     sd_uv: f64,
 }
 
@@ -83,7 +83,7 @@ impl PersonError {
     }
 
     /// Returns the error of each electrode with substitution on and off, uV^2.
-    fn of_electrodes(&self) -> impl Iterator<Item = (&str, [f64; 2])> {
+    pub(crate) fn of_electrodes(&self) -> impl Iterator<Item = (&str, [f64; 2])> {
         let pairs = self.on.electrodes.iter().zip(&self.off.electrodes);
         pairs.map(|(on, off)| (&*on.label, [self.on.mse_uv2(on), self.off.mse_uv2(off)]))
     }

@@ -6,6 +6,7 @@ mod cross_validation;
 mod evaluation;
 mod learning;
 mod packed;
+mod people;
 
 use crate::classify::Trained;
 use crate::comparison::Comparison;

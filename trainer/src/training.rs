@@ -16,7 +16,8 @@ use std::path::PathBuf;
 /// Settings that determine the result of a training run on given data.
 #[derive(clap::Args, Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Settings {
-    /// Number of epochs.
+    /// Number of epochs. If `train --resume` states more than the checkpoint has, another cycle of
+    /// the learning rate begins.
     #[arg(long, default_value_t = 12)]
     pub(crate) epochs: u32,
     /// Number of windows in a batch; each batch is one update of the parameters.
@@ -35,7 +36,7 @@ pub(crate) struct Settings {
 }
 
 impl fmt::Display for Settings {
-    /// Writes all settings but the number of epochs.
+    /// Writes all settings but the number of epochs, which may grow when a training run is resumed.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             epochs: _,
@@ -94,6 +95,8 @@ pub(crate) struct Training {
     pub(crate) settings: Settings,
     /// Number of finished epochs.
     pub(crate) epoch: u32,
+    /// Number of epochs that were finished when the present cycle of the learning rate began.
+    pub(crate) cycle_start: u32,
     pub(crate) parameters: Parameters,
     pub(crate) adam: Adam,
     /// Candidate with the smallest validation error so far.
@@ -170,6 +173,7 @@ impl Training {
         Self {
             settings,
             epoch: 0,
+            cycle_start: 0,
             parameters,
             adam,
             best,
@@ -178,6 +182,13 @@ impl Training {
                 epochs: Vec::new(),
             },
         }
+    }
+
+    /// Adds epochs to a finished training run: another cycle of the learning rate begins, and the
+    /// optimiser keeps its state.
+    pub(crate) fn extend(&mut self, epochs: u32) {
+        self.cycle_start = self.settings.epochs;
+        self.settings.epochs = epochs;
     }
 
     /// Returns whether all epochs are finished.
@@ -210,8 +221,9 @@ impl Training {
         let batches = self.batches(split);
         let schedule = OneCycle {
             peak: self.settings.peak_rate,
-            updates: u64::from(self.settings.epochs) * batches as u64,
+            updates: u64::from(self.settings.epochs - self.cycle_start) * batches as u64,
         };
+        let first_update = u64::from(self.cycle_start) * batches as u64;
         let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
         rng.set_stream(u64::MAX - u64::from(epoch));
         let windows = split
@@ -223,7 +235,7 @@ impl Training {
             if !loss.is_finite() {
                 return Err(TrainerError::Diverged(epoch, "loss", loss));
             }
-            let rate = schedule.rate(self.adam.updates);
+            let rate = schedule.rate(self.adam.updates - first_update);
             self.adam.update(&mut self.parameters, &gradients, rate);
             sum += loss;
             if after_batch(loss).is_break() {

@@ -83,7 +83,7 @@ pub use packed::{
 };
 pub use pca::Pca;
 pub use scalp_grid::ScalpGrid;
-pub use shapes::{NORM_EPSILON, NamedShape, weight_shapes};
+pub use shapes::{NORM_EPSILON, NamedShape, calibration_shapes, weight_shapes};
 pub use substitution::{
     LARGEST_INNOVATION, SubstitutionDescription, SubstitutionFigures, SubstitutionTable,
     SubstitutionTraining,

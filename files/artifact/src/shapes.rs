@@ -68,7 +68,7 @@ pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
 
 /// Returns name and shape of each tensor that `calibration.safetensors` must have, for a mode and
 /// the dimensions of a model.
-pub(crate) fn calibration_shapes(mode: Mode, dimensions: &Dimensions) -> Vec<NamedShape> {
+pub fn calibration_shapes(mode: Mode, dimensions: &Dimensions) -> Vec<NamedShape> {
     let mut shapes = vec![(INPUT_RANGE, vec![1])];
     if mode.has_network() {
         shapes.push(("code.min", vec![dimensions.numbers]));

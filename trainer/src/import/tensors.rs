@@ -2,7 +2,9 @@
 
 use super::spec::Spec;
 use crate::error::TrainerError;
-use artifact::{Description, Geometry, List, ScalpGrid, Tensors, weight_shapes};
+use artifact::{
+    Description, Geometry, List, ScalpGrid, Tensors, calibration_shapes, weight_shapes,
+};
 use safetensors::{Dtype, SafeTensors};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -10,8 +12,8 @@ use std::path::Path;
 
 /// Name of the counter in PyTorch's batch norm, which inference does not need.
 const COUNTER: &str = "num_batches_tracked";
-/// Name of the tensor from which the model is calibrated.
-const CALIBRATION: &str = "calibration.windows";
+/// Prefix of the tensors from which the model is calibrated.
+const CALIBRATION: &str = "calibration.";
 /// Names of the tensors to compare with: windows, their codes, and their reconstructions, which the
 /// file may lack.
 const REFERENCE: [&str; 3] = [
@@ -37,11 +39,18 @@ struct Entry {
 #[derive(Debug)]
 pub(super) struct Collected {
     pub(super) weights: Tensors,
-    /// Windows on which the ranges are measured from which the int8 scales are derived, each in the
-    /// order step, electrode (the last fastest), in units of `sd_uv`.
-    pub(super) calibration: Vec<Vec<f32>>,
+    /// Ranges from which the int8 scales are derived, or windows on which to measure these ranges.
+    pub(super) calibration: Calibration,
     /// Windows and outputs of the exported network to compare with, if the file has them.
     pub(super) reference: Option<Reference>,
+}
+
+/// Source of the ranges from which the int8 scales are derived.
+#[derive(Debug)]
+pub(super) enum Calibration {
+    Ranges(Tensors),
+    /// Windows, each in the order step, electrode (the last fastest), in units of `sd_uv`.
+    Windows(Vec<Vec<f32>>),
 }
 
 /// Windows, with the codes and reconstructions of the exported network.
@@ -184,22 +193,34 @@ impl Search<'_> {
         self.file.0.contains_key(name)
     }
 
-    fn calibration(
-        &mut self,
-        description: &Description,
-        window: &[usize],
-    ) -> Option<Vec<Vec<f32>>> {
-        if !self.has(CALIBRATION) {
+    fn calibration(&mut self, description: &Description, window: &[usize]) -> Option<Calibration> {
+        let windows = format!("{CALIBRATION}windows");
+        if self.has(&windows) {
+            let windows = self.rows(&windows, window)?;
+            let grid = ScalpGrid::new(description);
+            return Some(Calibration::Windows(
+                windows.iter().map(|window| grid.gather(window)).collect(),
+            ));
+        }
+        if !self.file.0.keys().any(|name| name.starts_with(CALIBRATION)) {
             self.mistakes.push(format!(
-                "{CALIBRATION} is missing, expected with shape {}: some hundred windows of the \
-                 training data, from which the ranges of the integers are measured",
+                "calibration.windows is missing, expected with shape {}: some hundred windows of \
+                 the training data, from which the ranges of the integers are measured; or \
+                 calibration.input.max_abs (uV), .code.min, .code.max, .activation1.max and \
+                 .activation2.max",
                 in_words(&[&[0], window].concat())
             ));
             return None;
         }
-        let windows = self.rows(CALIBRATION, window)?;
-        let grid = ScalpGrid::new(description);
-        Some(windows.iter().map(|window| grid.gather(window)).collect())
+        let mut ranges = Tensors::for_calibration();
+        let mut complete = true;
+        for (name, shape) in calibration_shapes(description.mode, &description.dimensions()) {
+            match self.tensor(&format!("{CALIBRATION}{name}"), &shape) {
+                Some(values) => ranges.insert(name, &shape, values),
+                None => complete = false,
+            }
+        }
+        complete.then_some(Calibration::Ranges(ranges))
     }
 
     fn reference(&mut self, window: &[usize], numbers: usize) -> Option<Reference> {
@@ -253,7 +274,7 @@ impl Search<'_> {
         let (cells, columns) = (dimensions.cells(), dimensions.columns);
         let grid = ScalpGrid::new(description);
         let is_empty = |cell: usize| !grid.cell_of_electrode().contains(&cell);
-        for name in [CALIBRATION, REFERENCE[0]] {
+        for name in ["calibration.windows", "reference.windows"] {
             let entry = self.file.0.get(name);
             let values = entry.and_then(|entry| entry.values.as_ref());
             let found = values.and_then(|values| {

@@ -4,7 +4,6 @@ use super::Report;
 use crate::comparison::{CodeComparison, Comparison};
 use crate::electrode_error::ElectrodeError;
 use crate::error::TrainerError;
-use crate::person_error::PersonError;
 use artifact::Mode;
 use picture::page::csv_field;
 use picture::scalp_map::{Place, ScalpMap, on_map};
@@ -45,12 +44,7 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
         )?;
     }
     if !comparison.people.is_empty() {
-        report.page.push_text(
-            "Error for each person with integer codes: with the electrodes that are bad in a \
-             recording filled from the others, as a device fills electrodes that it excludes, and \
-             as recorded.",
-        );
-        report.page.push_table(&people(&comparison.people));
+        super::people::add(report, &comparison.people)?;
     }
     if !comparison.packed.is_empty() {
         super::packed::add(report, comparison)?;
@@ -86,30 +80,6 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
         }
     }
     rows
-}
-
-fn people(people: &[PersonError]) -> Vec<Vec<String>> {
-    let head = [
-        "person",
-        "bad electrodes",
-        "PRD, filled",
-        "as recorded",
-        "MSE of the good electrodes, uV²: others filled",
-        "as recorded",
-    ];
-    let rows = people.iter().map(|error| {
-        let [good_on, good_off] = error.of_good();
-        [
-            error.person.subject.clone(),
-            error.person.bad.join(", "),
-            format!("{:.2} %", error.on.all.prd_percent),
-            format!("{:.2} %", error.off.all.prd_percent),
-            format!("{good_on:.2}"),
-            format!("{good_off:.2}"),
-        ]
-    });
-    let rows = std::iter::once(head.map(str::to_owned)).chain(rows);
-    rows.map(Vec::from).collect()
 }
 
 fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
@@ -169,7 +139,7 @@ pub(super) fn places<'a>(
 }
 
 /// Returns label and cell of each electrode.
-fn cells(errors: &[ElectrodeError]) -> impl Iterator<Item = (&str, [usize; 2])> + Clone {
+pub(super) fn cells(errors: &[ElectrodeError]) -> impl Iterator<Item = (&str, [usize; 2])> + Clone {
     errors
         .iter()
         .map(|error| (error.label.as_str(), error.cell))

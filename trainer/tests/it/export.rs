@@ -1,7 +1,7 @@
 //! Files for tests of the import, as a training framework exports them.
 
 use super::Folder;
-use artifact::{Artifact, FloatDecoder, FloatEncoder, ScalpGrid};
+use artifact::{Artifact, FloatDecoder, FloatEncoder, ScalpGrid, Tensors};
 use safetensors::{Dtype, tensor::TensorView};
 use std::collections::BTreeMap;
 
@@ -46,10 +46,7 @@ pub(crate) const WINDOWS: usize = 24;
 /// with.
 pub(crate) fn export(model: &Artifact) -> File {
     let mut file = File::new();
-    for (name, shape) in model.weights.shapes() {
-        let values = model.weights.tensor(name, shape).expect("its own shape");
-        file.insert(name.to_owned(), Exported::f32(shape, values));
-    }
+    insert_all(&mut file, "", &model.weights);
     for norm in ["encoder.norm1", "encoder.norm2", "decoder.norm1"] {
         let counter = Exported {
             dtype: Dtype::I64,
@@ -81,6 +78,14 @@ pub(crate) fn export(model: &Artifact) -> File {
         file.insert(name.to_owned(), Exported::f32(&shape, &rows.concat()));
     }
     file
+}
+
+/// Inserts all tensors of a set into a file, with `prefix` before their names.
+pub(crate) fn insert_all(file: &mut File, prefix: &str, tensors: &Tensors) {
+    for (name, shape) in tensors.shapes() {
+        let values = tensors.tensor(name, shape).expect("its own shape");
+        file.insert(format!("{prefix}{name}"), Exported::f32(shape, values));
+    }
 }
 
 /// Writes a file's tensors to `network.safetensors` and its specification to `network.toml`.

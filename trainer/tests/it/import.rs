@@ -1,7 +1,7 @@
 //! Tests with files that can be imported. Where PyTorch is installed, one test imports the files
 //! that the program in docs/importing.md writes.
 
-use super::export::{self, SPEC, WINDOWS, export, write};
+use super::export::{self, SPEC, WINDOWS, export, insert_all, write};
 use super::{Folder, assert_has, skip};
 use any_model::{any_artifact, quantised, windows};
 use artifact::{Artifact, FloatEncoder, Mode, Padding, Tensors};
@@ -121,12 +121,14 @@ fn tensors_of_other_names_and_of_64_bits_are_imported_by_the_table_of_names() {
 }
 
 #[test]
-fn a_file_without_a_reference_is_imported_with_a_warning() {
+fn ranges_can_replace_the_windows_of_the_calibration_and_no_reference_is_a_warning() {
     let folder = Folder::new();
     let network = network();
     let (model, printed) = import(&folder, &network, SPEC, |file| {
-        file.retain(|name, _| !name.starts_with("reference"));
+        file.retain(|name, _| !name.starts_with("calibration") && !name.starts_with("reference"));
+        insert_all(file, "calibration.", &network.calibration);
     });
+    assert_eq!(model.calibration, network.calibration);
     assert!(
         printed.starts_with("warning: the file has no reference.windows"),
         "{printed}"

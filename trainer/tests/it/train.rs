@@ -29,7 +29,7 @@ fn ctrl_c_leaves_a_checkpoint_with_which_the_training_goes_on() {
     assert!(!folder.path("model/model.toml").exists());
     // Request fewer epochs than the checkpoint was started with.
     let log = folder.fail(&format!("{train} --epochs=2 --resume"), 2);
-    assert!(log.contains("a training with 100000 epochs"), "{log}");
+    assert!(log.contains("of 100000 epochs"), "{log}");
 }
 
 #[test]
