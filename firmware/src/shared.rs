@@ -123,14 +123,42 @@ impl Shared {
 
 #[cfg(test)]
 mod tests {
+    use device::Run;
+    use link::Streams;
+
     use super::*;
+
+    fn shared() -> Shared {
+        Shared::new(Clock {
+            now: || 0,
+            hz: 1_000_000,
+        })
+    }
+
+    #[test]
+    fn a_newer_order_replaces_one_that_was_not_read_yet() {
+        let shared = shared();
+        let run = |number| {
+            Order::Start(Run {
+                number,
+                streams: Streams::CODES,
+                ..Run::NONE
+            })
+        };
+        shared.send_order(run(1));
+        shared.send_order(Order::Stop);
+        assert_eq!(shared.orders.try_take(), Some(Order::Stop));
+        assert_eq!(shared.orders.try_take(), None);
+        for order in [Order::Stop, run(2), run(3)] {
+            shared.send_order(order);
+        }
+        assert_eq!(shared.orders.try_take(), Some(run(3)));
+        assert_eq!(shared.orders.try_take(), None);
+    }
 
     #[test]
     fn samples_are_counted_in_64_bits_and_the_other_counts_wrap() {
-        let shared = Shared::new(Clock {
-            now: || 0,
-            hz: 1_000_000,
-        });
+        let shared = shared();
         shared.samples[0].store(u32::MAX, Relaxed);
         shared.overruns.store(u32::MAX, Relaxed);
         shared.count_sample();

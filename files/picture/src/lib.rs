@@ -1,18 +1,17 @@
 //! Charts as SVG files, drawn without any font or library of the system.
 //!
 //! Each chart is a struct of plain numbers with a `draw` method that writes one file. The demo
-//! draws a run of the signal path, the benchmarks draw the filters over frequency, `host-sim
-//! decode` draws the error of decoded recordings, `trainer` that of models. A [`page::Page`] shows
+//! draws a run of the signal path and the response of its filters, `host-sim decode` draws the error of decoded recordings, `trainer` that of models. A [`page::Page`] shows
 //! the pictures of a report.
 //!
 //! ```text
-//! demo  ────┬─ Traces     electrodes over time ─────┐
+//! bench ────┬─ Intervals  histogram of intervals ───┐
+//! demo  ────┼─ Traces     electrodes over time ─────┤
 //!           ├─ HeatMap    codes over time ──────────┤
-//! bench ────┼─ Intervals  histogram of intervals ───┤
-//!           ├─ Lines      lines and points ─────────┼─ canvas (title, axes, colours) ── *.svg
+//! trainer ──┼─ Lines      lines and points ─────────┼─ canvas (title, axes, colours) ── *.svg
+//!           ├─ Patterns   signed maps of the head ──┤
 //! offline ──┼─ ScalpMap   a value per electrode ────┤
-//!           ├─ Histogram  counted values ───────────┤
-//! trainer ──┴─ Patterns   signed maps of the head ──┘
+//!           └─ Histogram  counted values ───────────┘
 //! ```
 //!
 //! ```

@@ -1,5 +1,6 @@
 //! Panics, faults and the watchdog: each failure leaves a record for the next boot and resets the
-//! board.
+//! board. No test makes this image fail; `tests/virtual-board/tests/boards/failures.rs` does so with
+//! the images for the boards, whose handlers differ in the registers of the watchdog.
 #![expect(unsafe_code, reason = "exception handlers")]
 
 use core::panic::PanicInfo;

@@ -104,7 +104,7 @@ fn curves(compared: &[[f64; 3]]) -> [Series; 2] {
 
 /// Returns the outline of the pass band and a line at the mains frequency, over a range of the y
 /// axis.
-pub fn marks([low, high]: [f64; 2]) -> [Series; 2] {
+fn marks([low, high]: [f64; 2]) -> [Series; 2] {
     let [from, to] = BAND_HZ;
     let band = vec![(from, low), (from, high), (to, high), (to, low)];
     let mains = vec![(MAINS_HZ, low), (MAINS_HZ, high)];

@@ -95,7 +95,7 @@ fn a_link_of_the_user_is_not_replaced_by_the_link_to_a_terminal() {
 }
 
 #[test]
-fn an_output_that_cannot_be_is_wrong_usage_with_what_is_allowed() {
+fn an_output_that_cannot_be_is_wrong_usage_and_a_full_disk_has_failed() {
     for (output, allowed) in [
         (
             "tcp:localhost:99999",
@@ -122,4 +122,7 @@ fn an_output_that_cannot_be_is_wrong_usage_with_what_is_allowed() {
         assert_eq!(refused.status, Some(2), "{refused:?}");
         assert!(refused.log.contains(allowed), "{refused:?}");
     }
+    let full = "--output=file:/dev/full";
+    let failed = run(&["run", "-q", "--input=synthetic", "--duration=1", full]);
+    assert_eq!(failed.status, Some(1), "{failed:?}");
 }

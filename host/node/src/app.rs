@@ -57,7 +57,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
     let publication = Publication {
         settings: options.settings(),
         model: options.model.clone(),
-        upload_model: None,
+        upload_model: options.person.clone().folder()?,
         ros,
         topic_prefix: options.topic_prefix.clone(),
         get_info: "~get_info",

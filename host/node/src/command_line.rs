@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use bridge::{ClassifierOptions, ExclusionOptions, PredictionOptions, RealtimeOption, choice};
+use bridge::{
+    ClassifierOptions, ExclusionOptions, PersonOptions, PredictionOptions, RealtimeOption, choice,
+};
 use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, CommandFactory, Parser};
@@ -82,6 +84,8 @@ pub(crate) struct Options {
     /// Folder of the model to decode with; it must be the model that this program was built with
     #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) person: PersonOptions,
     /// Log warnings and errors only
     #[arg(short, long, conflicts_with = "verbose")]
     pub(crate) quiet: bool,

@@ -1,8 +1,8 @@
 //! A device inside this process, which encodes samples and speaks the wire format.
 
 use device::{
-    Abilities, AcquiredSample, Counts, FrameQueue, Identity, Marks, NoSlot, Order, Output, Payload,
-    Producer, Run, Sender, Session,
+    Abilities, AcquiredSample, Counts, FrameQueue, Identity, Marks, ModelSlot, Order, Output,
+    Payload, Producer, Run, Sender, Session,
 };
 use link::{ResetCause, Streams, Substitutes};
 use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
@@ -27,6 +27,8 @@ pub struct EncoderDevice {
     sender: Sender<Outgoing>,
     acquisition: Acquisition,
     producer: Box<Producer<EncoderMemory>>,
+    /// Memory for a model of the person, which the host gives the device.
+    slot: Box<ModelSlot>,
     /// Parameters of a run that begins with the next sample; `None` while a run continues.
     new_run: Option<Run>,
     /// Number of steps since the last `Start`.
@@ -75,6 +77,7 @@ impl EncoderDevice {
             sender,
             acquisition: Acquisition::new(mains),
             producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
+            slot: Box::new(ModelSlot::empty()),
             new_run: None,
             steps: 0,
             counts: Counts::default(),
@@ -90,7 +93,7 @@ impl EncoderDevice {
             bytes,
             now_us,
             counts,
-            &mut NoSlot,
+            &mut *self.slot,
             &mut self.sender,
             |order| match order {
                 Order::Start(run) => started = Some(run),
@@ -153,7 +156,9 @@ impl EncoderDevice {
             }
             session.send(&output, sender);
         };
-        self.producer.process(&acquired, &mut emit);
+        let uploaded = self.slot.weights();
+        self.producer
+            .process_with(uploaded.as_ref(), &acquired, &mut emit);
     }
 
     /// Sends the device's counters, from which the host knows that the device still runs.

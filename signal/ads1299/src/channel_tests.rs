@@ -26,8 +26,8 @@ pub struct SquareWaveTest {
 /// Gain error, offset and noise of a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelResult {
-    /// Ratio of the measured to the expected amplitude, minus 1; -1 without a square wave, and 0
-    /// with shorted input, which does not measure it.
+    /// Ratio of the measured to the expected amplitude, minus 1; -1 without a square wave, 0
+    /// if the input is shorted: not measured.
     pub gain_error: f32,
     /// Mean of the samples, or of the square wave's two levels, in microvolts at the input.
     pub offset_uv: f32,

@@ -152,3 +152,21 @@ impl Drop for Terminal {
         self.bar.finish_and_clear();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_holds_for_folds_of_different_size() {
+        // Folds whose work is 1, 7 and 2 take 10 s for each unit.
+        let mut done = 0.0;
+        for work in [1.0, 7.0, 2.0] {
+            done += work;
+            let left = remaining(Duration::from_secs_f64(10.0 * done), done / 10.0);
+            let expected = 100.0 - 10.0 * done;
+            assert!((left.unwrap().as_secs_f64() - expected).abs() < 1e-6);
+        }
+        assert_eq!(remaining(Duration::from_secs(1), 0.0), None);
+    }
+}

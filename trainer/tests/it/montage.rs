@@ -130,6 +130,9 @@ fn all_mistakes_are_printed_at_once_with_status_2() {
     folder.write("bad.toml", "name = \"x\"\nsize = 3\n");
     let printed = folder.fail("montage check bad.toml", 2);
     assert!(printed.contains("unknown field `size`"), "{printed}");
+    folder.write("bad.toml", &FOUR.replace("gain = 24", "gain = 24\nhz = 5"));
+    let printed = folder.fail("montage check bad.toml", 2);
+    assert!(printed.contains("unknown field `hz`"), "{printed}");
 }
 
 #[test]

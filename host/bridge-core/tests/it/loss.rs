@@ -80,6 +80,27 @@ fn fillers_repeat_the_last_code_are_zeros_or_are_not_published() {
 }
 
 #[test]
+fn a_damaged_byte_costs_one_frame_and_is_counted() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
+    harness.now_us += 62_500;
+    let mut bytes = harness.board.code(3_000_000, 1);
+    bytes[40] ^= 4;
+    harness.receive(&bytes);
+    harness.code(1, false);
+    assert_eq!(harness.fillers(), [false, true, false]);
+    let summary = harness.core.summary();
+    assert_eq!((summary.wire.resyncs, summary.received), (1, 2));
+    assert_eq!(summary.wire.crc + summary.wire.cobs, 1);
+    let counted = summary.to_string().contains("made 3 received 2 lost 1");
+    assert!(counted, "{summary}");
+    let figures = ["CRC errors", "COBS errors"].map(|name| harness.figure("link", name));
+    let crc_first = [summary.wire.crc, summary.wire.cobs].map(|count| count.to_string());
+    assert_eq!(figures, crc_first);
+    assert_eq!(harness.figure("link", "resyncs"), "1");
+}
+
+#[test]
 fn dropped_frames_without_a_code_are_no_lost_codes() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);

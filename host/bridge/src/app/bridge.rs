@@ -14,7 +14,7 @@ use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkErr
 use tokio::sync::{mpsc, watch};
 
 use crate::app::classifying::Classifying;
-use crate::app::command_line::{Options, SinkKind, warn_if_not_packed};
+use crate::app::command_line::{Options, SinkKind};
 use crate::app::driver::{DRAIN_TIMEOUT, Driver};
 use crate::app::outlets::{Outlets, Sinks};
 use crate::app::recorders::Recorders;
@@ -24,7 +24,6 @@ use crate::app::shutdown::Shutdown;
 use crate::app::whole_lines::WholeLines;
 use crate::error::BridgeError;
 use crate::realtime;
-use crate::subject_models::SubjectModels;
 use crate::wire::connection::{Connection, Event, Feed};
 
 /// Timeout of the wait for queued JSON lines after the end of a recording, while no user waits for
@@ -66,8 +65,12 @@ impl Publication {
             return Ok((Arc::new(model.map_err(BridgeError::Model)?), None));
         };
         let artifact = Artifact::read(folder).map_err(BridgeError::Model)?;
-        if artifact.description.mode != Mode::Pca {
-            warn_if_not_packed("the person's model", self.settings.streams);
+        let is_packed = self.settings.streams.contains(Streams::PACKED);
+        if artifact.description.mode != Mode::Pca && !is_packed {
+            tracing::warn!(
+                "the person's model has no effect: it has no numbers for codes, and packed is not among the \
+                 streams; fit one with `corticode-bridge calibrate --numbers`, or stream packed"
+            );
         }
         let model = Model::new(&artifact).map_err(BridgeError::Model)?;
         let bytes = model_gen::upload(&artifact).map_err(BridgeError::Upload)?;
@@ -194,15 +197,7 @@ pub(super) async fn stream(
     if let Some(uri) = options.ros.ros_master_uri {
         ros.master_uri = uri;
     }
-    let upload_model = match (options.upload_model, &options.subject) {
-        (None, Some(subject)) => {
-            let models = SubjectModels::of_user(|name| std::env::var_os(name))?;
-            let folder = models.newest(subject)?;
-            tracing::info!("model of {subject}: {}", folder.display());
-            Some(folder)
-        }
-        (folder, _) => folder,
-    };
+    let upload_model = options.person.folder()?;
     let classifier = options.asked.classifying.read()?;
     let connection = Connection::new(options.at.port, options.at.baud);
     let publication = Publication {

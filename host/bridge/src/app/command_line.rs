@@ -21,8 +21,9 @@ use crate::app::convert::ConvertOptions;
 use crate::app::manual::{CompletionsOptions, ManOptions};
 use crate::app::master::MasterOptions;
 use crate::app::replay::ReplayOptions;
+use crate::error::BridgeError;
 use crate::realtime::RealtimeOption;
-use crate::subject_models::subject_name;
+use crate::subject_models::{SubjectModels, subject_name};
 use crate::wire::port::PortAddress;
 
 /// Identifier and name of the option that names the configuration file.
@@ -58,16 +59,8 @@ pub(crate) struct Options {
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, help_heading = DECODING, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
-    /// Give the device the packed model of this folder, which also decodes, instead of the one it
-    /// was built with: a model fitted to the person who wears the cap. It goes to the device's RAM
-    /// before each run, if the device has another one. Needs a NUCLEO-H743ZI2 or host-sim.
-    /// Overrides --model
-    #[arg(long, help_heading = DECODING, env = "CORTICODE_UPLOAD_MODEL", value_name = "FOLDER")]
-    pub(crate) upload_model: Option<PathBuf>,
-    /// The same with the newest model that `calibrate` has fitted to this person. Overrides
-    /// --model, and --upload-model overrides it
-    #[arg(long, help_heading = DECODING, env = "CORTICODE_SUBJECT", value_name = "NAME", value_parser = subject_name)]
-    pub(crate) subject: Option<String>,
+    #[command(flatten)]
+    pub(crate) person: PersonOptions,
     /// What the stamp of a frame refers to
     #[arg(long, help_heading = DECODING, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,
@@ -149,6 +142,38 @@ impl Options {
             streams,
             packed_rate: self.asked.packed_rate,
         }
+    }
+}
+
+/// Options that select a model fitted to the person who wears the cap.
+#[derive(Args, Clone, Debug)]
+pub struct PersonOptions {
+    /// Give the device the model of this folder, which also decodes, instead of the one it was
+    /// built with: a model fitted to the person who wears the cap. It goes to the device's RAM
+    /// before each run, if the device has another one. Of the boards, the NUCLEO-H743ZI2 has room
+    /// for it. Overrides --model
+    #[arg(long, help_heading = DECODING, env = "CORTICODE_UPLOAD_MODEL", value_name = "FOLDER")]
+    upload_model: Option<PathBuf>,
+    /// The same with the newest model that `corticode-bridge calibrate` has fitted to this person.
+    /// Overrides --model, and --upload-model overrides it
+    #[arg(long, help_heading = DECODING, env = "CORTICODE_SUBJECT", value_name = "NAME", value_parser = subject_name)]
+    subject: Option<String>,
+}
+
+impl PersonOptions {
+    /// Returns the folder of the person's model; `None` if the device is to keep its own.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError`] if no model was fitted to the subject, or their folders cannot be read.
+    pub fn folder(self) -> Result<Option<PathBuf>, BridgeError> {
+        let (None, Some(subject)) = (&self.upload_model, &self.subject) else {
+            return Ok(self.upload_model);
+        };
+        let models = SubjectModels::of_user(|name| std::env::var_os(name))?;
+        let folder = models.newest(subject)?;
+        tracing::info!("model of {subject}: {}", folder.display());
+        Ok(Some(folder))
     }
 }
 
@@ -502,8 +527,10 @@ pub(crate) struct StreamOptions {
 impl StreamOptions {
     /// Logs a warning about an option that has no effect on the chosen streams.
     pub(crate) fn warn_about_unused(&self) {
-        if self.packed_rate.is_some() {
-            warn_if_not_packed("--packed-rate", self.streams());
+        if self.packed_rate.is_some() && !self.streams().contains(Streams::PACKED) {
+            tracing::warn!(
+                "--packed-rate has no effect, because packed is not among the streams; add it with --streams packed"
+            );
         }
     }
 
@@ -516,15 +543,6 @@ impl StreamOptions {
             kind => streams | kind.bit(),
         }));
         self.classifying.streams(streams)
-    }
-}
-
-/// Logs a warning that `what` has no effect if packed blocks are not among the streams.
-pub(crate) fn warn_if_not_packed(what: &str, streams: Streams) {
-    if !streams.contains(Streams::PACKED) {
-        tracing::warn!(
-            "{what} has no effect, because packed is not among the streams; add it with --streams packed"
-        );
     }
 }
 

@@ -1,6 +1,7 @@
 //! Codes of the acquisition's frames are bit for bit those of host-sim.
 
-use any_model::any_classifier;
+use any_model::{any_classifier, any_linear_for, any_packed_of};
+use artifact::Artifact;
 use artifact::classifier::Decision;
 use bridge_core::Model;
 use neuro_ros::DiagnosticLevel;
@@ -46,6 +47,33 @@ fn codes_of_frames_at_the_rate_of_the_adc_are_those_of_a_recording() {
     for samples in [32, 1, 7, 64, 512] {
         equals_recording(&Acquisition::new(model::ADC_RATE_HZ, samples), 8);
     }
+}
+
+/// Audits compare the codes with those that the batch reference computes with the person's model.
+#[test]
+fn codes_are_those_of_the_person_s_model_also_after_a_restart_of_the_acquisition() {
+    if !model::HAS_SHORTCUT || model::PACKED.is_none() {
+        return;
+    }
+    let built_in = Artifact::from_files(model::artifact_files::FILES).unwrap();
+    let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &built_in.description);
+    let person = any_linear_for(2, &built_in).unwrap();
+    let person = person.with_packed(Some(packed)).unwrap();
+    let acquisition = Acquisition::new(model::ADC_RATE_HZ, 32);
+    let mut harness = Harness::with_person(&acquisition.frame(0), &person);
+    let id = person.id.to_string();
+    for _ in 0..2 {
+        let audits = harness.recorder.audits;
+        harness.receive_all(&acquisition, 1..16 * 12);
+        assert!(harness.recorder.audits > audits, "no code was compared");
+        let device = harness.status("corticode: device");
+        assert_ne!(device.level, DiagnosticLevel::Error, "{}", device.message);
+        assert!(device.values.iter().any(|value| value.value == id), "{id}");
+        // The acquisition starts again.
+        harness.receive(&acquisition.frame(0), 1_000_000).unwrap();
+    }
+    let own = acquisition.codes_of_recording(16 * 12, Mains::Hz50);
+    assert_ne!(harness.recorder.encoded[0].eeg.data, own[0]);
 }
 
 /// A prediction is computed from the same steps as a code, and comes with the frame that completes

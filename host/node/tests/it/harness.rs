@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use artifact::Artifact;
 use artifact::classifier::Classifier;
-use bridge_core::{Announcement, AuditedWindow, Core, Effects, HostTime, Model, Settings};
+use bridge_core::{Announcement, AuditedWindow, Core, Effects, HostTime, Model, Settings, Upload};
 use link::{Flags, Streams};
 use neuro_ros::{DiagnosticStatus, NeuroFrame, NeuroOutput, TriWords};
 use node::{Arrival, Refusal, Source};
@@ -18,9 +19,12 @@ pub(crate) const START: HostTime = HostTime {
 };
 
 /// Collects what the core sends, announces and publishes.
-#[derive(Default)]
 pub(crate) struct Recorder {
     sent: Vec<u8>,
+    /// The model with which the device must encode.
+    model: Arc<Model>,
+    /// Number of codes that were compared with those of the model.
+    pub(crate) audits: usize,
     pub(crate) announced: Vec<Announcement>,
     pub(crate) encoded: Vec<NeuroFrame>,
     pub(crate) predictions: Vec<NeuroOutput>,
@@ -44,8 +48,9 @@ impl Effects for Recorder {
     }
 
     fn audit(&mut self, window: AuditedWindow) {
-        let result = window.compare(&Model::embedded().unwrap()).expect("a code");
+        let result = window.compare(&self.model).expect("a code");
         assert!(!result.is_wrong(), "{result:?}");
+        self.audits += 1;
     }
 }
 
@@ -64,19 +69,46 @@ impl Harness {
 
     /// As [`Self::new`], for a core that decides with a classifier.
     pub(crate) fn with_classifier(first: &NeuroFrame, classifier: Option<Classifier>) -> Harness {
+        Harness::with(first, classifier, None)
+    }
+
+    /// As [`Self::new`], for a core that gives the device the model of a person.
+    pub(crate) fn with_person(first: &NeuroFrame, person: &Artifact) -> Harness {
+        Harness::with(first, None, Some(person))
+    }
+
+    fn with(
+        first: &NeuroFrame,
+        classifier: Option<Classifier>,
+        person: Option<&Artifact>,
+    ) -> Harness {
         let features = classifier.as_ref().map(|_| Streams::FEATURES);
         let settings = Settings {
             mains_hz: 50,
             streams: Streams::CODES | Streams::AUDIT | features.unwrap_or_default(),
             ..Settings::default()
         };
-        let model = Arc::new(Model::embedded().unwrap());
+        let model = person.map_or_else(Model::embedded, Model::new).unwrap();
+        let model = Arc::new(model);
+        let recorder = Recorder {
+            sent: Vec::new(),
+            model: Arc::clone(&model),
+            audits: 0,
+            announced: Vec::new(),
+            encoded: Vec::new(),
+            predictions: Vec::new(),
+        };
         let mut harness = Harness {
             source: Source::new(first, Mains::Hz50, 1).unwrap(),
             core: Core::new(settings, Some(model)),
-            recorder: Recorder::default(),
+            recorder,
             now: START,
         };
+        if let Some(person) = person {
+            let bytes = model_gen::upload(person).unwrap().unwrap();
+            let upload = Upload::new(person.id.0, bytes.into());
+            harness.core.set_upload(upload);
+        }
         if let Some(classifier) = classifier {
             harness.core.set_classifier(classifier);
         }

@@ -1,12 +1,12 @@
 //! Every message fits the buffers, even with its largest content.
 
 use link::{
-    Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest, ChipTest, Code,
-    CodeFormat, CodeValues, CompressedRaw, Converters, Decoder, ElectrodeQuality, Encoder,
-    FILTERED_STEPS, Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_CHUNK_BYTES, MAX_ELECTRODES,
-    MAX_FRAME, MAX_LABELS_BYTES, MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message, ModelChunk,
-    PackedCode, Quality, RAW_SAMPLES, Raw, ResetCause, SelfTest, Stage, StageTiming, Start,
-    Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
+    Ack, AckResult, Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,
+    ChipTest, Code, CodeFormat, CodeValues, CompressedRaw, Converters, Decoder, ElectrodeQuality,
+    Encoder, FILTERED_STEPS, Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_CHUNK_BYTES,
+    MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES, MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message,
+    ModelChunk, PackedCode, Quality, RAW_SAMPLES, Raw, ResetCause, SelfTest, Stage, StageTiming,
+    Start, Stats, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
 /// Returns the length in bytes of the message's body, with the largest header.
@@ -66,6 +66,23 @@ fn the_largest_frame_fits() {
         saturated: u64::MAX,
         values: CodeValues::int16(&[255; 2 * MAX_NUMBERS]),
     });
+    let stats = ToHost::Stats(Stats {
+        streams: Streams::from_bits(u16::MAX),
+        next_window: u32::MAX,
+        codes_made: u32::MAX,
+        frames_dropped: u32::MAX,
+        samples: u64::MAX,
+        overruns: u32::MAX,
+        adc_status_bad: u32::MAX,
+        clipped: u32::MAX,
+        clipped_values: u32::MAX,
+        commands: u32::MAX,
+        input_bad: u32::MAX,
+    });
+    let ack = ToHost::Ack(Ack {
+        of: u32::MAX,
+        result: AckResult::Newer(255),
+    });
     let quality = ToHost::Quality(Quality {
         first_sample: u64::MAX,
         settling: true,
@@ -99,8 +116,7 @@ fn the_largest_frame_fits() {
         saturated: u64::MAX,
         bytes: &[255; 118],
     });
-    // Messages without text, bytes or a list take less than 100 bytes.
-    for other in [hello, code, quality, timing, packed] {
+    for other in [hello, code, stats, ack, quality, timing, packed] {
         assert!(body_bytes(&other) < largest, "{other:?}");
     }
     let start = Start {

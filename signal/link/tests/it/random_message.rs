@@ -3,7 +3,7 @@
 use core::iter;
 
 use link::{
-    CodeValues, Flags, MAX_ELECTRODES, MAX_EXPONENT, MAX_FEATURES, MAX_NUMBERS, MAX_STAGES,
+    CodeValues, Flags, MAX_ELECTRODES, MAX_EXPONENT, MAX_FEATURES, MAX_NUMBERS, MAX_STAGES, Stats,
     Streams, ToHost,
 };
 use proptest::prelude::*;
@@ -29,8 +29,7 @@ pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {
         .into_iter()
         .map(|(_, _, message)| message)
         .collect();
-    let bytes = prop::collection::vec(any::<u64>().prop_map(u64::to_le_bytes), 0..=192)
-        .prop_map(|bytes| bytes.leak().as_flattened());
+    let bytes = prop::collection::vec(any::<u8>(), 0..=1_536).prop_map(|bytes| &*bytes.leak());
     let numbers = any::<(u8, u16, u32, u64)>();
     (prop::sample::select(messages), bytes, values(), numbers).prop_map(
         |(message, bytes, values, numbers)| with_contents(message, bytes, values, numbers),
@@ -65,8 +64,8 @@ fn with_contents(
         }
         ToHost::Stats(stats) => {
             stats.streams = Streams::from_bits(short);
-            stats.codes_made = word;
             stats.samples = long;
+            set_counts(stats, word);
         }
         ToHost::Ack(ack) => {
             ack.of = word;
@@ -142,4 +141,18 @@ fn with_contents(
         }
     }
     message
+}
+
+/// Gives each count another value.
+fn set_counts(stats: &mut Stats, word: u32) {
+    let turned = |bits| word.rotate_left(bits);
+    stats.next_window = word;
+    stats.codes_made = turned(3);
+    stats.frames_dropped = turned(6);
+    stats.overruns = turned(9);
+    stats.adc_status_bad = turned(12);
+    stats.clipped = turned(15);
+    stats.clipped_values = turned(18);
+    stats.commands = turned(21);
+    stats.input_bad = turned(24);
 }

@@ -55,6 +55,17 @@ fn every_allowed_licence_is_needed() {
     }
 }
 
+#[test]
+fn a_copyleft_licence_and_a_missing_one_are_refused() {
+    let allowed = allowed(".");
+    assert!(accepts(&allowed, "MIT/Apache-2.0"));
+    assert!(accepts(&allowed, "GPL-3.0-only OR MIT"));
+    assert!(!accepts(&allowed, "GPL-3.0-only AND MIT"));
+    assert!(!accepts(&allowed, "GPL-3.0-only"));
+    assert!(!accepts(&allowed, "no such licence"));
+    assert!(!accepts(&allowed, ""));
+}
+
 /// Returns the licences that the workspace's deny.toml lists as `allow` in its table `[licenses]`.
 fn allowed(workspace: &str) -> BTreeSet<String> {
     let file = workspace::root().join(workspace).join("deny.toml");
