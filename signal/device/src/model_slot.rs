@@ -2,7 +2,7 @@
 
 use int8_nn::Linear;
 use int8_nn::Pair;
-use link::{AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, ModelReceived, model_crc};
+use link::{AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, ModelReceived, Streams, model_crc};
 use model::{
     CODE, CODE_FORMAT, CODE_SCALE, CODE_ZERO_POINT, CodeFormat, ELECTRODE_PAIRS, ELECTRODES,
     HAS_SHORTCUT, HOP, INPUT_MULTIPLIER, NETWORK, NETWORK_ID, Network, PACKED, PACKED_COEFFICIENTS,
@@ -181,12 +181,17 @@ impl ModelSlot {
     }
 
     /// Announces a model. If it is the one whose upload has begun, or that the slot holds, what was
-    /// received stays; otherwise the slot is emptied. `has_codes`: the device has the network.
-    pub(crate) fn begin(&mut self, begin: ModelBegin, has_codes: bool) -> UploadOutcome {
+    /// received stays; otherwise the slot is emptied. `abilities`: the streams that the device has; a
+    /// model is refused if it would change none of them.
+    pub(crate) fn begin(&mut self, begin: ModelBegin, abilities: Streams) -> UploadOutcome {
         const PACKED_ALONE: usize = size_of::<PackedContent>();
         let bytes = usize::try_from(begin.bytes).unwrap_or(usize::MAX);
-        let takes_linear = HAS_SHORTCUT && has_codes;
-        if PACKED.is_none() || (bytes > PACKED_ALONE && !takes_linear) {
+        let takes = if bytes > PACKED_ALONE {
+            HAS_SHORTCUT && abilities.contains(Streams::CODES)
+        } else {
+            abilities.contains(Streams::PACKED)
+        };
+        if PACKED.is_none() || !takes {
             return self.outcome(AckResult::NotSupported);
         }
         if bytes != PACKED_ALONE && bytes != size_of::<Content>() {

@@ -421,8 +421,7 @@ impl<'i> Session<'i> {
 }
 
 /// Executes a command about an uploaded model, or returns why it is refused; `None` for every other
-/// command, and on a device without a slot or without the packed code. `abilities`: the streams
-/// that the device has.
+/// command, and on a device without a slot. `abilities`: the streams that the device has.
 fn upload<S: Slot>(
     command: &ToDevice<'_>,
     abilities: Streams,
@@ -433,14 +432,14 @@ fn upload<S: Slot>(
         command,
         ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd
     );
-    if !is_upload || !abilities.contains(Streams::PACKED) || !S::EXISTS {
+    if !is_upload || !S::EXISTS {
         return None;
     }
     if is_streaming {
         return Some(Err(AckResult::Busy));
     }
     let outcome = slot.with(|slot| match *command {
-        ToDevice::ModelBegin(begin) => slot.begin(begin, abilities.contains(Streams::CODES)),
+        ToDevice::ModelBegin(begin) => slot.begin(begin, abilities),
         ToDevice::ModelChunk(chunk) => slot.store(chunk),
         _ => slot.end(),
     });

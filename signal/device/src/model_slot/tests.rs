@@ -10,6 +10,9 @@ use proptest::prelude::*;
 
 use super::*;
 
+/// Streams of a device with both encoders.
+const ALL: Streams = Streams::ALL;
+
 /// Returns the built-in model; `None` if it has no packed code.
 fn built_in() -> Option<Artifact> {
     let artifact = Artifact::from_files(model::artifact_files::FILES).expect("a model");
@@ -51,7 +54,7 @@ fn begin(bytes: &[u8]) -> ModelBegin {
 /// Uploads a model in chunks of the largest size; returns the slot and the answer to its end.
 fn uploaded(bytes: &[u8]) -> (Box<ModelSlot>, UploadOutcome) {
     let mut slot = Box::new(ModelSlot::empty());
-    assert_eq!(slot.begin(begin(bytes), true).result, AckResult::Done);
+    assert_eq!(slot.begin(begin(bytes), ALL).result, AckResult::Done);
     let mut offset = 0;
     for bytes in bytes.chunks(MAX_CHUNK_BYTES) {
         let outcome = slot.store(ModelChunk { offset, bytes });
@@ -256,7 +259,7 @@ proptest! {
                         stored.clear();
                         in_use = false;
                     }
-                    prop_assert_eq!(slot.begin(begin, true).received.bytes as usize, stored.len());
+                    prop_assert_eq!(slot.begin(begin, ALL).received.bytes as usize, stored.len());
                 }
                 Act::Chunks { count, length, skip } => for _ in 0..count {
                     let next = i64::from(slot.received) + skip;
@@ -357,7 +360,7 @@ fn a_model_of_another_layout_or_shape_or_with_numbers_out_of_range_is_refused() 
             bytes: u32::try_from(length).expect("short"),
             ..begin(&bytes)
         };
-        assert_eq!(slot.begin(begin, true).result, expected, "{length}");
+        assert_eq!(slot.begin(begin, ALL).result, expected, "{length}");
     }
     assert_eq!(slot.end().result, AckResult::BadArgument);
 }
@@ -422,7 +425,7 @@ fn a_linear_code_for_another_input_or_code_is_refused_and_no_content_of_it_panic
         assert_eq!(end.result, AckResult::Failed, "{at} {new:?}");
     }
     let mut slot = ModelSlot::empty();
-    let without_codes = slot.begin(begin(&bytes), false);
+    let without_codes = slot.begin(begin(&bytes), Streams::PACKED);
     assert_eq!(without_codes.result, AckResult::NotSupported);
     for fill in [0x7f, 0x80, 0xff] {
         let mut bytes = bytes.clone();
