@@ -244,7 +244,7 @@ fn a_model_is_fitted_to_a_recording_and_what_cannot_be_used_is_refused() {
         ),
         (
             &*format!("--upload-model={unread}"),
-            "the person's model has no effect, because packed is not among",
+            "the person's model has no effect: it has no numbers for codes",
         ),
     ] {
         let mut refused = bridge(folder, "refused", &["--sink=ndjson", option]);
