@@ -93,11 +93,12 @@ impl Device {
                     sleep(PACE);
                     continue;
                 }
-                if shared.hang_up.swap(false, Relaxed) {
+                if shared.hang_up.load(Relaxed) {
                     line = None;
                     // Remove the symbolic link, because another program may be given a
-                    // pseudoterminal with this name.
+                    // pseudoterminal with this name; and then tell the test that it is gone.
                     link.as_ref().map(std::fs::remove_file);
+                    shared.hang_up.store(false, Relaxed);
                 }
                 if line.is_none() && !shared.unplugged.load(Relaxed) {
                     line = plug_in().ok();
