@@ -37,6 +37,9 @@ enum Verb {
         /// programs or ROS, and install nothing
         #[arg(long)]
         fast: bool,
+        /// Run only the benchmarks on emulated microcontrollers and the virtual boards
+        #[arg(long, conflicts_with = "fast")]
+        boards: bool,
     },
     /// Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures
     Demo {
@@ -152,7 +155,7 @@ enum Verb {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().verb {
-        Verb::Test { fast } => stages::test(fast),
+        Verb::Test { fast, boards } => stages::test(fast, boards),
         Verb::Demo { seconds, seed } => programs::demo(seconds, seed),
         Verb::Loop {
             recording,

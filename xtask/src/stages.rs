@@ -1,11 +1,13 @@
 //! `cargo xtask test`: everything that CI checks, in stages that start with the quick checks.
 
+use std::env;
+use std::fs::{self, File};
 use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::command::{
-    AFTER_A_BUILD, AFTER_A_TEST, BOARD_TARGET, Failure, cargo, run, target_folder,
+    AFTER_A_BUILD, AFTER_A_TEST, BOARD_TARGET, Failure, OrFail, cargo, run, target_folder, typed,
 };
 use crate::images::{self, Board};
 use crate::{board, docs, figures, install, programs, qemu};
@@ -64,19 +66,29 @@ const FAST: &[Stage] = &[
 #[rustfmt::skip]
 const FULL: &[Stage] = &[
     ("format", format),
-    ("lints, while packages and toolchains are installed", lints_and_installation),
+    ("build with lints, while packages and toolchains are installed", build_and_installation),
     ("lints for the microcontrollers", lints_for_microcontrollers),
-    ("tests, with ROS and emulated microcontrollers", full_tests),
+    ("tests, with ROS and emulated microcontrollers, and the stages of `test --boards`", all_tests),
+    ("figures of docs/figures.md", docs::check),
+];
+
+/// Stages of `test --boards`, in the order in which they run.
+#[rustfmt::skip]
+const BOARDS: &[Stage] = &[
+    ("build with lints, while packages and toolchains are installed", build_and_installation),
     ("benchmarks on emulated microcontrollers", benchmarks),
     ("images for the boards", images_for_boards),
     ("virtual boards: models", board::models),
     ("virtual boards: images that are flashed", || board::test(&Board::ALL, false)),
-    ("figures of docs/figures.md", docs::check),
 ];
 
 /// Runs the stages and stops at the first that fails. At the end, prints the time of each.
-pub(crate) fn test(fast: bool) -> Result<(), Failure> {
-    let stages = if fast { FAST } else { FULL };
+pub(crate) fn test(fast: bool, boards: bool) -> Result<(), Failure> {
+    let stages = match (fast, boards) {
+        (true, _) => FAST,
+        (_, true) => BOARDS,
+        _ => FULL,
+    };
     let total = stages.len();
     print_skipped(fast);
     let start = Instant::now();
@@ -109,7 +121,7 @@ fn print_skipped(fast: bool) {
              tests that start programs or ROS, simulate minutes, or wait: leave --fast out"
         );
     }
-    if std::env::var_os("CORTICODE_DATA").is_none() {
+    if env::var_os("CORTICODE_DATA").is_none() {
         eprintln!("SKIPPED: what needs real recordings: set CORTICODE_DATA to their folder");
     }
 }
@@ -128,19 +140,33 @@ fn lints(options: &str) -> Result<(), Failure> {
     run(&mut cargo(&words), AFTER_A_LINT)
 }
 
-/// Lints the workspace. Meanwhile, installs what the later stages need, which mostly waits for
-/// downloads. The message of a failed installation does not wait for the lints.
-fn lints_and_installation() -> Result<(), Failure> {
+/// Builds the workspace's programs and tests with clippy's driver. Meanwhile, installs what the
+/// later stages need, which mostly waits for downloads. The message of a failed installation does
+/// not wait for the build.
+fn build_and_installation() -> Result<(), Failure> {
     thread::scope(|scope| {
         let installation = scope.spawn(|| {
             install::install().inspect_err(|failure| eprintln!("error: {}", failure.message))
         });
-        let linted = lints("--all-targets --workspace");
+        let built = run(
+            &mut linting_cargo("build --bins --tests --examples --workspace"),
+            AFTER_A_LINT,
+        );
         match installation.join() {
-            Ok(installed) => installed.and(linted),
+            Ok(installed) => installed.and(built),
             Err(panic) => std::panic::resume_unwind(panic),
         }
     })
+}
+
+/// Returns a cargo command in which clippy's driver compiles the members of the workspace: it
+/// compiles as rustc does, so that lints take no compilation of their own. Any warning is an error.
+fn linting_cargo(words: &str) -> Command {
+    let mut cargo = cargo("--config=build.rustc-workspace-wrapper='clippy-driver'");
+    cargo.args(words.split(' '));
+    // As `cargo clippy -- -D warnings` passes its arguments.
+    cargo.env("CLIPPY_ARGS", "-D__CLIPPY_HACKERY__warnings");
+    cargo
 }
 
 /// Lints the selected packages for the microcontrollers' target, which includes code that is not
@@ -171,30 +197,58 @@ fn lints_for_microcontrollers() -> Result<(), Failure> {
 }
 
 /// Tests the default members of the workspace, except for [`SLOW_TESTS`] and examples in the
-/// documentation.
+/// documentation. Builds the programs that tests start first, from the same packages: otherwise
+/// cargo would compile most crates twice, with different features.
 fn fast_tests() -> Result<(), Failure> {
+    run(&mut cargo("build --bins --tests"), AFTER_A_BUILD)?;
     let skipped = SLOW_TESTS.iter().map(|part| format!("--skip={part}"));
     let skipped: Vec<String> = skipped.collect();
-    tests(
-        "",
-        &mut cargo(&format!("test --tests -- {}", skipped.join(" "))),
-    )
+    tests(&mut cargo(&format!(
+        "test --tests -- {}",
+        skipped.join(" ")
+    )))
 }
 
-/// Tests all members of the workspace, and prints the figures of the emulated microcontrollers.
-fn full_tests() -> Result<(), Failure> {
-    let mut test = cargo("test --workspace");
+/// Runs the tests of all members of the workspace and, because many of them wait, the stages of
+/// `test --boards` at the same time. Prints what the latter printed when both have ended, then the
+/// figures of the emulated microcontrollers.
+fn all_tests() -> Result<(), Failure> {
+    let log = target_folder().join("boards.log");
+    eprintln!(
+        "output of `test --boards`, which runs meanwhile: {}",
+        log.display()
+    );
+    let output = File::create(&log).and_then(|file| Ok([file.try_clone()?, file]));
+    let [stdout, stderr] = output.or_fail(log.display(), "is its folder writable?")?;
+    let mut boards = Command::new(env::current_exe().unwrap_or_default());
+    boards
+        .args(["test", "--boards"])
+        .stdout(stdout)
+        .stderr(stderr);
+    let boards_run = boards.spawn().or_fail(typed(&boards), "repeat the command");
+    let mut boards_run = boards_run?;
+
+    let mut test = linting_cargo("test --workspace");
     let figures = figures::attach(&mut test, "qemu", false);
-    tests("--workspace", test.env("CORTICODE_REQUIRE_ROS", "1"))?;
+    let tested = tests(test.env("CORTICODE_REQUIRE_ROS", "1"));
+
+    let status = boards_run
+        .wait()
+        .or_fail(typed(&boards), "repeat the command")?;
+    eprint!("\n{}", fs::read_to_string(&log).unwrap_or_default());
+    tested?;
+    if !status.success() {
+        return Err(Failure::check(
+            typed(&boards),
+            status,
+            "read its message above",
+        ));
+    }
     qemu::report(&figures, None, false)
 }
 
-/// Builds the programs that tests start, then runs the tests with these builds. Both commands must
-/// select the same packages: otherwise cargo would compile most crates twice, with different
-/// features.
-fn tests(selection: &str, test: &mut Command) -> Result<(), Failure> {
-    let build = format!("build --bins --tests {selection}");
-    run(&mut cargo(&build), AFTER_A_BUILD)?;
+/// Runs tests, with the programs that they start already built.
+fn tests(test: &mut Command) -> Result<(), Failure> {
     let programs = target_folder().join("debug");
     let cores = thread::available_parallelism().map_or(1, usize::from);
     test.env(
@@ -227,4 +281,34 @@ fn images_for_boards() -> Result<(), Failure> {
 fn minutes(time: Duration) -> String {
     let seconds = time.as_secs();
     format!("{} min {:>2} s", seconds / 60, seconds % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_warning_fails_the_build_with_lints() {
+        let folder = env::temp_dir().join(format!("xtask-lint-{}", std::process::id()));
+        let build = |source: &str| {
+            fs::create_dir_all(folder.join("src")).expect("a folder");
+            let manifest = "[package]\nname = 'linted'\nedition = '2024'\n[workspace]";
+            fs::write(folder.join("Cargo.toml"), manifest).expect("a manifest");
+            fs::write(folder.join("src/lib.rs"), source).expect("a source");
+            let mut cargo = linting_cargo("build --offline");
+            cargo.arg("--manifest-path").arg(folder.join("Cargo.toml"));
+            cargo.arg("--target-dir").arg(folder.join("target"));
+            cargo.output().expect("cargo")
+        };
+        let passed = build("/// Returns one.\npub fn one() -> u8 {\n    1\n}\n");
+        // A lint of clippy that only warns.
+        let failed = build("/// Returns one.\npub fn one() -> u8 {\n    return 1;\n}\n");
+        fs::remove_dir_all(&folder).expect("the folder");
+        assert!(passed.status.success(), "{passed:?}");
+        let message = String::from_utf8_lossy(&failed.stderr);
+        assert!(
+            !failed.status.success() && message.contains("needless_return"),
+            "{message}"
+        );
+    }
 }
