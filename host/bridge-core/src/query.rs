@@ -160,7 +160,7 @@ impl Query {
     pub fn receive(&mut self, mut bytes: &[u8], now_us: i64) -> Option<QueryResult> {
         // Frames borrow from the decoder, so the decoder is moved out of `self` while frames are
         // handled.
-        let mut decoder = std::mem::replace(&mut self.decoder, Decoder::new());
+        let mut decoder = std::mem::take(&mut self.decoder);
         let mut outcome = None;
         while outcome.is_none()
             && let Some(frame) = decoder.next::<ToHost>(&mut bytes)
