@@ -220,7 +220,7 @@ fn all_tests() -> Result<(), Failure> {
     );
     let output = File::create(&log).and_then(|file| Ok([file.try_clone()?, file]));
     let [stdout, stderr] = output.or_fail(log.display(), "is its folder writable?")?;
-    let mut boards = Command::new(env::current_exe().unwrap_or_default());
+    let mut boards = Command::new(target_folder().join("debug/xtask"));
     boards
         .args(["test", "--boards"])
         .stdout(stdout)
