@@ -85,6 +85,11 @@ pub const PROGRESS: Duration = Duration::from_micros(8 * 1_000_000 / STEP_RATE_H
 /// STM32H743.
 pub const WATCHDOG: Duration = Duration::from_millis(200);
 
+/// Period of the watchdog from the start of the image until every task has made progress once: 4096
+/// of its counts, each 32 periods of its oscillator. The clocks take half a second at most, the
+/// converters 1.4 s.
+pub const START_UP: Duration = Duration::from_micros(4_096 * 32 * 1_000_000 / LSI_HZ);
+
 /// Nominal frequency of the watchdog's oscillator, Hz. Its range is 17 to 47 kHz on an STM32F446
 /// (DS10693, LSI) and 29.4 to 33.6 kHz on an STM32H743 (DS12110, LSI).
 const LSI_HZ: u64 = 32_000;
@@ -93,6 +98,7 @@ const LSI_FASTEST_HZ: u64 = 47_000;
 
 const _: () = {
     assert!(SAMPLE.as_micros() < STEP.as_micros());
+    assert!(START_UP.as_micros() * LSI_HZ / LSI_FASTEST_HZ > 2_500_000);
     // Up to two periods of the progress check pass between two feeds, and even the fastest watchdog
     // must not expire in this time.
     assert!(2 * PROGRESS.as_micros() * LSI_FASTEST_HZ < WATCHDOG.as_micros() * LSI_HZ);

@@ -81,6 +81,7 @@ impl Converters {
         });
         let options = Options {
             clock_hz: CONVERTER_SETTINGS.clock.hz(),
+            wiring: CONVERTER_SETTINGS.wiring,
             ..Options::default()
         };
         let simulation = Simulation::new(options, deliver);

@@ -6,7 +6,9 @@ mod packed;
 mod source;
 mod substitution;
 
-use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Description, Padding};
+use artifact::{
+    AdcClock, AdcControl, AdcWiring, CONV1_CHANNELS, CONV2_CHANNELS, Description, Padding,
+};
 
 use crate::{
     device_model::DeviceModel,
@@ -81,6 +83,15 @@ pub const ADC_RATE_HZ: u16 = {rate_hz};
 
 /// Channels of the ADC chain; a sample has one count for each.
 pub const CHANNELS: usize = {channels};
+
+/// Whether every chip's data output is at MISO, rather than in a daisy chain.
+pub const IS_CASCADED: bool = {is_cascaded};
+
+/// Whether the chips' clock is the oscillator inside one, rather than an external one.
+pub const HAS_INTERNAL_CLOCK: bool = {has_internal_clock};
+
+/// Whether the chips are reset and started by opcodes, rather than by pins.
+pub const HAS_COMMANDS_ONLY: bool = {has_commands_only};
 
 /// Gain of the amplifier before the ADC.
 pub const GAIN: u32 = {gain};
@@ -178,6 +189,9 @@ pub const PACKED_INPUT_PAIRS: usize = {packed_input_pairs};
         network_id = model.network_id.0,
         rate_hz = adc.rate_hz,
         channels = adc.channels,
+        is_cascaded = adc.wiring == AdcWiring::Cascaded,
+        has_internal_clock = adc.clock == AdcClock::Internal,
+        has_commands_only = adc.control == AdcControl::Commands,
         gain = adc.gain,
         lsb_nv = float(model.lsb_nv()),
         step_rate_hz = window.rate_hz,

@@ -33,6 +33,10 @@ struct Adc {
     rate_hz: u32,
     gain: u32,
     channels: u32,
+    // Absent for their default values.
+    wiring: Option<String>,
+    clock: Option<String>,
+    control: Option<String>,
 }
 
 /// Options of `cargo fw` and `cargo flash`.
@@ -82,7 +86,7 @@ pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     replace(&mut command)
 }
 
-/// Returns what the model in `folder` expects of the converters, in three lines.
+/// Returns what the model in `folder` expects of the converters, one thing a line.
 fn summary(folder: &Path) -> Result<String, Failure> {
     let path = folder.join("model.toml");
     let next = "set CORTICODE_ARTIFACT to the absolute path of a folder that `trainer` has written, or \
@@ -97,14 +101,22 @@ fn summary(folder: &Path) -> Result<String, Failure> {
         ""
     };
     Ok(format!(
-        "  model       {}{packed}\n  electrodes  {}\n  converters  {} ADS1299 at {} Hz, gain {}, \
-         clock of {} MHz",
+        "  model       {}{packed}\n  electrodes  {}\n  converters  {} ADS1299 ({}) at {} Hz, gain {}\n  \
+         clock       {}\n  START       {}",
         folder.display(),
         model.montage.electrodes.len(),
         model.adc.channels.div_ceil(CHANNELS_PER_CHIP),
+        model.adc.wiring.as_deref().unwrap_or("daisy"),
         model.adc.rate_hz,
         model.adc.gain,
-        clock_mhz(model.adc.rate_hz),
+        match model.adc.clock.as_deref() {
+            Some("internal") => "inside the ADS1299, CLKSEL high".to_owned(),
+            _ => format!("{} MHz at CLK, CLKSEL low", clock_mhz(model.adc.rate_hz)),
+        },
+        match model.adc.control.as_deref() {
+            Some("commands") => "opcodes; START wired to DGND, RESET to DVDD",
+            _ => "pins START and RESET",
+        },
     ))
 }
 
@@ -125,7 +137,7 @@ mod tests {
     #[test]
     fn the_default_model_needs_eight_chips_and_a_clock_of_2_21_hz() {
         let summary = summary(&root().join("signal/model/artifact")).expect("the default model");
-        let expected = "8 ADS1299 at 512 Hz, gain 24, clock of 2.097152 MHz";
+        let expected = "8 ADS1299 (daisy) at 512 Hz, gain 24\n  clock       2.097152 MHz at CLK";
         assert!(summary.contains(expected), "{summary}");
         assert!(summary.contains("electrodes  61"), "{summary}");
         assert!(clock_mhz(250) < 2.05 && clock_mhz(1024) > 2.05);

@@ -220,7 +220,11 @@ fn all_tests() -> Result<(), Failure> {
     );
     let output = File::create(&log).and_then(|file| Ok([file.try_clone()?, file]));
     let [stdout, stderr] = output.or_fail(log.display(), "is its folder writable?")?;
-    let mut boards = Command::new(target_folder().join("debug/xtask"));
+    // With the lowest priority, so that it takes only the time in which the tests wait.
+    let mut boards = Command::new("nice");
+    boards
+        .args(["-n", "19"])
+        .arg(target_folder().join("debug/xtask"));
     boards
         .args(["test", "--boards"])
         .stdout(stdout)

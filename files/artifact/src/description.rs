@@ -244,6 +244,54 @@ pub struct Adc {
     pub gain: u32,
     /// Number of channels: 8 for each of 1 to 8 chips. There are at least as many as electrodes.
     pub channels: usize,
+    /// Connection of the chips' data outputs to the microcontroller.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub wiring: AdcWiring,
+    /// Source of the chips' clock.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub clock: AdcClock,
+    /// Means by which the chips are reset, started and stopped.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub control: AdcControl,
+}
+
+/// Connection of the ADS1299s' data outputs to the microcontroller; docs/hardware.md has drawings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AdcWiring {
+    /// A daisy chain, with resistors for read-back.
+    #[default]
+    Daisy,
+    /// All data outputs at one MISO.
+    Cascaded,
+}
+
+/// Source of the ADS1299s' clock.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AdcClock {
+    /// An oscillator at CLK, of the frequency that the sampling rate needs.
+    #[default]
+    External,
+    /// The oscillator inside a chip, 2.048 MHz within 2.5 %.
+    Internal,
+}
+
+/// Means by which the ADS1299s are reset, started and stopped.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AdcControl {
+    /// The pins START and RESET.
+    #[default]
+    Pins,
+    /// Opcodes.
+    Commands,
+}
+
+/// Returns whether a setting has its default, which no file states: the id of a model that an
+/// earlier version has written stays the same.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl Adc {

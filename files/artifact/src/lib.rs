@@ -65,8 +65,9 @@ mod validation;
 mod testing;
 
 pub use description::{
-    Adc, CodeFormat, CodeQuantisation, Decimation, Description, EMPTY, Figures, Filters, Grid,
-    Input, Mode, Montage, NetworkShape, Padding, Person, TestedPerson, TrainingCard, Window,
+    Adc, AdcClock, AdcControl, AdcWiring, CodeFormat, CodeQuantisation, Decimation, Description,
+    EMPTY, Figures, Filters, Grid, Input, Mode, Montage, NetworkShape, Padding, Person,
+    TestedPerson, TrainingCard, Window,
 };
 pub use error::{ArtifactError, List, TensorProblem};
 pub use float_decoder::FloatDecoder;

@@ -1,6 +1,6 @@
 //! Montage files: text files in which a user states the scalp grid, the channel order and the ADC.
 
-use crate::description::{Adc, Grid, Montage};
+use crate::description::{Adc, AdcClock, AdcControl, AdcWiring, Grid, Montage};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -31,6 +31,15 @@ pub struct MontageAdc {
     pub gain: u32,
     /// Sampling rate of each channel, Hz.
     pub rate_hz: u32,
+    /// Connection of the chips' data outputs; a daisy chain unless the file states another.
+    #[serde(default)]
+    pub wiring: AdcWiring,
+    /// Source of the chips' clock; external unless the file states another.
+    #[serde(default)]
+    pub clock: AdcClock,
+    /// Means by which the chips are started; pins unless the file states another.
+    #[serde(default)]
+    pub control: AdcControl,
 }
 
 /// Why a montage file cannot be used.
@@ -104,6 +113,9 @@ impl MontageFile {
             vref_v: VREF_V,
             gain: self.adc.gain,
             channels: self.adc.channels,
+            wiring: self.adc.wiring,
+            clock: self.adc.clock,
+            control: self.adc.control,
         }
     }
 }
@@ -120,8 +132,15 @@ mod tests {
         let file = MontageFile::parse(Path::new("two.toml"), TWO).unwrap();
         assert_eq!((file.grid().rows, file.grid().columns), (2, 3));
         assert_eq!(file.montage().electrodes, ["C3", "C4", "P3", "P4"]);
-        let ordered = TWO.replace("[adc]", "order = [\"P4\", \"C3\"]\n[adc]");
+        assert_eq!(file.adc().wiring, AdcWiring::Daisy);
+        let ordered = TWO.replace(
+            "[adc]",
+            "order = [\"P4\", \"C3\"]\n[adc]\nwiring = \"cascaded\"\nclock = \"internal\"",
+        );
         let file = MontageFile::parse(Path::new("two.toml"), &ordered).unwrap();
         assert_eq!(file.montage().electrodes, ["P4", "C3"]);
+        let adc = file.adc();
+        let wired = (AdcWiring::Cascaded, AdcClock::Internal, AdcControl::Pins);
+        assert_eq!((adc.wiring, adc.clock, adc.control), wired);
     }
 }

@@ -1,6 +1,8 @@
 //! Checks that a description and its tensors form a valid model.
 
-use crate::description::{Decimation, Description, EMPTY, NetworkShape};
+use crate::description::{
+    AdcClock, AdcControl, AdcWiring, Decimation, Description, EMPTY, NetworkShape,
+};
 use crate::error::{ArtifactError, List};
 use crate::folder::DESCRIPTION;
 use crate::geometry::Geometry;
@@ -252,6 +254,17 @@ fn check_adc(d: &Description) -> Result<(), ArtifactError> {
     Field("adc.channels", &adc.channels).must(
         adc.channels.is_multiple_of(CHIP_CHANNELS) && (least..=most).contains(&adc.channels),
         expected,
+    )?;
+    let is_decimal = [250, 500, 1000].contains(&adc.rate_hz);
+    Field("adc.clock", &"internal").must(
+        adc.clock == AdcClock::External || is_decimal,
+        "\"external\" at this rate: the oscillator inside an ADS1299 makes 250, 500 or 1000 Hz",
+    )?;
+    let is_cascaded = adc.wiring == AdcWiring::Cascaded && adc.channels > CHIP_CHANNELS;
+    Field("adc.control", &"commands").must(
+        adc.control == AdcControl::Pins || !is_cascaded,
+        "\"pins\" for several cascaded chips: opcodes reach them one after the other, so they would \
+         not sample at the same time",
     )
 }
 

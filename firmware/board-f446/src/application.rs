@@ -9,13 +9,13 @@ use embassy_executor::SpawnError;
 use embassy_stm32::{
     Peri,
     adc::{Adc, SampleTime},
-    bind_interrupts, dma,
+    bind_interrupts, dma, pac,
     peripherals::{ADC1, DMA1_CH3, DMA1_CH4, IWDG},
     spi::Spi,
 };
 use static_cell::ConstStaticCell;
 
-use crate::{clocks, parts::Parts, reset};
+use crate::{clocks, hse_timer, parts::Parts, reset};
 
 bind_interrupts!(struct Irqs {
     DMA1_STREAM4 => dma::InterruptHandler<DMA1_CH4>;
@@ -43,7 +43,13 @@ fn main() -> ! {
     // The boot loader comes first, because it needs the chip in the state in which the reset left
     // it.
     Loader::Stm32F446.run_if_requested(reset::map_system_memory);
-    let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
+    reset::freeze_watchdog_in_debug();
+    start_watchdog(pac::IWDG);
+    let clock = ClockSource::find(
+        clocks::AFTER_RESET_HZ,
+        &mut hse_timer::Timer,
+        clocks::SOURCES,
+    );
     let parts = Parts::new(init_chip(clocks::config(clock)));
     // Spawning a task twice is an error in the image. It panics, because no task runs yet that
     // could report the error.
@@ -64,7 +70,6 @@ static PORT_MEMORY: ConstStaticCell<PortMemory> = ConstStaticCell::new(PortMemor
 
 fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     let reset_cause = reset::take_cause();
-    reset::freeze_watchdog_in_debug();
     clocks::enable_flash_accelerator();
 
     let spi = Spi::new(

@@ -15,6 +15,10 @@ use firmware::deadlines::priority;
 /// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0390, RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 16_000_000;
 
+/// Clocks at the HSE input from which [`config`] can derive all others. The NUCLEO-F446RE's ST-LINK
+/// has no other one (UM1724, section 6.7.1).
+pub(crate) const SOURCES: &[ClockSource] = &[ClockSource::StLink];
+
 /// Returns the configuration of the clocks. Each clock has the same frequency whether the ST-LINK's
 /// clock or the internal oscillator is the source.
 pub(crate) fn config(source: ClockSource) -> Config {
@@ -31,7 +35,7 @@ pub(crate) fn config(source: ClockSource) -> Config {
             });
             (PllSource::HSE, PllPreDiv::DIV4)
         }
-        ClockSource::Internal => (PllSource::HSI, PllPreDiv::DIV8),
+        _ => (PllSource::HSI, PllPreDiv::DIV8),
     };
     // The PLL runs at 2 MHz * 168 = 336 MHz; half of that clocks the core, and a seventh clocks
     // USB. With the core at its maximum of 180 MHz, USB's 48 MHz would need another PLL.

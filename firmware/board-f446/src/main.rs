@@ -13,6 +13,8 @@ mod application;
 #[cfg(target_os = "none")]
 mod clocks;
 #[cfg(target_os = "none")]
+mod hse_timer;
+#[cfg(target_os = "none")]
 mod reset;
 #[cfg(all(target_os = "none", feature = "uart"))]
 mod uart;

@@ -4,7 +4,7 @@
 board_stm32::parts! {
     pins {
         sclk: PB13, "SCLK", "all chips";
-        miso: PB14, "MISO", "DOUT of chip 0; of the others through 47 kOhm each";
+        miso: PB14, "MISO", "DOUT, as the wiring says";
         mosi: PB15, "MOSI", "DIN of all chips";
         select0: PC0, "CS 0", "chip 0, electrodes' channels 1 to 8";
         select1: PC1, "CS 1", "chip 1";

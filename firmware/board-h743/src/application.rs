@@ -2,17 +2,18 @@
 
 use board_stm32::{
     Board, Bus, ClockSource, Loader, Port, Trigger, Wires, init_chip, sleep, start_tasks,
+    start_watchdog,
 };
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
 use embassy_stm32::{
-    Peri, bind_interrupts, dma,
+    Peri, bind_interrupts, dma, pac,
     peripherals::{DMA1_CH0, DMA1_CH1, IWDG1, RNG},
     rng::{self, Rng},
     spi::Spi,
 };
 
-use crate::{clocks, memory, parts::Parts, reset};
+use crate::{clocks, hse_timer, memory, parts::Parts, reset};
 
 bind_interrupts!(struct Irqs {
     DMA1_STREAM0 => dma::InterruptHandler<DMA1_CH0>;
@@ -41,7 +42,13 @@ fn main() -> ! {
     // The boot loader comes first, because it needs the chip in the state in which the reset left
     // it.
     Loader::Stm32H743.run_if_requested(|| {});
-    let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
+    reset::freeze_watchdog_in_debug();
+    start_watchdog(pac::IWDG1);
+    let clock = ClockSource::find(
+        clocks::AFTER_RESET_HZ,
+        &mut hse_timer::Timer,
+        clocks::SOURCES,
+    );
     let parts = Parts::new(init_chip(clocks::config(clock)));
     // Spawning a task twice is an error in the image. It panics, because no task runs yet that
     // could report the error.
@@ -56,7 +63,6 @@ async fn feed_watchdog(watchdog: Peri<'static, IWDG1>) {
 
 fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     let reset_cause = reset::take_cause();
-    reset::freeze_watchdog_in_debug();
     let core = cortex_m::Peripherals::take().expect("nothing else takes them");
     let (memory, slot) = memory::init(core);
 

@@ -34,6 +34,11 @@ const SRAM1: u32 = 0x3000_0000;
 /// bytes, normal memory, shared and not cached (TEX 001, C 0, B 0, S 1), readable and writable,
 /// never executed (ARM DDI 0403, B3.5.9).
 const SRAM1_UNCACHED: u32 = 1 << 28 | 0b011 << 24 | 0b001 << 19 | 1 << 18 | 16 << 1 | 1;
+/// Value of RASR for all memory, 4 GB: no access, never executed, strongly ordered (TEX 000, C 0,
+/// B 0, S 1), without the sub-regions of 512 MB 0, 1, 2 and 7. It forbids 0x6000_0000 to
+/// 0xDFFF_FFFF, where no memory is fitted and the core would otherwise read speculatively (Arm DDI
+/// 0489 on the Cortex-M7; erratum 1013783; as in the examples of ST's STM32CubeH7).
+const NOTHING_FITTED: u32 = 1 << 28 | 1 << 18 | 0x87 << 8 | 31 << 1 | 1;
 /// Value of the MPU's control register: enabled, with the architecture's default attributes for
 /// memory outside every region.
 const ON_WITH_DEFAULTS: u32 = 0b101;
@@ -48,13 +53,17 @@ pub(crate) fn init(mut core: Peripherals) -> (&'static mut DmaMemory, &'static m
     let _ = RCC.ahb2enr().read();
     // SAFETY: no MPU region is in use, and the caches are still off.
     unsafe { core.MPU.ctrl.write(0) };
-    // SAFETY: no MPU region is in use, and the caches are still off; region 0 exists.
-    unsafe { core.MPU.rnr.write(0) };
-    // SAFETY: the MPU is off; the address is a multiple of the region's size.
-    unsafe { core.MPU.rbar.write(SRAM1) };
-    // SAFETY: the MPU is off; no code is in SRAM1, which this region makes non-executable.
-    unsafe { core.MPU.rasr.write(SRAM1_UNCACHED) };
-    // SAFETY: region 0 is complete, and all memory outside SRAM1 keeps its default attributes.
+    // The higher of two regions that overlap counts.
+    for (region, start, attributes) in [(0, 0, NOTHING_FITTED), (1, SRAM1, SRAM1_UNCACHED)] {
+        // SAFETY: the MPU is off; both regions exist.
+        unsafe { core.MPU.rnr.write(region) };
+        // SAFETY: the MPU is off; the address is a multiple of the region's size.
+        unsafe { core.MPU.rbar.write(start) };
+        // SAFETY: the MPU is off; no code and no variable is where it forbids access, and no code in
+        // SRAM1.
+        unsafe { core.MPU.rasr.write(attributes) };
+    }
+    // SAFETY: both regions are complete; all other memory keeps its default attributes.
     unsafe { core.MPU.ctrl.write(ON_WITH_DEFAULTS) };
     cortex_m::asm::dsb();
     cortex_m::asm::isb();

@@ -4,7 +4,7 @@
 board_stm32::parts! {
     pins {
         sclk: PA5, "SCLK", "all chips";
-        miso: PA6, "MISO", "DOUT of chip 0; of the others through 47 kOhm each";
+        miso: PA6, "MISO", "DOUT, as the wiring says";
         mosi: PB5, "MOSI", "DIN of all chips";
         select0: PE2, "CS 0", "chip 0, electrodes' channels 1 to 8";
         select1: PE4, "CS 1", "chip 1";

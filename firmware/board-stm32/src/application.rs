@@ -6,8 +6,9 @@ use defmt_rtt as _;
 use device::Encoders as _;
 use device::{Abilities, CHIPS, Identity, Producer, Session, streams_with};
 use embassy_executor::{SendSpawner, SpawnError};
+use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 use embassy_stm32::wdg::{self, IndependentWatchdog};
-use embassy_stm32::{Peri, interrupt, uid};
+use embassy_stm32::{Peri, interrupt, pac, uid};
 use embassy_time::{Instant, TICK_HZ};
 use firmware::failure::{previous_fault, stack};
 use firmware::{
@@ -134,15 +135,30 @@ fn self_test() -> &'static mut SelfTest<CHIPS> {
     TEST.init_with(SelfTest::new)
 }
 
-/// Feeds the watchdog while all tasks make progress. The watchdog starts only when every task has
-/// made progress once, because bringing up the converters takes longer than the watchdog's period.
+/// Starts the watchdog with the long period of the start-up, [`deadlines::START_UP`], before
+/// anything waits for a clock or a supply. The first feeding sets the short period.
+pub fn start_watchdog(watchdog: pac::iwdg::Iwdg) {
+    watchdog.kr().write(|key| key.set_key(Key::START));
+    watchdog.kr().write(|key| key.set_key(Key::ENABLE));
+    // The counter keeps the reload value of a reset, 0xFFF.
+    watchdog
+        .pr()
+        .write(|prescaler| prescaler.set_pr(Pr::DIVIDE_BY32));
+}
+
+/// Feeds the running watchdog while all tasks make progress. Its period is that of the start-up
+/// until every task has made progress once: bringing up the converters takes more than a second.
 pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
-    let mut watchdog = IndependentWatchdog::new(watchdog, us);
-    // Calling `unleash` again on a running watchdog has no effect.
+    let mut stopped = Some(watchdog);
+    let mut fed = None;
     firmware::keep_alive(&SHARED.progress, || {
-        watchdog.unleash();
-        watchdog.pet();
+        if let Some(watchdog) = stopped.take() {
+            fed = Some(IndependentWatchdog::new(watchdog, us));
+        }
+        if let Some(watchdog) = &mut fed {
+            watchdog.pet();
+        }
     })
     .await
 }

@@ -1,6 +1,8 @@
 //! SPI bus and delays for the driver of the converters.
 
-use ads1299::{Speed, TooFast};
+use ads1299::{Speed, TooFast, Wiring};
+use device::CONVERTER_SETTINGS;
+use embassy_stm32::gpio::{self, Pull};
 use embassy_stm32::mode::Async;
 use embassy_stm32::spi::mode::Master;
 use embassy_stm32::spi::{Config, Error, MODE_1, Spi};
@@ -31,11 +33,16 @@ pub struct Bus {
 
 impl Bus {
     /// Returns the configuration with which a board creates its [`Spi`]: SPI mode 1, and SCLK at
-    /// the frequency for register transfers.
+    /// the frequency for register transfers. The edges of SCLK and MOSI are no faster than 20 MHz
+    /// needs, so that they ring less on wires. MISO has a pull-up, so that without a chip all bits
+    /// are 1, unless the read-back resistors of a daisy chain would form a divider with it.
     pub fn config() -> Config {
+        let has_resistors = device::CHIPS > 1 && CONVERTER_SETTINGS.wiring == Wiring::Daisy;
         let mut config = Config::default();
         config.mode = MODE_1;
         config.frequency = Hertz(FASTEST_REGISTERS_HZ);
+        config.gpio_speed = gpio::Speed::Medium;
+        config.miso_pull = if has_resistors { Pull::None } else { Pull::Up };
         config
     }
 

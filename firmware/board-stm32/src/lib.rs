@@ -41,12 +41,12 @@ mod trigger;
 mod trigger_line;
 
 #[cfg(any(test, target_os = "none"))]
-pub use clock_source::ClockSource;
+pub use clock_source::{ClockSource, HSE_DIVIDER, HseTimer};
 #[cfg(all(target_os = "none", feature = "uart"))]
 pub use port::{PortMemory, Uart, UartInterrupt};
 #[cfg(target_os = "none")]
 pub use {
-    application::{Board, feed_watchdog, sleep, start_tasks},
+    application::{Board, feed_watchdog, sleep, start_tasks, start_watchdog},
     bus::{Bus, FRAME_BYTES},
     converter::Wires,
     interrupts::{init_chip, nvic_priority},

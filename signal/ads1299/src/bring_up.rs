@@ -126,11 +126,11 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
                 Stage::Reset
             }
             Stage::Reset => {
-                self.pulse_reset().await?;
+                self.reset_now(settings).await?;
                 Stage::Stop
             }
             Stage::Stop => {
-                self.halt().await?;
+                self.halt(settings).await?;
                 Stage::Reference(0)
             }
             Stage::Reference(chip) => {

@@ -9,10 +9,11 @@ use embedded_hal_async::spi::Error as _;
 
 use crate::bus::{Bus, Speed};
 use crate::clock::Clock;
+use crate::decoder::CHIP_BYTES;
 use crate::error::{Error, Pin};
 use crate::image::Image;
 use crate::register::Register;
-use crate::settings::Settings;
+use crate::settings::{Control, Settings, Wiring};
 
 /// SPI bus (mode 1) and pins, all of one type, of a chain of 1 to 8 chips.
 ///
@@ -25,17 +26,22 @@ pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
     pub spi: Spi,
     /// Chip selects, active low; chip 0 drives MISO.
     pub selects: [Line; CHIPS],
-    /// START, shared by all chips.
+    /// START, shared by all chips; stays low with [`Control::Commands`].
     pub start: Line,
-    /// RESET, shared by all chips, active low.
+    /// RESET, shared by all chips, active low; stays high with [`Control::Commands`].
     pub reset: Line,
     /// Delay provider, for the waits between bytes, between commands and after power-up.
     pub delay: Delay,
 }
 
-/// Opcodes (data sheet section 9.5.3). START and RESET are driven by pins; RDATA and STANDBY are
-/// not used.
+/// Opcodes (data sheet section 9.5.3). RDATA and STANDBY are not used.
 pub(crate) mod opcode {
+    /// Reset the chip, as a pulse at the pin RESET does.
+    pub(crate) const RESET: u8 = 0x06;
+    /// Start conversions; the pin START must be low.
+    pub(crate) const START: u8 = 0x08;
+    /// Stop conversions.
+    pub(crate) const STOP: u8 = 0x0A;
     /// Read data continuously: the chip sends data at every DRDY and accepts no opcode but
     /// [`SDATAC`]. This is the state after a reset.
     pub(crate) const RDATAC: u8 = 0x10;
@@ -89,10 +95,14 @@ const SLICE_US: u32 = 20_000;
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
     /// Waits 2^18 clock cycles for the supplies, resets the chips and sends SDATAC; calls
     /// `progress` every 20 ms.
-    pub(crate) async fn reset(&mut self, progress: &mut impl FnMut()) -> Result<(), Error> {
+    pub(crate) async fn reset(
+        &mut self,
+        settings: Settings,
+        progress: &mut impl FnMut(),
+    ) -> Result<(), Error> {
         self.rest_pins()?;
         self.rest(POWER_ON_US, progress).await;
-        self.pulse_reset().await
+        self.reset_now(settings).await
     }
 
     /// Drives all pins to their idle level and sets SCLK for registers.
@@ -103,13 +113,22 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.select(0..CHIPS, false)
     }
 
-    /// Pulses RESET and sends SDATAC.
-    pub(crate) async fn pulse_reset(&mut self) -> Result<(), Error> {
-        self.set_reset(false)?;
-        self.wait(RESET_LOW).await;
-        self.set_reset(true)?;
+    /// Resets the chips and sends SDATAC.
+    pub(crate) async fn reset_now(&mut self, settings: Settings) -> Result<(), Error> {
+        match settings.control {
+            Control::Pins => {
+                self.set_reset(false)?;
+                self.wait(RESET_LOW).await;
+                self.set_reset(true)?;
+            }
+            Control::Commands => {
+                // In RDATAC mode, a chip accepts no other opcode than SDATAC.
+                self.command_all(opcode::SDATAC, settings).await?;
+                self.command_all(opcode::RESET, settings).await?;
+            }
+        }
         self.wait(AFTER_RESET).await;
-        self.command_all(opcode::SDATAC).await
+        self.command_all(opcode::SDATAC, settings).await
     }
 
     /// Switches on the reference of a chip through CONFIG3, and returns whether it was on before.
@@ -154,11 +173,13 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.read_registers(chip, first, &mut image.0[part]).await
     }
 
-    /// Starts conversion: drives START high, sends RDATAC and sets SCLK to the frequency for
-    /// reading samples.
-    pub(crate) async fn run(&mut self) -> Result<(), Error> {
-        self.set_start(true)?;
-        self.command_all(opcode::RDATAC).await?;
+    /// Starts conversion, sends RDATAC and sets SCLK to the frequency for reading samples.
+    pub(crate) async fn run(&mut self, settings: Settings) -> Result<(), Error> {
+        match settings.control {
+            Control::Pins => self.set_start(true)?,
+            Control::Commands => self.command_all(opcode::START, settings).await?,
+        }
+        self.command_all(opcode::RDATAC, settings).await?;
         self.set_speed(Speed::Bursts)
     }
 
@@ -166,26 +187,63 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     ///
     /// # Timing
     /// Call it directly after DRDY falls; it must end before DRDY falls again. Clocking takes 108
-    /// us for eight chips at 16 MHz, and 3 us more pass until the chips are deselected.
-    pub(crate) async fn read_frame(&mut self, frame: &mut [u8]) -> Result<(), Error> {
+    /// us for eight chips at 16 MHz, and 3 us more pass until the chips are deselected: once for a
+    /// daisy chain, for each of the chips if they are cascaded.
+    pub(crate) async fn read_frame(
+        &mut self,
+        frame: &mut [u8],
+        wiring: Wiring,
+    ) -> Result<(), Error> {
         // The chips would execute an opcode sent here, so only zeros are sent: 0 is not an opcode.
         frame.fill(0);
-        self.select(0..CHIPS, true)?;
-        let result = self.transfer(frame).await;
+        match wiring {
+            Wiring::Daisy => self.burst(0..CHIPS, frame).await,
+            Wiring::Cascaded => {
+                for (chip, part) in frame.chunks_exact_mut(CHIP_BYTES).enumerate() {
+                    self.burst(chip..chip + 1, part).await?;
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// Clocks `bytes` out of the selected chips.
+    async fn burst(&mut self, chips: Range<usize>, bytes: &mut [u8]) -> Result<(), Error> {
+        self.select(chips.clone(), true)?;
+        let result = self.transfer(bytes).await;
         self.wait(DECODE).await;
-        result.and(self.select(0..CHIPS, false))
+        result.and(self.select(chips, false))
     }
 
-    /// Stops conversion: drives START low, sets SCLK for registers and sends SDATAC.
-    pub(crate) async fn halt(&mut self) -> Result<(), Error> {
-        self.set_start(false)?;
+    /// Stops conversion, sets SCLK for registers and sends SDATAC.
+    pub(crate) async fn halt(&mut self, settings: Settings) -> Result<(), Error> {
+        if settings.control == Control::Pins {
+            self.set_start(false)?;
+        }
         self.set_speed(Speed::Registers)?;
-        self.command_all(opcode::SDATAC).await
+        self.command_all(opcode::SDATAC, settings).await?;
+        if settings.control == Control::Commands {
+            self.command_all(opcode::STOP, settings).await?;
+        }
+        Ok(())
     }
 
-    /// Sends an opcode to all chips at once and ignores MISO.
-    pub(crate) async fn command_all(&mut self, opcode: u8) -> Result<(), Error> {
-        self.exchange(0..CHIPS, &[opcode], &mut []).await
+    /// Sends an opcode to all chips and ignores MISO: at once to a daisy chain, one after the other
+    /// to cascaded chips, whose DOUTs would drive MISO against each other.
+    pub(crate) async fn command_all(
+        &mut self,
+        opcode: u8,
+        settings: Settings,
+    ) -> Result<(), Error> {
+        match settings.wiring {
+            Wiring::Daisy => self.exchange(0..CHIPS, &[opcode], &mut []).await,
+            Wiring::Cascaded => {
+                for chip in 0..CHIPS {
+                    self.exchange(chip..chip + 1, &[opcode], &mut []).await?;
+                }
+                Ok(())
+            }
+        }
     }
 
     async fn read_registers(

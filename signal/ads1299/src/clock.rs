@@ -5,28 +5,42 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
     hz: u32,
+    tolerance_ppm: u32,
 }
 
 impl Clock {
     /// 2^21 Hz, for 512 samples per second and a test signal of 1 Hz.
-    pub const EEG: Self = Self { hz: 1 << 21 };
+    pub const EEG: Self = Self::crystal(1 << 21);
 
     /// 2.048 MHz, for 250, 500 or 1000 samples per second.
-    pub const DECIMAL: Self = Self { hz: 2_048_000 };
+    pub const DECIMAL: Self = Self::crystal(2_048_000);
 
-    /// Accepted deviation of the measured sample rate from the configured one, in ppm. A quartz is
-    /// within 100 ppm; the other 900 ppm allow for the clock that stamps the edges of DRDY.
-    pub(crate) const TOLERANCE_PPM: u32 = 1_000;
+    /// Oscillator inside a chip (CLKSEL high), 2.048 MHz within 2.5 % from 0 to 70 degC (data sheet
+    /// section 7.5).
+    pub const INTERNAL: Self = Self {
+        hz: 2_048_000,
+        tolerance_ppm: 25_000,
+    };
 
     /// Slowest clock that the data sheet permits: a period of 666 ns (section 7.6). The driver
     /// computes its delays for this clock, so they are long enough for any permitted clock. So a
     /// chain whose clock is not the configured one still answers, and
     /// [`ReadyMeter`](crate::ready::ReadyMeter) reports the wrong rate.
-    pub(crate) const SLOWEST: Self = Self { hz: 1_501_502 };
+    pub(crate) const SLOWEST: Self = Self::crystal(1_501_502);
+
+    const fn crystal(hz: u32) -> Self {
+        let tolerance_ppm = 100;
+        Self { hz, tolerance_ppm }
+    }
 
     /// Returns the frequency of the master clock, in Hz.
     pub const fn hz(self) -> u32 {
         self.hz
+    }
+
+    /// Returns the largest deviation from [`Self::hz`], in ppm.
+    pub const fn tolerance_ppm(self) -> u32 {
+        self.tolerance_ppm
     }
 
     /// Returns the duration of `cycles` in nanoseconds, rounded up; `cycles <= 2^22`.

@@ -3,7 +3,7 @@
 use crate::decoder::CHANNELS;
 use crate::error::Error;
 use crate::register::{ID, ID_MASK, Register};
-use crate::settings::{Input, Settings};
+use crate::settings::{Input, Settings, Wiring};
 
 /// Register values of a chip, indexed by address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,9 +15,13 @@ impl Settings {
         let mut values = Register::RESET;
         let mut set = |register: Register, value: u8| values[register.index()] = value;
         let is_eeg = self.input == Input::Electrodes;
-        // In CONFIG1, bit 7 is always 1, and bits 4:3 are always 10. Bit 6 is 0, which selects the
-        // daisy chain.
-        set(Register::CONFIG1, 0x90 | self.rate as u8);
+        // In CONFIG1, bit 7 is always 1, and bits 4:3 are always 10. Bit 6 is 0 for the daisy chain
+        // and 1 for chips that are read one by one.
+        let is_cascaded = self.wiring == Wiring::Cascaded;
+        set(
+            Register::CONFIG1,
+            0x90 | u8::from(is_cascaded) << 6 | self.rate as u8,
+        );
         // Bits 7:5 of CONFIG2 are always 110. Bit 4 switches the internal test signal on; bits 2:0
         // are 0 for its amplitude and frequency.
         set(Register::CONFIG2, 0xC0 | u8::from(!is_eeg) << 4);
@@ -116,6 +120,11 @@ mod tests {
         assert_eq!(image, expected);
         let second = Settings::EEG.image(1).0;
         assert_eq!(second[Register::CONFIG3.index()], 0xE0, "one bias drive");
+        let cascaded = Settings {
+            wiring: Wiring::Cascaded,
+            ..Settings::EEG
+        };
+        assert_eq!(cascaded.image(0).0[Register::CONFIG1.index()], 0xD5);
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! Driver for a chain of one to eight ADS1299, the EEG analogue front end, with a frame decoder, a
 //! self-test, and a simulated chain (feature `simulation`).
 //!
-//! The chips share the clock, SCLK, MOSI, START and RESET; each chip has its own chip select. DOUT
-//! of chip k + 1 is wired to DAISY_IN of chip k, and DOUT of chip 0 to MISO. So one burst with all
-//! chips selected reads a whole sample. Registers are read chip by chip, which needs a connection
-//! from every DOUT to MISO (`docs/decisions/0011-daisy-chain-with-read-back.md`).
+//! The chips share the clock, SCLK, MOSI, START and RESET; each chip has its own chip select.
+//! [`Wiring`] says how their data outputs reach MISO: as a daisy chain, in which one burst with all
+//! chips selected reads a whole sample, or directly, with a burst for each chip. Registers are read
+//! chip by chip, for which a daisy chain has a resistor from each DOUT to MISO
+//! (`docs/decisions/0011-daisy-chain-with-read-back.md`).
 //!
 //! ```text
 //! Chain (SPI, pins) ── Sampler::read ──▶ bytes ── Decoder ──▶ [[i32; 8]; CHIPS] counts, and FrameStatus:
@@ -80,4 +81,4 @@ pub use retrying_sampler::RetryingSampler;
 pub use sampler::{SILENCE, Sampler, SamplerCounters};
 pub use self_test::SelfTest;
 pub use self_test_report::{ChannelReport, ChipReport, Finding, ReadyReport, SelfTestReport};
-pub use settings::{Gain, Input, Rate, Settings};
+pub use settings::{Control, Gain, Input, Rate, Settings, Wiring};

@@ -136,18 +136,24 @@ impl ReadyMeter {
         u32::try_from(rate).ok()
     }
 
-    /// Checks that no edge was early or missing, and that the rate is the configured one. The
-    /// measured rate may deviate from it by the clock's tolerance and by the resolution of two 1 us
-    /// stamps, which is 16 ppm over 64 periods at 512 Hz. Returns the rate in millihertz.
+    /// Checks that no edge was early or missing, and that the rate is the configured one within the
+    /// tolerance of the chips' clock and of the clock that stamps the edges. Returns the rate in
+    /// millihertz.
     ///
     /// # Errors
     /// [`RateError`]: too few edges, a wrong rate, or early or missing edges.
     pub fn check(&self) -> Result<u32, RateError> {
+        self.check_within(self.clock.tolerance_ppm() + STAMPS_PPM)
+    }
+
+    /// Like [`Self::check`], for a deviation of `ppm` and of the resolution of two stamps, which is
+    /// 16 ppm over 64 periods at 512 Hz.
+    fn check_within(&self, ppm: u32) -> Result<u32, RateError> {
         let chip = self.chip;
         let measured = self.millihertz().ok_or(RateError::NotMeasured { chip })?;
         let expected = self.rate.millihertz(self.clock);
         let stamps_ppm = 2_000_000_u64.div_ceil(self.span_us().max(1));
-        let allowed = u64::from(Clock::TOLERANCE_PPM) + stamps_ppm;
+        let allowed = u64::from(ppm) + stamps_ppm;
         let off = u64::from(measured.abs_diff(expected));
         if self.early | self.missed == 0 && off * 1_000_000 <= allowed * u64::from(expected) {
             return Ok(measured);
@@ -217,13 +223,22 @@ impl fmt::Display for RateError {
 
 impl core::error::Error for RateError {}
 
+/// Tolerance of the clock that stamps the edges, in ppm: an RC oscillator, as in the ST-LINK of a
+/// NUCLEO board.
+const STAMPS_PPM: u32 = 10_000;
+
+/// Deviation of the rate, in ppm, up to which it is an error of one of the two clocks: the samples
+/// are right, and the rate is reported to the host, which knows the true time. A chip that has lost
+/// its registers has half or twice the rate, or another ratio.
+const CLOCKS_PPM: u32 = 50_000;
+
 /// Number of consecutive periods per rate check: 1/8 s at 512 Hz. Stamps of 1 us resolution measure
-/// the rate over this time to 16 ppm; an interrupt delayed by 50 us adds 400 ppm. Both together
-/// stay below the 1000 ppm tolerated for a quartz.
+/// the rate over this time to 16 ppm; an interrupt delayed by 50 us adds 400 ppm.
 const PERIODS: u32 = 64;
 
 /// Checks DRDY's edges while a chain converts. Reports an early edge at once, a smaller deviation
-/// of the rate after [`PERIODS`] periods, and a gap as the number of samples that were not read.
+/// of the rate after [`PERIODS`] periods if no clock explains it, and a gap as the number of samples
+/// that were not read.
 #[derive(Clone, Debug)]
 pub(crate) struct RateWatch {
     clock: Clock,
@@ -264,10 +279,10 @@ impl RateWatch {
             Edge::First => return (0, self.off),
             Edge::OnTime if self.meter.periods() < PERIODS => return (0, self.off),
             Edge::OnTime => {
-                self.off = self.meter.check().err();
+                self.off = self.meter.check_within(CLOCKS_PPM).err();
                 (0, self.off)
             }
-            Edge::Early => (0, self.meter.check().err()),
+            Edge::Early => (0, self.meter.check_within(CLOCKS_PPM).err()),
             Edge::Missed(missed) => (missed, self.off),
         };
         self.measured = self.meter.millihertz();
@@ -286,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_deviation_is_flagged_until_the_rate_is_right_again() {
+    fn a_deviation_that_no_clock_explains_is_flagged_until_the_rate_is_right_again() {
         let mut watch = watch();
         let mut time_us = 0;
         let mut flagged = |period_us: u64, edges: u32| {
@@ -297,14 +312,14 @@ mod tests {
                 flagged + u32::from(error.is_some())
             })
         };
-        // 1953 us is 512.03 Hz, within the 1000 ppm allowed for a quartz; 2000 us is 500 Hz,
-        // outside it. Of the 128 slow periods, the first 56 pass before the next rate check.
-        assert_eq!(flagged(1953, 200), 0);
-        assert_eq!(flagged(2000, 128), 128 - 56);
-        // The rate check at the 57th edge still includes 7 slow periods. The check at the 121st
-        // edge includes none, so the edges before it are flagged.
-        assert_eq!(flagged(1953, 128), 120);
-        assert_eq!(flagged(1953, 64), 0);
+        // 1953 us is 512.03 Hz, 2000 us is 500 Hz, the rate of another oscillator; 2200 us is 455
+        // Hz, which is no oscillator's. Of the 128 slow periods, the first 56 pass before the next
+        // rate check.
+        assert_eq!(flagged(1953, 128), 0);
+        assert_eq!(flagged(2000, 72), 0);
+        assert_eq!(flagged(2200, 128), 128 - 56);
+        // The edges before the next rate check are flagged.
+        assert_eq!(flagged(1953, 128), 56);
     }
 
     #[test]

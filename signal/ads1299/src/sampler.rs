@@ -132,7 +132,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             checked = checked.and(fits);
         }
         if self.unfit != Reading::<CHIPS>::ALL {
-            self.chain.run().await?;
+            self.chain.run(self.settings).await?;
             self.is_running = true;
         }
         self.watch = RateWatch::new(self.settings.clock, self.settings.rate);
@@ -185,7 +185,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             missed,
             rate,
         };
-        if self.is_running && self.chain.read_frame(&mut self.frame).await.is_ok() {
+        let wiring = self.settings.wiring;
+        if self.is_running && self.chain.read_frame(&mut self.frame, wiring).await.is_ok() {
             let status = self.decoder.decode(&self.frame, &mut self.decoded);
             reading.bad = status.bad | status.repeated | self.unfit;
             reading.status = Some(status);

@@ -151,7 +151,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         progress: &mut impl FnMut(),
     ) -> Result<(), Error> {
         let Settings { clock, rate, .. } = self.settings;
-        self.chain.reset(progress).await?;
+        self.chain.reset(self.settings, progress).await?;
         let mut meter = ReadyMeter::new(0, clock, rate);
         let period = 2 * TEST_HALF_PERIOD / rate.divider();
         let streamed = self
@@ -195,7 +195,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         for measurement in test.measurements.as_flattened_mut() {
             *measurement = Measurement::new(input, settings.gain);
         }
-        self.chain.run().await?;
+        self.chain.run(settings).await?;
         // The wait covers the first sample too, which comes only after the filter has settled.
         let cycles = settings.rate.settling() + 4 * settings.rate.divider();
         let waited_us = settings.clock.microseconds(cycles);
@@ -208,7 +208,9 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             // The error names chip 0, whose DRDY is wired.
             let found = drdy.next_until(end_us).await;
             edge(found.ok_or(Error::NeverReady { chip: 0, waited_us })?.us);
-            self.chain.read_frame(&mut self.frame).await?;
+            self.chain
+                .read_frame(&mut self.frame, settings.wiring)
+                .await?;
             let status = self.decoder.decode(&self.frame, &mut self.decoded);
             let bad = status.bad | status.repeated;
             let chips = test.report.chips.iter_mut().zip(&mut test.measurements);
@@ -222,7 +224,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
                 }
             }
         }
-        self.chain.halt().await?;
+        self.chain.halt(settings).await?;
         test.record_channels(settings);
         Ok(())
     }

@@ -1,4 +1,5 @@
-//! Settings of the ADS1299s in a daisy chain: clock, rate, gain, input, lead-off detection.
+//! Settings of the ADS1299s of a chain: clock, rate, gain, input, lead-off detection, and how the
+//! chips are wired.
 
 use crate::clock::Clock;
 
@@ -21,13 +22,39 @@ pub struct Settings {
     /// above 95 % of the supply unless it can flow through a good contact. The current adds some
     /// noise.
     pub lead_off: bool,
+    /// Connection of the chips' data outputs to MISO.
+    pub wiring: Wiring,
+    /// Means by which the driver resets, starts and stops the chips.
+    pub control: Control,
+}
+
+/// Connection of the chips' data outputs to MISO. For a single chip, both are the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wiring {
+    /// DOUT of chip k + 1 at DAISY_IN of chip k, DOUT of chip 0 at MISO: one burst with all chips
+    /// selected reads a sample. The other DOUTs reach MISO through resistors, for read-back.
+    Daisy,
+    /// Every DOUT at MISO: a burst for each chip, which is the only one selected.
+    Cascaded,
+}
+
+/// Means by which the driver resets, starts and stops the chips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Control {
+    /// The pins START and RESET are wired to the microcontroller.
+    Pins,
+    /// Opcodes; START is wired to ground and RESET to DVDD. Cascaded chips get an opcode one after
+    /// the other and do not sample at the same time, so only a daisy chain or a single chip may use
+    /// this.
+    Commands,
 }
 
 impl Settings {
     /// Settings for EEG at 512 Hz with gain 24.
     pub const EEG: Self = Self::eeg(Clock::EEG, Rate::Div4096, Gain::X24);
 
-    /// Returns settings for EEG, without lead-off detection.
+    /// Returns settings for EEG, without lead-off detection, for a daisy chain with START and RESET
+    /// at pins.
     pub const fn eeg(clock: Clock, rate: Rate, gain: Gain) -> Self {
         Self {
             clock,
@@ -35,6 +62,8 @@ impl Settings {
             gain,
             input: Input::Electrodes,
             lead_off: false,
+            wiring: Wiring::Daisy,
+            control: Control::Pins,
         }
     }
 }
@@ -165,6 +194,17 @@ impl Rate {
         None
     }
 
+    /// Returns the divider for `hz` samples per second with [`Clock::INTERNAL`]: 250, 500, 1000 ..
+    /// 16000 Hz; `None` for any other rate.
+    pub const fn of_hz_internal(hz: u32) -> Option<(Clock, Self)> {
+        match Self::of_hz(hz) {
+            Some((clock, rate)) if clock.hz() == Clock::INTERNAL.hz() => {
+                Some((Clock::INTERNAL, rate))
+            }
+            _ => None,
+        }
+    }
+
     /// Returns the clock cycles between two samples.
     pub const fn divider(self) -> u32 {
         128 << self as u32
@@ -212,5 +252,8 @@ mod tests {
         for hz in [0, 128, 160, 511, 600, 32_768] {
             assert_eq!(Rate::of_hz(hz), None, "{hz}");
         }
+        let internal = Some((Clock::INTERNAL, Rate::Div8192));
+        assert_eq!(Rate::of_hz_internal(250), internal);
+        assert_eq!(Rate::of_hz_internal(256), None);
     }
 }

@@ -3,8 +3,8 @@
 //! The digital model has power-on and reset times, commands that need SDATAC first, four tCLK
 //! between bytes and before deselection, reset values, read-only registers, a reference that
 //! settles in 150 ms, settling after START and after a write of CONFIG1, and a frame that the next
-//! sample overwrites even while it is read. `analogue.rs` models electrodes, gains, test signal,
-//! lead-off and noise.
+//! sample overwrites even while it is read. `miso.rs` models the read-back resistors, `analogue.rs`
+//! electrodes, gains, test signal, lead-off and noise.
 //!
 //! Not modelled are SRB1, the bias amplifier, the sinc filter on other signals than the test
 //! signal, the circuits of a board, and commands and settings that the driver never sends, such as
@@ -13,6 +13,7 @@
 mod analogue;
 mod board;
 mod chip;
+mod miso;
 mod options;
 mod wires;
 
@@ -25,7 +26,6 @@ use std::vec::Vec;
 use board::Board;
 use wires::Role;
 
-use crate::bus::Speed;
 use crate::chain::Chain;
 
 pub use board::Event;
@@ -117,9 +117,9 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().set_electrode(chip, channel, on);
     }
 
-    /// Returns how often the driver violated a timing rule: a reset or command too early, a byte
-    /// before the previous one was decoded, deselection too early, or registers read at the burst
-    /// speed.
+    /// Returns how often the driver violated a rule: a reset or command too early, a byte before the
+    /// previous one was decoded, deselection too early, or a byte while two cascaded chips drive
+    /// MISO.
     pub fn violations(&self) -> u32 {
         self.board().violations
     }
@@ -136,17 +136,9 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     }
 
     /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on
-    /// MISO.
-    ///
-    /// Reading a register with an SCLK above 105 kHz is a [violation](Self::violations): with a
-    /// faster SCLK, MISO does not settle through the resistors that connect the chips to it.
+    /// MISO. With an SCLK that is too fast for the read-back resistors, it is damaged.
     pub fn transfer_at(&self, end_ns: u64, sclk_hz: u32, mosi: u8) -> u8 {
-        let speed = if sclk_hz <= FASTEST_REGISTERS_HZ {
-            Speed::Registers
-        } else {
-            Speed::Bursts
-        };
-        self.board().clock_byte(mosi, end_ns, speed)
+        self.board().clock_byte(mosi, end_ns, sclk_hz)
     }
 
     /// Returns the number of falling edges of DRDY since this chain was created.
@@ -199,7 +191,3 @@ impl<const CHIPS: usize> core::fmt::Debug for SharedBoard<CHIPS> {
             .finish_non_exhaustive()
     }
 }
-
-/// Fastest SCLK for reading registers through the resistors with which the chips share MISO, in Hz
-/// (`docs/decisions/0011-daisy-chain-with-read-back.md`).
-const FASTEST_REGISTERS_HZ: u32 = 105_000;

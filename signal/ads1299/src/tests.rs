@@ -8,6 +8,7 @@ mod self_test;
 mod start_up;
 mod streams;
 mod whole_self_test;
+mod wirings;
 
 use crate::bus::Drdy as _;
 use crate::error::Error;

@@ -3,7 +3,8 @@
 use core::fmt::{self, Write};
 
 use ads1299::{
-    CHANNELS, Error, Gain, Rate, Reading, SamplerCounters, SelfTestFault, SelfTestReport, Settings,
+    CHANNELS, Control, Error, Gain, Rate, Reading, SamplerCounters, SelfTestFault, SelfTestReport,
+    Settings, Wiring,
 };
 use heapless::String;
 use link::{ChannelFault, ChannelTest, ChipTest, Converters, MAX_TEXT_BYTES, SelfTest};
@@ -77,12 +78,29 @@ const fn channel_fault(fault: Option<SelfTestFault>) -> ChannelFault {
 /// Number of converters in the chain.
 pub const CHIPS: usize = model::CHANNELS / CHANNELS;
 
-/// Settings of the chain: the model's rate and gain. The driver reads every register back before
-/// the chain runs, so the samples of a running chain have this rate, and their counts this scale.
+/// Settings of the chain: the model's. The driver reads every register back before the chain runs,
+/// so the samples of a running chain have this rate, and their counts this scale.
 pub const CONVERTER_SETTINGS: Settings = {
-    let (clock, rate) = Rate::of_hz(model::ADC_RATE_HZ as u32)
-        .expect("reading the artifact has refused a rate that the converters lack");
-    Settings::eeg(clock, rate, GAIN)
+    let rate_hz = model::ADC_RATE_HZ as u32;
+    let (clock, rate) = if model::HAS_INTERNAL_CLOCK {
+        Rate::of_hz_internal(rate_hz)
+    } else {
+        Rate::of_hz(rate_hz)
+    }
+    .expect("reading the artifact has refused a rate that the converters lack");
+    Settings {
+        wiring: if model::IS_CASCADED {
+            Wiring::Cascaded
+        } else {
+            Wiring::Daisy
+        },
+        control: if model::HAS_COMMANDS_ONLY {
+            Control::Commands
+        } else {
+            Control::Pins
+        },
+        ..Settings::eeg(clock, rate, GAIN)
+    }
 };
 
 /// Gain of every channel.

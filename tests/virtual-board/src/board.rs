@@ -1,6 +1,9 @@
 //! The virtual NUCLEO board: its settings at power-on, and its implementation of the emulator's
 //! trait `Board`.
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
 use ads1299::Alignment;
 use clap::ValueEnum;
 use rigless::chip::uart;
@@ -67,7 +70,7 @@ pub(crate) struct Nucleo {
     /// File name of the firmware image that the board runs.
     image: String,
     observer: Observer,
-    cleared: Option<ClearedBits>,
+    cleared: Vec<ClearedBits>,
 }
 
 impl Nucleo {
@@ -79,14 +82,23 @@ impl Nucleo {
         serial: Serial,
         host: &UsbHost,
         observer: Observer,
+        usb_is_held: Arc<AtomicBool>,
     ) -> Self {
         let mut chip = chip(model, host);
         chip.set_external_clock(setup.clock_hz);
         if let Some(hz) = setup.lsi_hz {
             chip.set_lsi_hz(hz);
         }
-        // Without an external clock, the bit HSERDY must read as 0, but the emulator sets it.
-        let cleared = (setup.clock_hz == 0).then(|| chip.hse_ready_flag());
+        // Without an external clock, the bit HSERDY must read as 0, but the emulator sets it. While
+        // USB's core is held, it does not report that its bus is idle.
+        let [clock, idle] = [chip.hse_ready_flag(), chip.usb_idle_flag()];
+        let hold = |(address, bits), holds| ClearedBits {
+            address,
+            bits,
+            holds,
+        };
+        let has_no_clock = Arc::new(AtomicBool::new(setup.clock_hz == 0));
+        let cleared = vec![hold(clock, has_no_clock), hold(idle, usb_is_held)];
         chip.attach_spi(chain);
         chip.attach_uart(Box::new(serial));
         Self {
@@ -117,7 +129,7 @@ impl Board for Nucleo {
     fn targets(&mut self) -> Vec<Target<'_>> {
         let differences = Differences {
             redirects: self.chip.redirects(),
-            cleared: self.cleared,
+            cleared: self.cleared.clone(),
         };
         let mut core = wrap_core(self.chip.core(), &self.image, &self.observer, differences);
         core.factory_images.extend(image::loader(self.model));

@@ -8,7 +8,7 @@ use rigless::mcu::Mcu;
 use rigless::time::VirtualNanos;
 
 use crate::chain::Chain;
-use crate::core_bus::{ClearedBits, Redirect};
+use crate::core_bus::Redirect;
 use crate::model::Pin;
 
 /// Defines the methods of [`Chip`] whose source text is the same for both chips. The text refers to
@@ -18,13 +18,15 @@ macro_rules! common_to_both_chips {
     ($spare_timer:expr) => {
         fn set_external_clock(&mut self, hz: u64) {
             self.part.rcc.attach_crystals(hz, 0);
+            self.hse_timer.hse_hz = hz;
         }
 
-        fn hse_ready_flag(&self) -> ClearedBits {
-            ClearedBits {
-                address: RCC_CR,
-                bits: HSERDY,
-            }
+        fn hse_ready_flag(&self) -> (u64, u64) {
+            (RCC_CR, HSERDY)
+        }
+
+        fn usb_idle_flag(&self) -> (u64, u64) {
+            (GRSTCTL, AHBIDL)
         }
 
         fn set_lsi_hz(&mut self, hz: u64) {
@@ -84,6 +86,7 @@ macro_rules! common_to_both_chips {
 
 pub(crate) mod f446;
 pub(crate) mod h743;
+mod hse_timer;
 
 /// An emulated microcontroller: the emulator's model of the part, with added models of peripherals
 /// that the emulator lacks.
@@ -94,8 +97,12 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Connects an external clock (HSE) with the frequency `hz`; 0 disconnects it.
     fn set_external_clock(&mut self, hz: u64);
 
-    /// Returns the bit of a register, HSERDY, that must read as 0 without an external clock.
-    fn hse_ready_flag(&self) -> ClearedBits;
+    /// Returns the address of RCC_CR and its bit HSERDY, which must read as 0 without an external
+    /// clock.
+    fn hse_ready_flag(&self) -> (u64, u64);
+
+    /// Returns the address of the USB core's register GRSTCTL and its bit AHBIDL.
+    fn usb_idle_flag(&self) -> (u64, u64);
 
     /// Returns the ranges of addresses whose accesses go to other addresses, because the emulator's
     /// part lacks the chip's registers there.

@@ -1,6 +1,8 @@
 //! A bus between the emulated core and the emulator that redirects or corrects some accesses.
 
 use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rigless::emulator::{Access, AccessKind, Checked, CoreBus, InterruptLine, Queued};
 use rigless::time::VirtualNanos;
@@ -18,19 +20,20 @@ pub(crate) struct Redirect {
     pub(crate) to: u64,
 }
 
-/// Bits of a register that always read as 0, whatever the emulator's model returns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Bits of a register that read as 0 while `holds`, whatever the emulator's model returns.
+#[derive(Clone, Debug)]
 pub(crate) struct ClearedBits {
     /// Address of the 32-bit register.
     pub(crate) address: u64,
     pub(crate) bits: u64,
+    pub(crate) holds: Arc<AtomicBool>,
 }
 
 /// Differences of the emulated part from the chip, which the bus hides from the core.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,
-    pub(crate) cleared: Option<ClearedBits>,
+    pub(crate) cleared: Vec<ClearedBits>,
 }
 
 /// First address above the regions for code and SRAM in the address map (ARM DDI 0403, B3.1). An
@@ -82,10 +85,12 @@ impl CoreBus for Bus<'_> {
             return None;
         }
         let value = self.inner.access(self.redirected(access), from_code)?;
-        let cleared = self.differences.cleared.as_ref();
-        let bits = cleared.filter(|cleared| cleared.address == access.address & !3);
+        let cleared = self.differences.cleared.iter();
+        let held = cleared.filter(|cleared| {
+            cleared.address == access.address & !3 && cleared.holds.load(Ordering::Relaxed)
+        });
         let shift = 8 * (access.address & 3);
-        Some(bits.map_or(value, |cleared| value & !(cleared.bits >> shift)))
+        Some(held.fold(value, |value, held| value & !(held.bits >> shift)))
     }
 
     fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {

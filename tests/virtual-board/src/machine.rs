@@ -1,5 +1,7 @@
 //! A powered virtual board whose virtual time advances only when a test asks for it.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -49,6 +51,7 @@ pub struct VirtualBoard {
     /// Progress of the emulator when it last reached a requested stop.
     progress: Progress,
     keep_open: bool,
+    usb_is_held: Arc<AtomicBool>,
 }
 
 impl VirtualBoard {
@@ -62,6 +65,7 @@ impl VirtualBoard {
         let serial = Serial::default();
         let host = UsbHost::default();
         let observer = Observer::default();
+        let usb_is_held = Arc::new(AtomicBool::new(false));
         let board = Nucleo::new(
             model,
             image,
@@ -70,6 +74,7 @@ impl VirtualBoard {
             serial.clone(),
             &host,
             observer.clone(),
+            usb_is_held.clone(),
         );
         let port = match setup.cable {
             Cable::Uart => Port::Uart(serial),
@@ -110,6 +115,7 @@ impl VirtualBoard {
             encoder: link::Encoder::starting_at(0),
             progress: Progress::default(),
             keep_open: true,
+            usb_is_held,
         }
     }
 
@@ -166,6 +172,12 @@ impl VirtualBoard {
     /// Holds DRDY at a level (`true` is high); with `None`, the converters drive it again.
     pub fn hold_drdy(&self, level: Option<bool>) {
         self.chain.wires().stuck = level;
+    }
+
+    /// Sets whether the USB core never reports that its bus is idle, on which the firmware waits when
+    /// it sets the core up.
+    pub fn hold_usb(&self, is_held: bool) {
+        self.usb_is_held.store(is_held, Ordering::Relaxed);
     }
 
     /// Corrupts bytes that the UART receives: of each million, `per_million` get a framing error

@@ -1,7 +1,7 @@
 //! Tests that a model survives its folder unchanged, and that invalid models are refused.
 
 use super::*;
-use crate::description::{Grid, NetworkShape, Padding, Window};
+use crate::description::{AdcClock, AdcControl, AdcWiring, Grid, NetworkShape, Padding, Window};
 use crate::error::TensorProblem;
 use crate::testing;
 
@@ -81,7 +81,7 @@ fn the_error_of_a_misspelt_field_names_it() {
 #[test]
 fn the_error_of_an_invalid_description_names_the_field() {
     type Change = fn(&mut Description);
-    let cases: [(Change, &str); 29] = [
+    let cases: [(Change, &str); 31] = [
         (|d| d.format = 2, "format"),
         (|d| d.window.hop = 7, "window.hop"),
         (|d| d.network.pool = [0, 2, 2], "network.pool"),
@@ -104,6 +104,14 @@ fn the_error_of_an_invalid_description_names_the_field() {
         (|d| d.adc.vref_v = 2.5, "adc.vref_v"),
         (|d| d.adc.channels = 62, "adc.channels"),
         (|d| d.adc.channels = 72, "adc.channels"),
+        (|d| d.adc.clock = AdcClock::Internal, "adc.clock"),
+        (
+            |d| {
+                d.adc.channels = 16;
+                (d.adc.wiring, d.adc.control) = (AdcWiring::Cascaded, AdcControl::Commands);
+            },
+            "adc.control",
+        ),
         (|d| d.window.steps = 24, "window.steps"),
         (|d| d.code.numbers = 4, "code.numbers"),
         (|d| d.code.numbers = 260, "code.numbers"),

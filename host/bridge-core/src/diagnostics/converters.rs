@@ -51,8 +51,14 @@ impl ChainReport {
     }
 
     /// Returns the status `converters`. The message names faults; the values of the status are the
-    /// DRDY rate, the electrodes without contact and each chip's bad frames.
-    pub(crate) fn status(&mut self, adc_rate_hz: u16, labels: &[String]) -> DiagnosticStatus {
+    /// DRDY rate, the electrodes without contact and each chip's bad frames. `drift_ppm` is the drift
+    /// of the device's clock, which stamps the edges of DRDY; `None` if it is not known.
+    pub(crate) fn status(
+        &mut self,
+        adc_rate_hz: u16,
+        labels: &[String],
+        drift_ppm: Option<f64>,
+    ) -> DiagnosticStatus {
         let new = |(chip, bad): (usize, &u32)| {
             let reported = self.reported.get(chip).copied().unwrap_or(0);
             let since = bad.wrapping_sub(reported);
@@ -62,14 +68,15 @@ impl ChainReport {
         let frames: Vec<String> = frames.filter_map(new).collect();
         self.reported.clone_from(&self.frames_bad);
         let off = self.electrodes_off(labels);
-        let warnings: Vec<String> = [
+        let oscillator = oscillator_warning(self.drdy_millihertz, adc_rate_hz, drift_ppm);
+        let warnings = [
             ("frames bad since the last report", frames),
             ("electrodes off", off),
         ]
         .into_iter()
         .filter(|(_, which)| !which.is_empty())
-        .map(|(what, which)| format!("{what}: {}", which.join(" ")))
-        .collect();
+        .map(|(what, which)| format!("{what}: {}", which.join(" ")));
+        let warnings: Vec<String> = warnings.chain(oscillator).collect();
         let state = if !self.fault.is_empty() {
             (DiagnosticLevel::Error, self.fault.clone())
         } else if !warnings.is_empty() {
@@ -93,6 +100,30 @@ impl ChainReport {
     }
 }
 
+/// Error of the converters' oscillator above which the status warns, ppm. At 1,000 ppm a notch of Q
+/// 30 passes 6 % of the mains' amplitude.
+const MAX_OSCILLATOR_PPM: f64 = 1_000.0;
+
+/// Returns a warning if the converters do not sample at the rate that was set. By the device's clock
+/// they sample at `drdy_millihertz`, by the host's at that rate less the drift.
+fn oscillator_warning(
+    drdy_millihertz: u32,
+    adc_rate_hz: u16,
+    drift_ppm: Option<f64>,
+) -> Option<String> {
+    let hz = f64::from(drdy_millihertz) / 1000.0 / (1.0 + drift_ppm? * 1e-6);
+    let ppm = (hz / f64::from(adc_rate_hz) - 1.0) * 1e6;
+    let is_off = drdy_millihertz > 0 && ppm.abs() > MAX_OSCILLATOR_PPM;
+    is_off.then(|| {
+        format!(
+            "the converters sample at {hz:.3} Hz, {ppm:+.0} ppm off the {adc_rate_hz} Hz that were set, \
+             and the filters' frequencies are off by as much; check CLK and CLKSEL: 2.048 MHz in place \
+             of 2.097152 MHz makes -23,438 ppm, the reverse +24,000, and the oscillator inside an \
+             ADS1299 is exact to 2.5 %"
+        )
+    })
+}
+
 /// Formats the measured DRDY rate and its deviation, such as "512.010 Hz, +20 ppm off the 512 Hz
 /// that were set".
 fn rate(drdy_millihertz: u32, adc_rate_hz: u16) -> String {
@@ -114,5 +145,26 @@ fn off_names(channels: u64, labels: &[String]) -> String {
     match off(channels, labels) {
         none if none.is_empty() => "none".to_owned(),
         some => some.join(" "),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_oscillator_is_judged_by_the_hosts_clock() {
+        let warning = |millihertz, drift| oscillator_warning(millihertz, 512, drift);
+        assert_eq!(warning(512_100, Some(0.0)), None);
+        assert_eq!(warning(512_000, None), None, "the drift is not known yet");
+        assert_eq!(warning(0, Some(0.0)), None, "no rate is known");
+        // The device's clock is 1 % slow, so that it counts 1 % more edges in its second.
+        assert_eq!(warning(517_120, Some(10_000.0)), None);
+        let text = warning(500_000, Some(0.0)).expect("a warning");
+        assert!(
+            text.contains("500.000 Hz, -23438 ppm off the 512 Hz"),
+            "{text}"
+        );
+        assert!(warning(512_000, Some(10_000.0)).is_some());
     }
 }

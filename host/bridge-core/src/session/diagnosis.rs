@@ -48,7 +48,9 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
     }
     if let Some((report, codes)) = session.converters.as_mut().zip(session.codes.as_ref()) {
         let device = codes.device();
-        status.push(report.status(device.adc_rate_hz, &device.labels));
+        let clock = &session.clock;
+        let drift_ppm = clock.is_settled().then(|| clock.drift_ppm());
+        status.push(report.status(device.adc_rate_hz, &device.labels, drift_ppm));
     }
     if let Some((report, codes)) = session.exclusion.as_ref().zip(session.codes.as_ref()) {
         status.push(exclusion::status(report, codes.device()));

@@ -3,12 +3,13 @@
 use std::vec::Vec;
 
 use crate::bus::Speed;
-use crate::chain::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW};
+use crate::chain::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW, opcode};
 use crate::decoder::CHANNELS;
 use crate::register::Register;
-use crate::settings::Rate;
+use crate::settings::{Rate, Wiring};
 use crate::simulation::analogue::{self, Conversion, Electrode, Noise};
 use crate::simulation::chip::{Burst, Chip, Moment, Received};
+use crate::simulation::miso::Miso;
 use crate::simulation::options::{Electrodes, Fault, Options};
 
 /// Entry in the log of the wires between the driver and the chips.
@@ -34,11 +35,9 @@ pub(super) struct Board<const CHIPS: usize> {
     /// answers, whatever the levels of the pins.
     powered_ns: Option<u64>,
     pub(super) speed: Speed,
-    /// Duration of a byte at the SCLK for registers, in nanoseconds. `burst_byte_ns` is the
-    /// duration at the SCLK for bursts, and `decode_ns` is tSDECODE.
-    register_byte_ns: u64,
-    burst_byte_ns: u64,
+    /// Duration of tSDECODE, in nanoseconds.
     decode_ns: u64,
+    miso: Miso,
     pub(super) now_ns: u64,
     chips: [Chip; CHIPS],
     electrodes: Electrodes<CHIPS>,
@@ -48,13 +47,16 @@ pub(super) struct Board<const CHIPS: usize> {
     off: [u8; CHIPS],
     noise: Noise,
     start: bool,
+    /// True after the opcode START, until STOP.
+    is_commanded: bool,
     /// Time at which RESET went low, in nanoseconds; `None` while it is high.
     reset_low_ns: Option<u64>,
     /// End of the next conversion, in clock cycles; `None` while the chips are stopped.
     next: Option<u64>,
     /// End of the next conversion, in nanoseconds; `u64::MAX` if there is none.
     next_ns: u64,
-    /// Number of bytes clocked since the last conversion.
+    /// Number of bytes clocked since the last conversion; of cascaded chips, since the last
+    /// selection.
     clocked: usize,
     /// Bits that the chain sends for the current sample; built when its first byte is transferred.
     burst: Option<Burst>,
@@ -68,22 +70,20 @@ pub(super) struct Board<const CHIPS: usize> {
 
 impl<const CHIPS: usize> Board<CHIPS> {
     pub(super) fn new(options: Options, electrodes: Electrodes<CHIPS>) -> Self {
-        let byte_ns = |hz: u32| 8_000_000_000 / u64::from(hz);
         let mut board = Self {
             options,
             powered_ns: Some(0),
             speed: Speed::Registers,
-            register_byte_ns: byte_ns(options.register_hz),
-            burst_byte_ns: byte_ns(options.burst_hz),
             decode_ns: 0,
+            miso: Miso::default(),
             now_ns: 0,
-            // The time `u64::MAX` means that the chips accept no command before a reset.
             chips: core::array::from_fn(|_| Chip::new(u64::MAX)),
             electrodes,
             delivered: 0,
             off: [0; CHIPS],
             noise: Noise::new(options.seed),
             start: false,
+            is_commanded: false,
             reset_low_ns: None,
             next: None,
             next_ns: u64::MAX,
@@ -95,6 +95,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             events: Vec::new(),
         };
         board.decode_ns = board.nanoseconds(u64::from(DECODE));
+        board.wake_chips();
         board
     }
 
@@ -118,6 +119,9 @@ impl<const CHIPS: usize> Board<CHIPS> {
         let moment = self.moment();
         self.burst = None;
         self.is_deaf = None;
+        if self.options.wiring == Wiring::Cascaded {
+            self.clocked = 0;
+        }
         let config1 = self.chips[0].register(Register::CONFIG1);
         let Some(chip) = self.chips.get_mut(chip) else {
             return;
@@ -142,8 +146,35 @@ impl<const CHIPS: usize> Board<CHIPS> {
         if high != self.start {
             self.start = high;
             self.note(Event::Start(high));
-            let settled = self.cycles() + u64::from(self.rate().settling());
-            self.convert_at((high && self.powered_ns.is_some()).then_some(settled));
+            self.start_or_stop();
+        }
+    }
+
+    /// Starts the conversions if the pin START or the opcode says so, and stops them otherwise.
+    fn start_or_stop(&mut self) {
+        let converts = (self.start || self.is_commanded) && self.powered_ns.is_some();
+        let settled = self.cycles() + u64::from(self.rate().settling());
+        self.convert_at(converts.then_some(settled));
+    }
+
+    /// Executes an opcode that a chip has received. START and STOP count at chip 0, whose DRDY is
+    /// wired.
+    fn execute(&mut self, index: usize, code: u8) {
+        match (index, code) {
+            (0, opcode::START | opcode::STOP) => {
+                self.is_commanded = code == opcode::START;
+                self.start_or_stop();
+            }
+            (_, opcode::RESET) => {
+                let ready_ns = self.nanoseconds(u64::from(POWER_ON));
+                let in_time = self
+                    .powered_ns
+                    .is_some_and(|on| self.now_ns >= on + ready_ns);
+                self.violations += u32::from(!in_time);
+                let awake_ns = self.now_ns + self.nanoseconds(u64::from(AFTER_RESET));
+                self.chips[index].reset(awake_ns);
+            }
+            _ => {}
         }
     }
 
@@ -171,16 +202,18 @@ impl<const CHIPS: usize> Board<CHIPS> {
 
     /// Transfers a byte now, at the configured speed.
     pub(super) fn transfer(&mut self, byte: u8) -> u8 {
-        let byte_ns = match self.speed {
-            Speed::Registers => self.register_byte_ns,
-            Speed::Bursts => self.burst_byte_ns,
+        let sclk_hz = match self.speed {
+            Speed::Registers => self.options.register_hz,
+            Speed::Bursts => self.options.burst_hz,
         };
-        self.clock_byte(byte, self.now_ns + byte_ns, self.speed)
+        let byte_ns = 8_000_000_000 / u64::from(sclk_hz);
+        self.clock_byte(byte, self.now_ns + byte_ns, sclk_hz)
     }
 
-    /// Transfers a byte that ends at `end_ns`, and returns the byte on MISO.
-    pub(super) fn clock_byte(&mut self, byte: u8, end_ns: u64, speed: Speed) -> u8 {
-        let answer = self.output();
+    /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on
+    /// MISO.
+    pub(super) fn clock_byte(&mut self, byte: u8, end_ns: u64, sclk_hz: u32) -> u8 {
+        let answer = self.output(sclk_hz);
         self.clocked += 1;
         self.advance(end_ns);
         if self.powered_ns.is_none() {
@@ -196,14 +229,16 @@ impl<const CHIPS: usize> Board<CHIPS> {
             if !chip.selected {
                 continue;
             }
-            self.violations += u32::from(speed == Speed::Bursts && chip.is_read());
             match chip.receive(byte, moment) {
                 Received::Nothing => {}
                 Received::Violation => self.violations += 1,
-                Received::Opcode(opcode) => self.note(Event::Command {
-                    chip: index,
-                    opcode,
-                }),
+                Received::Opcode(opcode) => {
+                    self.note(Event::Command {
+                        chip: index,
+                        opcode,
+                    });
+                    self.execute(index, opcode);
+                }
             }
         }
         answer
@@ -217,13 +252,30 @@ impl<const CHIPS: usize> Board<CHIPS> {
     }
 
     /// Returns the byte on MISO during the next transfer.
-    fn output(&mut self) -> u8 {
+    fn output(&mut self, sclk_hz: u32) -> u8 {
         let Some(first) = self.chips.iter().position(|chip| chip.selected) else {
             return 0xFF;
         };
-        if first > 0 && !self.options.read_back {
-            return 0xFF;
+        if self.options.wiring == Wiring::Cascaded {
+            let selected = self.chips.iter().filter(|chip| chip.selected).count();
+            self.violations += u32::from(selected > 1);
+            return self.answer(first, 1);
         }
+        let answer = self.answer(first, CHIPS - first);
+        if first == 0 {
+            self.miso.drive(answer & 1 == 1);
+            return answer;
+        }
+        let Some(ohms) = self.options.read_back_ohms else {
+            return 0xFF;
+        };
+        #[expect(clippy::cast_precision_loss, reason = "at most 8 chips")]
+        let others = (CHIPS - 2) as f64;
+        self.miso.read(answer, f64::from(ohms), others, sclk_hz)
+    }
+
+    /// Returns the byte at the DOUT of chip `first`, through which `chips` chips send their samples.
+    fn answer(&mut self, first: usize, chips: usize) -> u8 {
         let chip = &self.chips[first];
         if chip.is_dead() || self.powered_ns.is_none() {
             return 0;
@@ -232,9 +284,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
             return chip.output();
         }
         let spaced = self.options.alignment as usize;
-        let burst = self
-            .burst
-            .get_or_insert_with(|| Burst::new(&self.chips[first..], spaced));
+        let chain = &self.chips[first..first + chips];
+        let burst = self.burst.get_or_insert_with(|| Burst::new(chain, spaced));
         burst.byte(self.clocked)
     }
 
@@ -353,6 +404,14 @@ impl<const CHIPS: usize> Board<CHIPS> {
         (u128::from(cycles) * 1_000_000_000).div_ceil(u128::from(self.options.clock_hz)) as u64
     }
 
+    /// Makes the chips, whose supplies come on now, accept commands after the power-on time.
+    fn wake_chips(&mut self) {
+        let awake_ns = self.now_ns + self.nanoseconds(u64::from(POWER_ON));
+        self.chips
+            .iter_mut()
+            .for_each(|chip| chip.power_on(awake_ns));
+    }
+
     fn note(&mut self, event: Event) {
         self.events.push((self.now_ns, event));
     }
@@ -360,9 +419,9 @@ impl<const CHIPS: usize> Board<CHIPS> {
     /// Switches the supplies off: registers are lost, and DRDY stays high.
     pub(super) fn power_off(&mut self) {
         self.powered_ns = None;
+        self.is_commanded = false;
         for chip in &mut self.chips {
-            // The time `u64::MAX` means that the chip accepts no command before the next reset.
-            chip.reset(u64::MAX);
+            chip.power_on(u64::MAX);
         }
         self.burst = None;
         self.is_deaf = None;
@@ -376,9 +435,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             return;
         }
         self.powered_ns = Some(self.now_ns);
-        if self.start {
-            let settled = self.cycles() + u64::from(self.rate().settling());
-            self.convert_at(Some(settled));
-        }
+        self.wake_chips();
+        self.start_or_stop();
     }
 }

@@ -13,6 +13,8 @@ pub(super) struct Chip {
     continuous: bool,
     /// Time before which no command is accepted, in nanoseconds.
     awake_ns: u64,
+    /// False from power-on to the first reset: until then, only SDATAC and RESET are accepted.
+    was_reset: bool,
     /// Time at which the reference was switched on, in nanoseconds; `None` while it is off.
     reference_ns: Option<u64>,
     pub(super) selected: bool,
@@ -76,6 +78,7 @@ impl Chip {
             registers: Register::RESET,
             continuous: true,
             awake_ns,
+            was_reset: false,
             reference_ns: None,
             selected: false,
             state: State::Opcode,
@@ -91,8 +94,15 @@ impl Chip {
         *self = Self {
             selected: self.selected,
             fault: self.fault,
+            was_reset: true,
             ..Self::new(awake_ns)
         };
+    }
+
+    /// Switches the supply on: the chip accepts no command before `awake_ns`, and only a reset then.
+    pub(super) fn power_on(&mut self, awake_ns: u64) {
+        self.reset(awake_ns);
+        self.was_reset = false;
     }
 
     /// Stores the counts of a conversion, with the status word, as the next frame.
@@ -139,11 +149,6 @@ impl Chip {
     pub(super) fn reference(&self, now_ns: u64) -> f64 {
         let since = self.reference_ns.map_or(0, |on| now_ns.saturating_sub(on));
         (since as f64 / 150e6).min(1.0)
-    }
-
-    /// Returns whether a register read is in progress.
-    pub(super) fn is_read(&self) -> bool {
-        matches!(self.state, State::Read { .. }) && !self.is_dead()
     }
 
     pub(super) fn select(&mut self) {
@@ -229,10 +234,14 @@ impl Chip {
     }
 
     fn decode_opcode(&mut self, byte: u8) -> Received {
+        if !self.was_reset && ![0, opcode::SDATAC, opcode::RESET].contains(&byte) {
+            return Received::Violation;
+        }
         match byte {
             opcode::SDATAC => self.pending = Some(Pending::Continuous(false)),
             _ if self.continuous => return Received::Nothing,
             opcode::RDATAC => self.pending = Some(Pending::Continuous(true)),
+            opcode::RESET | opcode::START | opcode::STOP => {}
             _ => {
                 let first = byte & !opcode::MASK;
                 let write = byte & opcode::MASK == opcode::WREG;

@@ -4,34 +4,39 @@ use std::boxed::Box;
 
 use crate::decoder::{Alignment, CHANNELS};
 use crate::register::Register;
+use crate::settings::Wiring;
 
 /// Clock, SCLK, wiring and noise seed of a simulated board.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Master clock of the chips, in Hz.
     pub clock_hz: u32,
+    /// Connection of the chips' data outputs to MISO.
+    pub wiring: Wiring,
     /// SCLK for registers, in Hz.
     pub register_hz: u32,
     /// SCLK for bursts, in Hz.
     pub burst_hz: u32,
     /// Spacing of the chips' parts in a frame, with or without a don't-care bit between two chips.
     pub alignment: Alignment,
-    /// True if a chip that is selected alone drives MISO; false if only chip 0 drives it.
-    pub read_back: bool,
+    /// Resistor between MISO and the DOUT of each chip after chip 0 in a daisy chain, in ohms;
+    /// `None` if there is none, and only chip 0 can be read.
+    pub read_back_ohms: Option<u32>,
     /// Seed of the pseudo-random noise of all channels.
     pub seed: u64,
 }
 
 impl Default for Options {
-    /// Master clock of 2^21 Hz, SCLK of 100 kHz for registers and 16 MHz for bursts, a don't-care
-    /// bit as in the data sheet, read-back of every chip.
+    /// A daisy chain with a master clock of 2^21 Hz, SCLK of 100 kHz for registers and 16 MHz for
+    /// bursts, a don't-care bit as in the data sheet, and resistors of 22 kOhm for read-back.
     fn default() -> Self {
         Self {
             clock_hz: 1 << 21,
+            wiring: Wiring::Daisy,
             register_hz: 100_000,
             burst_hz: 16_000_000,
             alignment: Alignment::Spaced,
-            read_back: true,
+            read_back_ohms: Some(22_000),
             seed: 1,
         }
     }

@@ -167,7 +167,7 @@ fn a_loss_of_supply_clears_the_registers_and_restarts_the_wait_for_a_reset() {
     simulation.pass_us(50_000);
     // 2^18 tCLK at 2^21 Hz are 125 ms, so a reset after 50 ms is too early.
     let mut lines = simulation.chain();
-    super::run(lines.pulse_reset());
+    super::run(lines.reset_now(Settings::EEG));
     assert!(simulation.violations() > 0);
     assert_eq!(bench.start(), Ok(()));
 }

@@ -62,7 +62,7 @@ fn order_and_times_follow_the_data_sheet() {
 fn every_register_is_read_back() {
     let simulation = Simulation::<3>::new(Options::default(), Electrodes::silent());
     let mut chain = simulation.chain();
-    run(chain.reset(&mut || ()));
+    run(chain.reset(Settings::EEG, &mut || ()));
     let mut set_up = |settings| run(chain.set_up(settings, &mut || ()));
     for input in [Input::Electrodes, Input::Shorted, Input::TestSignal] {
         let settings = Settings {
@@ -107,7 +107,7 @@ fn a_wrong_id_names_the_chip_and_what_it_may_be() {
 fn a_chip_without_answer_is_named_with_its_likely_cause() {
     // Without read-back, only chip 0 drives MISO.
     let without_read_back = Options {
-        read_back: false,
+        read_back_ohms: None,
         ..Options::default()
     };
     let dead = error_with(6, Fault::Dead);
@@ -159,7 +159,11 @@ fn any_sclk_and_any_number_of_chips_work() {
             ..Options::default()
         };
         let one = Bench::<1, { frame_bytes(1) }>::silent(options);
-        let five = Bench::<5, { frame_bytes(5) }>::silent(options);
+        // Read-back limits SCLK for the registers of a daisy chain.
+        let five = Bench::<5, { frame_bytes(5) }>::silent(Options {
+            register_hz: 100_000,
+            ..options
+        });
         assert_eq!(one.simulation.violations(), 0);
         assert_eq!(five.simulation.violations(), 0);
     }

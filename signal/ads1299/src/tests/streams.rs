@@ -40,7 +40,7 @@ fn every_sample_arrives_once_and_unchanged_on_either_kind_of_board() {
         assert_eq!(bench.sampler.decoder.alignment(), Some(alignment));
         // Two stamps of 1 us resolution over 1.95 s are 1 ppm, or 0.5 mHz of 512 Hz.
         assert!(meter.check().unwrap().abs_diff(512_000) <= 1);
-        run(bench.sampler.chain.halt());
+        run(bench.sampler.chain.halt(Settings::EEG));
         assert_eq!(bench.simulation.violations(), 0);
     }
 }

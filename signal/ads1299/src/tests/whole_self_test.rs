@@ -84,7 +84,7 @@ fn a_working_chain_passes_with_figures_and_keeps_streaming() {
     assert_eq!(bench.simulation.violations(), 0);
     // The previous settings are restored.
     let mut chain = bench.simulation.chain();
-    run(chain.halt());
+    run(chain.halt(Settings::EEG));
     for chip in 0..CHIPS {
         let mut read = Image([0; Register::COUNT]);
         run(chain.read_part(chip, &mut read, 0..Register::COUNT));

@@ -13,7 +13,7 @@ use rigless::emulator::CoreSpec;
 use rigless::machine::armv7m::{Config, Core, Fpu, MpuRegions, Variant};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::{gpioa, otg_fs_global, spi1, syscfg};
+use rigless::soc::stm32f427::generated::{gpioa, otg_fs_global, rcc, spi1, syscfg, tim11};
 use rigless::soc::stm32f427::peripherals::TIMERS;
 use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin as PartPin};
 use rigless::soc::stm32f427::peripherals::tim::{Channel, Tim};
@@ -22,7 +22,8 @@ use rigless::time::VirtualNanos;
 
 use crate::chain::Chain;
 use crate::chip::Chip;
-use crate::core_bus::{ClearedBits, Redirect};
+use crate::chip::hse_timer::HseTimer;
+use crate::core_bus::Redirect;
 use crate::model::{Model, Pin};
 use crate::usb::host::UsbHost;
 use crate::usb::instance::F446_OTG_FS;
@@ -47,6 +48,10 @@ const PORTS: [&str; 8] = [
 const RCC_CR: u64 = 0x4002_3800;
 const HSERDY: u64 = 1 << 17;
 
+/// Address of the USB core's register GRSTCTL, and its bit AHBIDL.
+const GRSTCTL: u64 = 0x5000_0000 + 0x10;
+const AHBIDL: u64 = 1 << 31;
+
 /// Address of RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. The emulated register only
 /// stores what is written, which suffices: the firmware keeps the clock selections of the reset.
 const DCKCFGR2: u64 = 0x4002_3894;
@@ -60,6 +65,8 @@ pub(crate) struct F446 {
     exti: Exti,
     exti_slot: usize,
     otg: Otg,
+    hse_timer: HseTimer<tim11::Register>,
+    hse_timer_slot: usize,
 }
 
 impl F446 {
@@ -74,12 +81,15 @@ impl F446 {
         let spare = Region::ram("DCKCFGR2", SPARE, 0x1000);
         part.bus_mut().add_region(spare).expect("a free address");
         let exti_slot = part.bus().slot("EXTI").expect("the part has an EXTI");
+        let hse_timer_slot = part.bus().slot("TIM11").expect("the part has TIM11");
         let otg = Otg::new::<otg_fs_global::Register>(&F446_OTG_FS, host, part.bus_mut());
         Self {
             part,
             exti: Exti::default(),
             exti_slot,
             otg: otg.expect("a free window"),
+            hse_timer: HseTimer::new(Model::F446.facts().reset_hz),
+            hse_timer_slot,
         }
     }
 
@@ -124,6 +134,11 @@ impl Mcu for F446 {
         let (bus, model) = self.part.split(slot);
         if slot == self.exti_slot {
             return (bus, Some(&mut self.exti));
+        }
+        if slot == self.hse_timer_slot {
+            let clocks = bus.registers("RCC").expect("the part has an RCC");
+            self.hse_timer.divider = rcc::cfgr::RTCPRE.get(clocks.get(rcc::Register::Cfgr));
+            return (bus, Some(&mut self.hse_timer));
         }
         if let Some(model) = self.otg.model(slot, bus) {
             return (bus, Some(model));

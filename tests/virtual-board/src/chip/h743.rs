@@ -13,7 +13,7 @@ use rigless::machine::armv7m::{BranchPrediction, Caches, Config, Core, Fpu, MpuR
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::Bus;
 use rigless::soc::stm32h743::Stm32h743;
-use rigless::soc::stm32h743::generated::{gpioa, otg1_hs_global, spi1};
+use rigless::soc::stm32h743::generated::{gpioa, otg1_hs_global, rcc, spi1, tim17};
 use rigless::soc::stm32h743::peripherals::gpio::{Gpio, PORTS, Pin as PartPin};
 use rigless::soc::stm32h743::peripherals::rng::{self, Rng};
 use rigless::soc::stm32h743::peripherals::tim::{Channel, TIMERS, Tim};
@@ -21,7 +21,8 @@ use rigless::time::VirtualNanos;
 
 use crate::chain::Chain;
 use crate::chip::Chip;
-use crate::core_bus::{ClearedBits, Redirect};
+use crate::chip::hse_timer::HseTimer;
+use crate::core_bus::Redirect;
 use crate::model::{Model, Pin};
 use crate::usb::host::UsbHost;
 use crate::usb::instance::H743_USB2;
@@ -42,6 +43,10 @@ const TIMER_FUNCTION: u8 = 1;
 const RCC_CR: u64 = 0x5802_4400;
 const HSERDY: u64 = 1 << 17;
 
+/// Address of the USB core's register GRSTCTL, and its bit AHBIDL.
+const GRSTCTL: u64 = 0x4008_0000 + 0x10;
+const AHBIDL: u64 = 1 << 31;
+
 /// Names of peripherals, separated by blanks, whose models are removed because the firmware does
 /// not use them. The emulator polls every model for every byte of a DMA transfer, which would take
 /// half of the emulation's time. [`Findings::unimplemented`](crate::findings::Findings) lists
@@ -59,6 +64,8 @@ pub(crate) struct H743 {
     watchdog_slot: usize,
     uart_slot: usize,
     otg: Otg,
+    hse_timer: HseTimer<tim17::Register>,
+    hse_timer_slot: usize,
     /// Whether the peripheral model in each slot of the emulator has been removed.
     removed: Box<[bool]>,
 }
@@ -79,6 +86,7 @@ impl H743 {
         let slots = part.bus().slots().iter();
         let removed = slots.map(|slot| removed.contains(&slot.peripheral().name));
         let removed = removed.collect();
+        let hse_timer_slot = part.bus().slot("TIM17").expect("the part has TIM17");
         let otg = Otg::new::<otg1_hs_global::Register>(&H743_USB2, host, part.bus_mut());
         Self {
             part,
@@ -86,6 +94,8 @@ impl H743 {
             watchdog_slot,
             uart_slot,
             otg: otg.expect("a free window"),
+            hse_timer: HseTimer::new(Model::H743.facts().reset_hz),
+            hse_timer_slot,
             removed,
         }
     }
@@ -123,6 +133,11 @@ impl Mcu for H743 {
         let (bus, model) = self.part.split(slot);
         if slot == self.watchdog_slot {
             return (bus, Some(&mut self.watchdog));
+        }
+        if slot == self.hse_timer_slot {
+            let clocks = bus.registers("RCC").expect("the part has an RCC");
+            self.hse_timer.divider = rcc::cfgr::RTCPRE.get(clocks.get(rcc::Register::Cfgr));
+            return (bus, Some(&mut self.hse_timer));
         }
         if let Some(model) = self.otg.model(slot, bus) {
             return (bus, Some(model));
