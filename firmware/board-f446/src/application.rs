@@ -2,7 +2,7 @@
 
 use board_stm32::{
     Board, Bus, ClockSource, FRAME_BYTES, Loader, Port, Trigger, Wires, init_chip, sleep,
-    start_tasks,
+    start_tasks, start_watchdog,
 };
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;

@@ -22,26 +22,20 @@ pub(crate) fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = nvic_priority(priority::DRDY);
     let rcc = &mut config.rcc;
-    if let Some(hz) = source.hz() {
+    let inputs = Inputs::of(source);
+    if let Some(hz) = inputs.hse_hz {
         rcc.hse = Some(Hse {
             freq: Hertz(hz),
             mode: HseMode::Bypass,
         });
     }
-    // The PLLs' input is 8 MHz, from HSE or from HSI's 64 MHz divided by 8, or 25 MHz / 3. PLL1
-    // makes 960 MHz of it, PLL2 512 MHz; a fraction is in 1/8192.
-    let (source, prediv, [pll1, pll2]) = match source {
-        ClockSource::StLink => (PllSource::HSE, PllPreDiv::DIV1, WHOLE),
-        ClockSource::StLinkCrystal => {
-            // embassy computes with whole hertz and rounds a quotient down. With this frequency, 2
-            // ppm above the true one, the timers' 240 MHz do not become 239.
-            if let Some(hse) = &mut rcc.hse {
-                hse.freq = Hertz(8_333_350);
-            }
-            (PllSource::HSE, PllPreDiv::DIV1, FRACTIONAL)
-        }
-        ClockSource::NoClock | ClockSource::OtherClock => (PllSource::HSI, PllPreDiv::DIV8, WHOLE),
-    };
+    let Inputs {
+        source,
+        prediv,
+        pll1,
+        pll2,
+        ..
+    } = inputs;
     // The core's clock is 960 MHz / 2 = 480 MHz: the maximum of the chip's revision V, at the
     // highest core voltage (DS12110, section 7.3.1). 960 MHz / 20 = 48 MHz clocks USB and the random
     // number generator, and is as accurate as the source. The alternative for USB, the oscillator
@@ -81,11 +75,50 @@ pub(crate) fn config(source: ClockSource) -> Config {
     config
 }
 
+/// Input of the PLLs, and the factors with which PLL1 makes 960 MHz and PLL2 512 MHz of it.
+///
+/// The input is far enough from 2 and 4 MHz, the ends of a range that the PLLs must be told (RM0433,
+/// RCC_PLLCFGR), whatever the error of an RC oscillator.
+struct Inputs {
+    source: PllSource,
+    prediv: PllPreDiv,
+    /// Frequency of HSE for which embassy computes exactly 960 MHz, Hz: it computes with whole hertz
+    /// and single precision, and with 1 Hz less the timers' 240 MHz become 239.
+    hse_hz: Option<u32>,
+    pll1: Factor,
+    pll2: Factor,
+}
+
 /// Factor of a PLL: a whole part, and a fraction in 1/8192.
 type Factor = (PllMul, Option<u16>);
 
-/// Factors of PLL1 and PLL2 for an input of 8 MHz: 120 and 64.
-const WHOLE: [Factor; 2] = [(PllMul::MUL120, None), (PllMul::MUL64, None)];
-
-/// Factors of PLL1 and PLL2 for an input of 25 MHz / 3: 115.2 and 61.44, less 0.5 ppm.
-const FRACTIONAL: [Factor; 2] = [(PllMul::MUL115, Some(1_638)), (PllMul::MUL61, Some(3_604))];
+impl Inputs {
+    const fn of(source: ClockSource) -> Self {
+        match source {
+            // 8 MHz / 3, times 360 and 192 less 2.4 ppm: above 960 MHz is out of range.
+            ClockSource::StLink => Self {
+                source: PllSource::HSE,
+                prediv: PllPreDiv::DIV3,
+                hse_hz: Some(8_000_019),
+                pll1: (PllMul::MUL359, Some(8_185)),
+                pll2: (PllMul::MUL191, Some(8_188)),
+            },
+            // 25 MHz / 9, times 345.6 and 184.32 less 0.3 ppm.
+            ClockSource::StLinkCrystal => Self {
+                source: PllSource::HSE,
+                prediv: PllPreDiv::DIV3,
+                hse_hz: Some(8_333_334),
+                pll1: (PllMul::MUL345, Some(4_915)),
+                pll2: (PllMul::MUL184, Some(2_621)),
+            },
+            // 64 MHz / 20, times 300 and 160.
+            ClockSource::NoClock | ClockSource::OtherClock => Self {
+                source: PllSource::HSI,
+                prediv: PllPreDiv::DIV20,
+                hse_hz: None,
+                pll1: (PllMul::MUL300, None),
+                pll2: (PllMul::MUL160, None),
+            },
+        }
+    }
+}

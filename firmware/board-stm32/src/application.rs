@@ -88,8 +88,9 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
         warn!("the previous run failed: {=str}", previous.text());
     }
     let clock_fault = board.clock.fault();
-    if !clock_fault.is_empty() {
-        warn!("{=str}", clock_fault);
+    match board.clock.hz() {
+        Some(hz) => info!("the ST-LINK's clock has {=u32} Hz", hz),
+        None => warn!("{=str}", clock_fault),
     }
     let identity = Identity {
         firmware: board.firmware,

@@ -2,7 +2,7 @@
 //! frequency that the board knows, or the internal oscillator.
 
 #[cfg(target_os = "none")]
-use {cortex_m::asm, defmt::info, embassy_stm32::pac::RCC};
+use {cortex_m::asm, embassy_stm32::pac::RCC};
 
 /// Oscillator from which all clocks of the chip are derived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,9 +60,7 @@ impl ClockSource {
         RCC.cr().modify(|control| control.set_hseon(true));
         let is_ready = || RCC.cr().read().hserdy();
         let source = if poll_until(TIMEOUT_MS, is_ready, || asm::delay(core_hz / 1_000)) {
-            let hz = measure(core_hz, timer);
-            info!("HSE has {=?} Hz by the internal oscillator", hz);
-            Self::of_frequency(hz, known)
+            Self::of_frequency(measure(core_hz, timer), known)
         } else {
             Self::NoClock
         };

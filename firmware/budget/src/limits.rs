@@ -52,9 +52,8 @@ pub(crate) const BOARDS: [Limits; 3] = [
         images: &["f446-packed"],
         is_default: false,
         memory_map: "firmware/board-f446/stm32f446.x",
-        // The flash limit is the whole flash of the STM32F446RC, the same chip with half the flash,
-        // so that the image fits that chip too.
-        regions: &[("FLASH", 256 << 10), ("RAM", 77 << 10)],
+        // 3 % above 258 KiB of flash, 1 % above 76 KiB of RAM.
+        regions: &[("FLASH", 266 << 10), ("RAM", 77 << 10)],
         stack: 32 << 10,
     },
 ];

@@ -5,7 +5,7 @@ use embedded_hal_async::spi::SpiBus;
 /// Kind of transfer; each kind has its own limit of SCLK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Speed {
-    /// Opcodes and registers: at most 105 kHz, because of the resistors between the chips and MISO.
+    /// Opcodes and registers: at most 105 kHz, because of the read-back resistors of a daisy chain.
     Registers,
     /// Frames of samples: the board's fastest SCLK that does not exceed 20 MHz (data sheet section
     /// 7.6: a period of 50 ns with DVDD from 2.7 V).

@@ -82,23 +82,19 @@ impl Nucleo {
         serial: Serial,
         host: &UsbHost,
         observer: Observer,
-        usb_is_held: Arc<AtomicBool>,
     ) -> Self {
         let mut chip = chip(model, host);
         chip.set_external_clock(setup.clock_hz);
         if let Some(hz) = setup.lsi_hz {
             chip.set_lsi_hz(hz);
         }
-        // Without an external clock, the bit HSERDY must read as 0, but the emulator sets it. While
-        // USB's core is held, it does not report that its bus is idle.
-        let [clock, idle] = [chip.hse_ready_flag(), chip.usb_idle_flag()];
-        let hold = |(address, bits), holds| ClearedBits {
+        // Without an external clock, the bit HSERDY must read as 0, but the emulator sets it.
+        let (address, bits) = chip.hse_ready_flag();
+        let cleared = vec![ClearedBits {
             address,
             bits,
-            holds,
-        };
-        let has_no_clock = Arc::new(AtomicBool::new(setup.clock_hz == 0));
-        let cleared = vec![hold(clock, has_no_clock), hold(idle, usb_is_held)];
+            holds: Arc::new(AtomicBool::new(setup.clock_hz == 0)),
+        }];
         chip.attach_spi(chain);
         chip.attach_uart(Box::new(serial));
         Self {
@@ -108,6 +104,16 @@ impl Nucleo {
             observer,
             cleared,
         }
+    }
+
+    /// Makes USB's core never report that its bus is idle while `is_held`.
+    pub(crate) fn hold_usb_while(&mut self, is_held: Arc<AtomicBool>) {
+        let (address, bits) = self.chip.usb_idle_flag();
+        self.cleared.push(ClearedBits {
+            address,
+            bits,
+            holds: is_held,
+        });
     }
 }
 

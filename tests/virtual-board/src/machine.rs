@@ -66,7 +66,7 @@ impl VirtualBoard {
         let host = UsbHost::default();
         let observer = Observer::default();
         let usb_is_held = Arc::new(AtomicBool::new(false));
-        let board = Nucleo::new(
+        let mut board = Nucleo::new(
             model,
             image,
             setup,
@@ -74,8 +74,8 @@ impl VirtualBoard {
             serial.clone(),
             &host,
             observer.clone(),
-            usb_is_held.clone(),
         );
+        board.hold_usb_while(usb_is_held.clone());
         let port = match setup.cable {
             Cable::Uart => Port::Uart(serial),
             Cable::Usb => {

@@ -81,11 +81,11 @@ impl<R: HseTimerRegisters> Device for HseTimer<R> {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) -> Option<u64> {
-        let fields = R::CAPTURES.iter();
-        let is_set = |(register, field, value): &(R, &FieldSpec, u64)| {
-            field.get(registers.get(*register)) == *value
+        let is_set = |(register, field, value): (R, &FieldSpec, u64)| {
+            field.get(registers.get(register)) == value
         };
-        let runs = fields.map(is_set).all(|set| set) && self.divider >= 2 && self.hse_hz > 0;
+        let is_set_up = R::CAPTURES.into_iter().all(is_set);
+        let runs = is_set_up && self.divider >= 2 && self.hse_hz > 0;
         let captures = if runs {
             self.captures(context.now())
         } else {

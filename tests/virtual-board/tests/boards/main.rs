@@ -62,7 +62,7 @@ macro_rules! default_image {
         every_image!($subject);
         scenarios! {
             $subject:
-            start_up: starts_up_without_the_clock;
+            start_up: starts_up_without_the_clock refuses_an_unknown_clock;
             trigger: trigger_edges_have_correct_times;
             commands: commands_arrive_while_codes_stream self_test_passes;
             converter_faults: a_dead_chip_is_reported a_packed_chain_is_decoded
@@ -79,6 +79,7 @@ mod h743 {
     default_image!(H743);
     scenarios! {
         H743:
+        start_up: runs_from_the_clocks_of_an_st_link a_hang_during_the_start_up_ends_in_a_reset;
         usb: works_after_pauses_and_suspend reconnects_after_unplugging;
         packed: packed_blocks_equal_those_of_host_sim everything_at_once_is_in_time;
         upload: uploaded_model_is_used unsound_upload_is_refused;
@@ -89,6 +90,7 @@ mod h743_uart {
     every_image!(H743_UART);
     scenarios! {
         H743_UART:
+        start_up: runs_from_the_clocks_of_an_st_link;
         commands: commands_arrive_while_codes_stream damaged_bytes_destroy_only_their_commands;
         upload: uploaded_model_is_used;
     }
