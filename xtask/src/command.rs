@@ -5,7 +5,7 @@ use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// Target triple of the Cortex-M4F and the Cortex-M7, with single-precision FPU instructions.
 pub(crate) const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
@@ -108,6 +108,17 @@ pub(crate) fn run(command: &mut Command, next: &str) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::check(typed(command), status, next))
+}
+
+/// Runs the command with this program's standard error, and returns its standard output. `next` is
+/// the advice to the user if it fails.
+pub(crate) fn output(command: &mut Command, next: &str) -> Result<String, Failure> {
+    let output = command.stderr(Stdio::inherit()).output();
+    let output = output.or_fail(typed(command), next)?;
+    if output.status.success() {
+        return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
+    }
+    Err(Failure::check(typed(command), output.status, next))
 }
 
 /// Replaces this process by the command. The command's exit status becomes the verb's.

@@ -1,14 +1,16 @@
 //! `cargo fw` and `cargo flash`: build the image of a board, state for which model and converters,
-//! and flash it.
+//! and write it as a file or to the board.
 
 use std::env;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::command::{BOARD_TARGET, Failure, OrFail, cargo, replace, root};
+use crate::command::{
+    AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, cargo, output, print, replace, root,
+};
 use crate::images::Board;
-use crate::{install, programs};
+use crate::{dfu, install, programs};
 
 /// Environment variable that names the folder of the model to use in place of the default one.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
@@ -56,8 +58,8 @@ pub(crate) struct Options {
     runner: Vec<String>,
 }
 
-/// Prints for which model and converters the image is, builds it and, with `flash`, runs it on the
-/// board.
+/// Prints for which model and converters the image is, and builds it. With `flash`, runs it on the
+/// board; otherwise writes it as a file for `corticode-bridge update`, whose path it prints.
 pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     install::board_target()?;
     let board = options.board;
@@ -82,8 +84,14 @@ pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
         let runner = format!("probe-rs run --chip {}", board.chip());
         command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUNNER", runner);
         command.arg("--").args(&options.runner);
+        return replace(&mut command);
     }
-    replace(&mut command)
+    command.arg("--message-format=json-render-diagnostics");
+    let messages = output(&mut command, AFTER_A_BUILD)?;
+    print(format_args!(
+        "{}\n",
+        dfu::write(board, &messages)?.display()
+    ))
 }
 
 /// Returns what the model in `folder` expects of the converters, one thing a line.

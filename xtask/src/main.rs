@@ -5,6 +5,7 @@
 mod board;
 mod command;
 mod deb;
+mod dfu;
 mod docs;
 mod figures;
 mod flash;
@@ -145,7 +146,8 @@ enum Verb {
         #[arg(long)]
         measured: Option<PathBuf>,
     },
-    /// Build the image of a board, and print for which model and converters; the same as `cargo fw`
+    /// Build the image of a board, print for which model and converters, and write it as a file for
+    /// `corticode-bridge update`; the same as `cargo fw`
     Fw(flash::Options),
     /// Build the image of a board and flash it with probe-rs; the same as `cargo flash`
     Flash(flash::Options),

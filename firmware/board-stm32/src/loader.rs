@@ -1,4 +1,4 @@
-//! Jump to the microcontroller's own boot loader, in the system memory.
+//! Jump to the microcontroller's own boot loader, in the system memory, and the reset after it.
 #![expect(unsafe_code, reason = "runs another program")]
 
 use cortex_m::{asm, peripheral::SCB};
@@ -23,17 +23,24 @@ impl Loader {
     }
 
     /// If the host requested the boot loader before the last reset, calls `prepare` and runs the
-    /// boot loader, without returning; otherwise does nothing. `main` must call this function
-    /// first, because the boot loader expects the chip in the state after a reset.
+    /// boot loader, without returning. If the boot loader has started this program, after an update,
+    /// resets the chip. Otherwise does nothing. `main` must call this function first, because the
+    /// boot loader expects the chip in the state after a reset.
     pub fn run_if_requested(self, prepare: impl FnOnce()) {
-        if !take_bootloader_request() {
-            return;
-        }
-        prepare();
-        let vectors = self.vectors();
         // SAFETY: `SCB::PTR` is the address of the core's own registers, which no other code of
         // this program uses yet.
         let scb = unsafe { &*SCB::PTR };
+        let vectors = self.vectors();
+        if !take_bootloader_request() {
+            // The boot loader jumps here without a reset: its interrupts, clocks and USB core are
+            // in use, and its vector table, somewhere in the system memory, stays set (AN3156, leave
+            // DFU mode).
+            if scb.vtor.read() >> 20 == vectors >> 20 {
+                SCB::sys_reset();
+            }
+            return;
+        }
+        prepare();
         // SAFETY: no interrupt is enabled, and none of this program's vectors is used any more.
         unsafe { scb.vtor.write(vectors) };
         asm::dsb();

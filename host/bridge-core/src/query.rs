@@ -17,6 +17,8 @@ const RESULT_TIMEOUT_S: u32 = 15;
 /// A single request to a device, for a subcommand such as `selftest`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
+    /// Report identity, firmware and model; the device's streams go on.
+    Identify,
     /// Test the converters with the test signals that they generate themselves.
     SelfTest,
     /// Restart the device, into its firmware or into its bootloader.
@@ -26,6 +28,8 @@ pub enum Request {
 /// What a device answers to a [`Request`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
+    /// Identity, firmware and model of the device.
+    Identified(DeviceSummary),
     /// Results of the self-test, for each chip and channel.
     SelfTest(Box<SelfTestReport>),
     /// The device has restarted. The summary, sent after the restart, names the cause.
@@ -147,7 +151,7 @@ impl Query {
             (Stage::Identify, _) => "identifying the device",
             (Stage::Stop, _) => "stopping its streams",
             (_, Request::SelfTest) => "the device tests its converters",
-            (_, Request::Reset(_)) => "the device restarts",
+            (_, Request::Identify | Request::Reset(_)) => "the device restarts",
         }
     }
 
@@ -181,7 +185,7 @@ impl Query {
                 let other = before.is_some_and(|(session_id, _)| session_id != hello.session_id);
                 let requested = matches!(self.stage, Stage::Request | Stage::Wait);
                 (requested && other).then_some(match self.request {
-                    Request::Reset(_) => Ok(Answer::Restarted(device)),
+                    Request::Identify | Request::Reset(_) => Ok(Answer::Restarted(device)),
                     Request::SelfTest => Err(QueryError::RestartedDuringTest {
                         device: Box::new(device),
                     }),
@@ -214,7 +218,10 @@ impl Query {
             .filter(|pending| pending.is_acknowledged_by(ack.of))?;
         match (self.stage, ack.result) {
             (Stage::Identify, _) => {
-                if self.device.is_some() && self.montage.is_some() {
+                if let (Some((_, device)), Some(_)) = (&self.device, &self.montage) {
+                    if self.request == Request::Identify {
+                        return Some(Ok(Answer::Identified(device.clone())));
+                    }
                     self.enter(Stage::Stop, now_us);
                 }
             }
@@ -254,11 +261,11 @@ impl Query {
             (Stage::Identify, _) => ("to the identification request", ACK_TIMEOUT_S),
             (Stage::Stop, _) => ("to the stop command", ACK_TIMEOUT_S),
             (Stage::Request, Request::SelfTest) => ("to the self-test command", ACK_TIMEOUT_S),
-            (Stage::Request, Request::Reset(_)) => ("to the reset command", ACK_TIMEOUT_S),
+            (Stage::Request, _) => ("to the reset command", ACK_TIMEOUT_S),
             (Stage::Wait, Request::SelfTest) => {
                 ("with the result of the self-test", RESULT_TIMEOUT_S)
             }
-            (Stage::Wait, Request::Reset(_)) => ("after the restart", RESULT_TIMEOUT_S),
+            (Stage::Wait, _) => ("after the restart", RESULT_TIMEOUT_S),
         };
         if now_us - self.since_us > i64::from(seconds) * 1_000_000 {
             return Some(Err(QueryError::NoAnswer { what, seconds }));
@@ -266,7 +273,9 @@ impl Query {
         let command = match (self.stage, self.request) {
             // After a reset the device sends `Hello` unasked, perhaps while the port is still
             // closed. So ask for `Hello` again.
-            (Stage::Identify, _) | (Stage::Wait, Request::Reset(_)) => ToDevice::Identify,
+            (Stage::Identify, _) | (_, Request::Identify) | (Stage::Wait, Request::Reset(_)) => {
+                ToDevice::Identify
+            }
             (Stage::Stop, _) => ToDevice::Stop,
             (Stage::Request, Request::SelfTest) => ToDevice::SelfTest,
             (Stage::Request, Request::Reset(into)) => ToDevice::Reset(into),
@@ -300,7 +309,7 @@ fn refusal(request: Request, result: AckResult) -> (&'static str, &'static str) 
     let what = match request {
         Request::SelfTest => "to test itself",
         Request::Reset(ResetInto::Bootloader) => "to start its bootloader",
-        Request::Reset(_) => "to restart",
+        Request::Identify | Request::Reset(_) => "to restart",
     };
     let why = match (result, request) {
         (AckResult::UnknownCommand, _) => {

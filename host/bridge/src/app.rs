@@ -23,6 +23,7 @@ mod ros_status;
 mod ros_topics;
 mod rosout;
 mod shutdown;
+mod update;
 mod whole_lines;
 
 use std::fmt;
@@ -55,7 +56,7 @@ const UDEV_RULE: &str = include_str!("../../../packaging/60-corticode.rules");
 /// Status 0 means success, 1 a failed check, 2 wrong usage, 3 that the device or ROS is not
 /// reachable, and 4 that the device refuses the request. Without a subcommand the bridge streams
 /// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
-/// answer. `record` writes everything on the wire to a file, which `replay` and `convert` read.
+/// answer. `update` writes new firmware to it. `record` writes everything on the wire to a file, which `replay` and `convert` read.
 /// `calibrate` fits a packed model to a person.
 /// `ports` and `doctor` print the state of this machine. `master` runs a ROS master until a signal
 /// ends it. `completions` prints a shell completion script, and `man` the manual page.
@@ -78,6 +79,10 @@ fn perform(task: Task, ros: NodeOptions, config: Option<PathBuf>) -> Result<Exit
         }
         Task::Reset(options) => {
             return send_request(&options.at, Request::Reset(options.target()), false);
+        }
+        Task::Update(options) => {
+            let device = update::run(options, one_thread()?)?;
+            new_file::print(format_args!("{device}\n"))?;
         }
         Task::Record(options) => {
             init_log(&ros, config)?;
@@ -154,8 +159,8 @@ fn read_task(
     }
     let task = Task::parse_from(values(&others).into_iter().map(Into::into));
     let task = task.unwrap_or_else(|error| error.exit());
-    if let (Task::SelfTest(_) | Task::Reset(_), Some(path)) = (&task, &path) {
-        // These two subcommands have no log in which the file could be named.
+    if let (Task::SelfTest(_) | Task::Reset(_) | Task::Update(_), Some(path)) = (&task, &path) {
+        // These subcommands have no log in which the file could be named.
         new_file::message!("corticode-bridge: options from {}", path.display());
     }
     Ok((task, path))
@@ -203,9 +208,9 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
             print_report(&report, json)?;
             return Ok(ExitCode::from(u8::from(!report.passed)));
         }
-        Answer::Restarted(device) => device.to_string(),
+        Answer::Identified(device) | Answer::Restarted(device) => device.to_string(),
         Answer::InBootloader(device) => format!(
-            "{} starts its bootloader; flash it over USB, for example with dfu-util",
+            "{} starts its bootloader; write an image to it with corticode-bridge update",
             device.board
         ),
     };

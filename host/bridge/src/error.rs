@@ -15,6 +15,7 @@ use packed_fit::FitError;
 use thiserror::Error;
 
 use crate::app::config_file::ConfigError;
+use crate::update::UpdateError;
 
 /// Error that ends the bridge or one of its subcommands. An absent device or ROS master is no error
 /// for the streaming bridge, which waits.
@@ -206,6 +207,9 @@ pub enum BridgeError {
     /// The device does not answer a request, or refuses it.
     #[error(transparent)]
     Query(#[from] QueryError),
+    /// The device's firmware is not updated.
+    #[error(transparent)]
+    Update(#[from] UpdateError),
     /// The ROS node's name or the master's URI is invalid, or the node's network ports cannot be
     /// opened.
     #[error("the ROS node cannot start; check the name, ROS_IP and ROS_MASTER_URI")]
@@ -314,6 +318,7 @@ impl BridgeError {
             | BridgeError::NoNumbers(_)
             | BridgeError::NotGiven => 4,
             BridgeError::Query(error) => error.exit_code(),
+            BridgeError::Update(error) => error.exit_code(),
         }
     }
 }

@@ -20,6 +20,7 @@ mod ports;
 mod query;
 mod realtime;
 mod subject_models;
+mod update;
 mod wire;
 
 pub use app::bridge::Publication;
@@ -33,5 +34,6 @@ pub use app::ros_node::Namespace;
 pub use app::run;
 pub use error::BridgeError;
 pub use realtime::RealtimeOption;
+pub use update::UpdateError;
 pub use wire::connection::Event as FeedEvent;
 pub use wire::connection::Feed;

@@ -6,6 +6,8 @@ use std::sync::LazyLock;
 
 use bridge_core::HostTime;
 use capture::{FileHeader, Recorder, RecordingReader};
+use crc::{CRC_32_JAMCRC, Crc};
+use dfuse::Image;
 use link::Streams;
 use new_file::Existing;
 use offline::{Decoding, Model, Progress, SignalFormat};
@@ -162,4 +164,33 @@ pub(crate) fn code_file(bytes: &[u8]) -> Outcome {
     }
     assert_eq!(rows, decoded.rows);
     Outcome::Accepted
+}
+
+pub(crate) fn dfu_seeds() -> Vec<Vec<u8>> {
+    let images = [("NUCLEO-H743ZI2", 100), ("NUCLEO-F446RE", 0)].map(|(board, length)| Image {
+        board: board.to_owned(),
+        firmware: "0.1.0 5d4b736".to_owned(),
+        model: "2acfeb29e96e2dab".to_owned(),
+        address: 0x0800_0000,
+        content: vec![7; length],
+    });
+    images
+        .map(|image| image.to_dfu().expect("a short image"))
+        .into()
+}
+
+/// Reads a firmware image from the bytes, as they are and with a right checksum. What is read can be
+/// written and read again.
+pub(crate) fn dfu(bytes: &[u8]) -> Outcome {
+    let accepted = Image::from_dfu(bytes).is_ok();
+    let mut signed = bytes[..bytes.len().saturating_sub(4)].to_vec();
+    let checksum = Crc::<u32>::new(&CRC_32_JAMCRC).checksum(&signed);
+    signed.extend(checksum.to_le_bytes());
+    if let Ok(image) = Image::from_dfu(&signed) {
+        assert!(image.content.len() < bytes.len());
+        if let Ok(file) = image.to_dfu() {
+            assert_eq!(Image::from_dfu(&file).as_ref(), Ok(&image));
+        }
+    }
+    Outcome::accepted_if(accepted)
 }

@@ -58,11 +58,12 @@ impl Outcome {
 
 /// All targets, in alphabetical order. The tests search each for some seconds.
 #[rustfmt::skip]
-pub const TARGETS: [Target; 11] = [
+pub const TARGETS: [Target; 12] = [
     Target { name: "artifact", seeds: model::seeds, read: model::artifact, inputs: 5_000 },
     Target { name: "bdf", seeds: files::bdf_seeds, read: files::recording, inputs: 1_500 },
     Target { name: "code_file", seeds: files::code_file_seeds, read: files::code_file, inputs: 300 },
     Target { name: "commands", seeds: wire::command_seeds, read: wire::commands, inputs: 500 },
+    Target { name: "dfu", seeds: files::dfu_seeds, read: files::dfu, inputs: 5_000 },
     Target { name: "edf", seeds: files::edf_seeds, read: files::recording, inputs: 1_500 },
     Target { name: "frames", seeds: wire::frame_seeds, read: wire::frames, inputs: 400 },
     Target { name: "gdf", seeds: files::gdf_seeds, read: files::recording, inputs: 1_500 },

@@ -24,6 +24,7 @@ targets! {
     bdf,
     code_file,
     commands,
+    dfu,
     edf,
     frames,
     gdf,

@@ -41,6 +41,8 @@ pub struct DeviceSummary {
     pub board: String,
     /// Firmware version, including the commit.
     pub firmware: String,
+    /// Id of the model, 16 hexadecimal digits.
+    pub model: String,
     /// Unique id of the microcontroller, 24 hexadecimal digits.
     pub uid: String,
     /// Cause of the device's last reset, in words.
@@ -162,6 +164,7 @@ impl DeviceSummary {
         DeviceSummary {
             board: hello.board.to_owned(),
             firmware: hello.firmware.to_owned(),
+            model: hexadecimal(&hello.model_id),
             uid: hexadecimal(&hello.chip_uid),
             reset_cause: words::reset_cause(hello.reset_cause),
             fault: hello.fault.to_owned(),
@@ -290,6 +293,7 @@ impl fmt::Display for DeviceSummary {
         let DeviceSummary {
             board,
             firmware,
+            model: _,
             uid,
             reset_cause,
             fault,

@@ -359,6 +359,24 @@ fn a_reset_into_the_bootloader_ends_with_the_acknowledgement() {
 }
 
 #[test]
+fn a_device_that_is_identified_goes_on_streaming() {
+    let mut harness = Harness::new(Request::Identify, Board::new());
+    harness.board.streaming = true;
+    let outcome = harness.exchange_for(1_000_000);
+    let Some(Ok(Answer::Identified(device))) = outcome else {
+        panic!("{outcome:?}")
+    };
+    let model: String = harness
+        .board
+        .model_id
+        .map(|byte| format!("{byte:02x}"))
+        .concat();
+    assert_eq!((device.board.as_str(), device.model), ("board", model));
+    assert_eq!(harness.requested(), [ToDevice::Identify]);
+    assert!(harness.board.streaming);
+}
+
+#[test]
 fn noise_is_ignored() {
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     let noise: Vec<u8> = (0..50_000_u32)

@@ -21,6 +21,7 @@ use crate::app::convert::ConvertOptions;
 use crate::app::manual::{CompletionsOptions, ManOptions};
 use crate::app::master::MasterOptions;
 use crate::app::replay::ReplayOptions;
+use crate::app::update::UpdateOptions;
 use crate::error::BridgeError;
 use crate::realtime::RealtimeOption;
 use crate::subject_models::{SubjectModels, subject_name};
@@ -220,6 +221,8 @@ pub(crate) enum Task {
     SelfTest(SelfTestOptions),
     /// `reset`: the device restarts and reports the cause of the restart, which the program prints.
     Reset(ResetOptions),
+    /// `update`: writes new firmware to the device.
+    Update(UpdateOptions),
     /// `record`: writes every byte from the port to a file.
     Record(RecordOptions),
     /// `replay`: plays a recording to a host as the recorded device would.
@@ -359,6 +362,7 @@ impl Task {
         let matches = command.try_get_matches_from_mut(arguments)?;
         let task = match matches.subcommand() {
             Some(("selftest", of)) => SelfTestOptions::from_arg_matches(of).map(Task::SelfTest),
+            Some(("update", of)) => UpdateOptions::from_arg_matches(of).map(Task::Update),
             Some(("record", of)) => RecordOptions::from_arg_matches(of).map(Task::Record),
             Some(("replay", of)) => ReplayOptions::from_arg_matches(of).map(Task::Replay),
             Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
@@ -403,6 +407,7 @@ fn all_options() -> Command {
         .subcommand_negates_reqs(true)
         .subcommand(with_config(SelfTestOptions::command()))
         .subcommand(with_config(ResetOptions::command()))
+        .subcommand(with_config(UpdateOptions::command()))
         .subcommand(with_config(RecordOptions::command()))
         .subcommand(ReplayOptions::command())
         .subcommand(PortsOptions::command())

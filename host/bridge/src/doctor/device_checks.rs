@@ -239,6 +239,7 @@ mod tests {
             summary: DeviceSummary {
                 board: "NUCLEO-H743ZI2".to_owned(),
                 firmware: "0.1.0".to_owned(),
+                model: "00".to_owned(),
                 uid: "00".to_owned(),
                 reset_cause: "power on".to_owned(),
                 fault: fault.to_owned(),

@@ -70,7 +70,8 @@ impl UdevRule {
                 APPLY_RULE,
             )),
             UdevRule::Missing => Some((
-                "not installed: the board has no name /dev/corticode-SERIAL",
+                "not installed: the board has no name /dev/corticode-SERIAL, and `corticode-bridge \
+                 update` may not open its boot loader",
                 INSTALL_RULE,
             )),
         }

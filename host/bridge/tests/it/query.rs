@@ -1,5 +1,6 @@
-//! The subcommands `selftest` and `reset`.
+//! The subcommands `selftest`, `reset` and `update`.
 
+use dfuse::Image;
 use link::{AckResult, ChannelFault, ChannelTest, ChipTest, SelfTest, ToDevice};
 use serde_json::Value;
 
@@ -96,4 +97,43 @@ fn a_reset_prints_the_bootloader_or_the_restarted_device() {
     let (code, text, log) = run_query(&["reset", "--port", &device.port]);
     assert_eq!(code, Some(0), "{log}");
     assert!(text.contains("started by power on"), "{text}");
+}
+
+#[test]
+fn an_update_reads_file_and_board_before_it_resets_anything() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("corticode-h743.dfu");
+    let path = path.to_str().unwrap();
+    let device = Device::tcp(Board::new());
+    let update = |file: &[u8]| {
+        std::fs::write(path, file).unwrap();
+        let (code, text, log) = run_query(&["update", path, "--port", &device.port]);
+        assert_eq!((code, &*text), (Some(2), ""), "{log}");
+        log
+    };
+    let image = Image {
+        board: "NUCLEO-H743ZI2".to_owned(),
+        firmware: "0.1.0 5d4b736".to_owned(),
+        model: "2acfeb29e96e2dab".to_owned(),
+        address: 0x0800_0000,
+        content: vec![1; 1000],
+    };
+    let file = image.to_dfu().unwrap();
+    for (file, why) in [
+        (&file[..500], "its end is missing"),
+        (&b"\x7fELF"[..], "no DFU file"),
+    ] {
+        let log = update(file);
+        assert!(log.contains(path) && log.contains(why), "{log}");
+    }
+    assert_eq!(device.received(), []);
+    let log = update(&file);
+    assert!(
+        log.contains("the image is for a NUCLEO-H743ZI2, and the device is a board"),
+        "{log}"
+    );
+    assert_eq!(device.received(), [ToDevice::Identify]);
+    let (code, _, log) = run_query(&["update", "/nowhere.dfu", "--port", &device.port]);
+    assert_eq!(code, Some(2), "{log}");
+    assert!(log.contains("cargo fw"), "{log}");
 }

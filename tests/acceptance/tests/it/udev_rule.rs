@@ -177,6 +177,20 @@ fn a_board_gets_a_name_with_its_serial_number_access_and_no_modem_manager() {
 }
 
 #[test]
+fn the_boot_loader_of_a_microcontroller_may_be_opened_and_has_no_name() {
+    if !available("udev's rule for a boot loader") {
+        return;
+    }
+    let loader = description(["0483", "df11"], "STM32  BOOTLOADER");
+    let usb = decide(&loader, USB_DEVICE);
+    let log = usb.assignments_of_our_rules().join("\n");
+    assert!(log.contains("MODE 0660"), "{log}");
+    assert!(usb.has("run: 'uaccess'"), "{}", usb.properties);
+    let interface = decide(&loader, TTY);
+    assert!(interface.assignments_of_our_rules().is_empty());
+}
+
+#[test]
 fn a_device_with_another_product_is_left_alone() {
     if !available("udev's rule for other devices") {
         return;
