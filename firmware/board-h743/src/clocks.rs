@@ -76,9 +76,6 @@ pub(crate) fn config(source: ClockSource) -> Config {
 }
 
 /// Input of the PLLs, and the factors with which PLL1 makes 960 MHz and PLL2 512 MHz of it.
-///
-/// The input is far enough from 2 and 4 MHz, the ends of a range that the PLLs must be told (RM0433,
-/// RCC_PLLCFGR), whatever the error of an RC oscillator.
 struct Inputs {
     source: PllSource,
     prediv: PllPreDiv,
@@ -95,13 +92,13 @@ type Factor = (PllMul, Option<u16>);
 impl Inputs {
     const fn of(source: ClockSource) -> Self {
         match source {
-            // 8 MHz / 3, times 360 and 192 less 2.4 ppm: above 960 MHz is out of range.
+            // 8 MHz, times 120 and 64.
             ClockSource::StLink => Self {
                 source: PllSource::HSE,
-                prediv: PllPreDiv::DIV3,
-                hse_hz: Some(8_000_019),
-                pll1: (PllMul::MUL359, Some(8_185)),
-                pll2: (PllMul::MUL191, Some(8_188)),
+                prediv: PllPreDiv::DIV1,
+                hse_hz: Some(8_000_000),
+                pll1: (PllMul::MUL120, None),
+                pll2: (PllMul::MUL64, None),
             },
             // 25 MHz / 9, times 345.6 and 184.32 less 0.3 ppm.
             ClockSource::StLinkCrystal => Self {

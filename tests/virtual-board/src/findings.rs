@@ -106,6 +106,10 @@ const H743: &[Reason] = &[
         "as for CFGR: the bus clocks of scale 0",
     ),
     (
+        "RCC.PLLCFGR: RM0433 rev 9 8.5.5, 8.7.12: PLLxRGE",
+        "8 MHz are the border of two ranges, and those of an RC oscillator can be below it",
+    ),
+    (
         "RCC.PLLCKSELR: RM0433 rev 9 8.5.5",
         "embassy rewrites the divider of one PLL, unchanged, while the other PLL runs",
     ),

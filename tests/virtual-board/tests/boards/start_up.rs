@@ -135,11 +135,11 @@ pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(),
     assert_sound(&mut board)
 }
 
-/// Asserts that the core runs at `hz`, within 3 ppm, the precision of a PLL with a fraction.
+/// Asserts that the core runs at `hz`, within 1 ppm, the precision of a PLL with a fraction.
 fn assert_core_runs_at(board: &mut VirtualBoard, hz: u64) -> Result<(), BoardError> {
     let found_hz = board.core_hz()?;
     assert!(
-        found_hz.abs_diff(hz) * 333_333 <= hz,
+        found_hz.abs_diff(hz) * 1_000_000 <= hz,
         "{found_hz} Hz, {hz} expected"
     );
     Ok(())
