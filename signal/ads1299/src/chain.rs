@@ -198,7 +198,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.exchange(chip..chip + 1, &opcodes, values).await
     }
 
-    async fn write_registers(
+    pub(crate) async fn write_registers(
         &mut self,
         chip: usize,
         first: Register,
@@ -214,7 +214,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
 
     /// Selects the chips, sends `send`, fills `receive` with their answer and deselects them, with
     /// a wait of four clock cycles after every byte.
-    async fn exchange(
+    pub(crate) async fn exchange(
         &mut self,
         chips: Range<usize>,
         send: &[u8],

@@ -1,7 +1,8 @@
 //! Values of all registers of a chip: those to write, or those read back.
 
-use crate::decoder::CHANNELS;
+use crate::decoder::{CHANNELS, MAX_CHIPS};
 use crate::error::Error;
+use crate::excitation;
 use crate::register::{ID, ID_MASK, Register};
 use crate::settings::{Input, Settings};
 
@@ -26,12 +27,27 @@ impl Settings {
         let has_bias = chip == 0;
         set(Register::CONFIG3, if has_bias { 0xEC } else { 0xE0 });
         set(Register::BIAS_SENSP, all_inputs(has_bias));
-        set(Register::LOFF_SENSP, all_inputs(self.lead_off && is_eeg));
+        let (loff, currents) = self.lead_off_current(chip);
+        set(Register::LOFF, loff);
+        set(Register::LOFF_SENSP, currents);
         set(Register::MISC1, u8::from(is_eeg) << 5);
         set(Register::CONFIG4, u8::from(self.lead_off) << 1);
         let channel = (self.gain as u8) << 4 | self.input as u8;
         values[Register::CH1SET.index()..][..CHANNELS].fill(channel);
         Image(values)
+    }
+
+    /// Returns the values of LOFF and LOFF_SENSP.
+    #[expect(clippy::cast_possible_truncation, reason = "the bits of one chip")]
+    fn lead_off_current(self, chip: usize) -> (u8, u8) {
+        if self.input != Input::Electrodes {
+            return (0, 0);
+        }
+        if self.excitation == 0 {
+            return (0, all_inputs(self.lead_off));
+        }
+        let channels = self.excitation >> (CHANNELS * (chip & (MAX_CHIPS - 1)));
+        (excitation::LOFF, channels as u8)
     }
 }
 
@@ -141,5 +157,23 @@ mod tests {
             let found = registers.map(|register| image[register.index()]);
             assert_eq!(found, expected, "{input:?}");
         }
+    }
+
+    #[test]
+    fn excitation_replaces_the_direct_current_and_spares_channels_without_an_electrode() {
+        let registers = [Register::LOFF, Register::LOFF_SENSP];
+        let found = |input, chip| {
+            let settings = Settings {
+                input,
+                lead_off: true,
+                excitation: Settings::excited(13),
+                ..Settings::EEG
+            };
+            registers.map(|register| settings.image(chip).0[register.index()])
+        };
+        assert_eq!(found(Input::Electrodes, 0), [3, 0xFF]);
+        assert_eq!(found(Input::Electrodes, 1), [3, 0x1F]);
+        assert_eq!(found(Input::Shorted, 0), [0, 0]);
+        assert_eq!(Settings::excited(64), u64::MAX);
     }
 }

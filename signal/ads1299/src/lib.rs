@@ -15,7 +15,8 @@
 //!
 //! The result of [`Decoder`] depends only on its state and the frame. [`ReadyMeter`] checks the
 //! intervals of DRDY; [`SquareWaveTest`] and [`ShortedTest`] check samples of the chips' internal
-//! signals.
+//! signals. [`ImpedanceMeter`] measures electrodes from samples of a chain with
+//! [`Settings::excitation`].
 //!
 //! ```
 //! use ads1299::{Decoder, frame_bytes};
@@ -50,7 +51,9 @@ mod channel_tests;
 mod clock;
 mod decoder;
 mod error;
+mod excitation;
 mod image;
+mod impedance;
 mod limits;
 mod reading;
 mod ready;
@@ -72,6 +75,7 @@ pub use clock::Clock;
 pub use decoder::{Alignment, CHANNELS, CHIP_BYTES, Decoder, FrameStatus, MAX_CHIPS, frame_bytes};
 pub use error::{Error, Pin};
 pub use image::{Image, ReadBack};
+pub use impedance::ImpedanceMeter;
 pub use limits::{SelfTestFault, typical_noise_uv};
 pub use reading::{Reading, StatusWord};
 pub use ready::{Edge, RateError, ReadyMeter};

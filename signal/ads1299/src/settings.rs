@@ -21,6 +21,10 @@ pub struct Settings {
     /// above 95 % of the supply unless it can flow through a good contact. The current adds some
     /// noise.
     pub lead_off: bool,
+    /// Channels whose positive inputs get the excitation from which the impedance of their
+    /// electrodes is measured ([`ImpedanceMeter`](crate::ImpedanceMeter)), one bit each; 0 for
+    /// none. It takes the place of the direct current of `lead_off`.
+    pub excitation: u64,
 }
 
 impl Settings {
@@ -35,6 +39,7 @@ impl Settings {
             gain,
             input: Input::Electrodes,
             lead_off: false,
+            excitation: 0,
         }
     }
 }
