@@ -1,7 +1,20 @@
 //! Impedance of electrodes, demodulated from the samples of an excited chain.
 
-use crate::excitation::{AMPERES, FUNDAMENTAL};
+use core::f64::consts::{PI, SQRT_2};
+
 use crate::settings::Settings;
+
+/// Magnitude of the square wave, in amperes. The tolerance of a real chip is 20 % (from memory).
+pub(crate) const AMPERES: f64 = 6e-9;
+
+/// Amplitude of the square wave's fundamental in the samples, relative to the square wave: `4 / pi`
+/// for the fundamental, times `(sin(pi / 4) / (pi / 4))^3`, 0.73, for the chip's sinc filter of
+/// third order. Together `64 sqrt(2) / pi^4`, 0.929.
+///
+/// Sampled, all odd harmonics fall on the fundamental. The third one changes the amplitude by up to
+/// 1.3 %, all of them by up to 1.5 %, depending on when the square wave changes between two
+/// samples. The data sheet does not state that phase; this is the mean over all of them.
+pub(crate) const FUNDAMENTAL: f64 = 64.0 * SQRT_2 / (PI * PI * PI * PI);
 
 /// Samples after a restart that are not measured: the chips' filter settles in three, and the
 /// differences need two. A multiple of four, so that every measurement starts at the same phase.
@@ -148,15 +161,4 @@ const MAX_COUNT: i32 = (1 << 23) - 1;
 const fn samples(settings: Settings) -> u32 {
     let hz = settings.rate.millihertz(settings.clock) / 1000;
     if hz.is_multiple_of(4) { hz } else { 2 * hz }
-}
-
-impl Settings {
-    /// Returns [`Self::excitation`] for a chain whose first `electrodes` channels have an
-    /// electrode. Spare channels get no current, which would drive their open inputs to the rails.
-    pub const fn excited(electrodes: usize) -> u64 {
-        match electrodes {
-            0..64 => (1 << electrodes) - 1,
-            64.. => u64::MAX,
-        }
-    }
 }

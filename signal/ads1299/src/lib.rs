@@ -16,7 +16,7 @@
 //! The result of [`Decoder`] depends only on its state and the frame. [`ReadyMeter`] checks the
 //! intervals of DRDY; [`SquareWaveTest`] and [`ShortedTest`] check samples of the chips' internal
 //! signals. [`ImpedanceMeter`] measures electrodes from samples of a chain with
-//! [`Settings::excitation`].
+//! [`Settings::excited`].
 //!
 //! ```
 //! use ads1299::{Decoder, frame_bytes};
@@ -51,6 +51,7 @@ mod channel_tests;
 mod clock;
 mod decoder;
 mod error;
+#[cfg(any(test, feature = "simulation", feature = "impedance"))]
 mod excitation;
 mod image;
 mod impedance;

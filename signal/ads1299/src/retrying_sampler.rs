@@ -12,6 +12,7 @@ use crate::sampler::{SILENCE, Sampler};
 
 /// Time that must remain before the next sample for [`RetryingSampler::switch_excitation`], in
 /// microseconds: 14 bytes, with a wait of some microseconds after each.
+#[cfg(any(test, feature = "simulation", feature = "impedance"))]
 const SWITCH_US: u64 = 250;
 
 /// Delivers one sample per period in any case: a real sample, or, while the chain is silent, a
@@ -129,13 +130,14 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         (reading, DrdyEdge { us, missed })
     }
 
-    /// Sets [`Settings::excitation`](crate::Settings::excitation) if it differs, unless a sample is
+    /// Sets [`Settings::excited`](crate::Settings::excited) if it differs, unless a sample is
     /// due soon or the chain is being brought up; call it before every [`Self::next`].
     ///
     /// # Timing
     /// That of [`Sampler::set_excitation`]; it fits between two samples.
-    pub async fn switch_excitation(&mut self, channels: u64, drdy: &mut impl Drdy) {
-        if self.sampler.settings().excitation == channels || self.attempt.is_some() {
+    #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+    pub async fn switch_excitation(&mut self, channels: u8, drdy: &mut impl Drdy) {
+        if self.sampler.settings().excited == channels || self.attempt.is_some() {
             return;
         }
         let periods = if self.is_silent { 0 } else { SILENCE - 1 };

@@ -21,10 +21,12 @@ pub struct Settings {
     /// above 95 % of the supply unless it can flow through a good contact. The current adds some
     /// noise.
     pub lead_off: bool,
-    /// Channels whose positive inputs get the excitation from which the impedance of their
-    /// electrodes is measured ([`ImpedanceMeter`](crate::ImpedanceMeter)), one bit each; 0 for
-    /// none. It takes the place of the direct current of `lead_off`.
-    pub excitation: u64,
+    /// Number of channels, from the first on, whose positive inputs get the excitation from which
+    /// the impedance of their electrodes is measured ([`ImpedanceMeter`](crate::ImpedanceMeter)); 0
+    /// for none. Spare channels, the last ones, get no current, which would drive their open inputs
+    /// to the rails. The excitation takes the place of the direct current of `lead_off`.
+    #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+    pub excited: u8,
 }
 
 impl Settings {
@@ -39,8 +41,20 @@ impl Settings {
             gain,
             input: Input::Electrodes,
             lead_off: false,
-            excitation: 0,
+            #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+            excited: 0,
         }
+    }
+}
+
+impl Settings {
+    /// Returns [`Self::excited`]; 0 in an image that cannot excite electrodes, which saves its flash.
+    #[inline]
+    pub(crate) const fn excited_channels(self) -> u8 {
+        #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+        return self.excited;
+        #[cfg(not(any(test, feature = "simulation", feature = "impedance")))]
+        0
     }
 }
 

@@ -1,7 +1,8 @@
 //! Analogue part of a simulated chip: from the inputs to counts.
 
 use crate::decoder::CHANNELS;
-use crate::excitation::{AMPERES, LOFF};
+use crate::image::LOFF_EXCITATION;
+use crate::impedance::AMPERES;
 use crate::limits::typical_noise_uv;
 use crate::register::Register;
 use crate::settings::{Gain, Input, Rate, TEST_AMPLITUDE_UV, TEST_HALF_PERIOD, VREF};
@@ -141,7 +142,7 @@ fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
 /// conversions were started.
 #[expect(clippy::cast_precision_loss, reason = "less than 2^17")]
 fn excitation(chip: &Chip, conversion: Conversion) -> Option<f64> {
-    if chip.register(Register::LOFF) != LOFF {
+    if chip.register(Register::LOFF) != LOFF_EXCITATION {
         return None;
     }
     let period = u64::from(conversion.rate.divider());

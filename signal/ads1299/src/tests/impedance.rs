@@ -8,8 +8,7 @@ use std::{boxed::Box, print, println};
 use super::{Bench, run};
 use crate::bus::Drdy as _;
 use crate::decoder::{CHANNELS, frame_bytes};
-use crate::excitation::FUNDAMENTAL;
-use crate::impedance::ImpedanceMeter;
+use crate::impedance::{FUNDAMENTAL, ImpedanceMeter};
 use crate::register::Register;
 use crate::retrying_sampler::RetryingSampler;
 use crate::sampler::Sampler;
@@ -19,6 +18,9 @@ use crate::simulation::{Deliver, Electrodes, Fault, Options, Simulation, finish}
 const OHMS: [f64; CHANNELS] = [
     1_000.0, 2_000.0, 5_000.0, 10_000.0, 20_000.0, 50_000.0, 100_000.0, 500_000.0,
 ];
+
+/// Number of channels of one chip.
+const ALL: u8 = 8;
 
 type Meter = ImpedanceMeter<CHANNELS>;
 
@@ -106,7 +108,7 @@ fn excited(
     bench.simulation.pass_us(delay_us);
     bench.start().unwrap();
     bench.next();
-    run(bench.sampler.set_excitation(Settings::excited(CHANNELS)));
+    run(bench.sampler.set_excitation(ALL));
     (bench, Meter::new(settings))
 }
 
@@ -207,7 +209,7 @@ fn the_excitation_is_switched_between_two_samples_without_losing_one() {
     let mut chain = RetryingSampler::new(sampler, 5_000_000);
     let mut drdy = simulation.drdy();
     finish(chain.start(true, &mut drdy)).unwrap();
-    let channels = Settings::excited(61);
+    let channels = 61;
     for sample in 0..400 {
         let wanted = if (100..300).contains(&sample) {
             channels
@@ -218,7 +220,7 @@ fn the_excitation_is_switched_between_two_samples_without_losing_one() {
         finish(chain.switch_excitation(wanted, &mut drdy)).unwrap();
         let took_us = drdy.now_us() - before_us;
         assert!(took_us < 250, "{took_us}");
-        assert_eq!(chain.sampler().settings().excitation, wanted);
+        assert_eq!(chain.sampler().settings().excited, wanted);
         let (reading, _) = finish(chain.next(&mut drdy)).unwrap();
         assert!(
             reading.is_sound() && reading.missed == 0,
@@ -255,7 +257,7 @@ fn a_chip_that_ignores_the_command_shows_electrodes_without_impedance() {
     bench
         .simulation
         .inject(1, Fault::Forgets(Register::LOFF_SENSP));
-    run(bench.sampler.set_excitation(Settings::excited(16)));
+    run(bench.sampler.set_excitation(16));
     let mut meter = ImpedanceMeter::<16>::new(Settings::EEG);
     let found = loop {
         bench.next();
