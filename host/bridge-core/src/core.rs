@@ -131,6 +131,13 @@ impl Core {
         self.session.measure_impedance(series_ohms);
     }
 
+    /// Does what [`Core::measure_impedance`] does, with edges of the trigger as the only stream: at
+    /// rates below 500 Hz a device measures beside no other but raw samples.
+    pub fn measure_impedance_alone(&mut self, series_ohms: u32) {
+        self.session.commands.stream_events_alone();
+        self.session.measure_impedance(series_ohms);
+    }
+
     /// Returns why the device measures no impedance, and what the user can do, after
     /// [`Core::measure_impedance`]; `None` if it has not refused.
     pub fn impedance_refusal(&self) -> Option<String> {

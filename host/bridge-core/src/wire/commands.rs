@@ -220,6 +220,11 @@ impl Commands {
         self.impedance = ImpedanceState::Due;
     }
 
+    /// Asks for events as the only stream, beside which every device measures.
+    pub(crate) fn stream_events_alone(&mut self) {
+        self.streams = WantedStreams::alone(Streams::EVENTS);
+    }
+
     /// Asks for the impedance again, after the device has or may have ended the measurement.
     fn ask_for_impedance_again(&mut self) {
         if self.impedance != ImpedanceState::NotWanted {

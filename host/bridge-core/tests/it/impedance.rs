@@ -1,6 +1,6 @@
 //! Impedance of the electrodes: what the host asks for, and what it makes of the measurements.
 
-use link::{AckResult, Impedance, ToHost};
+use link::{AckResult, Impedance, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::Board;
@@ -36,6 +36,16 @@ fn the_device_measures_once_it_streams_and_again_after_a_restart() {
     harness.board.received.clear();
     harness.reboot(1_000_000);
     harness.codes(20, 1);
+    assert_eq!(asked(&harness), 1);
+}
+
+#[test]
+fn a_measurement_alone_streams_nothing_but_events() {
+    let mut harness = Harness::new(SETTINGS, Board::new());
+    harness.core.measure_impedance_alone(0);
+    harness.connect();
+    harness.exchange();
+    assert_eq!(harness.board.streams, Streams::EVENTS);
     assert_eq!(asked(&harness), 1);
 }
 
