@@ -48,12 +48,16 @@ impl Settings {
 }
 
 impl Settings {
-    /// Returns [`Self::excited`]; 0 in an image that cannot excite electrodes, which saves its flash.
-    #[inline]
+    /// Returns [`Self::excited`].
+    #[cfg(any(test, feature = "simulation", feature = "impedance"))]
     pub(crate) const fn excited_channels(self) -> u8 {
-        #[cfg(any(test, feature = "simulation", feature = "impedance"))]
-        return self.excited;
-        #[cfg(not(any(test, feature = "simulation", feature = "impedance")))]
+        self.excited
+    }
+
+    /// Returns 0: images that cannot excite electrodes save the flash of the field.
+    #[cfg(not(any(test, feature = "simulation", feature = "impedance")))]
+    #[expect(clippy::unused_self, reason = "the other variant reads it")]
+    pub(crate) const fn excited_channels(self) -> u8 {
         0
     }
 }
