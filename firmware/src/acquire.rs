@@ -27,6 +27,9 @@ pub async fn acquire(
     publish_status(&converter, shared);
     let mut samples_until_status = ADC_RATE_HZ;
     loop {
+        // `cfg!` would leave the future in images without the feature.
+        #[cfg(any(test, feature = "impedance"))]
+        converter.set_excitation(shared.is_excited()).await;
         let conversion = converter.next(&mut sample).await;
         shared.progress.mark_acquired();
         match shared.orders.try_take() {
@@ -44,7 +47,13 @@ pub async fn acquire(
                 publish_status(&converter, shared);
             }
             // The conversation task executes these orders itself.
-            Some(Order::Reset(_) | Order::SetRate(_) | Order::SetExclusion(_)) | None => {}
+            Some(
+                Order::Reset(_)
+                | Order::SetRate(_)
+                | Order::SetExclusion(_)
+                | Order::SetImpedance(_),
+            )
+            | None => {}
         }
         samples_until_status -= 1;
         if samples_until_status == 0 {
@@ -144,6 +153,7 @@ impl Running {
         place.drdy_us = conversion.drdy_us;
         place.marks = marks;
         place.lost = core::mem::take(&mut self.lost);
+        place.excited = cfg!(feature = "impedance") && conversion.excited;
         slot.drdy_ticks = conversion.drdy_ticks;
         samples.send_done();
     }

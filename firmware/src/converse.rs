@@ -136,7 +136,15 @@ impl Conversation<'_, '_> {
             Order::Reset(into) => restart = Some(into),
             Order::SetRate(rate) => self.shared.set_rate(rate),
             Order::SetExclusion(policy) => self.shared.exclusion.signal(policy),
-            order => self.shared.send_order(order),
+            Order::SetImpedance(on) if cfg!(feature = "impedance") => {
+                self.shared.set_excitation(on);
+            }
+            order => {
+                if cfg!(feature = "impedance") && matches!(order, Order::Stop) {
+                    self.shared.set_excitation(false);
+                }
+                self.shared.send_order(order);
+            }
         });
         if let Some(filters) = session.take_filters() {
             FILTERS.signal(filters);

@@ -18,6 +18,8 @@ pub struct Conversion {
     pub status_bad: bool,
     /// Set if the converter reports a disconnected electrode.
     pub lead_off: bool,
+    /// Set if the current flows from which the impedance of the electrodes is measured.
+    pub excited: bool,
 }
 
 /// Analogue-to-digital converters of a board, which together sample all channels.
@@ -29,6 +31,14 @@ pub trait Converter {
     /// Waits for the next sample and writes its counts to `sample`. Counts that the converter could
     /// not deliver keep their values from the previous sample.
     async fn next(&mut self, sample: &mut Sample) -> Conversion;
+
+    /// Switches the excitation of the electrodes on or off, between two samples. Called before
+    /// every [`Self::next`], and does nothing if nothing changes or too little time is left. Does
+    /// nothing by default.
+    fn set_excitation(&mut self, on: bool) -> impl Future<Output = ()> {
+        let _ = on;
+        ready(())
+    }
 
     /// Returns the `Converters` message for the host, or `None` if there is nothing to report.
     fn status(&self) -> Option<Converters> {

@@ -111,7 +111,11 @@ impl FaultRecord {
     /// flash.
     #[inline(never)]
     fn compute_checksum(&self) -> u32 {
-        let words = [self.magic, self.reason, self.length].map(u32::to_le_bytes);
+        let words = [
+            self.magic.to_le_bytes(),
+            self.reason.to_le_bytes(),
+            self.length.to_le_bytes(),
+        ];
         let bytes = words.as_flattened().iter().chain(&self.text);
         bytes.fold(0x811c_9dc5, |sum, &byte| {
             (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193)

@@ -1,7 +1,8 @@
 //! Queues between the tasks: what their slots hold, and their ends.
 
 use device::{
-    AcquiredSample, AuditedWindow, CompressedChunk, FilteredChunk, Marks, Output, Payload, RawChunk,
+    AcquiredSample, AuditedWindow, CompressedChunk, FilteredChunk, Impedance, Marks, Output,
+    Payload, RawChunk,
 };
 use embassy_sync::{
     blocking_mutex::raw::CriticalSectionRawMutex,
@@ -64,6 +65,8 @@ pub enum BulkSlot {
     Audit(AuditedWindow),
     /// Signal quality of each electrode, the content of [`Payload::Quality`].
     Quality(Quality),
+    /// Impedance of each electrode, the content of [`Payload::Impedance`].
+    Impedance(Impedance),
 }
 
 impl OutputSlot {
@@ -90,6 +93,7 @@ impl BulkSlot {
             Self::Filtered(steps) => Payload::Filtered(steps),
             Self::Audit(window) => Payload::Audit(window),
             Self::Quality(quality) => Payload::Quality(quality),
+            Self::Impedance(impedance) => Payload::Impedance(impedance),
         }
     }
 }
@@ -151,11 +155,15 @@ impl OutputSender {
                     Payload::Filtered(steps) => *bulk = BulkSlot::Filtered(*steps),
                     Payload::Audit(window) => *bulk = BulkSlot::Audit(*window),
                     Payload::Quality(quality) => *bulk = BulkSlot::Quality(*quality),
+                    Payload::Impedance(impedance) if cfg!(feature = "impedance") => {
+                        *bulk = BulkSlot::Impedance(*impedance);
+                    }
                     Payload::Code(..)
                     | Payload::PackedCode(..)
                     | Payload::Features(..)
                     | Payload::Event(_)
-                    | Payload::Exclusion(_) => {}
+                    | Payload::Exclusion(_)
+                    | Payload::Impedance(_) => {}
                 }
                 self.bulk.send_done();
                 Content::Bulk

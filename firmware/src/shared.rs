@@ -1,6 +1,6 @@
 //! State that tasks of different priorities share outside their queues: orders, reports and counts.
 
-use core::sync::atomic::{AtomicU8, AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering::Relaxed};
 
 use device::{Counts, Order};
 use embassy_sync::signal::Signal;
@@ -37,6 +37,8 @@ pub struct Shared {
     pub(crate) outputs_lost: AtomicU32,
     /// Index of the packed code's rate: the default rate, or the one that the host has set.
     rate: AtomicU8,
+    /// Whether the electrodes shall carry the excitation.
+    excitation: AtomicBool,
     /// What the host has decided about the exclusion of electrodes, for the encoder.
     pub(crate) exclusion: Signal<RawMutex, ExclusionPolicy>,
     /// Memory for a packed model that the host uploads, if the board has some.
@@ -63,6 +65,7 @@ impl Shared {
             clipped: AtomicU32::new(0),
             outputs_lost: AtomicU32::new(0),
             rate: AtomicU8::new(DEFAULT_RATE.index()),
+            excitation: AtomicBool::new(false),
             exclusion: Signal::new(),
             slot: SharedSlot::new(),
             inputs: Inputs::new(),
@@ -85,6 +88,16 @@ impl Shared {
 
     pub(crate) fn rate(&self) -> Rate {
         Rate::new(self.rate.load(Relaxed)).unwrap_or(DEFAULT_RATE)
+    }
+
+    /// Sets whether the acquisition shall excite the electrodes.
+    pub(crate) fn set_excitation(&self, on: bool) {
+        self.excitation.store(on, Relaxed);
+    }
+
+    #[cfg(any(test, feature = "impedance"))]
+    pub(crate) fn is_excited(&self) -> bool {
+        self.excitation.load(Relaxed)
     }
 
     /// Returns how many samples and faults the acquisition has counted since boot.

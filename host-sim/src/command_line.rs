@@ -4,7 +4,7 @@ use std::{convert::Infallible, num::NonZero, path::PathBuf, str::FromStr, time::
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
-use host_sim::{Fault, Output, Trigger, fault_help};
+use host_sim::{Contact, Fault, Output, Trigger, fault_help};
 use link::{MAX_RATE, Streams};
 use offline::{CodeKind, SignalFormat};
 use pipeline::Mains;
@@ -102,6 +102,10 @@ pub(crate) struct RunOptions {
     /// --help lists the faults.
     #[arg(long, value_name = "FAULT", long_help = fault_help())]
     pub(crate) fault: Vec<Fault>,
+    /// Impedance of all electrodes, such as 5k, or of one, such as 40k:Cz; can be repeated. The
+    /// default is 5k. `corticode-bridge impedance` measures it.
+    #[arg(long, value_name = "OHMS[:ELECTRODE]")]
+    pub(crate) impedance: Vec<Contact>,
     /// Generate trigger edges at this interval of device time, rising and falling in turn; a bridge
     /// publishes them on /events/bus.
     #[arg(long, value_name = "SECONDS", value_parser = parse_trigger)]

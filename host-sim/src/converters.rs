@@ -10,7 +10,7 @@ use ads1299::{
     },
 };
 use device::{CHIPS, CONVERTER_SETTINGS};
-use pipeline::Sample;
+use pipeline::{ELECTRODES, Sample};
 
 use crate::fault::{Change, Faults};
 
@@ -110,6 +110,14 @@ impl Converters {
         converters
     }
 
+    /// Sets the impedance of each electrode, in ohms.
+    pub fn set_impedances(&mut self, ohms: &[f64; ELECTRODES]) {
+        for (electrode, ohms) in ohms.iter().enumerate() {
+            let (chip, channel) = (electrode / CHANNELS, electrode % CHANNELS);
+            self.simulation.set_impedance(chip, channel, *ohms);
+        }
+    }
+
     /// Returns the fault that the driver found when it initialised the chain.
     pub const fn failure(&self) -> Option<Error> {
         self.failure
@@ -186,6 +194,20 @@ impl Converters {
             reading,
             early_us,
         }
+    }
+
+    /// Switches the excitation of the electrodes on or off, between two samples.
+    pub fn set_excitation(&mut self, on: bool) {
+        let channels = if on { device::EXCITED } else { 0 };
+        if self.sampler.settings().excited != channels {
+            // The simulated bus and pins do not fail.
+            let _ = finish(self.sampler.set_excitation(channels));
+        }
+    }
+
+    /// Returns whether the electrodes carry the excitation.
+    pub const fn is_excited(&self) -> bool {
+        self.sampler.is_excited()
     }
 
     /// Runs the driver's complete self-test in virtual time; the chain converts again afterwards.

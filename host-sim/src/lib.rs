@@ -32,12 +32,14 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod contact;
 mod converters;
 mod fault;
 mod outbox;
 mod trigger;
 mod virtual_board;
 
+pub use contact::{Contact, ContactError};
 pub use converters::{ConvertedSample, Converters};
 pub use device::CHIPS;
 pub use fault::{Fault, FaultError, Faults, help as fault_help};

@@ -135,6 +135,7 @@ fn session(
         },
         limit,
         faults,
+        contacts: options.impedance.clone(),
         trigger: options.trigger_every,
         recorded_edges,
     }

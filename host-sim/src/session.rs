@@ -15,6 +15,7 @@ use offline::first_channels;
 use pipeline::{Mains, Sample};
 use recordings::{RecordingError, VirtualAdc};
 
+use crate::contact::Contact;
 use crate::fault::Faults;
 use crate::outbox::{Outbox, WhenFull};
 use crate::synthetic::Generator;
@@ -65,6 +66,8 @@ pub struct Session {
     pub limit: Option<u64>,
     /// Schedule of the faults of converters and electrodes.
     pub faults: Faults,
+    /// Impedances of the electrodes.
+    pub contacts: Vec<Contact>,
     /// Simulated trigger input; `None` for an input without edges.
     pub trigger: Option<Trigger>,
     /// Further trigger edges, which mark the events of a recording.
@@ -168,7 +171,8 @@ impl Session {
         let faults = self.faults.clone();
         let mut board =
             VirtualBoard::with_faults(self.identity, self.mains, faults, outbox.clone())
-                .with_trigger(self.trigger);
+                .with_trigger(self.trigger)
+                .with_contacts(&self.contacts);
         let mut recorded_edges = self.recorded_edges.clone();
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into(), self.clock_ppm);
         if self.output.file().is_some() {

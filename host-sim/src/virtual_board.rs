@@ -10,6 +10,7 @@ use device::{
 use link::{AckResult, EventKind, ResetCause, Start, Stats, Substitutes};
 use pipeline::{Acquisition, Mains, Sample};
 
+use crate::contact::{Contact, impedances};
 use crate::converters::{ConvertedSample, Converters};
 use crate::fault::Faults;
 use crate::outbox::Outbox;
@@ -44,6 +45,7 @@ const ABILITIES: Abilities = Abilities {
     self_test: true,
     bootloader: false,
     clock: true,
+    impedance: true,
 };
 
 /// Creates the session of a board that has just started.
@@ -114,13 +116,20 @@ impl VirtualBoard {
             steps: 0,
         };
         board.introduce(0);
-        board
+        board.with_contacts(&[])
     }
 
     /// Adds a simulated trigger input; `None` for an input without edges.
     #[must_use]
     pub fn with_trigger(mut self, trigger: Option<Trigger>) -> Self {
         self.trigger = trigger;
+        self
+    }
+
+    /// Sets the impedances of the electrodes; those that no contact names have 5 kOhm.
+    #[must_use]
+    pub fn with_contacts(mut self, contacts: &[Contact]) -> Self {
+        self.converters.set_impedances(&impedances(contacts));
         self
     }
 
@@ -168,7 +177,8 @@ impl VirtualBoard {
                 self.new_run = Some(run);
                 self.steps = 0;
             }
-            Order::Stop => {}
+            Order::Stop => self.converters.set_excitation(false),
+            Order::SetImpedance(on) => self.converters.set_excitation(on),
             Order::SetRate(rate) => self.producer.set_rate(rate),
             Order::SetExclusion(policy) => self.producer.set_exclusion(policy),
             Order::SelfTest => {
@@ -182,7 +192,8 @@ impl VirtualBoard {
         }
     }
 
-    /// Restarts the board as a reset does, for the reason `cause`. The converters keep their state.
+    /// Restarts the board as a reset does, for the reason `cause`. The converters keep their state
+    /// but for the excitation.
     /// Frames in the outbox are still sent.
     pub fn restart(&mut self, cause: ResetCause, now_us: u64) {
         let outbox = self.sender.queue().clone();
@@ -192,6 +203,7 @@ impl VirtualBoard {
         self.acquisition = Acquisition::new(self.mains);
         *self.producer = Producer::new(BothEncoders::EMPTY);
         *self.slot = ModelSlot::empty();
+        self.converters.set_excitation(false);
         self.new_run = None;
         (self.samples, self.overruns, self.adc_status_bad) = (0, 0, 0);
         self.packed_blocks = 0;
@@ -257,6 +269,7 @@ impl VirtualBoard {
             drdy_us: now_us,
             marks,
             lost: Marks::NONE,
+            excited: self.converters.is_excited(),
         };
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);

@@ -33,6 +33,7 @@ const ABILITIES: Abilities = Abilities {
     self_test: false,
     bootloader: false,
     clock: true,
+    impedance: false,
 };
 
 #[embassy_executor::task]

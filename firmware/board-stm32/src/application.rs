@@ -48,6 +48,7 @@ const ABILITIES: Abilities = Abilities {
     self_test: true,
     bootloader: true,
     clock: true,
+    impedance: cfg!(feature = "impedance"),
 };
 
 /// What `start_tasks` must know of a board: its names, parts and state after the reset.

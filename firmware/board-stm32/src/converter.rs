@@ -142,6 +142,7 @@ impl Adc {
             missed: edge.missed.max(reading.missed),
             status_bad: !reading.is_sound(),
             lead_off: reading.lead_off(),
+            excited: self.chain.sampler().is_excited(),
         }
     }
 }
@@ -153,6 +154,14 @@ impl Converter for &mut Adc {
             self.log();
         }
         self.conversion(&reading, sample, edge)
+    }
+
+    #[cfg(feature = "impedance")]
+    async fn set_excitation(&mut self, on: bool) {
+        let channels = if on { device::EXCITED } else { 0 };
+        self.chain
+            .switch_excitation(channels, &mut drdy_edges())
+            .await;
     }
 
     fn status(&self) -> Option<link::Converters> {

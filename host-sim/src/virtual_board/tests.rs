@@ -5,6 +5,7 @@ use link::{
 };
 
 mod compressed;
+mod impedance;
 mod streams;
 
 use super::*;

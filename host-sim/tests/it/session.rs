@@ -40,6 +40,7 @@ fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
         limit: seconds.map(|seconds| 512 * seconds),
         faults: Faults::default(),
         trigger: None,
+        contacts: Vec::new(),
         recorded_edges: RecordedEdges::default(),
     }
 }

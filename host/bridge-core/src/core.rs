@@ -13,12 +13,14 @@ use crate::decoder::packed::TimedPackedBlock;
 use crate::decoder::reconstruction::TimedCode;
 use crate::device::Device;
 use crate::exclusion::Exclusions;
+use crate::impedance::ImpedanceReport;
 use crate::session::Session;
 use crate::session::diagnosis::{diagnose, electrode_faults};
 use crate::session::summary::Summary;
 use crate::settings::Settings;
 use crate::time::HostTime;
 use crate::wire::upload::Upload;
+use crate::wire::words;
 
 /// The core of the bridge: receives bytes and times, and requests [`Effects`].
 ///
@@ -121,6 +123,28 @@ impl Core {
     /// filters when it has introduced itself, and again after a restart.
     pub fn set_classifier(&mut self, classifier: Classifier) {
         self.session.set_classifier(classifier);
+    }
+
+    /// Asks every device to measure the impedance of the electrodes while it streams. `series_ohms`
+    /// is the resistance in series with each electrode on the board, which reports leave out.
+    pub fn measure_impedance(&mut self, series_ohms: u32) {
+        self.session.measure_impedance(series_ohms);
+    }
+
+    /// Does what [`Core::measure_impedance`] does, with edges of the trigger as the only stream: at
+    /// rates below 500 Hz a device measures beside no other but raw samples.
+    pub fn measure_impedance_alone(&mut self, series_ohms: u32) {
+        self.session.commands.stream_events_alone();
+        self.session.measure_impedance(series_ohms);
+    }
+
+    /// Returns why the device measures no impedance, and what the user can do, after
+    /// [`Core::measure_impedance`]; `None` if it has not refused.
+    pub fn impedance_refusal(&self) -> Option<String> {
+        self.session
+            .commands
+            .impedance_refusal()
+            .map(words::impedance_refusal)
     }
 
     /// Asks every device whether it takes a packed model, and also a linear code if `with_linear`,
@@ -226,6 +250,9 @@ pub trait Effects {
     /// from the first row that was published on its topic; `None` before a device has introduced
     /// itself. [`RecordingStart`](crate::RecordingStart) turns it into the stamp for a recorder.
     fn publish_event(&mut self, _event: &NeuroEvent, _row: Option<u64>) {}
+
+    /// Publishes the impedance of the electrodes, about every second while the device measures it.
+    fn publish_impedance(&mut self, _report: &ImpedanceReport) {}
 
     /// Compares the device's code with the float network's code for the same window. Called only if
     /// the announced device is [`decodable`](Announcement::decodable).

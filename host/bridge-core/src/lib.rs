@@ -50,6 +50,7 @@ mod decoder;
 mod device;
 mod diagnostics;
 mod exclusion;
+mod impedance;
 mod query;
 mod session;
 mod settings;
@@ -67,6 +68,7 @@ pub use decoder::thread::{DecoderCounts, DecoderThread};
 pub use device::{Device, DeviceError, Identity};
 pub use diagnostics::packed::report_malformed;
 pub use exclusion::Exclusions;
+pub use impedance::{Contact, ElectrodeImpedance, ImpedanceReport};
 pub use neuro_ros::{TRI_LABELS, TriWords};
 pub use query::report::{
     ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport, write_columns,

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use artifact::classifier::Classifier;
 use link::{
     Ack, AckResult, BandPass, Code, Encoder, Exclusion, FeatureFilters, Features, Frame,
-    FrameError, Header, MAX_FRAME, PackedCode, Quality, StageTiming, Stats, Streams, Substitutes,
-    Timing, ToDevice, ToHost,
+    FrameError, Header, Impedance, MAX_FRAME, PackedCode, Quality, StageTiming, Stats, Streams,
+    Substitutes, Timing, ToDevice, ToHost,
 };
 
 use crate::core::Effects;
@@ -20,6 +20,7 @@ use crate::diagnostics::converters::ChainReport;
 use crate::diagnostics::packed::PackedReport;
 use crate::diagnostics::{LinkLog, closest_to_deadline};
 use crate::exclusion::{self, Exclusions};
+use crate::impedance::ImpedanceReport;
 use crate::settings::{AnnouncedStream, Settings, StreamKind};
 use crate::streams::code::CodeStream;
 use crate::streams::event::{BusEvent, Trigger};
@@ -81,6 +82,10 @@ pub(crate) struct Session {
     stats: Option<Stats>,
     /// Newest signal quality of the electrodes; `None` after `/diagnostics` has published it.
     quality: Option<Quality>,
+    /// Newest impedance of the electrodes; `None` after `/diagnostics` has published it.
+    impedance: Option<ImpedanceReport>,
+    /// Resistance in series with each electrode on the board, ohms, as the user states it.
+    series_ohms: u32,
     /// Newest report of processing times; `None` after `/diagnostics` has published it.
     timing: Option<Timing>,
     /// Of all processing stages reported, the one with the largest ratio of worst time to deadline.
@@ -186,6 +191,8 @@ impl Session {
             objection: None,
             stats: None,
             quality: None,
+            impedance: None,
+            series_ohms: 0,
             timing: None,
             worst_stage: None,
             converters: None,
@@ -338,6 +345,7 @@ impl Session {
                 let before = self.converters.replace(report);
                 self.report_electrodes(before.as_ref(), at, effects);
             }
+            ToHost::Impedance(impedance) => self.handle_impedance(impedance, effects),
             ToHost::ModelReceived(received) => self.commands.model_received(*received),
             ToHost::ClockReading(reading) => self.round_trips.record(
                 self.commands.clock_query_sent_us(),
@@ -553,6 +561,9 @@ impl Session {
                     words::reason(result)
                 );
             }
+            AckEffect::Refused(ToDevice::SetImpedance { .. }, result) => {
+                tracing::error!("{}", words::impedance_refusal(result));
+            }
             AckEffect::Refused(
                 ToDevice::ModelBegin(_) | ToDevice::ModelChunk(_) | ToDevice::ModelEnd,
                 result,
@@ -693,6 +704,23 @@ impl Session {
 
     /// Stores which electrodes the device excludes, and publishes an event if they have changed.
     /// Reports about a run that another program has started are of no concern.
+    fn handle_impedance(&mut self, impedance: &Impedance, effects: &mut dyn Effects) {
+        if !self.accepts_codes() {
+            return;
+        }
+        let Some(codes) = &self.codes else { return };
+        let labels = &codes.device().labels;
+        let report = ImpedanceReport::new(impedance, labels, self.series_ohms);
+        effects.publish_impedance(&report);
+        self.impedance = Some(report);
+    }
+
+    /// Asks the device to measure the impedance of the electrodes while it streams.
+    pub(crate) fn measure_impedance(&mut self, series_ohms: u32) {
+        self.series_ohms = series_ohms;
+        self.commands.measure_impedance();
+    }
+
     fn handle_exclusion(&mut self, report: Exclusion, at: MessageTimes, effects: &mut dyn Effects) {
         self.commands.exclusion_reported(report.policy);
         let Some(codes) = &self.codes else { return };

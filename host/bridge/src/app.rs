@@ -9,6 +9,7 @@ mod convert;
 mod doctor;
 mod driver;
 mod given_options;
+mod impedance;
 pub(crate) mod log;
 mod manual;
 mod master;
@@ -56,8 +57,9 @@ const UDEV_RULE: &str = include_str!("../../../packaging/60-corticode.rules");
 /// Status 0 means success, 1 a failed check, 2 wrong usage, 3 that the device or ROS is not
 /// reachable, and 4 that the device refuses the request. Without a subcommand the bridge streams
 /// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
-/// answer. `update` writes new firmware to it. `record` writes everything on the wire to a file, which `replay` and `convert` read.
-/// `calibrate` fits a packed model to a person.
+/// answer. `update` writes new firmware to it. `record` writes everything on the wire to a file,
+/// which `replay` and `convert` read. `calibrate` fits a packed model to a person, and `impedance`
+/// shows the contacts of the electrodes.
 /// `ports` and `doctor` print the state of this machine. `master` runs a ROS master until a signal
 /// ends it. `completions` prints a shell completion script, and `man` the manual page.
 pub fn run() -> ExitCode {
@@ -97,6 +99,10 @@ fn perform(task: Task, ros: NodeOptions, config: Option<PathBuf>) -> Result<Exit
             print_summary(&convert::convert(&options)?);
         }
         Task::Calibrate(options) => calibrate(*options, &ros, config)?,
+        Task::Impedance(options) => {
+            init_log(&ros, config)?;
+            one_thread()?.block_on(impedance::show(options))?;
+        }
         Task::Ports(options) => list_ports(&options)?,
         Task::Doctor(options) => return examine(&options, &ros),
         Task::Master(options) => {

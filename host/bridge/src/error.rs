@@ -12,6 +12,7 @@ use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use new_file::NewFileError;
 use packed_fit::FitError;
+use picture::canvas::PictureError;
 use thiserror::Error;
 
 use crate::app::config_file::ConfigError;
@@ -134,6 +135,12 @@ pub enum BridgeError {
          it as above, which sends it again, or build an image with it (CORTICODE_ARTIFACT), which needs no upload"
     )]
     NotGiven,
+    /// The device does not measure the impedance of the electrodes; the text says why.
+    #[error("{0}")]
+    NoImpedance(String),
+    /// A picture cannot be drawn.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
     /// The user has ended `calibrate` while it gave the model to the device.
     #[error(
         "interrupted; the model is kept: stream with it as above, which sends it to the device"
@@ -274,6 +281,7 @@ impl BridgeError {
             | BridgeError::Interrupted
             | BridgeError::InterruptedUpload
             | BridgeError::System(_)
+            | BridgeError::Picture(_)
             | BridgeError::FileWrite(..)
             | BridgeError::NewFile(NewFileError::Write { .. } | NewFileError::Finish { .. })
             | BridgeError::Convert(ConvertError::NewFile(
@@ -316,7 +324,8 @@ impl BridgeError {
             BridgeError::NoFilteredSteps
             | BridgeError::NoSlot(_)
             | BridgeError::NoNumbers(_)
-            | BridgeError::NotGiven => 4,
+            | BridgeError::NotGiven
+            | BridgeError::NoImpedance(_) => 4,
             BridgeError::Query(error) => error.exit_code(),
             BridgeError::Update(error) => error.exit_code(),
         }

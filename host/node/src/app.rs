@@ -62,6 +62,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         topic_prefix: options.topic_prefix.clone(),
         get_info: "~get_info",
         exclusions: options.exclusion.exclusions(),
+        impedance: None,
         classifying: classifier.map(|classifier| options.predicting.classifying(classifier)),
         exit_at_end: false,
         realtime: options.realtime.realtime,

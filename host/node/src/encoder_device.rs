@@ -13,6 +13,7 @@ const ABILITIES: Abilities = Abilities {
     self_test: false,
     bootloader: false,
     clock: false,
+    impedance: false,
 };
 
 /// Codes, and audits with which the bridge checks the codes.
@@ -141,6 +142,7 @@ impl EncoderDevice {
             drdy_us: at_us,
             marks,
             lost: Marks::NONE,
+            excited: false,
         };
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);

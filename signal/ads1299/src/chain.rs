@@ -228,18 +228,23 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(())
     }
 
-    /// Sends an opcode to all chips and ignores MISO: at once to a daisy chain, one after the other
-    /// to cascaded chips, whose DOUTs would drive MISO against each other.
+    /// Sends an opcode to all chips.
     pub(crate) async fn command_all(
         &mut self,
         opcode: u8,
         settings: Settings,
     ) -> Result<(), Error> {
+        self.send_all(&[opcode], settings).await
+    }
+
+    /// Sends a command to all chips and ignores MISO: at once to a daisy chain, one after the other
+    /// to cascaded chips, whose DOUTs would drive MISO against each other.
+    pub(crate) async fn send_all(&mut self, bytes: &[u8], settings: Settings) -> Result<(), Error> {
         match settings.wiring {
-            Wiring::Daisy => self.exchange(0..CHIPS, &[opcode], &mut []).await,
+            Wiring::Daisy => self.exchange(0..CHIPS, bytes, &mut []).await,
             Wiring::Cascaded => {
                 for chip in 0..CHIPS {
-                    self.exchange(chip..chip + 1, &[opcode], &mut []).await?;
+                    self.exchange(chip..chip + 1, bytes, &mut []).await?;
                 }
                 Ok(())
             }
@@ -256,7 +261,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.exchange(chip..chip + 1, &opcodes, values).await
     }
 
-    async fn write_registers(
+    pub(crate) async fn write_registers(
         &mut self,
         chip: usize,
         first: Register,
@@ -272,7 +277,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
 
     /// Selects the chips, sends `send`, fills `receive` with their answer and deselects them, with
     /// a wait of four clock cycles after every byte.
-    async fn exchange(
+    pub(crate) async fn exchange(
         &mut self,
         chips: Range<usize>,
         send: &[u8],

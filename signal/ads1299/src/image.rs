@@ -5,6 +5,10 @@ use crate::error::Error;
 use crate::register::{ID, ID_MASK, Register};
 use crate::settings::{Input, Settings, Wiring};
 
+/// Value of LOFF with excitation: a square wave of 6 nA (ILEAD_OFF 00) at a quarter of the sample
+/// rate (FLEAD_OFF 11, data sheet section 9.6.1.5).
+pub(crate) const LOFF_EXCITATION: u8 = 0b0000_0011;
+
 /// Register values of a chip, indexed by address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Image(pub [u8; Register::COUNT]);
@@ -30,7 +34,16 @@ impl Settings {
         let has_bias = chip == 0;
         set(Register::CONFIG3, if has_bias { 0xEC } else { 0xE0 });
         set(Register::BIAS_SENSP, all_inputs(has_bias));
-        set(Register::LOFF_SENSP, all_inputs(self.lead_off && is_eeg));
+        let excited = self.excited_channels();
+        if is_eeg && excited > 0 {
+            // 8, or the number of electrodes of the chip if it has fewer.
+            let electrodes = usize::from(excited).saturating_sub(CHANNELS * chip);
+            let spare = CHANNELS.saturating_sub(electrodes);
+            set(Register::LOFF, LOFF_EXCITATION);
+            set(Register::LOFF_SENSP, lowest_inputs(CHANNELS - spare));
+        } else {
+            set(Register::LOFF_SENSP, all_inputs(self.lead_off && is_eeg));
+        }
         set(Register::MISC1, u8::from(is_eeg) << 5);
         set(Register::CONFIG4, u8::from(self.lead_off) << 1);
         let channel = (self.gain as u8) << 4 | self.input as u8;
@@ -42,6 +55,12 @@ impl Settings {
 /// Returns the value of a register with one bit per input: all ones if `on` is true, else 0.
 const fn all_inputs(on: bool) -> u8 {
     if on { u8::MAX } else { 0 }
+}
+
+/// Returns the value of a register with one bit per input: ones for the first `inputs`, at most 8.
+#[expect(clippy::cast_possible_truncation, reason = "the lowest 8 bits")]
+const fn lowest_inputs(inputs: usize) -> u8 {
+    ((1_u32 << inputs) - 1) as u8
 }
 
 /// Registers of one chip as read back, compared with the values written.
@@ -150,5 +169,23 @@ mod tests {
             let found = registers.map(|register| image[register.index()]);
             assert_eq!(found, expected, "{input:?}");
         }
+    }
+
+    #[test]
+    fn excitation_replaces_the_direct_current_and_spares_channels_without_an_electrode() {
+        let registers = [Register::LOFF, Register::LOFF_SENSP];
+        let found = |input, chip| {
+            let settings = Settings {
+                input,
+                lead_off: true,
+                excited: 13,
+                ..Settings::EEG
+            };
+            registers.map(|register| settings.image(chip).0[register.index()])
+        };
+        assert_eq!(found(Input::Electrodes, 0), [3, 0xFF]);
+        assert_eq!(found(Input::Electrodes, 1), [3, 0x1F]);
+        assert_eq!(found(Input::Shorted, 0), [0, 0]);
+        assert_eq!(found(Input::Electrodes, 2), [3, 0]);
     }
 }

@@ -16,7 +16,8 @@
 //!
 //! The result of [`Decoder`] depends only on its state and the frame. [`ReadyMeter`] checks the
 //! intervals of DRDY; [`SquareWaveTest`] and [`ShortedTest`] check samples of the chips' internal
-//! signals.
+//! signals. [`ImpedanceMeter`] measures electrodes from samples of a chain with
+//! [`Settings::excited`].
 //!
 //! ```
 //! use ads1299::{Decoder, frame_bytes};
@@ -51,7 +52,10 @@ mod channel_tests;
 mod clock;
 mod decoder;
 mod error;
+#[cfg(any(test, feature = "simulation", feature = "impedance"))]
+mod excitation;
 mod image;
+mod impedance;
 mod limits;
 mod reading;
 mod ready;
@@ -73,6 +77,7 @@ pub use clock::Clock;
 pub use decoder::{Alignment, CHANNELS, CHIP_BYTES, Decoder, FrameStatus, MAX_CHIPS, frame_bytes};
 pub use error::{Error, Pin};
 pub use image::{Image, ReadBack};
+pub use impedance::ImpedanceMeter;
 pub use limits::{SelfTestFault, typical_noise_uv};
 pub use reading::{Reading, StatusWord};
 pub use ready::{Edge, RateError, ReadyMeter};

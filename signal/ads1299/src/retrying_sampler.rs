@@ -10,6 +10,11 @@ use crate::error::Error;
 use crate::reading::Reading;
 use crate::sampler::{SILENCE, Sampler};
 
+/// Time that must remain before the next sample for [`RetryingSampler::switch_excitation`], in
+/// microseconds: 14 bytes, with a wait of some microseconds after each.
+#[cfg(any(test, feature = "simulation", feature = "impedance"))]
+const SWITCH_US: u64 = 250;
+
 /// Delivers one sample per period in any case: a real sample, or, while the chain is silent, a
 /// flagged repetition of the last counts.
 ///
@@ -123,6 +128,26 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.registers_doubtful |= self.attempt.is_none() && us > self.since_us + silence_us;
         let reading = self.sampler.silence(if before { 0 } else { SILENCE - 1 });
         (reading, DrdyEdge { us, missed })
+    }
+
+    /// Sets [`Settings::excited`](crate::Settings::excited) if it differs, unless a sample is
+    /// due soon or the chain is being brought up; call it before every [`Self::next`].
+    ///
+    /// # Timing
+    /// That of [`Sampler::set_excitation`]; it fits between two samples.
+    #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+    pub async fn switch_excitation(&mut self, channels: u8, drdy: &mut impl Drdy) {
+        if self.sampler.settings().excited == channels || self.attempt.is_some() {
+            return;
+        }
+        let periods = if self.is_silent { 0 } else { SILENCE - 1 };
+        let next_us = self
+            .due_us
+            .saturating_sub(u64::from(periods) * self.period_us());
+        if drdy.now_us() + SWITCH_US <= next_us {
+            // After a failure of the bus, the next call tries again.
+            let _ = self.sampler.set_excitation(channels).await;
+        }
     }
 
     /// Runs the next stage of a bring-up, if one is due.

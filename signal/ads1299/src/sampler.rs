@@ -149,6 +149,12 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.settings
     }
 
+    /// Returns whether electrodes are excited, to measure their impedance.
+    #[inline]
+    pub const fn is_excited(&self) -> bool {
+        self.settings.excited_channels() != 0
+    }
+
     /// Returns the newest valid counts of each channel, |count| <= 2^23.
     pub const fn counts(&self) -> &[[i32; CHANNELS]; CHIPS] {
         &self.counts

@@ -26,6 +26,12 @@ pub struct Settings {
     pub wiring: Wiring,
     /// Means by which the driver resets, starts and stops the chips.
     pub control: Control,
+    /// Number of channels, from the first on, whose positive inputs get the excitation from which
+    /// the impedance of their electrodes is measured ([`ImpedanceMeter`](crate::ImpedanceMeter)); 0
+    /// for none. Spare channels, the last ones, get no current, which would drive their open inputs
+    /// to the rails. The excitation takes the place of the direct current of `lead_off`.
+    #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+    pub excited: u8,
 }
 
 /// Connection of the chips' data outputs to MISO. For a single chip, both are the same.
@@ -64,7 +70,24 @@ impl Settings {
             lead_off: false,
             wiring: Wiring::Daisy,
             control: Control::Pins,
+            #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+            excited: 0,
         }
+    }
+}
+
+impl Settings {
+    /// Returns [`Self::excited`].
+    #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+    pub(crate) const fn excited_channels(self) -> u8 {
+        self.excited
+    }
+
+    /// Returns 0: images that cannot excite electrodes save the flash of the field.
+    #[cfg(not(any(test, feature = "simulation", feature = "impedance")))]
+    #[expect(clippy::unused_self, reason = "the other variant reads it")]
+    pub(crate) const fn excited_channels(self) -> u8 {
+        0
     }
 }
 

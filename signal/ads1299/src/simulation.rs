@@ -4,11 +4,12 @@
 //! between bytes and before deselection, reset values, read-only registers, a reference that
 //! settles in 150 ms, settling after START and after a write of CONFIG1, and a frame that the next
 //! sample overwrites even while it is read. `miso.rs` models the read-back resistors, `analogue.rs`
-//! electrodes, gains, test signal, lead-off and noise.
+//! electrodes, gains, test signal, lead-off, the impedance of electrodes and noise.
 //!
-//! Not modelled are SRB1, the bias amplifier, the sinc filter on other signals than the test
-//! signal, the circuits of a board, and commands and settings that the driver never sends, such as
-//! a lead-off current at the negative inputs.
+//! Not modelled are SRB1 and the impedance of its electrode, the bias amplifier, the sinc filter on
+//! other signals than the test signal and the excitation, capacitances, the circuits of a board,
+//! and commands and settings that the driver never sends, such as a lead-off current at the
+//! negative inputs.
 
 mod analogue;
 mod board;
@@ -115,6 +116,12 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     /// `channel` count from 0.
     pub fn set_electrode(&self, chip: usize, channel: usize, on: bool) {
         self.board().set_electrode(chip, channel, on);
+    }
+
+    /// Sets the impedance of the electrode at the positive input of a channel, in ohms; 0 until
+    /// then. `chip` and `channel` count from 0.
+    pub fn set_impedance(&self, chip: usize, channel: usize, ohms: f64) {
+        self.board().set_impedance(chip, channel, ohms);
     }
 
     /// Returns how often the driver violated a rule: a reset or command too early, a byte before the

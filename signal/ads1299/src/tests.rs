@@ -2,6 +2,7 @@
 
 mod decoding;
 mod faults;
+mod impedance;
 mod retrying;
 mod sampling;
 mod self_test;

@@ -32,6 +32,8 @@ pub struct AcquiredSample {
     /// Faults of the samples between the previous queued sample and this one, which found no room
     /// in the queue; an overrun is one of these faults. No faults if no sample was lost.
     pub lost: Marks,
+    /// True if the current flows from which the impedance of the electrodes is measured.
+    pub excited: bool,
 }
 
 impl AcquiredSample {

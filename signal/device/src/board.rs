@@ -23,6 +23,10 @@ pub struct Identity<'i> {
 }
 
 /// Commands and streams that a board supports; the session refuses all others.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each of them can be true with any other"
+)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Abilities {
     /// Streams that a `Start` can request.
@@ -34,6 +38,8 @@ pub struct Abilities {
     /// True if device time comes from a clock, which the host can query. Without a clock, device
     /// time counts samples, and the answer to a query would not bound any delay.
     pub clock: bool,
+    /// True if the board's converters can measure the impedance of the electrodes.
+    pub impedance: bool,
 }
 
 impl Abilities {
@@ -43,6 +49,7 @@ impl Abilities {
         self_test: false,
         bootloader: false,
         clock: false,
+        impedance: false,
     };
 }
 
@@ -72,7 +79,7 @@ impl Run {
 pub enum Order {
     /// Start this run; its first sample has index 0.
     Start(Run),
-    /// Stop streaming and discard samples until the next start.
+    /// Stop streaming and discard samples until the next start, and measure no impedance.
     Stop,
     /// Test the converters; report the result with
     /// [`Session::send_self_test`](crate::Session::send_self_test).
@@ -83,6 +90,9 @@ pub enum Order {
     /// Exclude electrodes by this policy from now on; see
     /// [`Producer::set_exclusion`](crate::Producer::set_exclusion).
     SetExclusion(ExclusionPolicy),
+    /// Switch the excitation of the electrodes on or off, and report it in
+    /// [`AcquiredSample::excited`](crate::AcquiredSample::excited).
+    SetImpedance(bool),
     /// Restart the board 0.1 s later, so that queued frames can still be sent.
     Reset(ResetInto),
 }

@@ -9,6 +9,8 @@ use ads1299::{
 use heapless::String;
 use link::{ChannelFault, ChannelTest, ChipTest, Converters, MAX_TEXT_BYTES, SelfTest};
 
+use crate::chunk::narrow;
+
 /// Builds the status message of a chain of converters.
 ///
 /// Arguments: the fault found when the chain was initialised, the measured rate of DRDY in
@@ -102,6 +104,10 @@ pub const CONVERTER_SETTINGS: Settings = {
         ..Settings::eeg(clock, rate, GAIN)
     }
 };
+
+/// [`Settings::excited`] of the chain while the impedance of the electrodes is measured: all
+/// channels with an electrode, the first ones.
+pub const EXCITED: u8 = narrow(model::ELECTRODES);
 
 /// Gain of every channel.
 const GAIN: Gain = Gain::of_factor(model::GAIN)

@@ -49,6 +49,7 @@ mod board;
 mod chunk;
 mod converters;
 mod encoders;
+mod impedance;
 mod message;
 mod model_slot;
 mod producer;
@@ -60,9 +61,10 @@ pub use audited_window::AuditedWindow;
 pub use board::{Abilities, Identity, Order, Run};
 pub use chunk::{Chunk, CompressedChunk, FilteredChunk, RawChunk};
 pub use converters::{
-    CHIPS, CONVERTER_SETTINGS, converters_message, fault_text, self_test_message,
+    CHIPS, CONVERTER_SETTINGS, EXCITED, converters_message, fault_text, self_test_message,
 };
 pub use encoders::{BothEncoders, Encoders, streams_with};
+pub use impedance::Impedance;
 pub use message::CODE_FORMAT;
 pub use model_slot::{ModelSlot, NoSlot, Slot, UploadedWeights};
 pub use producer::{CapturedEvent, Output, Payload, Producer};

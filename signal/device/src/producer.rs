@@ -12,6 +12,7 @@ use crate::audited_window::AuditedWindow;
 use crate::board::Run;
 use crate::chunk::{CompressedChunk, Compressor, FilteredChunk, RawChunk};
 use crate::encoders::Encoders;
+use crate::impedance::{HAS_IMPEDANCE, Impedance, ImpedanceMeasurement};
 use crate::model_slot::UploadedWeights;
 
 /// Produces codes, and the other streams that the host requested, from acquired samples.
@@ -33,6 +34,8 @@ pub struct Producer<E> {
     /// Computes band powers with the filters that the host has set.
     features: FeatureExtractor,
     quality: SignalQuality,
+    /// Measures electrodes while the host wants it; empty in an image without the feature.
+    impedance: [ImpedanceMeasurement; HAS_IMPEDANCE as usize],
     /// Finds and fills bad electrodes; empty for a model without a table.
     substitution: [Substitution; SUBSTITUTION.is_some() as usize],
     /// What the host has decided about the exclusion of electrodes.
@@ -99,6 +102,8 @@ pub enum Payload<'p> {
     /// Signal quality of each electrode over the last second. [`Output::at_us`] is the time of the
     /// second's last sample.
     Quality(&'p Quality),
+    /// Impedance of each electrode. [`Output::at_us`] is the time of the measurement's last sample.
+    Impedance(&'p Impedance),
     /// Unfiltered samples. [`Output::at_us`] is the time of the last sample.
     Raw(&'p RawChunk),
     /// Unfiltered samples, compressed. [`Output::at_us`] is the time of the last sample.
@@ -150,6 +155,7 @@ impl<E: Encoders> Producer<E> {
             rate: PackedEncoder::DEFAULT_RATE,
             features: FeatureExtractor::NEW,
             quality: SignalQuality::new(Run::NONE.mains),
+            impedance: [const { ImpedanceMeasurement::NEW }; HAS_IMPEDANCE as usize],
             substitution: [const { Substitution::NEW }; SUBSTITUTION.is_some() as usize],
             policy: ExclusionPolicy::AUTOMATIC,
             exclusion: None,
@@ -226,6 +232,10 @@ impl<E: Encoders> Producer<E> {
         if let Some(quality) = (self.quality).observe(&acquired.sample, acquired.step.as_ref()) {
             self.emit(acquired.drdy_us, Payload::Quality(&quality), emit);
             self.emit_exclusion(acquired.drdy_us, emit);
+        }
+        let mut measurements = self.impedance.iter_mut();
+        if let Some(impedance) = measurements.find_map(|one| one.observe(acquired)) {
+            self.emit(acquired.drdy_us, Payload::Impedance(&impedance), emit);
         }
     }
 

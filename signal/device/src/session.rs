@@ -8,6 +8,7 @@ use pipeline::{Code, FeatureFilters, Mains, Rate};
 
 use crate::acquired_sample::Counts;
 use crate::board::{Abilities, Identity, Order, Run};
+use crate::impedance::{HAS_IMPEDANCE, spoils};
 use crate::message;
 use crate::model_slot::{CodeScales, Slot, UploadOutcome, UploadedModel};
 use crate::producer::{Output, Payload};
@@ -31,6 +32,8 @@ pub struct Session<'i> {
     converters: Option<Converters>,
     /// True from the order of a self-test until its result is sent.
     is_testing: bool,
+    /// True while the impedance of the electrodes is measured: from a command to the next `Stop`.
+    measures_impedance: bool,
     /// The uploaded model; `None` while the device uses the built-in one.
     uploaded: Option<UploadedModel>,
     /// Filters that the host has set and [`Self::take_filters`] has not returned yet.
@@ -52,6 +55,7 @@ impl<'i> Session<'i> {
             substitutes: Substitutes::NONE,
             converters: None,
             is_testing: false,
+            measures_impedance: false,
             uploaded: None,
             filters: None,
             decoder: Decoder::new(),
@@ -196,6 +200,7 @@ impl<'i> Session<'i> {
             ToDevice::SetRate { rate } => return self.set_rate(rate),
             // `receive` has handled filters in range.
             ToDevice::SetFeatures(_) => return (AckResult::BadArgument, None),
+            ToDevice::SetImpedance { on } => return self.set_impedance(on),
             ToDevice::SetExclusion(_) if model::SUBSTITUTION.is_none() => {
                 return (AckResult::NotSupported, None);
             }
@@ -233,7 +238,12 @@ impl<'i> Session<'i> {
     ) -> (AckResult, Option<Order>) {
         // Without an active run no order is needed, and it would replace an order that the
         // acquisition has not executed yet.
-        let order = self.is_streaming().then_some(Order::Stop);
+        let order = if self.is_streaming() {
+            Some(Order::Stop)
+        } else {
+            (HAS_IMPEDANCE && self.measures_impedance).then_some(Order::SetImpedance(false))
+        };
+        self.measures_impedance = false;
         self.run.streams = Streams::empty();
         self.send_stats(now_us, counts, sender);
         (AckResult::Done, order)
@@ -260,6 +270,17 @@ impl<'i> Session<'i> {
         }
     }
 
+    fn set_impedance(&mut self, on: bool) -> (AckResult, Option<Order>) {
+        if !HAS_IMPEDANCE || !self.abilities.impedance {
+            return (AckResult::NotSupported, None);
+        }
+        if on && spoils(self.run.streams) {
+            return (AckResult::Busy, None);
+        }
+        self.measures_impedance = on;
+        (AckResult::Done, Some(Order::SetImpedance(on)))
+    }
+
     fn reset(&self, into: ResetInto) -> (AckResult, Option<Order>) {
         match into {
             ResetInto::Newer(_) => (AckResult::BadArgument, None),
@@ -279,7 +300,7 @@ impl<'i> Session<'i> {
         if !self.can_stream {
             return (AckResult::NotSupported, None);
         }
-        if self.is_testing {
+        if self.is_testing || self.measures_impedance && spoils(start.streams) {
             return (AckResult::Busy, None);
         }
         let mains = match start.mains_hz {
@@ -331,6 +352,10 @@ impl<'i> Session<'i> {
             Payload::Event(event) => ToHost::Event(event),
             Payload::Exclusion(exclusion) => ToHost::Exclusion(exclusion),
             Payload::Quality(quality) => ToHost::Quality(message::quality(quality)),
+            Payload::Impedance(impedance) if HAS_IMPEDANCE => {
+                ToHost::Impedance(impedance.message())
+            }
+            Payload::Impedance(_) => return,
             Payload::Raw(samples) => ToHost::Raw(samples.message()),
             Payload::CompressedRaw(samples) => ToHost::CompressedRaw(samples.message()),
             Payload::Filtered(steps) => ToHost::Filtered(steps.message()),

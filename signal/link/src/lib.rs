@@ -80,8 +80,8 @@ pub use introduction::{
 };
 pub use message::{Message, ToDevice, ToHost};
 pub use reports::{
-    ElectrodeQuality, Exclusion, MAX_ELECTRODES, MAX_STAGES, Quality, Stage, StageTiming, Stats,
-    Timing,
+    ElectrodeQuality, Exclusion, Impedance, MAX_ELECTRODES, MAX_STAGES, Quality, Stage,
+    StageTiming, Stats, Timing,
 };
 pub use signal::{
     BlockForm, COUNT_BYTES, CompressedRaw, Event, EventKind, FILTERED_STEPS, Filtered, RAW_SAMPLES,

@@ -7,7 +7,7 @@ use crate::commands::{Ack, ClockReading, ExclusionPolicy, ResetInto, Start};
 use crate::converters::{Converters, SelfTest};
 use crate::features::{FeatureFilters, Features, MAX_FEATURES};
 use crate::introduction::{Capabilities, Hello, Substitutes};
-use crate::reports::{Exclusion, MAX_ELECTRODES, Quality, Stats, Timing};
+use crate::reports::{Exclusion, Impedance, MAX_ELECTRODES, Quality, Stats, Timing};
 use crate::signal::{CompressedRaw, Event, Filtered, Raw};
 use crate::upload::{MAX_CHUNK_BYTES, ModelBegin, ModelChunk, ModelReceived};
 
@@ -89,10 +89,12 @@ pub enum ToHost<'a> {
     ModelReceived(ModelReceived),
     /// 19: band powers of a hop.
     Features(Features<'a>),
+    /// 20: impedance of each electrode.
+    Impedance(Impedance<'a>),
 }
 
 impl<'a> Message<'a> for ToHost<'a> {
-    const KINDS: u32 = 20;
+    const KINDS: u32 = 21;
     const DIRECTION: u8 = b'H';
 
     fn tail(&self) -> &[u8] {
@@ -101,6 +103,7 @@ impl<'a> Message<'a> for ToHost<'a> {
             ToHost::Audit(audit) => audit.values.bytes(),
             ToHost::PackedCode(code) => code.bytes,
             ToHost::Features(features) => features.levels,
+            ToHost::Impedance(impedance) => impedance.ohms,
             _ => &[],
         }
     }
@@ -117,6 +120,10 @@ impl<'a> Message<'a> for ToHost<'a> {
             ToHost::Features(features) => {
                 features.levels = tail;
                 return (1..=MAX_FEATURES).contains(&tail.len()).then_some(self);
+            }
+            ToHost::Impedance(impedance) => {
+                impedance.ohms = tail;
+                return Impedance::is_list(tail).then_some(self);
             }
             _ => return tail.is_empty().then_some(self),
         };
@@ -171,10 +178,17 @@ pub enum ToDevice<'a> {
     /// 12: make features with these filters from the next step on, at any time; they are kept until
     /// the device restarts. Filters out of range are refused with `BadArgument`.
     SetFeatures(FeatureFilters<'a>),
+    /// 13: measure the impedance of the electrodes from the next sample on, or no longer; `Stop` ends
+    /// it. [`ToHost::Impedance`] carries the results. Refused with `NotSupported` by a device that
+    /// cannot, and with `Busy` at ADC rates below 500 Hz while filtered streams run.
+    SetImpedance {
+        /// Whether to measure.
+        on: bool,
+    },
 }
 
 impl<'a> Message<'a> for ToDevice<'a> {
-    const KINDS: u32 = 13;
+    const KINDS: u32 = 14;
     const DIRECTION: u8 = b'D';
 
     fn tail(&self) -> &[u8] {
@@ -231,6 +245,7 @@ impl ToDevice<'_> {
                 weights: &[],
                 ..filters
             }),
+            ToDevice::SetImpedance { on } => ToDevice::SetImpedance { on },
         }
     }
 }

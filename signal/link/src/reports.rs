@@ -75,6 +75,37 @@ pub struct ElectrodeQuality {
     pub flat: bool,
 }
 
+/// Impedance of each electrode; sent about every second while the device streams and measures it
+/// (`SetImpedance`), every two seconds at an ADC rate of 250 Hz.
+///
+/// The header's time is that of the last sample of the measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Impedance<'a> {
+    /// Impedance of each electrode, in the order of
+    /// [`Capabilities::labels`](crate::Capabilities::labels): ohms, 32 bits each, least significant
+    /// byte first, or [`Self::OPEN`]. Serde skips them, because the frame carries them after the
+    /// message's fields.
+    #[serde(skip)]
+    pub ohms: &'a [u8],
+}
+
+impl Impedance<'_> {
+    /// Reading of an electrode that is disconnected, or whose impedance is above the range.
+    pub const OPEN: u32 = u32::MAX;
+
+    /// Returns the impedance of each electrode, in ohms; `None` for [`Self::OPEN`].
+    pub fn electrodes(&self) -> impl ExactSizeIterator<Item = Option<u32>> {
+        let ohms = self.ohms.as_chunks().0.iter();
+        ohms.map(|bytes| Some(u32::from_le_bytes(*bytes)).filter(|ohms| *ohms != Self::OPEN))
+    }
+
+    /// Returns whether the bytes are those of 1 to [`MAX_ELECTRODES`] electrodes.
+    pub(crate) const fn is_list(bytes: &[u8]) -> bool {
+        let (electrodes, rest) = bytes.as_chunks::<4>();
+        rest.is_empty() && !electrodes.is_empty() && electrodes.len() <= MAX_ELECTRODES
+    }
+}
+
 /// Largest number of stages in a [`Timing`].
 pub const MAX_STAGES: usize = 8;
 

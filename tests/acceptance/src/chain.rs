@@ -26,7 +26,7 @@ const BAD_FLAGS: u64 = 1 << 0 | 1 << 5 | 1 << 15;
 const POLL: Duration = Duration::from_millis(20);
 
 /// Longest time in which the bridge or the recorder must end after a signal.
-const EXIT_TIMEOUT: Duration = Duration::from_secs(60);
+const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// A NeuroFrame that the subscriber `tests/acceptance/ros/subscribe.py` has received and printed.
 #[derive(Debug, Clone, Deserialize)]

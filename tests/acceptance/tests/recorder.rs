@@ -36,7 +36,7 @@ const FRAME: usize = 32;
 /// first frame reaches the recorder late by up to this time, which shifts all events.
 const TOLERANCE_S: f64 = 0.03;
 /// Longest time in which a program must end after a signal.
-const EXIT_TIMEOUT: Duration = Duration::from_secs(60);
+const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 /// Event code that marks a rising edge of the trigger input in the GDF file.
 const TRIGGER_HIGH: u16 = 1;
 

@@ -36,7 +36,13 @@ pub(crate) fn stream(streams: Streams) -> Vec<u8> {
         streams,
         mains_hz: 50,
     });
-    for command in [ToDevice::Identify, ToDevice::SetFeatures(FILTERS), start] {
+    let measure = ToDevice::SetImpedance { on: true };
+    for command in [
+        ToDevice::Identify,
+        ToDevice::SetFeatures(FILTERS),
+        measure,
+        start,
+    ] {
         board.receive(&frame(&mut commands, &command), 0);
     }
     for number in 0..u64::from(model::ADC_RATE_HZ) * 3 / 2 {
@@ -74,6 +80,7 @@ pub(crate) fn command_seeds() -> Vec<Vec<u8>> {
             host_time_us: u64::MAX,
         },
         ToDevice::SetFeatures(FILTERS),
+        ToDevice::SetImpedance { on: true },
         ToDevice::SelfTest,
         start(Streams::CODES, 0),
         ToDevice::Stop,

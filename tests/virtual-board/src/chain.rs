@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use ads1299::CHANNELS;
 use ads1299::simulation::{Electrodes, Options, SimulatedChain, Simulation};
 use embedded_hal::digital::OutputPin;
 use rigless::chip::{Timeline, spi};
@@ -60,6 +61,13 @@ impl Chain {
             }
         });
         let simulation = Simulation::new(options, electrodes);
+        for channel in 0..CHIPS * CHANNELS {
+            simulation.set_impedance(
+                channel / CHANNELS,
+                channel % CHANNELS,
+                electrode_ohms(channel),
+            );
+        }
         let chain = simulation.chain();
         Self(Arc::new(Mutex::new(Wires {
             simulation,
@@ -163,6 +171,11 @@ pub fn electrode_count(sample: u64, channel: usize) -> i32 {
         + 400.0 * (turns * (21.0 + channel_number * 0.11)).cos()
         + 60.0 * (channel_number - 30.0);
     wave as i32 + noise(sample, channel)
+}
+
+/// Returns the impedance of the electrode at a channel, in ohms.
+pub fn electrode_ohms(channel: usize) -> f64 {
+    1_000.0 * (channel + 1) as f64
 }
 
 /// Returns noise from -128 to 127 that depends only on sample and channel. It is a hash of both,

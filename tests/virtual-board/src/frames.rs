@@ -42,6 +42,8 @@ pub enum Kind {
     /// The message, encoded again as in [`ReceivedCode::bytes`].
     CompressedRaw(Vec<u8>),
     Features(Vec<u8>),
+    /// Ohms of each electrode; `None` for an open one.
+    Impedance(Vec<Option<u32>>),
     Stats(Box<Stats>),
     Ack(Ack),
     Timing(Box<Timing>),
@@ -130,6 +132,7 @@ impl Kind {
                 bytes: encoded(message),
             }),
             ToHost::Features(_) => Self::Features(encoded(message)),
+            ToHost::Impedance(impedance) => Self::Impedance(impedance.electrodes().collect()),
             ToHost::CompressedRaw(_) => Self::CompressedRaw(encoded(message)),
             ToHost::Stats(stats) => Self::Stats(Box::new(*stats)),
             ToHost::Ack(ack) => Self::Ack(*ack),

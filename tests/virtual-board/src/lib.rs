@@ -57,7 +57,7 @@ mod processor;
 pub mod usb;
 
 pub use board::{Cable, Setup};
-pub use chain::electrode_count;
+pub use chain::{electrode_count, electrode_ohms};
 pub use findings::{BoardError, Findings};
 pub use frames::{Frame, Inbox, Kind, ReceivedCode};
 pub use image::{Image, ImageError, elf};

@@ -58,6 +58,9 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
     if let Some((quality, codes)) = session.quality.take().zip(session.codes.as_ref()) {
         status.push(signal_quality_status(&quality, &codes.device().labels));
     }
+    if let Some(report) = session.impedance.take() {
+        status.push(report.status());
+    }
     if let Some(report) = session.timing.take() {
         status.push(timing_status(&report));
     }

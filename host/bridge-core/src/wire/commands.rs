@@ -41,6 +41,8 @@ pub(crate) struct Commands {
     filter_weights: Vec<u8>,
     /// Id of the newest filters for which the device has answered the command, with any result.
     answered_filters: Option<u32>,
+    /// Whether the device must be asked to measure the impedance of the electrodes.
+    impedance: ImpedanceState,
     /// The model that the device is given before it streams.
     upload: UploadState,
     /// Whether the device takes a packed model, if it must to be started.
@@ -95,6 +97,16 @@ enum UploadState {
     Refused,
 }
 
+/// Whether the device must be asked to measure the impedance of the electrodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ImpedanceState {
+    NotWanted,
+    /// The device is asked once it streams.
+    Due,
+    /// The device has answered, since it streams.
+    Answered(AckResult),
+}
+
 /// Whether the device takes a packed model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum SlotState {
@@ -133,6 +145,7 @@ impl Commands {
             filters: None,
             filter_weights: Vec::new(),
             answered_filters: None,
+            impedance: ImpedanceState::NotWanted,
             upload: UploadState::NotDue,
             slot: SlotState::NotRequired,
             asked_bytes: 0,
@@ -161,6 +174,7 @@ impl Commands {
         self.answered_rate = None;
         self.answered_filters = None;
         self.connected = true;
+        self.ask_for_impedance_again();
         self.refused_start = None;
         self.last_frame_us = now_us;
         self.last_stream_us = None;
@@ -198,6 +212,32 @@ impl Commands {
             ..filters
         });
         self.answered_filters = None;
+    }
+
+    /// Asks for the impedance of the electrodes; [`Self::next_command`] returns the command while the
+    /// device streams.
+    pub(crate) fn measure_impedance(&mut self) {
+        self.impedance = ImpedanceState::Due;
+    }
+
+    /// Asks for events as the only stream, beside which every device measures.
+    pub(crate) fn stream_events_alone(&mut self) {
+        self.streams = WantedStreams::alone(Streams::EVENTS);
+    }
+
+    /// Asks for the impedance again, after the device has or may have ended the measurement.
+    fn ask_for_impedance_again(&mut self) {
+        if self.impedance != ImpedanceState::NotWanted {
+            self.impedance = ImpedanceState::Due;
+        }
+    }
+
+    /// Returns why the device refuses to measure the impedance; `None` if it does not.
+    pub(crate) fn impedance_refusal(&self) -> Option<AckResult> {
+        match self.impedance {
+            ImpedanceState::Answered(result) if result != AckResult::Done => Some(result),
+            _ => None,
+        }
     }
 
     /// Records the policy that the device reports. Another program may have set it.
@@ -271,6 +311,7 @@ impl Commands {
         self.streams.ask_for_all();
         self.answered_rate = None;
         self.answered_filters = None;
+        self.ask_for_impedance_again();
         self.known_exclusion = ExclusionPolicy::AUTOMATIC;
         self.refused_exclusion = None;
         self.upload = UploadState::NotDue;
@@ -303,6 +344,7 @@ impl Commands {
 
     /// Records that the device reports no running stream, although this bridge did not stop it.
     pub(crate) fn device_stopped(&mut self) {
+        self.ask_for_impedance_again();
         self.stream = StreamState::Stopped;
         self.last_stream_us = None;
     }
@@ -449,6 +491,10 @@ impl Commands {
                 }))
             }
             (false, StreamState::Unconfirmed | StreamState::Running) => Some(ToDevice::Stop),
+            // After `Start`, so that codes go on where they cannot stream beside the measurement.
+            (true, StreamState::Running) if self.impedance == ImpedanceState::Due => {
+                Some(ToDevice::SetImpedance { on: true })
+            }
             (true, StreamState::Running)
                 if self.is_starved(now_us) && since_identify_us < RETRY_US =>
             {
@@ -503,6 +549,11 @@ impl Commands {
             return self.handle_upload(pending.command, result);
         }
         match (pending.command, result) {
+            // A device that cannot measure while these streams run is not asked again.
+            (ToDevice::SetImpedance { .. }, AckResult::Busy) => {
+                self.impedance = ImpedanceState::Answered(result);
+                self.pending = None;
+            }
             (_, AckResult::Busy | AckResult::Failed) => return AckEffect::NoChange,
             (ToDevice::Start(_), AckResult::Done) => {
                 self.pending = None;
@@ -515,6 +566,7 @@ impl Commands {
             (ToDevice::Stop, result) => {
                 self.pending = None;
                 self.owns_stream = true;
+                self.ask_for_impedance_again();
                 self.stream = StreamState::Stopped;
                 self.last_stream_us = None;
                 if result == AckResult::Done {
@@ -545,6 +597,10 @@ impl Commands {
                 } else {
                     self.refused_exclusion = Some(policy);
                 }
+                self.pending = None;
+            }
+            (ToDevice::SetImpedance { .. }, result) => {
+                self.impedance = ImpedanceState::Answered(result);
                 self.pending = None;
             }
             (ToDevice::SetFeatures(filters), _) => {

@@ -28,6 +28,15 @@ impl WantedStreams {
         }
     }
 
+    /// Wants these streams alone, without codes and without a choice of fewer.
+    pub(crate) fn alone(streams: Streams) -> WantedStreams {
+        WantedStreams {
+            wanted: streams,
+            choices: vec![streams],
+            asked: 0,
+        }
+    }
+
     /// Asks for all wanted streams again, because the device may be another one.
     pub(crate) fn ask_for_all(&mut self) {
         self.asked = 0;

@@ -18,6 +18,7 @@ pub(crate) fn command(command: &ToDevice) -> &'static str {
         ToDevice::ModelChunk(_) => "ModelChunk",
         ToDevice::ModelEnd => "ModelEnd",
         ToDevice::SetFeatures(_) => "SetFeatures",
+        ToDevice::SetImpedance { .. } => "SetImpedance",
     }
 }
 
@@ -69,6 +70,22 @@ pub(crate) fn upload_refusal(result: AckResult) -> String {
     };
     let reason = reason(result);
     format!("the device does not take the model: {reason}; {remedy}")
+}
+
+/// Returns a sentence for the log: why the device measures no impedance, and what the user can do.
+pub(crate) fn impedance_refusal(result: AckResult) -> String {
+    let remedy = match result {
+        AckResult::Busy => {
+            "at its sample rate the current is inside the band of the EEG, so measure before the session, with \
+             corticode-bridge impedance"
+        }
+        AckResult::UnknownCommand => "its firmware is older than this bridge; update the firmware",
+        _ => {
+            "its image has no room for it, or it has no converters, as a replay; use a NUCLEO-H743ZI2 or host-sim"
+        }
+    };
+    let reason = reason(result);
+    format!("the device does not measure the impedance of the electrodes: {reason}; {remedy}")
 }
 
 /// Returns the cause of a device's last reset, worded to follow "started by".

@@ -71,8 +71,8 @@ pub(crate) struct Board {
     /// Streams that the simulated firmware supports. The board refuses a `Start` with any other
     /// stream as `BadArgument`.
     pub(crate) supported: Streams,
-    /// Result in the acknowledgements of the commands for self-test, clock query, reset and
-    /// exclusion.
+    /// Result in the acknowledgements of the commands for self-test, clock query, reset,
+    /// exclusion and impedance.
     pub(crate) ack_result: AckResult,
     /// Self-test result that the board sends at once after a self-test command; with `None` it
     /// sends no result.
@@ -308,7 +308,8 @@ impl Board {
                 ToDevice::SelfTest
                 | ToDevice::SyncTime { .. }
                 | ToDevice::Reset(_)
-                | ToDevice::SetExclusion(_) => {
+                | ToDevice::SetExclusion(_)
+                | ToDevice::SetImpedance { .. } => {
                     result = self.ack_result;
                 }
                 ToDevice::SetRate { rate } => {

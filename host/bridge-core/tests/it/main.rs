@@ -12,6 +12,7 @@ mod events;
 mod exclusion;
 mod extreme_values;
 mod features;
+mod impedance;
 mod invalid_samples;
 mod loss;
 mod other_devices;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use bridge_core::{
-    AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy, Model,
-    Settings, StampPoint, TimedCode, TimedPackedBlock,
+    AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy,
+    ImpedanceReport, Model, Settings, StampPoint, TimedCode, TimedPackedBlock,
 };
 use link::{CodeValues, Streams, ToDevice, ToHost};
 use neuro_ros::{
@@ -39,6 +39,8 @@ pub(crate) struct Recorder {
     pub(crate) predictions: Vec<NeuroOutput>,
     pub(crate) events: Vec<NeuroEvent>,
     pub(crate) audits: Vec<AuditedWindow>,
+    /// Number of measurements of impedances.
+    pub(crate) impedances: usize,
 }
 
 impl Effects for Recorder {
@@ -83,6 +85,10 @@ impl Effects for Recorder {
         assert_eq!(event.neuroheader.seq as usize, self.events.len() + 1);
         assert_eq!(event.header.seq, event.neuroheader.seq);
         self.events.push(event.clone());
+    }
+
+    fn publish_impedance(&mut self, _: &ImpedanceReport) {
+        self.impedances += 1;
     }
 
     fn audit(&mut self, window: AuditedWindow) {
@@ -293,6 +299,7 @@ pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
         ToDevice::ModelChunk(_) => "model chunk",
         ToDevice::ModelEnd => "model end",
         ToDevice::SetFeatures(_) => "set features",
+        ToDevice::SetImpedance { .. } => "set impedance",
     };
     harness.board.received.iter().map(name).collect()
 }

@@ -49,6 +49,9 @@ pub struct Publication {
     pub get_info: &'static str,
     /// What the user decides about the exclusion of bad electrodes.
     pub exclusions: Exclusions,
+    /// Resistance in series with each electrode on the board, ohms, if the device is to measure the
+    /// impedance of the electrodes; `None` if it is not.
+    pub impedance: Option<u32>,
     /// What decides from the device's features; `None` without a classifier.
     pub classifying: Option<Classifying>,
     /// Whether the program ends when a device that has sent frames disconnects.
@@ -107,6 +110,9 @@ impl Publication {
     fn core(&self, settings: Settings, model: &Arc<Model>, upload: Option<Upload>) -> Core {
         let mut core = Core::new(settings, Some(Arc::clone(model)));
         core.set_exclusions(self.exclusions.clone());
+        if let Some(series_ohms) = self.impedance {
+            core.measure_impedance(series_ohms);
+        }
         if let Some(upload) = upload {
             core.set_upload(upload);
         }
@@ -208,6 +214,7 @@ pub(super) async fn stream(
         topic_prefix: options.ros.topic_prefix,
         get_info: GET_INFO_SERVICE,
         exclusions: options.asked.exclusion.exclusions(),
+        impedance: options.asked.contacts.impedance(),
         classifying: classifier.map(|classifier| options.predicting.classifying(classifier)),
         exit_at_end: options.exit_at_end,
         realtime: options.realtime.realtime,

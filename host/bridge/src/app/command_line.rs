@@ -18,6 +18,7 @@ use link::{MAX_RATE, ResetInto, Streams};
 
 use crate::app::classifying::{ClassifierOptions, PredictionOptions};
 use crate::app::convert::ConvertOptions;
+use crate::app::impedance::ImpedanceOptions;
 use crate::app::manual::{CompletionsOptions, ManOptions};
 use crate::app::master::MasterOptions;
 use crate::app::replay::ReplayOptions;
@@ -212,6 +213,36 @@ impl ExclusionOptions {
     }
 }
 
+/// Options that say whether the device measures the impedance of the electrodes while it streams.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct ContactOptions {
+    /// Measure the impedance of every electrode while the device streams: once a second on
+    /// /diagnostics. Raw samples then have a tone at a quarter of the sample rate. Needs 500 Hz or
+    /// more
+    #[arg(
+        long,
+        help_heading = DEVICE,
+        env = "CORTICODE_IMPEDANCE",
+        action = ArgAction::Set,
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "false",
+        default_missing_value = "true",
+        value_parser = BoolishValueParser::new()
+    )]
+    impedance: bool,
+    /// Resistance in series with each electrode on the board, ohms, which impedances leave out
+    #[arg(long, help_heading = DEVICE, env = "CORTICODE_SERIES_OHMS", value_name = "OHMS", default_value_t = 0)]
+    series_ohms: u32,
+}
+
+impl ContactOptions {
+    /// Returns the resistance in series with each electrode, ohms, if impedances are wanted.
+    pub(crate) fn impedance(&self) -> Option<u32> {
+        self.impedance.then_some(self.series_ohms)
+    }
+}
+
 /// What the program shall do, as the subcommand says.
 #[derive(Clone, Debug)]
 pub(crate) enum Task {
@@ -231,6 +262,8 @@ pub(crate) enum Task {
     Convert(ConvertOptions),
     /// `calibrate`: fits a packed model to the person who wears the cap.
     Calibrate(Box<CalibrateOptions>),
+    /// `impedance`: shows the impedance of the electrodes.
+    Impedance(ImpedanceOptions),
     /// `ports`: lists the serial ports.
     Ports(PortsOptions),
     /// `doctor`: checks port, device, ROS and clock.
@@ -368,6 +401,7 @@ impl Task {
             Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
             Some(("calibrate", of)) => CalibrateOptions::from_arg_matches(of)
                 .map(|options| Task::Calibrate(Box::new(options))),
+            Some(("impedance", of)) => ImpedanceOptions::from_arg_matches(of).map(Task::Impedance),
             Some(("ports", of)) => PortsOptions::from_arg_matches(of).map(Task::Ports),
             Some(("doctor", of)) => DoctorOptions::from_arg_matches(of).map(Task::Doctor),
             Some(("master", of)) => MasterOptions::from_arg_matches(of).map(Task::Master),
@@ -414,6 +448,7 @@ fn all_options() -> Command {
         .subcommand(with_config(DoctorOptions::command()))
         .subcommand(with_config(ConvertOptions::command()))
         .subcommand(with_config(CalibrateOptions::command()))
+        .subcommand(with_config(ImpedanceOptions::command()))
         .subcommand(MasterOptions::command())
         .subcommand(CompletionsOptions::command())
         .subcommand(ManOptions::command())
@@ -525,6 +560,8 @@ pub(crate) struct StreamOptions {
     pub(crate) raw_form: RawForm,
     #[command(flatten)]
     pub(crate) exclusion: ExclusionOptions,
+    #[command(flatten)]
+    pub(crate) contacts: ContactOptions,
     #[command(flatten)]
     pub(crate) classifying: ClassifierOptions,
 }

@@ -66,6 +66,9 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     let model_rate = ModelRate::new(settings)?;
     let mut core = Core::new(settings, None);
     core.set_exclusions(options.asked.exclusion.exclusions());
+    if let Some(series_ohms) = options.asked.contacts.impedance() {
+        core.measure_impedance(series_ohms);
+    }
     if let Some(classifier) = options.asked.classifying.read()? {
         core.set_classifier(classifier);
     } else if settings.streams.contains(Streams::FEATURES) {

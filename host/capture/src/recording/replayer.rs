@@ -194,6 +194,7 @@ impl<R: Read + Seek> Replayer<R> {
             | ToDevice::Reset(_)
             | ToDevice::SetRate { .. }
             | ToDevice::SetExclusion(_)
+            | ToDevice::SetImpedance { .. }
             | ToDevice::ModelBegin(_)
             | ToDevice::ModelChunk(_)
             | ToDevice::ModelEnd => AckResult::NotSupported,

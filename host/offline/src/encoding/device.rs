@@ -42,6 +42,7 @@ const ABILITIES: Abilities = Abilities {
     self_test: false,
     bootloader: false,
     clock: false,
+    impedance: false,
 };
 
 /// A device that streams codes or packed blocks from its first sample on. Its frames are those of a
@@ -109,6 +110,7 @@ impl Device {
             drdy_us,
             marks: Marks::NONE,
             lost: Marks::NONE,
+            excited: false,
         };
         self.samples += 1;
         let counts = self.counts();

@@ -1,6 +1,8 @@
 //! Analogue part of a simulated chip: from the inputs to counts.
 
 use crate::decoder::CHANNELS;
+use crate::image::LOFF_EXCITATION;
+use crate::impedance::AMPERES;
 use crate::limits::typical_noise_uv;
 use crate::register::Register;
 use crate::settings::{Gain, Input, Rate, TEST_AMPLITUDE_UV, TEST_HALF_PERIOD, VREF};
@@ -13,6 +15,23 @@ pub(super) enum Electrode {
     Volts(f64),
     /// Counts that the channel must return, whatever its gain.
     Counts(i32),
+}
+
+/// Contacts of a chip's electrodes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Contacts {
+    /// Positive inputs whose electrode is disconnected, one bit each.
+    pub(super) off: u8,
+    /// Impedance of the electrode at each positive input, in ohms.
+    pub(super) ohms: [f64; CHANNELS],
+}
+
+impl Contacts {
+    /// Contacts without impedance.
+    pub(super) const IDEAL: Self = Self {
+        off: 0,
+        ohms: [0.0; CHANNELS],
+    };
 }
 
 /// Time at the end of a conversion, and its sample rate.
@@ -35,16 +54,18 @@ pub(super) fn converts_electrodes(chip: &Chip, channel: usize) -> bool {
     channel_set(chip, channel) & 0x87 == Input::Electrodes as u8
 }
 
-/// Returns the counts of a sample, clipped to 24 bits. `off` has one bit for each positive input
-/// whose electrode is disconnected.
+/// Returns the counts of a sample, clipped to 24 bits.
 pub(super) fn convert(
     chip: &Chip,
     electrodes: &[Electrode; CHANNELS],
-    off: u8,
+    contacts: &Contacts,
     conversion: Conversion,
     noise: &mut Noise,
 ) -> [i32; CHANNELS] {
-    let off = off & chip.register(Register::LOFF_SENSP);
+    let currents = chip.register(Register::LOFF_SENSP);
+    let off = contacts.off & currents;
+    // Without excitation the lead-off current is a direct one.
+    let excitation = excitation(chip, conversion);
     let reference = chip.reference(conversion.now_ns);
     core::array::from_fn(|channel| {
         let set = channel_set(chip, channel);
@@ -61,14 +82,20 @@ pub(super) fn convert(
             // Inputs that the simulation lacks are treated as shorted.
             0.0
         } else if off >> channel & 1 != 0 {
-            // The lead-off current drives an open input to the rail.
-            VREF
+            // The lead-off current drives an open input to the rail, an alternating one to both.
+            VREF * excitation.unwrap_or(1.0)
         } else {
+            let is_excited = currents >> channel & 1 != 0;
+            let excitation = excitation.filter(|_| is_excited).unwrap_or(0.0);
+            let excited = excitation * AMPERES * contacts.ohms[channel];
             match electrodes[channel] {
-                Electrode::Volts(volts) => volts,
+                Electrode::Volts(volts) => volts + excited,
                 // The counts are exact once the reference has settled, because `reference` is then
                 // 1.
-                Electrode::Counts(counts) => return clip(f64::from(counts) / reference),
+                Electrode::Counts(counts) => {
+                    let excited = excited * f64::from(gain.factor()) / VREF * f64::from(1 << 23);
+                    return clip((f64::from(counts) + excited) / reference);
+                }
             }
         };
         volts += noise.next() * 1e-6 * f64::from(typical_noise_uv(gain, conversion.rate));
@@ -108,6 +135,23 @@ fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
     } else {
         -amplitude * swing
     }
+}
+
+/// Returns the excitation after the third-order sinc filter, as a fraction of its magnitude; `None`
+/// if LOFF does not select it. It repeats every four samples, at a phase that depends on when the
+/// conversions were started.
+#[expect(clippy::cast_precision_loss, reason = "less than 2^17")]
+fn excitation(chip: &Chip, conversion: Conversion) -> Option<f64> {
+    if chip.register(Register::LOFF) != LOFF_EXCITATION {
+        return None;
+    }
+    let period = u64::from(conversion.rate.divider());
+    let half = 2 * period;
+    let since = (conversion.cycles % half) as f64 / period as f64;
+    let up = (conversion.cycles / half).is_multiple_of(2);
+    // Before the newest change, `since` periods ago, there was another one two periods earlier.
+    let level = 1.0 + 2.0 * step_response(since) - 2.0 * step_response(since + 2.0);
+    Some(if up { level } else { -level })
 }
 
 /// Returns the step response of a third-order sinc filter, `periods` sample periods after the step.

@@ -7,7 +7,7 @@ use crate::chain::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW, opcode};
 use crate::decoder::CHANNELS;
 use crate::register::Register;
 use crate::settings::{Rate, Wiring};
-use crate::simulation::analogue::{self, Conversion, Electrode, Noise};
+use crate::simulation::analogue::{self, Contacts, Conversion, Electrode, Noise};
 use crate::simulation::chip::{Burst, Chip, Moment, Received};
 use crate::simulation::miso::Miso;
 use crate::simulation::options::{Electrodes, Fault, Options};
@@ -43,8 +43,7 @@ pub(super) struct Board<const CHIPS: usize> {
     electrodes: Electrodes<CHIPS>,
     /// Number of samples taken from the electrodes' signal source.
     pub(super) delivered: u64,
-    /// Positive inputs whose electrode is disconnected, one bit each.
-    off: [u8; CHIPS],
+    contacts: [Contacts; CHIPS],
     noise: Noise,
     start: bool,
     /// True after the opcode START, until STOP.
@@ -80,7 +79,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             chips: core::array::from_fn(|_| Chip::new(u64::MAX)),
             electrodes,
             delivered: 0,
-            off: [0; CHIPS],
+            contacts: [Contacts::IDEAL; CHIPS],
             noise: Noise::new(options.seed),
             start: false,
             is_commanded: false,
@@ -109,9 +108,16 @@ impl<const CHIPS: usize> Board<CHIPS> {
 
     pub(super) fn set_electrode(&mut self, chip: usize, channel: usize, on: bool) {
         if channel < CHANNELS
-            && let Some(off) = self.off.get_mut(chip)
+            && let Some(contacts) = self.contacts.get_mut(chip)
         {
-            *off = *off & !(1 << channel) | u8::from(!on) << channel;
+            contacts.off = contacts.off & !(1 << channel) | u8::from(!on) << channel;
+        }
+    }
+
+    pub(super) fn set_impedance(&mut self, chip: usize, channel: usize, ohms: f64) {
+        let contacts = self.contacts.get_mut(chip);
+        if let Some(place) = contacts.and_then(|contacts| contacts.ohms.get_mut(channel)) {
+            *place = ohms;
         }
     }
 
@@ -338,11 +344,11 @@ impl<const CHIPS: usize> Board<CHIPS> {
         };
         let electrodes = self.deliver();
         for (index, chip) in self.chips.iter_mut().enumerate() {
-            chip.set_lead_off(self.off[index]);
+            chip.set_lead_off(self.contacts[index].off);
             let counts = analogue::convert(
                 chip,
                 &electrodes[index],
-                self.off[index],
+                &self.contacts[index],
                 conversion,
                 &mut self.noise,
             );

@@ -1,13 +1,11 @@
 //! Readings of the sampler when chips fail, start and stop.
 
-use std::vec::Vec;
-
 use super::{Bench, run};
 use crate::decoder::{Alignment, CHANNELS, frame_bytes};
 use crate::ready::RateError;
 use crate::register::Register;
 use crate::settings::Settings;
-use crate::simulation::{Electrodes, Fault, Options, Simulation, finish};
+use crate::simulation::{Electrodes, Fault, Options};
 
 const CHIPS: usize = 8;
 

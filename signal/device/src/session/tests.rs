@@ -19,6 +19,7 @@ const EVERYTHING: Abilities = Abilities {
     self_test: true,
     bootloader: true,
     clock: true,
+    impedance: true,
 };
 
 /// Device under test: its session, and the sender whose queue holds the frames to the host.
@@ -208,6 +209,11 @@ fn a_command_is_refused_if_the_board_cannot_do_it_or_an_argument_is_out_of_range
             AckResult::NotSupported,
         ),
         (Abilities::CODES, rate(4), AckResult::NotSupported),
+        (
+            Abilities::CODES,
+            ToDevice::SetImpedance { on: true },
+            AckResult::NotSupported,
+        ),
     ] {
         let mut device = Device::new(abilities);
         assert_eq!(device.execute(command), (None, result), "{command:?}");
@@ -589,4 +595,31 @@ fn a_model_is_refused_while_streaming_without_a_slot_and_where_it_changes_no_str
             .iter()
             .all(|result| *result == AckResult::NotSupported)
     );
+}
+
+#[test]
+fn a_measurement_of_impedances_lasts_until_stop() {
+    let measure = |on| ToDevice::SetImpedance { on };
+    let mut device = Device::new(EVERYTHING);
+    let done = |order| (Some(order), AckResult::Done);
+    assert_eq!(
+        device.execute(measure(true)),
+        done(Order::SetImpedance(true))
+    );
+    // Without a run, `Stop` ends it by an order of its own, and only once.
+    assert_eq!(
+        device.execute(ToDevice::Stop),
+        done(Order::SetImpedance(false))
+    );
+    assert_eq!(device.execute(ToDevice::Stop), (None, AckResult::Done));
+    device.execute(start(Streams::CODES));
+    assert_eq!(
+        device.execute(measure(true)),
+        done(Order::SetImpedance(true))
+    );
+    assert_eq!(
+        device.execute(measure(false)),
+        done(Order::SetImpedance(false))
+    );
+    assert_eq!(device.execute(ToDevice::Stop), done(Order::Stop));
 }

@@ -88,6 +88,7 @@ fn keep(output: Output<'_>) -> Output<'static> {
             Payload::CompressedRaw(samples) => Payload::CompressedRaw(leak(samples)),
             Payload::Filtered(steps) => Payload::Filtered(leak(steps)),
             Payload::Audit(window) => Payload::Audit(leak(window)),
+            Payload::Impedance(impedance) => Payload::Impedance(leak(impedance)),
         },
     }
 }

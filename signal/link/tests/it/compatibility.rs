@@ -24,11 +24,12 @@ enum LaterToDevice {
     ModelChunk { offset: u32 },
     ModelEnd,
     SetFeatures,
+    SetImpedance { on: bool },
     Later { pattern: u8, value: u32 },
 }
 
 impl Message<'_> for LaterToDevice {
-    const KINDS: u32 = 14;
+    const KINDS: u32 = 15;
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
@@ -56,7 +57,7 @@ fn a_newer_message_is_an_intact_frame_that_is_ignored() {
     };
     assert_eq!(
         first(&mut decoder, bytes),
-        Some(Err(FrameError::Unknown { header, kind: 13 }))
+        Some(Err(FrameError::Unknown { header, kind: 14 }))
     );
     let bytes = encoder
         .encode(6, &LaterToDevice::Ping, &mut buffer)
@@ -176,6 +177,24 @@ fn an_audit_has_0_to_256_values() {
             values: CodeValues::int8(&bytes[..length]),
         });
         assert_eq!(is_accepted(&audit), fits);
+    }
+}
+
+#[test]
+fn impedances_are_those_of_1_to_64_electrodes() {
+    let bytes = [7; 4 * (link::MAX_ELECTRODES + 1)];
+    for (length, fits) in [
+        (0, false),
+        (3, false),
+        (4, true),
+        (9, false),
+        (256, true),
+        (260, false),
+    ] {
+        let impedance = ToHost::Impedance(link::Impedance {
+            ohms: &bytes[..length],
+        });
+        assert_eq!(is_accepted(&impedance), fits, "{length}");
     }
 }
 

@@ -4,8 +4,8 @@ use link::{
     Ack, AckResult, Audit, BandPass, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest,
     ClockReading, Code, CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event,
     EventKind, Exclusion, ExclusionPolicy, FeatureFilters, Features, Filtered, Flags, Hello,
-    ModelBegin, ModelChunk, ModelReceived, PackedCode, Quality, Raw, ResetCause, SelfTest, Stage,
-    StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
+    Impedance, ModelBegin, ModelChunk, ModelReceived, PackedCode, Quality, Raw, ResetCause,
+    SelfTest, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
 };
 
 /// Announcement of a model of 300 bytes, and the part of it from byte 256 on.
@@ -42,6 +42,13 @@ fn features() -> ToHost<'static> {
         flags: Flags::SUBSTITUTED,
         saturated: 1 << 20,
         levels: &[151, 96],
+    })
+}
+
+/// 4.2 kOhm, and an electrode that is off.
+fn impedance() -> ToHost<'static> {
+    ToHost::Impedance(Impedance {
+        ohms: &[0x68, 0x10, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF],
     })
 }
 
@@ -378,5 +385,6 @@ pub(crate) fn all() -> Vec<(&'static str, (u32, u64), ToHost<'static>)> {
         ("exclusion", (318, 19_937_500), exclusion()),
         ("model-received", (4, 1_004_000), model_received()),
         ("features", (319, 19_937_500), features()),
+        ("impedance", (320, 19_998_046), impedance()),
     ]
 }

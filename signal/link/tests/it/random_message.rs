@@ -139,8 +139,19 @@ fn with_contents(
             features.saturated = long;
             features.levels = &levels[..levels.len().min(MAX_FEATURES)];
         }
+        ToHost::Impedance(impedance) => impedance.ohms = ohms(code_values.bytes()),
     }
     message
+}
+
+/// Returns the bytes of as many impedances as there are, at least one.
+fn ohms(bytes: &'static [u8]) -> &'static [u8] {
+    let length = bytes.len().min(4 * MAX_ELECTRODES) / 4 * 4;
+    if length > 0 {
+        &bytes[..length]
+    } else {
+        &[1, 2, 3, 4]
+    }
 }
 
 /// Gives each count another value.

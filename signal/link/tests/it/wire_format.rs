@@ -91,6 +91,11 @@ fn every_dump_equals_the_encoders_output() {
         ("model-chunk", (10, 0), ToDevice::ModelChunk(CHUNK)),
         ("model-end", (11, 0), ToDevice::ModelEnd),
         ("set-features", (12, 0), ToDevice::SetFeatures(FILTERS)),
+        (
+            "set-impedance",
+            (13, 0),
+            ToDevice::SetImpedance { on: true },
+        ),
     ];
     let messages = messages::all();
     let compared = commands.len() + messages.len();

@@ -15,7 +15,7 @@ use neuro_ros::{GET_ACQUISITION_INFO, NeuroEvent, NeuroFrame, RosMessage};
 use rustix::process::Signal;
 
 /// Longest time in which roslaunch must end its nodes after a signal.
-const EXIT_TIMEOUT: Duration = Duration::from_secs(60);
+const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 /// Options of the bridge that are not arguments of corticode.launch: `exit_at_end`, which is for
 /// scripts, `sink`, because roslaunch does not show the JSON lines, and `topic_prefix`, which the
 /// argument `ns` replaces.

@@ -12,6 +12,7 @@ mod encoder;
 mod encoder_numpy;
 mod filters;
 mod float_numpy;
+mod impedance;
 mod inputs;
 mod licences;
 mod manual;

@@ -2,11 +2,13 @@
 
 use std::collections::HashSet;
 
-use link::{Streams, ToDevice};
-use virtual_board::{BoardError, Cable, Kind, VirtualBoard};
+use link::{AckResult, Streams, ToDevice};
+use virtual_board::{BoardError, Cable, Kind, VirtualBoard, electrode_ohms};
 
 use crate::images::Subject;
-use crate::session::{acks, assert_sound, converters, pick, run_codes, running, stats, streaming};
+use crate::session::{
+    acks, answer, assert_sound, converters, in_time, pick, run_codes, running, stats, streaming,
+};
 
 /// Number of codes in which the device sends its counters at least once; it does so each second.
 const A_REPORT: usize = 20;
@@ -44,6 +46,38 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     assert_sound(&mut board)?;
     subject.record("commands_answered", answered);
     Ok(())
+}
+
+/// Scenario: the impedance of every electrode is measured while codes stream, without a flagged
+/// code or a late stage.
+pub(crate) fn impedances_are_measured_while_codes_stream(
+    subject: Subject,
+) -> Result<(), BoardError> {
+    let mut board = streaming(subject, Streams::CODES)?;
+    let measure = ToDevice::SetImpedance { on: true };
+    assert_eq!(answer(&mut board, &measure)?, AckResult::Done);
+    run_codes(&mut board, 3 * A_REPORT)?;
+    let impedances = |kind: &Kind| match kind {
+        Kind::Impedance(ohms) => Some(ohms.clone()),
+        _ => None,
+    };
+    let found: Vec<_> = pick(board.inbox().frames(), impedances).collect();
+    assert!(found.len() >= 2, "{} measurements", found.len());
+    for (channel, ohms) in found.iter().flat_map(|ohms| ohms.iter().enumerate()) {
+        let measured = f64::from(ohms.expect("not open"));
+        let error = measured / electrode_ohms(channel) - 1.0;
+        assert!(error.abs() < 0.05, "{channel}: {measured}");
+    }
+    in_time(&board);
+    assert_sound(&mut board)
+}
+
+/// Scenario: an image without the measurement refuses it.
+pub(crate) fn impedances_are_refused(subject: Subject) -> Result<(), BoardError> {
+    let mut board = running(subject)?;
+    let measure = ToDevice::SetImpedance { on: true };
+    assert_eq!(answer(&mut board, &measure)?, AckResult::NotSupported);
+    assert_sound(&mut board)
 }
 
 /// Number of bytes in a million that get a framing error; as many others get a noise error.

@@ -80,6 +80,7 @@ mod h743 {
     scenarios! {
         H743:
         start_up: runs_from_the_clocks_of_an_st_link a_hang_during_the_start_up_ends_in_a_reset;
+        commands: impedances_are_measured_while_codes_stream;
         usb: works_after_pauses_and_suspend reconnects_after_unplugging;
         packed: packed_blocks_equal_those_of_host_sim everything_at_once_is_in_time;
         upload: uploaded_model_is_used unsound_upload_is_refused;
@@ -100,7 +101,7 @@ mod f446 {
     default_image!(F446);
     scenarios! {
         F446:
-        commands: damaged_bytes_destroy_only_their_commands;
+        commands: damaged_bytes_destroy_only_their_commands impedances_are_refused;
         packed: compressed_samples_equal_those_of_host_sim;
         bridge: calibration_is_refused;
     }
