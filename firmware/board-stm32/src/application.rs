@@ -89,9 +89,10 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
         warn!("the previous run failed: {=str}", previous.text());
     }
     let clock_fault = board.clock.fault();
-    match board.clock.hz() {
-        Some(hz) => info!("the ST-LINK's clock has {=u32} Hz", hz),
-        None => warn!("{=str}", clock_fault),
+    if let Some(hz) = board.clock.hz() {
+        info!("the ST-LINK's clock has {=u32} Hz", hz);
+    } else {
+        warn!("{=str}", clock_fault);
     }
     let identity = Identity {
         firmware: board.firmware,

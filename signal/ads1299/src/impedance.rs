@@ -4,7 +4,8 @@ use core::f64::consts::{PI, SQRT_2};
 
 use crate::settings::Settings;
 
-/// Magnitude of the square wave, in amperes. The tolerance of a real chip is 20 % (from memory).
+/// Magnitude of the square wave, in amperes. A real chip is within 20 % (data sheet section
+/// 7.5).
 pub(crate) const AMPERES: f64 = 6e-9;
 
 /// Amplitude of the square wave's fundamental in the samples, relative to the square wave: `4 / pi`
