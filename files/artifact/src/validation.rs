@@ -257,8 +257,9 @@ fn check_adc(d: &Description) -> Result<(), ArtifactError> {
     )?;
     let is_decimal = [250, 500, 1000].contains(&adc.rate_hz);
     Field("adc.clock", &"internal").must(
-        adc.clock == AdcClock::External || is_decimal,
-        "\"external\" at this rate: the oscillator inside an ADS1299 makes 250, 500 or 1000 Hz",
+        adc.clock == AdcClock::External || (is_decimal && adc.channels == CHIP_CHANNELS),
+        "\"external\" for several chips and at other rates than 250, 500 and 1000 Hz: the oscillator inside an \
+         ADS1299 clocks that chip alone",
     )?;
     let is_cascaded = adc.wiring == AdcWiring::Cascaded && adc.channels > CHIP_CHANNELS;
     Field("adc.control", &"commands").must(

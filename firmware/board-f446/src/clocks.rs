@@ -1,6 +1,6 @@
 //! Configuration of the chip's clocks: 168 MHz for the core, 21 MHz for SPI, 48 MHz for USB.
 
-use board_stm32::{ClockSource, nvic_priority};
+use board_stm32::{ClockSource, KnownClock, nvic_priority};
 use embassy_stm32::{
     Config,
     pac::FLASH,
@@ -16,8 +16,9 @@ use firmware::deadlines::priority;
 pub(crate) const AFTER_RESET_HZ: u32 = 16_000_000;
 
 /// Clocks at the HSE input from which [`config`] can derive all others. The NUCLEO-F446RE's ST-LINK
-/// has no other one (UM1724, section 6.7.1).
-pub(crate) const SOURCES: &[ClockSource] = &[ClockSource::StLink];
+/// has no other one (UM1724, section 6.7.1), so the range allows for the 8 % of a warm or cold HSI
+/// (as of the STM32F407, DS8626).
+pub(crate) const SOURCES: &[KnownClock] = &[(ClockSource::StLink, 7_360_000..=8_640_000)];
 
 /// Returns the configuration of the clocks. Each clock has the same frequency whether the ST-LINK's
 /// clock or the internal oscillator is the source.

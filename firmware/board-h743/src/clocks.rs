@@ -1,6 +1,6 @@
 //! Configuration of the chip's clocks: 480 MHz for the core, 25.6 MHz for SPI, 48 MHz for USB.
 
-use board_stm32::{ClockSource, nvic_priority};
+use board_stm32::{ClockSource, KnownClock, nvic_priority};
 use embassy_stm32::{
     Config,
     rcc::{
@@ -14,8 +14,13 @@ use firmware::deadlines::priority;
 /// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0433, RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 64_000_000;
 
-/// Clocks at the HSE input from which [`config`] can derive all others.
-pub(crate) const SOURCES: &[ClockSource] = &[ClockSource::StLink, ClockSource::StLinkCrystal];
+/// Clocks at the HSE input from which [`config`] can derive all others. HSI is exact to 1.5 %
+/// (DS12110, section 7.3.9), and so is the range of the crystal's clock; the other one is an RC
+/// oscillator too. What lies between them could be either.
+pub(crate) const SOURCES: &[KnownClock] = &[
+    (ClockSource::StLink, 7_760_000..=8_160_000),
+    (ClockSource::StLinkCrystal, 8_200_000..=8_470_000),
+];
 
 /// Returns the configuration of the clocks. Each clock has the same frequency from every source.
 pub(crate) fn config(source: ClockSource) -> Config {
@@ -39,8 +44,9 @@ pub(crate) fn config(source: ClockSource) -> Config {
     // The core's clock is 960 MHz / 2 = 480 MHz: the maximum of the chip's revision V, at the
     // highest core voltage (DS12110, section 7.3.1). 960 MHz / 20 = 48 MHz clocks USB and the random
     // number generator, and is as accurate as the source. The alternative for USB, the oscillator
-    // HSI48, is exact to some per cent without the unit CRS, which the chip's errata forbid for the
-    // start of frame of USB (ES0392, section 2.2.3).
+    // HSI48, is exact to some per cent without the unit CRS. embassy-stm32 0.6.0 synchronises CRS to
+    // USB1, and PA11 and PA12 belong to USB2 (RM0433, CRS_CFGR, SYNCSRC); the errata name the
+    // synchronisation by USB for some revisions (ES0392, section 2.2.3).
     rcc.pll1 = Some(Pll {
         source,
         prediv,

@@ -39,6 +39,12 @@ const SRAM1_UNCACHED: u32 = 1 << 28 | 0b011 << 24 | 0b001 << 19 | 1 << 18 | 16 <
 /// 0xDFFF_FFFF, where no memory is fitted and the core would otherwise read speculatively (Arm DDI
 /// 0489 on the Cortex-M7; erratum 1013783; as in the examples of ST's STM32CubeH7).
 const NOTHING_FITTED: u32 = 1 << 28 | 1 << 18 | 0x87 << 8 | 31 << 1 | 1;
+/// Start address of the system memory, with the boot loader.
+const SYSTEM_MEMORY: u32 = 0x1FF0_0000;
+/// Value of RASR for the system memory, 512 KB: strongly ordered, readable and writable, never
+/// executed, because a speculative read there can raise an error of the flash (as in Zephyr's
+/// `mpu_regions.c` for this chip).
+const NOT_SPECULATIVE: u32 = 1 << 28 | 0b011 << 24 | 1 << 18 | 18 << 1 | 1;
 /// Value of the MPU's control register: enabled, with the architecture's default attributes for
 /// memory outside every region.
 const ON_WITH_DEFAULTS: u32 = 0b101;
@@ -54,16 +60,20 @@ pub(crate) fn init(mut core: Peripherals) -> (&'static mut DmaMemory, &'static m
     // SAFETY: no MPU region is in use, and the caches are still off.
     unsafe { core.MPU.ctrl.write(0) };
     // The higher of two regions that overlap counts.
-    for (region, start, attributes) in [(0, 0, NOTHING_FITTED), (1, SRAM1, SRAM1_UNCACHED)] {
-        // SAFETY: the MPU is off; both regions exist.
+    for (region, start, attributes) in [
+        (0, 0, NOTHING_FITTED),
+        (1, SRAM1, SRAM1_UNCACHED),
+        (2, SYSTEM_MEMORY, NOT_SPECULATIVE),
+    ] {
+        // SAFETY: the MPU is off; the chip has 16 regions.
         unsafe { core.MPU.rnr.write(region) };
         // SAFETY: the MPU is off; the address is a multiple of the region's size.
         unsafe { core.MPU.rbar.write(start) };
-        // SAFETY: the MPU is off; no code and no variable is where it forbids access, and no code in
-        // SRAM1.
+        // SAFETY: the MPU is off; no code and no variable is where they forbid access, and no code
+        // of this program in SRAM1 or the system memory.
         unsafe { core.MPU.rasr.write(attributes) };
     }
-    // SAFETY: both regions are complete; all other memory keeps its default attributes.
+    // SAFETY: all regions are complete; all other memory keeps its default attributes.
     unsafe { core.MPU.ctrl.write(ON_WITH_DEFAULTS) };
     cortex_m::asm::dsb();
     cortex_m::asm::isb();

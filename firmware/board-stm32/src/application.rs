@@ -89,9 +89,8 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
         warn!("the previous run failed: {=str}", previous.text());
     }
     let clock_fault = board.clock.fault();
-    if let Some(hz) = board.clock.hz() {
-        info!("the ST-LINK's clock has {=u32} Hz", hz);
-    } else {
+    info!("clock: {=str}", board.clock.name());
+    if !clock_fault.is_empty() {
         warn!("{=str}", clock_fault);
     }
     let identity = Identity {

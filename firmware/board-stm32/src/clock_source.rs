@@ -1,6 +1,8 @@
 //! Selects the source of the core's clock at start: the ST-LINK's clock, if it runs and has a
 //! frequency that the board knows, or the internal oscillator.
 
+use core::ops::RangeInclusive;
+
 #[cfg(target_os = "none")]
 use {cortex_m::asm, embassy_stm32::pac::RCC};
 
@@ -35,15 +37,15 @@ pub const HSE_DIVIDER: u8 = 16;
 /// Periods of HSE between two captures.
 const CAPTURE_PERIODS: u32 = 8 * HSE_DIVIDER as u32;
 
-/// Captures of a measurement, which takes 1 ms at 8 MHz and resolves 60 ppm.
-const CAPTURES: u32 = 64;
+/// Captures of a measurement, which takes 0.3 ms at 8 MHz.
+const CAPTURES: u32 = 16;
 
 /// Polls after which a capture counts as missing; one takes at least a cycle of the core.
 const CAPTURE_POLLS: u32 = 100_000;
 
-/// Deviation of the measured from the nominal frequency up to which they are the same, in percent:
-/// the sum of HSI's and the ST-LINK's.
-const TOLERANCE_PERCENT: u32 = 2;
+/// Clock at the HSE input from which a board can derive all others, and the frequencies in Hz, as
+/// measured by the chip's own oscillator, at which it counts as this clock.
+pub type KnownClock = (ClockSource, RangeInclusive<u32>);
 
 /// Longest wait for the ST-LINK's clock, ms. The clock starts with the ST-LINK's own firmware,
 /// whose start-up time is not specified. Only a board without this clock waits for the whole time.
@@ -54,7 +56,7 @@ impl ClockSource {
     /// internal oscillator otherwise. `core_hz` is the core's and the timer's clock after a reset.
     /// Replaces embassy's own wait for the clock, which has no limit.
     #[cfg(target_os = "none")]
-    pub fn find(core_hz: u32, timer: &mut impl HseTimer, known: &[Self]) -> Self {
+    pub fn find(core_hz: u32, timer: &mut impl HseTimer, known: &[KnownClock]) -> Self {
         // Set HSEBYP first: it can be set only while HSE is off (RM0433 and RM0390, RCC_CR).
         RCC.cr().modify(|control| control.set_hsebyp(true));
         RCC.cr().modify(|control| control.set_hseon(true));
@@ -64,34 +66,33 @@ impl ClockSource {
         } else {
             Self::NoClock
         };
-        if source.hz().is_none() {
+        if !source.is_hse() {
             RCC.cr().modify(|control| control.set_hseon(false));
         }
         source
     }
 
-    /// Returns the source among `known` whose frequency is the measured one, within
-    /// [`TOLERANCE_PERCENT`].
-    fn of_frequency(measured_hz: Option<u32>, known: &[Self]) -> Self {
-        let is_it = |source: &&Self| {
-            source
-                .hz()
-                .zip(measured_hz)
-                .is_some_and(|(hz, measured)| measured.abs_diff(hz) <= hz / 100 * TOLERANCE_PERCENT)
-        };
+    /// Returns the source among `known` to whose range the measured frequency belongs.
+    fn of_frequency(measured_hz: Option<u32>, known: &[KnownClock]) -> Self {
+        let is_it = |(_, range): &&KnownClock| measured_hz.is_some_and(|hz| range.contains(&hz));
         known
             .iter()
             .find(is_it)
-            .copied()
-            .unwrap_or(Self::OtherClock)
+            .map_or(Self::OtherClock, |(source, _)| *source)
     }
 
-    /// Returns the frequency at the HSE input, in Hz, rounded down; `None` if it is not used.
-    pub const fn hz(self) -> Option<u32> {
+    /// Returns whether the source is the clock at the HSE input.
+    pub const fn is_hse(self) -> bool {
+        matches!(self, Self::StLink | Self::StLinkCrystal)
+    }
+
+    /// Returns the name of the source for the log.
+    #[cfg(target_os = "none")]
+    pub(crate) const fn name(self) -> &'static str {
         match self {
-            Self::StLink => Some(8_000_000),
-            Self::StLinkCrystal => Some(8_333_333),
-            Self::NoClock | Self::OtherClock => None,
+            Self::StLink => "8 MHz from the ST-LINK",
+            Self::StLinkCrystal => "8.33 MHz from the ST-LINK",
+            Self::NoClock | Self::OtherClock => "the chip's own oscillator",
         }
     }
 
@@ -100,36 +101,40 @@ impl ClockSource {
         match self {
             Self::StLink | Self::StLinkCrystal => "",
             Self::NoClock => {
-                "no 8 MHz from the ST-LINK: the board runs from the chip's own oscillator, device times \
+                "no clock from the ST-LINK: the board runs from the chip's own oscillator, device times \
                  are off by up to some per cent, and USB is out of tolerance; check the ST-LINK's supply \
                  and firmware"
             }
             Self::OtherClock => {
                 "the ST-LINK's clock has a frequency that this board does not know: the board runs from \
                  the chip's own oscillator, device times are off by up to some per cent, and USB is out \
-                 of tolerance; set the ST-LINK's MCO output (docs/hardware.md)"
+                 of tolerance; docs/hardware.md says which frequencies it knows"
             }
         }
     }
 }
 
-/// Measures HSE against the timer's clock of `timer_hz`, and returns its frequency in Hz; `None` if
-/// a capture is missing. Edges of HSE that come while no one polls count as a lower frequency.
+/// Measures HSE against the timer's clock of `timer_hz`, and returns its frequency in Hz, to a count
+/// in an interval between captures (0.1 % at 64 MHz, 0.4 % at 16 MHz); `None` if a capture is
+/// missing. The shortest interval counts: others are longer if nobody polled in time.
 fn measure(timer_hz: u32, timer: &mut impl HseTimer) -> Option<u32> {
     timer.start();
     let mut next = || (0..CAPTURE_POLLS).find_map(|_| timer.capture());
     // The first capture can be left from before the start, and the second end a short interval.
-    let started = next().and_then(|_| next());
-    let mut counts = started.map(|first| (first, 0_u32));
+    let mut last = next().and_then(|_| next());
+    let mut shortest = None;
     for _ in 0..CAPTURES {
-        let Some((last, sum)) = counts else { break };
-        let add = |count: u16| (count, sum + u32::from(count.wrapping_sub(last)));
-        counts = next().map(add);
+        let count = next();
+        let interval = last
+            .zip(count)
+            .map(|(last, count)| count.wrapping_sub(last));
+        // A missing capture is less than any interval.
+        shortest = shortest.map_or(Some(interval), |shortest| Some(interval.min(shortest)));
+        last = count;
     }
     timer.stop();
-    let (_, sum) = counts.filter(|(_, sum)| *sum > 0)?;
-    let edges = u64::from(CAPTURES * CAPTURE_PERIODS);
-    u32::try_from(edges * u64::from(timer_hz) / u64::from(sum)).ok()
+    let edges = u64::from(CAPTURE_PERIODS) * u64::from(timer_hz);
+    u32::try_from(edges.checked_div(shortest.flatten()?.into())?).ok()
 }
 
 /// Calls `pause` until `is_ready()`, but at most `pauses` times. Returns whether it became ready.
@@ -171,6 +176,8 @@ mod tests {
         timer_hz: u64,
         hse_hz: u64,
         number: u64,
+        /// Capture that comes while nobody polls.
+        lost: u64,
     }
 
     impl HseTimer for Captures {
@@ -178,6 +185,7 @@ mod tests {
 
         fn capture(&mut self) -> Option<u16> {
             self.number += u64::from(self.hse_hz > 0);
+            self.number += u64::from(self.number == self.lost);
             let edges = self.number * u64::from(CAPTURE_PERIODS);
             let count = (edges * self.timer_hz).checked_div(self.hse_hz)?;
             Some((count & 0xFFFF) as u16)
@@ -189,15 +197,18 @@ mod tests {
     #[test]
     fn the_frequency_decides_the_source() {
         use ClockSource::{OtherClock, StLink, StLinkCrystal};
-        let both = [StLink, StLinkCrystal];
+        let both = [
+            (StLink, 7_760_000..=8_160_000),
+            (StLinkCrystal, 8_200_000..=8_470_000),
+        ];
         for timer_hz in [16_000_000, 64_000_000] {
             for (hse_hz, expected) in [
                 (7_976_000, StLink),
                 (8_000_000, StLink),
-                (8_150_000, StLink),
-                (8_200_000, StLinkCrystal),
+                (8_100_000, StLink),
+                (8_180_000, OtherClock),
                 (8_333_333, StLinkCrystal),
-                (7_800_000, OtherClock),
+                (7_700_000, OtherClock),
                 (16_000_000, OtherClock),
                 (0, OtherClock),
             ] {
@@ -205,10 +216,13 @@ mod tests {
                     timer_hz: timer_hz.into(),
                     hse_hz,
                     number: 0,
+                    lost: 9,
                 };
                 let measured = measure(timer_hz, &mut timer);
                 if let Some(hz) = measured {
-                    assert!(u64::from(hz).abs_diff(hse_hz) * 10_000 < 2 * hse_hz, "{hz}");
+                    let count = timer_hz / u32::try_from(hse_hz / 128).expect("a short interval");
+                    let off = u64::from(hz).abs_diff(hse_hz);
+                    assert!(off * u64::from(count) <= hse_hz, "{hz}");
                 }
                 let source = ClockSource::of_frequency(measured, &both);
                 assert_eq!(source, expected, "{hse_hz} Hz");

@@ -41,7 +41,7 @@ mod trigger;
 mod trigger_line;
 
 #[cfg(any(test, target_os = "none"))]
-pub use clock_source::{ClockSource, HSE_DIVIDER, HseTimer};
+pub use clock_source::{ClockSource, HSE_DIVIDER, HseTimer, KnownClock};
 #[cfg(all(target_os = "none", feature = "uart"))]
 pub use port::{PortMemory, Uart, UartInterrupt};
 #[cfg(target_os = "none")]

@@ -702,8 +702,7 @@ impl Session {
         self.side.bus.publish(&event, wall_ns, row, effects);
     }
 
-    /// Stores which electrodes the device excludes, and publishes an event if they have changed.
-    /// Reports about a run that another program has started are of no concern.
+    /// Publishes the impedances that were measured during a run of this bridge.
     fn handle_impedance(&mut self, impedance: &Impedance, effects: &mut dyn Effects) {
         if !self.accepts_codes() {
             return;
@@ -721,6 +720,8 @@ impl Session {
         self.commands.measure_impedance();
     }
 
+    /// Stores which electrodes the device excludes, and publishes an event if they have changed.
+    /// Reports about a run that another program has started are of no concern.
     fn handle_exclusion(&mut self, report: Exclusion, at: MessageTimes, effects: &mut dyn Effects) {
         self.commands.exclusion_reported(report.policy);
         let Some(codes) = &self.codes else { return };

@@ -8,7 +8,22 @@ use crate::chain::{Chain, opcode};
 use crate::error::Error;
 use crate::register::Register;
 use crate::sampler::Sampler;
-use crate::settings::Settings;
+use crate::settings::{Settings, Wiring};
+
+impl Settings {
+    /// Returns the number of bytes that switch the excitation of `chips` chips on: SDATAC, RDATAC
+    /// and two registers, for all chips at once or for each of the cascaded ones, and one register
+    /// more for each chip with another mask than the first.
+    pub(crate) fn excitation_bytes(self, chips: usize) -> usize {
+        let mask = |chip| self.image(chip).0[Register::LOFF_SENSP.index()];
+        let others = (1..chips).filter(|chip| mask(*chip) != mask(0)).count();
+        let commands = match self.wiring {
+            Wiring::Daisy => 8,
+            Wiring::Cascaded => 8 * chips,
+        };
+        commands + 3 * others
+    }
+}
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
     /// Writes the registers of the excitation while the chips convert: SDATAC, WREG, RDATAC. Only
@@ -52,20 +67,25 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// command shows electrodes without impedance.
     ///
     /// # Errors
-    /// The bus or a pin fails; the settings then stay as they are.
+    /// The bus or a pin fails. Some chips can be excited then, so all channels count as excited
+    /// until a later call succeeds.
     ///
     /// # Timing
-    /// Call it between two samples. It clocks 14 bytes at most for a chain of whole chips and one
-    /// with spare channels, with four clock cycles after each: 0.05 ms at 12.8 MHz.
+    /// Call it between two samples, [`Settings::excitation_bytes`] before the next one.
     pub async fn set_excitation(&mut self, channels: u8) -> Result<(), Error> {
         let settings = Settings {
             excited: channels,
             ..self.settings
         };
-        if self.is_running() {
-            self.chain.write_excitation(settings).await?;
-        }
+        let written = if self.is_running() {
+            self.chain.write_excitation(settings).await
+        } else {
+            Ok(())
+        };
         self.settings = settings;
-        Ok(())
+        if written.is_err() {
+            self.settings.excited = u8::MAX;
+        }
+        written
     }
 }

@@ -9,11 +9,13 @@ use crate::chain::COLD_US;
 use crate::error::Error;
 use crate::reading::Reading;
 use crate::sampler::{SILENCE, Sampler};
-
-/// Time that must remain before the next sample for [`RetryingSampler::switch_excitation`], in
-/// microseconds: 14 bytes, with a wait of some microseconds after each.
 #[cfg(any(test, feature = "simulation", feature = "impedance"))]
-const SWITCH_US: u64 = 250;
+use crate::settings::Settings;
+
+/// Time that a byte takes in [`RetryingSampler::switch_excitation`], in microseconds: its clocks, the
+/// wait after it and the start of the transfer (estimated).
+#[cfg(any(test, feature = "simulation", feature = "impedance"))]
+const BYTE_US: u64 = 18;
 
 /// Delivers one sample per period in any case: a real sample, or, while the chain is silent, a
 /// flagged repetition of the last counts.
@@ -130,8 +132,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         (reading, DrdyEdge { us, missed })
     }
 
-    /// Sets [`Settings::excited`](crate::Settings::excited) if it differs, unless a sample is
-    /// due soon or the chain is being brought up; call it before every [`Self::next`].
+    /// Sets [`Settings::excited`] if it differs, unless a sample is due soon or the chain is being brought up; call it before every [`Self::next`].
     ///
     /// # Timing
     /// That of [`Sampler::set_excitation`]; it fits between two samples.
@@ -144,7 +145,12 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         let next_us = self
             .due_us
             .saturating_sub(u64::from(periods) * self.period_us());
-        if drdy.now_us() + SWITCH_US <= next_us {
+        let settings = Settings {
+            excited: channels,
+            ..self.sampler.settings()
+        };
+        let switch_us = BYTE_US * settings.excitation_bytes(CHIPS) as u64;
+        if drdy.now_us() + switch_us <= next_us {
             // After a failure of the bus, the next call tries again.
             let _ = self.sampler.set_excitation(channels).await;
         }

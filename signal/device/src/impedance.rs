@@ -4,7 +4,7 @@ use ads1299::ImpedanceMeter;
 use link::Streams;
 use model::{ADC_RATE_HZ, ELECTRODES};
 
-use crate::acquired_sample::AcquiredSample;
+use crate::acquired_sample::{AcquiredSample, Marks};
 use crate::converters::CONVERTER_SETTINGS;
 
 /// Impedance of each electrode in one measurement; [`link::Impedance`] is the one on the wire.
@@ -51,14 +51,16 @@ pub(crate) struct ImpedanceMeasurement(ImpedanceMeter<ELECTRODES>);
 impl ImpedanceMeasurement {
     pub(crate) const NEW: Self = Self(ImpedanceMeter::new(CONVERTER_SETTINGS));
 
-    /// Adds a sample. Returns the impedances if a measurement is complete. A lost sample or one
-    /// without excitation ends a measurement without a result.
+    /// Adds a sample. Returns the impedances if a measurement is complete. A lost sample, one of a
+    /// bad chip, whose counts repeat, and one without excitation end a measurement without a result.
     pub(crate) fn observe(&mut self, acquired: &AcquiredSample) -> Option<Impedance> {
         if !acquired.excited {
             self.0.restart();
             return None;
         }
-        if acquired.new_run.is_some() || acquired.marks.overrun || acquired.lost.overrun {
+        let [marks, lost] = [acquired.marks, acquired.lost];
+        let is_broken = |marks: Marks| marks.overrun || marks.adc_status_bad;
+        if acquired.new_run.is_some() || is_broken(marks) || is_broken(lost) {
             self.0.restart();
         }
         let ohms = self.0.observe(&acquired.sample.counts)?;
@@ -103,6 +105,7 @@ mod tests {
             };
             acquired.sample.counts = [[4_989, 0, -4_989, 0][(index % 4) as usize]; model::CHANNELS];
             acquired.marks.overrun = index == lost;
+            acquired.marks.adc_status_bad = index == lost - 1;
             found.extend(measurement.observe(&acquired).map(|one| (index, one)));
         }
         let ends: Vec<u64> = found.iter().map(|(index, _)| index + 1).collect();

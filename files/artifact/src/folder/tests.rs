@@ -1,7 +1,9 @@
 //! Tests that a model survives its folder unchanged, and that invalid models are refused.
 
 use super::*;
-use crate::description::{AdcClock, AdcControl, AdcWiring, Grid, NetworkShape, Padding, Window};
+use crate::description::{
+    AdcClock, AdcControl, AdcWiring, Decimation, Grid, NetworkShape, Padding, Window,
+};
 use crate::error::TensorProblem;
 use crate::testing;
 
@@ -81,7 +83,7 @@ fn the_error_of_a_misspelt_field_names_it() {
 #[test]
 fn the_error_of_an_invalid_description_names_the_field() {
     type Change = fn(&mut Description);
-    let cases: [(Change, &str); 31] = [
+    let cases: [(Change, &str); 32] = [
         (|d| d.format = 2, "format"),
         (|d| d.window.hop = 7, "window.hop"),
         (|d| d.network.pool = [0, 2, 2], "network.pool"),
@@ -105,6 +107,13 @@ fn the_error_of_an_invalid_description_names_the_field() {
         (|d| d.adc.channels = 62, "adc.channels"),
         (|d| d.adc.channels = 72, "adc.channels"),
         (|d| d.adc.clock = AdcClock::Internal, "adc.clock"),
+        (
+            |d| {
+                (d.adc.rate_hz, d.adc.channels) = (250, 16);
+                (d.filters.decimation, d.adc.clock) = (Decimation::Fir, AdcClock::Internal);
+            },
+            "adc.clock",
+        ),
         (
             |d| {
                 d.adc.channels = 16;

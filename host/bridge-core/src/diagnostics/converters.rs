@@ -117,9 +117,9 @@ fn oscillator_warning(
     is_off.then(|| {
         format!(
             "the converters sample at {hz:.3} Hz, {ppm:+.0} ppm off the {adc_rate_hz} Hz that were set, \
-             and the filters' frequencies are off by as much; check CLK and CLKSEL: 2.048 MHz in place \
-             of 2.097152 MHz makes -23,438 ppm, the reverse +24,000, and the oscillator inside an \
-             ADS1299 is exact to 2.5 %"
+             and the filters' frequencies are off by as much. The oscillator inside an ADS1299 can be \
+             off by 25,000 ppm; with an external one, check CLK and CLKSEL: 2.048 MHz in place of \
+             2.097152 MHz makes -23,438 ppm, the reverse +24,000"
         )
     })
 }

@@ -340,9 +340,9 @@ fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         let direction = if drift_ppm > 0.0 { "slow" } else { "fast" };
         let message = format!(
             "the device's clock is {:.0} ppm {direction}; the stamps are corrected, but a crystal \
-             is exact to 100 ppm. If it is a NUCLEO, it runs from its RC oscillator, because it \
-             lacks the 8 MHz of the ST-LINK: check its solder bridges and the ST-LINK's power, and \
-             restart it. An amplifier of another make does not run at the rate that it states: see \
+             is exact to 100 ppm. A NUCLEO runs from an RC oscillator: that of its ST-LINK, until \
+             that is set to 8.33 MHz (docs/hardware.md), or its own, if `device` reports no clock of the \
+             ST-LINK. An amplifier of another make does not run at the rate that it states: see \
              its data sheet",
             drift_ppm.abs()
         );

@@ -42,7 +42,7 @@ fn a_clock_more_than_1000_ppm_off_is_a_warning_once_it_is_measured() {
         let status = harness.status("clock").unwrap();
         assert_eq!(status.level, level, "{}", status.message);
         assert!(status.message.contains(part), "{}", status.message);
-        let has_remedy = status.message.contains("8 MHz of the ST-LINK");
+        let has_remedy = status.message.contains("set to 8.33 MHz");
         assert_eq!(has_remedy, level == warn, "{}", status.message);
     }
 }
