@@ -174,6 +174,7 @@ pub fn electrode_count(sample: u64, channel: usize) -> i32 {
 }
 
 /// Returns the impedance of the electrode at a channel, in ohms.
+#[expect(clippy::cast_precision_loss, reason = "at most 64 channels")]
 pub fn electrode_ohms(channel: usize) -> f64 {
     1_000.0 * (channel + 1) as f64
 }

@@ -109,7 +109,7 @@ fn the_error_of_an_invalid_description_names_the_field() {
         (|d| d.adc.clock = AdcClock::Internal, "adc.clock"),
         (
             |d| {
-                (d.adc.rate_hz, d.adc.channels) = (250, 16);
+                d.adc.rate_hz = 250;
                 (d.filters.decimation, d.adc.clock) = (Decimation::Fir, AdcClock::Internal);
             },
             "adc.clock",
