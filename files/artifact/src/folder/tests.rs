@@ -115,10 +115,7 @@ fn the_error_of_an_invalid_description_names_the_field() {
             "adc.clock",
         ),
         (
-            |d| {
-                d.adc.channels = 16;
-                (d.adc.wiring, d.adc.control) = (AdcWiring::Cascaded, AdcControl::Commands);
-            },
+            |d| (d.adc.wiring, d.adc.control) = (AdcWiring::Cascaded, AdcControl::Commands),
             "adc.control",
         ),
         (|d| d.window.steps = 24, "window.steps"),
