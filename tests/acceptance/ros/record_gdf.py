@@ -12,6 +12,7 @@ recording.
 """
 
 import ctypes
+import os
 import signal
 import sys
 import threading
@@ -155,7 +156,10 @@ def main():
     ended.wait()
     with recorder.lock:
         recorder.gdf.close()
-        recorder.gdf = None
+    # Without waiting for rospy's threads: one that connects again to a bridge that has gone sleeps for up to a
+    # minute.
+    sys.stdout.flush()
+    os._exit(0)
 
 
 main()
