@@ -485,8 +485,17 @@ impl Session {
         let Some(codes) = &mut self.codes else { return };
         let hops = Streams::CODES | Streams::PACKED | Streams::FEATURES;
         let streams = stats.streams != stats.streams.without(hops);
-        if streams {
+        // A device that was asked for other streams alone, such as events, makes no hops.
+        let asked = self.commands.streams();
+        let runs = if asked == asked.without(hops) {
+            !stats.streams.is_empty()
+        } else {
+            streams
+        };
+        if runs {
             self.commands.stream_received(at.read.monotonic_us);
+        }
+        if streams {
             codes.timeline.mark_running();
         }
         if !codes.timeline.is_running() {
@@ -502,7 +511,7 @@ impl Session {
             let reception = at.reception(true, &self.clock, &self.trigger);
             codes.fill_before(stats.next_window, reception, effects);
         }
-        if !streams && self.commands.wants_stream() {
+        if !runs && self.commands.wants_stream() {
             tracing::warn!("the device stopped streaming by itself; starting it again");
             self.commands.device_stopped();
             self.restart_streams();

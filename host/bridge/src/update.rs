@@ -38,7 +38,8 @@ const BOARDS: [(&str, &str); 2] = [
     ),
 ];
 
-/// Longest wait for the loader after the reset, and then for the right to open it, which udev gives.
+/// Longest wait for the loader after the reset, and then for the permission to open it, which udev
+/// grants.
 const LOADER_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest wait for the new firmware's `Hello`.
 const RESTART_TIMEOUT: Duration = Duration::from_secs(20);
@@ -273,7 +274,7 @@ pub(crate) fn update<M: Machine>(
         machine.note(&format!("a board in its boot loader: to {wanted}"));
         id
     };
-    // udev gives this user the right to open it some time after its arrival.
+    // udev grants this user the permission to open it some time after its arrival.
     let loader = retry(machine, LOADER_TIMEOUT, |machine| machine.open(id));
     let mut loader = loader.map_err(UpdateError::LoaderNotOpen)?;
     if FlashLayout::parse(loader.layout()).as_ref() != Some(&flash) {

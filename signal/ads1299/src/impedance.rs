@@ -95,7 +95,7 @@ impl<const N: usize> ImpedanceMeter<N> {
         }
     }
 
-    /// Starts anew. Call it for a sample without excitation, and when samples are missing.
+    /// Starts the measurement again. Call it for a sample without excitation, and when samples are missing.
     pub const fn restart(&mut self) {
         self.age = 0;
         self.sums = [[0; N]; 2];

@@ -132,7 +132,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         (reading, DrdyEdge { us, missed })
     }
 
-    /// Sets [`Settings::excited`] if it differs, unless a sample is due soon or the chain is being brought up; call it before every [`Self::next`].
+    /// Sets [`Settings::excited`] if it differs, unless a sample is due soon or the chain is being
+    /// brought up; call it before every [`Self::next`].
     ///
     /// # Timing
     /// That of [`Sampler::set_excitation`]; it fits between two samples.

@@ -47,6 +47,16 @@ fn a_measurement_alone_streams_nothing_but_events() {
     harness.exchange();
     assert_eq!(harness.board.streams, Streams::EVENTS);
     assert_eq!(asked(&harness), 1);
+    // It runs, although it makes neither codes nor blocks: a new start would begin the measurement
+    // again.
+    for _ in 0..20 {
+        harness.now_us += 1_000_000;
+        let stats = harness.board.stats(Streams::EVENTS);
+        harness.receive(&stats);
+        harness.exchange();
+    }
+    let names = commands(&harness);
+    assert_eq!(names.iter().filter(|name| **name == "start").count(), 1);
 }
 
 #[test]
