@@ -32,6 +32,7 @@ mod chain;
 mod device_model;
 mod emit;
 mod error;
+pub mod front_end;
 pub mod headroom;
 mod integer_model;
 mod layer;

@@ -1,5 +1,7 @@
 //! `cargo xtask board`: tests, on emulated boards, the images that are flashed to real ones.
 
+use std::env;
+use std::path::PathBuf;
 use std::process::Command;
 
 use serde_json::Value;
@@ -8,7 +10,7 @@ use crate::command::{
     AFTER_A_BUILD, Failure, cargo, replace, run, target_folder, virtual_board_cargo,
 };
 use crate::figures::{self, Figures, Row};
-use crate::images::{self, Board};
+use crate::images::{self, ARTIFACT, Board, Rig};
 use crate::install;
 
 /// Figures that are true if the row of a board has all figures of a group. Each entry has the
@@ -25,29 +27,33 @@ const VERDICTS: [[&str; 3]; 3] = [
 /// measured is null.
 const ALWAYS: &str = "booted codes equal_to_host violations unmapped selftest_ok";
 
-/// Builds the images and the bridge, runs the scenarios on `board`, or on both boards if it is
-/// `None`, and prints the figures.
-pub(crate) fn board(board: Option<Board>, json: bool) -> Result<(), Failure> {
+/// Builds the images and the bridge, runs the scenarios on `rig`, or on all if it is `None`, and
+/// prints the figures.
+pub(crate) fn board(rig: Option<Rig>, json: bool) -> Result<(), Failure> {
     install::virtual_board_compiler()?;
     // Build all programs, as the acceptance tests do: for the bridge alone, cargo would select
     // other features of its dependencies and compile them again.
     run(&mut cargo("build --bins"), AFTER_A_BUILD)?;
-    let boards = board.map_or(Board::ALL.to_vec(), |board| vec![board]);
-    test(&boards, json)
+    let rigs = rig.map_or(Rig::ALL.to_vec(), |rig| vec![rig]);
+    rigs.iter().copied().try_for_each(images::build)?;
+    test(&rigs, json)
 }
 
-/// Builds the images of `boards`, runs the scenarios on them with a bridge that is already built,
-/// and prints the figures.
-pub(crate) fn test(boards: &[Board], json: bool) -> Result<(), Failure> {
+/// Runs the scenarios on `rigs`, whose images and a bridge are already built, and prints the figures.
+pub(crate) fn test(rigs: &[Rig], json: bool) -> Result<(), Failure> {
     let mut test = linted("test --release --test boards --");
     let bridge = target_folder().join("debug/corticode-bridge");
     test.env("CORTICODE_BRIDGE", bridge);
-    for board in boards {
-        images::build(*board)?;
-        test.arg(board.key());
-        for [name, _] in board.images() {
-            let variable = format!("CORTICODE_IMAGE_{}", name.to_uppercase().replace('-', "_"));
-            test.env(variable, images::file(name));
+    // The scenarios compare with a host-sim of the built-in model.
+    test.env_remove(ARTIFACT);
+    for rig in rigs {
+        test.arg(rig.key().replace('-', "_"));
+        for [name, _] in rig.images() {
+            let word = name.to_uppercase().replace('-', "_");
+            test.env(format!("CORTICODE_IMAGE_{word}"), images::file(name));
+            if let Some(model) = rig.model() {
+                test.env(format!("CORTICODE_MODEL_{word}"), model);
+            }
         }
     }
     let file = figures::attach(&mut test, "board", json);
@@ -55,29 +61,40 @@ pub(crate) fn test(boards: &[Board], json: bool) -> Result<(), Failure> {
                 virtual board\"";
     let passed = run(&mut test, next);
     let figures = figures::read(&file, "board")?;
-    let rows = boards.iter().map(|board| row(board.key(), &figures));
+    let rows = rigs.iter().map(|rig| row(rig.key(), &figures));
     let whole = Row::from_iter([("passed".to_owned(), passed.is_ok().into())]);
     figures::publish("board", "board", rows.collect(), whole, json)?;
     passed
 }
 
 /// Runs an emulated board until Ctrl-C, with its link at TCP port `port`. `other_port` selects the
-/// image whose link is not the board's default port, USB or UART.
-pub(crate) fn live(board: Board, port: u16, other_port: bool) -> Result<(), Failure> {
+/// image whose link is not the board's default port, USB or UART. A model that `CORTICODE_ARTIFACT`
+/// names replaces the rig's own.
+pub(crate) fn live(rig: Rig, port: u16, other_port: bool) -> Result<(), Failure> {
     install::virtual_board_compiler()?;
-    images::build(board)?;
-    let mut images = board.images().iter().map(|[name, _]| *name);
+    let model = env::var_os(ARTIFACT)
+        .map(PathBuf::from)
+        .or_else(|| rig.model());
+    if rig.model().is_some() {
+        run(&mut cargo("build --bins"), AFTER_A_BUILD)?;
+    }
+    images::build_with(rig, model.as_deref())?;
+    let mut images = rig.images().iter().map(|[name, _]| *name);
     let image = if other_port {
         images.next()
     } else {
         images.next_back()
     };
-    let image = images::file(image.unwrap_or(board.key()));
-    let is_uart = (board == Board::H743) == other_port;
+    let image = images::file(image.unwrap_or(rig.key()));
+    let is_uart = (rig.board() == Board::H743) == other_port;
     let cable = if is_uart { "uart" } else { "usb" };
-    let key = board.key();
+    let key = rig.board().key();
     let words = format!("run --release -- {key} --port {port} --cable {cable}");
-    replace(virtual_board_cargo(&words).arg("--image").arg(image))
+    let mut live = virtual_board_cargo(&words);
+    if let Some(model) = model {
+        live.arg("--artifact").arg(model);
+    }
+    replace(live.env_remove(ARTIFACT).arg("--image").arg(image))
 }
 
 /// Lints the workspace of the emulated boards, and runs its tests of peripheral models and of
@@ -101,7 +118,7 @@ fn linted(words: &str) -> Command {
     cargo
 }
 
-/// Returns one row with the figures of a board. Those of the image that uses the board's other port
+/// Returns one row with the figures of a rig. Those of the image that uses the board's other port
 /// have the port's name in front, such as `uart_codes`.
 fn row(board: &str, figures: &Figures) -> Row {
     let nothing = ALWAYS.split(' ').map(|key| (key.to_owned(), Value::Null));

@@ -6,14 +6,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::command::{
-    AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, cargo, output, print, replace, root,
-};
-use crate::images::Board;
+use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, output, print, replace};
+use crate::images::{self, ARTIFACT, Board};
 use crate::{dfu, install, programs};
-
-/// Environment variable that names the folder of the model to use in place of the default one.
-const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 /// Number of channels of an ADS1299.
 const CHANNELS_PER_CHIP: u32 = 8;
@@ -63,8 +58,9 @@ pub(crate) struct Options {
 pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     install::board_target()?;
     let board = options.board;
-    let folder = env::var_os(ARTIFACT).map(PathBuf::from);
-    let folder = folder.unwrap_or_else(|| root().join("signal/model/artifact"));
+    let named = env::var_os(ARTIFACT).map(PathBuf::from);
+    let model = named.or_else(|| (board == Board::Ironbci).then(|| board.model()));
+    let folder = model.clone().unwrap_or_else(|| board.model());
     let folder = folder.canonicalize().unwrap_or(folder);
     eprintln!("image for {}\n{}", board.name(), summary(&folder)?);
     let verb = if flash { "run" } else { "build" };
@@ -73,7 +69,7 @@ pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     }
     let key = board.key();
     let words = format!("{verb} --package=board-{key} --profile=firmware --target={BOARD_TARGET}");
-    let mut command = cargo(&words);
+    let mut command = images::cargo_for(model.as_deref(), &words);
     if options.no_default_features {
         command.arg("--no-default-features");
     }
@@ -144,7 +140,7 @@ mod tests {
 
     #[test]
     fn the_default_model_needs_eight_chips_and_a_clock_of_2_21_hz() {
-        let summary = summary(&root().join("signal/model/artifact")).expect("the default model");
+        let summary = summary(&Board::H743.model()).expect("the default model");
         let expected = "8 ADS1299 (daisy) at 512 Hz, gain 24\n  clock       2.097152 MHz at CLK";
         assert!(summary.contains(expected), "{summary}");
         assert!(summary.contains("electrodes  61"), "{summary}");

@@ -1,42 +1,112 @@
 //! Builds the images for the boards as `cargo flash` does.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use clap::ValueEnum;
 
-use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, cargo, run, target_folder};
+use crate::command::{
+    AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, cargo, root, run, target_folder,
+};
 use crate::install;
 
-/// NUCLEO board for which images are built.
+/// Environment variable that names the folder of the model to use in place of a board's own.
+pub(crate) const ARTIFACT: &str = "CORTICODE_ARTIFACT";
+
+/// Board for which images are built.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Board {
     /// NUCLEO-H743ZI2.
     H743,
     /// NUCLEO-F446RE.
     F446,
+    /// ironbci, with one converter.
+    Ironbci,
 }
 
 impl Board {
-    pub(crate) const ALL: [Self; 2] = [Self::H743, Self::F446];
-
     /// Name of the board on the command line and in the names of images, packages and tests.
     pub(crate) const fn key(self) -> &'static str {
-        ["h743", "f446"][self as usize]
+        ["h743", "f446", "ironbci"][self as usize]
     }
 
-    /// Name of the board as ST sells it.
+    /// Name of the board as it is sold.
     pub(crate) const fn name(self) -> &'static str {
-        ["NUCLEO-H743ZI2", "NUCLEO-F446RE"][self as usize]
+        ["NUCLEO-H743ZI2", "NUCLEO-F446RE", "ironbci"][self as usize]
     }
 
     /// Name of the board's microcontroller for probe-rs.
     pub(crate) const fn chip(self) -> &'static str {
-        ["STM32H743ZITx", "STM32F446RETx"][self as usize]
+        ["STM32H743ZITx", "STM32F446RETx", "STM32F407VETx"][self as usize]
     }
 
-    /// Names of the board's images, each with the arguments for cargo that select it: the image
-    /// with the other port first, the default image last.
+    /// Folder of the model that the board has by default.
+    pub(crate) fn model(self) -> PathBuf {
+        root().join(match self {
+            Self::Ironbci => "signal/model/ironbci",
+            _ => "signal/model/artifact",
+        })
+    }
+}
+
+/// A board with its converters, on which images are tested.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Rig {
+    /// NUCLEO-H743ZI2 with eight converters.
+    H743,
+    /// NUCLEO-F446RE with eight converters.
+    F446,
+    /// ironbci.
+    Ironbci,
+    /// NUCLEO-H743ZI2 with one converter at 250 Hz.
+    #[value(name = "kit-250")]
+    Kit250,
+    /// NUCLEO-H743ZI2 with one converter at 500 Hz.
+    #[value(name = "kit-500")]
+    Kit500,
+    /// NUCLEO-H743ZI2 with two converters in a daisy chain.
+    #[value(name = "cyton-16")]
+    Cyton16,
+    /// NUCLEO-H743ZI2 with four cascaded converters.
+    #[value(name = "ten-twenty-32")]
+    TenTwenty32,
+}
+
+impl Rig {
+    pub(crate) const ALL: [Self; 7] = [
+        Self::H743,
+        Self::F446,
+        Self::Ironbci,
+        Self::Kit250,
+        Self::Kit500,
+        Self::Cyton16,
+        Self::TenTwenty32,
+    ];
+
+    /// Name on the command line and of the default image.
+    pub(crate) const fn key(self) -> &'static str {
+        [
+            "h743",
+            "f446",
+            "ironbci",
+            "kit-250",
+            "kit-500",
+            "cyton-16",
+            "ten-twenty-32",
+        ][self as usize]
+    }
+
+    pub(crate) const fn board(self) -> Board {
+        match self {
+            Self::F446 => Board::F446,
+            Self::Ironbci => Board::Ironbci,
+            _ => Board::H743,
+        }
+    }
+
+    /// Names of the images, each with the arguments for cargo that select it: the image with the
+    /// other port first, the default image last.
     pub(crate) const fn images(self) -> &'static [[&'static str; 2]] {
         match self {
             Self::H743 => &[
@@ -54,6 +124,25 @@ impl Board {
                 ],
                 ["f446", "--package=board-f446"],
             ],
+            Self::Ironbci => &[["ironbci", "--package=board-ironbci"]],
+            Self::Kit250 => &[["kit-250", "--package=board-h743"]],
+            Self::Kit500 => &[["kit-500", "--package=board-h743"]],
+            Self::Cyton16 => &[["cyton-16", "--package=board-h743"]],
+            Self::TenTwenty32 => &[["ten-twenty-32", "--package=board-h743"]],
+        }
+    }
+
+    /// Folder of the model of the images; `None` for the built-in one.
+    pub(crate) fn model(self) -> Option<PathBuf> {
+        match self {
+            Self::H743 | Self::F446 => None,
+            Self::Ironbci => Some(Board::Ironbci.model()),
+            Self::Kit250 | Self::Kit500 => Some(root().join("signal/model").join(self.key())),
+            Self::Cyton16 | Self::TenTwenty32 => Some(
+                target_folder()
+                    .join("virtual-board/models")
+                    .join(self.key()),
+            ),
         }
     }
 }
@@ -68,16 +157,23 @@ pub(crate) fn file(name: &str) -> PathBuf {
     folder().join(name).with_extension("elf")
 }
 
-/// Builds the images of a board, the default one last. Cargo writes all of them to the same path,
-/// so each is copied to a separate file, together with the list of its sources (`.d`). The default
-/// image, built last, remains at cargo's path, where `cargo flash` looks for it.
-pub(crate) fn build(board: Board) -> Result<(), Failure> {
+/// Builds the images of a rig, the default one last. Cargo writes all images of a board to the same
+/// path, so each is copied to a separate file, together with the list of its sources (`.d`).
+pub(crate) fn build(rig: Rig) -> Result<(), Failure> {
+    build_with(rig, rig.model().as_deref())
+}
+
+/// Builds the images of a rig as [`build`] does, with the model in the folder `model`.
+pub(crate) fn build_with(rig: Rig, model: Option<&Path>) -> Result<(), Failure> {
     install::board_target()?;
+    if let (Some(folder), Rig::Cyton16 | Rig::TenTwenty32) = (model, rig) {
+        write_random_model(rig, folder)?;
+    }
     let built = target_folder().join(BOARD_TARGET).join("firmware");
-    let built = built.join(format!("board-{}", board.key()));
-    for [name, selection] in board.images() {
+    let built = built.join(format!("board-{}", rig.board().key()));
+    for [name, selection] in rig.images() {
         let words = format!("build --profile=firmware --target={BOARD_TARGET} {selection}");
-        run(&mut cargo(&words), AFTER_A_BUILD)?;
+        run(&mut cargo_for(model, &words), AFTER_A_BUILD)?;
         let image = file(name);
         let copied = fs::create_dir_all(folder())
             .and_then(|()| fs::copy(&built, &image))
@@ -88,4 +184,32 @@ pub(crate) fn build(board: Board) -> Result<(), Failure> {
         )?;
     }
     Ok(())
+}
+
+/// Returns a cargo command for images with the model in `model`, or with the built-in one.
+///
+/// The crates that depend on another model get a changed profile and thereby other file names, so
+/// that those with the built-in model remain.
+pub(crate) fn cargo_for(model: Option<&Path>, words: &str) -> Command {
+    let mut cargo = cargo(words);
+    match model {
+        Some(folder) => {
+            let dependents = ["model", "pipeline", "device", "firmware", "board-stm32"];
+            let boards = ["board-h743", "board-ironbci"];
+            for name in dependents.into_iter().chain(boards) {
+                cargo.arg(format!("--config=profile.firmware.package.{name}.debug=1"));
+            }
+            cargo.env(ARTIFACT, folder)
+        }
+        None => cargo.env_remove(ARTIFACT),
+    };
+    cargo
+}
+
+/// Writes a model with random weights for the montage with the rig's name.
+fn write_random_model(rig: Rig, folder: &Path) -> Result<(), Failure> {
+    let montage = root().join("files/montages").join(rig.key());
+    let mut write = Command::new(target_folder().join("debug/any-model"));
+    write.arg(montage.with_extension("toml")).arg(folder);
+    run(&mut write, "see the message above")
 }

@@ -20,7 +20,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::images::Board;
+use crate::images::Rig;
+use crate::programs::Nucleo;
 
 /// Corticode's own cargo verbs
 #[derive(Debug, Parser)]
@@ -97,14 +98,14 @@ enum Verb {
     Hil {
         /// Run on this board, attached by its ST-LINK, instead of on emulated microcontrollers
         #[arg(long, value_enum)]
-        board: Option<Board>,
+        board: Option<Nucleo>,
     },
     /// Test, on emulated boards, the images that are flashed to real ones, or leave one board
     /// running for a bridge
     Board {
-        /// Board to test or to run; both if it is left out
+        /// Board to test or to run, with its converters; all if it is left out
         #[arg(value_enum)]
-        board: Option<Board>,
+        board: Option<Rig>,
         /// Leave the board running at a TCP port for a bridge, until Ctrl-C, instead of running the
         /// tests
         #[arg(long, requires = "board")]

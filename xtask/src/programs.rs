@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 use std::process::Command;
 
+use clap::ValueEnum;
+
 use crate::command::{
     AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, replace, run, succeeds, target_folder, typed,
 };
-use crate::images::{self, Board};
+use crate::images::{self, Board, Rig};
 use crate::install;
 
 /// Builds the demo, host-sim and the bridge with one call of cargo, then runs the demo.
@@ -63,9 +65,27 @@ pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     }
 }
 
+/// Board for which the golden vectors are linked.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum Nucleo {
+    /// NUCLEO-H743ZI2.
+    H743,
+    /// NUCLEO-F446RE.
+    F446,
+}
+
+impl Nucleo {
+    const fn key(self) -> &'static str {
+        match self {
+            Self::H743 => Board::H743.key(),
+            Self::F446 => Board::F446.key(),
+        }
+    }
+}
+
 /// Runs the golden vectors on both emulated microcontrollers or, if `board` is given, on that
 /// board.
-pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
+pub(crate) fn hil(board: Option<Nucleo>) -> Result<(), Failure> {
     install::board_target()?;
     let Some(board) = board else {
         let test = "test --package emulated golden_vectors:: -- --nocapture";
@@ -82,7 +102,7 @@ pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
 
 /// Builds the image with the golden vectors for a board. A successful build also shows that the
 /// image fits the board's memory.
-pub(crate) fn link_vectors(board: Board) -> Result<(), Failure> {
+pub(crate) fn link_vectors(board: Nucleo) -> Result<(), Failure> {
     let build = "build --package=on-target --bin=on-target --profile=firmware";
     let words = format!("{build} --target={BOARD_TARGET} --features={}", board.key());
     run(&mut cargo(&words), AFTER_A_BUILD)
@@ -90,7 +110,8 @@ pub(crate) fn link_vectors(board: Board) -> Result<(), Failure> {
 
 /// Builds the images of the boards and checks their sizes and layouts.
 pub(crate) fn budget(json: bool) -> Result<(), Failure> {
-    Board::ALL.into_iter().try_for_each(images::build)?;
+    run(&mut cargo("build --bins"), AFTER_A_BUILD)?;
+    Rig::ALL.into_iter().try_for_each(images::build)?;
     let mut budget = cargo("run --quiet --package budget --");
     replace(budget.arg(images::folder()).args(json.then_some("--json")))
 }

@@ -2,6 +2,7 @@
 
 use std::env;
 use std::fs::{self, File};
+use std::path::Path;
 use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -9,7 +10,8 @@ use std::time::{Duration, Instant};
 use crate::command::{
     AFTER_A_BUILD, AFTER_A_TEST, BOARD_TARGET, Failure, OrFail, cargo, run, target_folder, typed,
 };
-use crate::images::{self, Board};
+use crate::images::{self, Rig};
+use crate::programs::Nucleo;
 use crate::{board, docs, figures, install, programs, qemu};
 
 const AFTER_A_LINT: &str =
@@ -69,7 +71,7 @@ const FULL: &[Stage] = &[
     ("build with lints, while packages and toolchains are installed", build_and_installation),
     ("lints for the microcontrollers", lints_for_microcontrollers),
     ("tests, with ROS and emulated microcontrollers, and the stages of `test --boards`", all_tests),
-    ("virtual boards: images that are flashed", || board::test(&Board::ALL, false)),
+    ("virtual boards: images that are flashed", || board::test(&Rig::ALL, false)),
     ("figures of docs/figures.md", docs::check),
 ];
 
@@ -173,28 +175,33 @@ fn linting_cargo(words: &str) -> Command {
 /// Lints the selected packages for the microcontrollers' target, which includes code that is not
 /// compiled for a PC. Uses the profile of the images, so that lints and images share compiled
 /// macros and build scripts.
-fn lints_for_target(selection: &str) -> Result<(), Failure> {
+fn lints_for_target(model: Option<&Path>, selection: &str) -> Result<(), Failure> {
     let target = format!("--profile=firmware --target={BOARD_TARGET}");
-    lints(&format!("{target} {selection}"))
+    let mut lints = images::cargo_for(model, &format!("clippy {target} {selection}"));
+    run(lints.args(["--", "-D", "warnings"]), AFTER_A_LINT)
 }
 
 /// Lints the crates of [`THUMB_CRATES`] with the schedule of each microcontroller, and every board
 /// with each of its ports. The features of the two microcontrollers exclude each other, so each
 /// image is a separate call of cargo.
 fn lints_for_microcontrollers() -> Result<(), Failure> {
-    for board in Board::ALL {
-        for [name, selection] in board.images() {
-            // Lint the crates once per board: with its default image, not again with its other
-            // images.
-            let crates = if *name == board.key() {
+    for rig in [Rig::H743, Rig::F446, Rig::Ironbci] {
+        for [name, selection] in rig.images() {
+            // Lint the crates once for each NUCLEO board: with its default image, not again with its
+            // other images.
+            let crates = if ["h743", "f446"].contains(name) {
                 THUMB_CRATES
             } else {
                 ""
             };
-            lints_for_target(&format!("{crates} --package=board-stm32 {selection}"))?;
+            let selection = format!("{crates} --package=board-stm32 {selection}");
+            lints_for_target(rig.model().as_deref(), &selection)?;
         }
     }
-    lints_for_target(&format!("--package=board-stm32 {F446_WITH_BOTH_ENCODERS}"))
+    lints_for_target(
+        None,
+        &format!("--package=board-stm32 {F446_WITH_BOTH_ENCODERS}"),
+    )
 }
 
 /// Tests the default members of the workspace, except for [`SLOW_TESTS`] and examples in the
@@ -274,10 +281,9 @@ fn benchmarks() -> Result<(), Failure> {
 }
 
 fn images_for_boards() -> Result<(), Failure> {
-    for board in Board::ALL {
-        programs::link_vectors(board)?;
-        images::build(board)?;
-    }
+    programs::link_vectors(Nucleo::H743)?;
+    programs::link_vectors(Nucleo::F446)?;
+    Rig::ALL.into_iter().try_for_each(images::build)?;
     let mut budget = Command::new(target_folder().join("debug/budget"));
     docs::attach(&mut budget, "budget")?;
     run(budget.arg(images::folder()), "see the message above")

@@ -1,21 +1,20 @@
 //! Starts the application on the board: sets up pins, clocks and memory, then starts the tasks.
 
 use board_stm32::{
-    Board, Bus, ClockSource, FRAME_BYTES, Loader, Port, Trigger, Wires, init_chip, sleep,
-    start_tasks, start_watchdog,
+    Board, Bus, ClockSource, FRAME_BYTES, HseInput, KnownClock, Loader, Port, Trigger, Wires,
+    init_chip, sleep, start_tasks, start_watchdog, stm32f4,
 };
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
 use embassy_stm32::{
-    Peri,
-    adc::{Adc, SampleTime},
-    bind_interrupts, dma, pac,
-    peripherals::{ADC1, DMA1_CH3, DMA1_CH4, IWDG},
+    Peri, bind_interrupts, dma, pac,
+    peripherals::{DMA1_CH3, DMA1_CH4, IWDG},
+    rcc::mux,
     spi::Spi,
 };
 use static_cell::ConstStaticCell;
 
-use crate::{clocks, hse_timer, parts::Parts, reset};
+use crate::parts::Parts;
 
 bind_interrupts!(struct Irqs {
     DMA1_STREAM4 => dma::InterruptHandler<DMA1_CH4>;
@@ -38,19 +37,27 @@ bind_interrupts!(struct UartIrqs {
     DMA1_STREAM5 => dma::InterruptHandler<DMA1_CH5>;
 });
 
+/// Clocks at the HSE input from which all others can be derived. The NUCLEO-F446RE's ST-LINK has no
+/// other one (UM1724, section 6.7.1), so the range allows for the 8 % of a warm or cold HSI (as of the
+/// STM32F407, DS8626).
+const SOURCES: &[KnownClock] = &[(ClockSource::StLink, 7_360_000..=8_640_000)];
+
 #[entry]
 fn main() -> ! {
     // The boot loader comes first, because it needs the chip in the state in which the reset left
     // it.
-    Loader::Stm32F446.run_if_requested(reset::map_system_memory);
-    reset::freeze_watchdog_in_debug();
+    Loader::Stm32F446.run_if_requested(stm32f4::map_system_memory);
+    stm32f4::freeze_watchdog_in_debug();
     start_watchdog(pac::IWDG);
     let clock = ClockSource::find(
-        clocks::AFTER_RESET_HZ,
-        &mut hse_timer::Timer,
-        clocks::SOURCES,
+        stm32f4::AFTER_RESET_HZ,
+        HseInput::Clock,
+        &mut stm32f4::HseTimer,
+        SOURCES,
     );
-    let parts = Parts::new(init_chip(clocks::config(clock)));
+    let mut config = stm32f4::config(clock);
+    config.rcc.mux.clk48sel = mux::Clk48sel::PLL1_Q;
+    let parts = Parts::new(init_chip(config));
     // Spawning a task twice is an error in the image. It panics, because no task runs yet that
     // could report the error.
     start(parts, clock).expect("every task is spawned once");
@@ -69,8 +76,8 @@ static SPI_BUFFER: ConstStaticCell<[u8; FRAME_BYTES]> = ConstStaticCell::new([0;
 static PORT_MEMORY: ConstStaticCell<PortMemory> = ConstStaticCell::new(PortMemory::EMPTY);
 
 fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
-    let reset_cause = reset::take_cause();
-    clocks::enable_flash_accelerator();
+    let reset_cause = stm32f4::take_cause();
+    stm32f4::enable_flash_accelerator();
 
     let spi = Spi::new(
         parts.spi,
@@ -128,23 +135,11 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
         firmware: env!("CORTICODE_FIRMWARE"),
         reset_cause,
         clock,
-        session_id: session_id(parts.adc),
+        session_id: stm32f4::session_id(parts.adc),
         wires,
         trigger,
         port,
     })?;
     spawner.spawn(feed_watchdog(parts.watchdog)?);
     Ok(())
-}
-
-/// Returns a number derived from the noise of the temperature sensor: 64 readings, hashed with
-/// FNV-1a. The chip has no random number generator. The number distinguishes one boot from another
-/// and need not be secret.
-fn session_id(adc: Peri<'static, ADC1>) -> u32 {
-    let mut adc = Adc::new(adc);
-    let mut thermometer = adc.enable_temperature();
-    (0..64).fold(0x811c_9dc5, |id: u32, _| {
-        let reading = adc.blocking_read(&mut thermometer, SampleTime::CYCLES3);
-        (id ^ u32::from(reading)).wrapping_mul(0x0100_0193)
-    })
 }

@@ -10,12 +10,6 @@ mod parts;
 
 #[cfg(target_os = "none")]
 mod application;
-#[cfg(target_os = "none")]
-mod clocks;
-#[cfg(target_os = "none")]
-mod hse_timer;
-#[cfg(target_os = "none")]
-mod reset;
 #[cfg(all(target_os = "none", feature = "uart"))]
 mod uart;
 

@@ -1,6 +1,6 @@
-//! Registers of the UART that the ST-LINK is connected to.
+//! UART that the ST-LINK is connected to.
 
-use board_stm32::Uart;
+use board_stm32::{Uart, stm32f4::uart};
 use embassy_stm32::{interrupt::Interrupt, pac, peripherals};
 
 /// USART2, whose pins lead to the ST-LINK (RM0390, USART).
@@ -16,46 +16,14 @@ impl Uart for Usart2 {
     ];
 
     fn data_register() -> *mut u8 {
-        pac::USART2.dr().as_ptr().cast()
+        uart::data_register(pac::USART2)
     }
 
     fn enable_receiver() {
-        pac::USART2.cr3().modify(|control| {
-            control.set_dmar(true);
-            control.set_eie(true);
-        });
-        pac::USART2.cr1().modify(|control| {
-            control.set_idleie(true);
-            control.set_re(true);
-        });
+        uart::enable_receiver(pac::USART2);
     }
 
-    /// Masks the interrupts of the flags IDLE, FE and NF until the next byte arrives; the interrupt
-    /// of that byte (RXNEIE) unmasks them.
-    ///
-    /// A read of SR followed by a read of DR clears these flags (RM0390, USART_SR). The CPU must
-    /// not read DR: a byte can arrive between its two reads, and the DMA would not store that byte
-    /// in the ring. So the CPU reads SR, and the DMA reads DR when it moves the next byte. If the
-    /// DMA's read did not clear the flags, each byte would interrupt and wake the reader, which is
-    /// slower but loses nothing.
-    ///
-    /// The flag ORE is the exception. It means that a byte is lost already, and with RXNEIE it
-    /// would interrupt continuously, so the CPU clears it at once by reading DR.
     fn acknowledge() {
-        let uart = pac::USART2;
-        let status = uart.sr().read();
-        // If DR still holds a byte, the DMA is about to read it, which then clears the flags.
-        let is_moved = !status.rxne();
-        if status.ore() && is_moved {
-            let _ = uart.dr().read();
-        }
-        let is_flagged = status.idle() || status.fe() || status.ne();
-        let waits_for_byte = is_flagged && is_moved && !status.ore();
-        uart.cr3()
-            .modify(|control| control.set_eie(!waits_for_byte));
-        uart.cr1().modify(|control| {
-            control.set_idleie(!waits_for_byte);
-            control.set_rxneie(waits_for_byte);
-        });
+        uart::acknowledge(pac::USART2);
     }
 }

@@ -1,7 +1,7 @@
 //! Starts the application on the board: sets up pins, clocks and memory, then starts the tasks.
 
 use board_stm32::{
-    Board, Bus, ClockSource, Loader, Port, Trigger, Wires, init_chip, sleep, start_tasks,
+    Board, Bus, ClockSource, HseInput, Loader, Port, Trigger, Wires, init_chip, sleep, start_tasks,
     start_watchdog,
 };
 use cortex_m_rt::entry;
@@ -46,6 +46,7 @@ fn main() -> ! {
     start_watchdog(pac::IWDG1);
     let clock = ClockSource::find(
         clocks::AFTER_RESET_HZ,
+        HseInput::Clock,
         &mut hse_timer::Timer,
         clocks::SOURCES,
     );

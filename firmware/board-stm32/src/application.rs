@@ -46,7 +46,7 @@ const ABILITIES: Abilities = Abilities {
         streams_with::<ImageEncoders>().without(too_fast)
     },
     self_test: true,
-    bootloader: true,
+    bootloader: cfg!(feature = "loader"),
     clock: true,
     impedance: cfg!(feature = "impedance"),
 };
@@ -115,9 +115,9 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
     SHARED.slot.provide(board.slot);
     let memory = MEMORY.init();
     let adc = converters(board.wires);
-    let conversation = CONVERSE.start(interrupt::UART5);
+    let conversation = CONVERSE.start(interrupt::USART6);
     conversation.spawn(converse(board.port, identity, previous, memory.converse)?);
-    let encoding = ENCODE.start(interrupt::SAI1);
+    let encoding = ENCODE.start(interrupt::I2C3_EV);
     encoding.spawn(encode(memory.encode)?);
     let acquisition = ACQUIRE.start(interrupt::UART4);
     acquisition.spawn(acquire(adc, is_cold, memory.acquire)?);

@@ -1,4 +1,4 @@
-//! Selects the source of the core's clock at start: the ST-LINK's clock, if it runs and has a
+//! Selects the source of the core's clock at start: the clock at the HSE input, if it runs and has a
 //! frequency that the board knows, or the internal oscillator.
 
 use core::ops::RangeInclusive;
@@ -13,10 +13,21 @@ pub enum ClockSource {
     StLink,
     /// 8.33 MHz from the ST-LINK, at the HSE input: a third of the ST-LINK's crystal.
     StLinkCrystal,
+    /// Crystal of the board, at the HSE oscillator.
+    Crystal,
     /// Internal RC oscillator (HSI), because there is no clock at the HSE input.
     NoClock,
     /// Internal RC oscillator (HSI), because the clock at the HSE input has another frequency.
     OtherClock,
+}
+
+/// What is connected to the HSE pins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HseInput {
+    /// A clock, which bypasses the oscillator.
+    Clock,
+    /// A crystal or ceramic resonator.
+    Crystal,
 }
 
 /// Timer that captures its own count at edges of HSE.
@@ -47,18 +58,25 @@ const CAPTURE_POLLS: u32 = 100_000;
 /// measured by the chip's own oscillator, at which it counts as this clock.
 pub type KnownClock = (ClockSource, RangeInclusive<u32>);
 
-/// Longest wait for the ST-LINK's clock, ms. The clock starts with the ST-LINK's own firmware,
-/// whose start-up time is not specified. Only a board without this clock waits for the whole time.
+/// Longest wait for the clock at the HSE input, ms. The ST-LINK's clock starts with the ST-LINK's own
+/// firmware, whose start-up time is not specified. Only a board without a clock waits for the whole
+/// time.
 const TIMEOUT_MS: u32 = 500;
 
 impl ClockSource {
-    /// Returns the ST-LINK's clock if it starts within 500 ms and is one of `known`, and the
+    /// Returns the clock at the HSE input if it starts within 500 ms and is one of `known`, and the
     /// internal oscillator otherwise. `core_hz` is the core's and the timer's clock after a reset.
     /// Replaces embassy's own wait for the clock, which has no limit.
     #[cfg(target_os = "none")]
-    pub fn find(core_hz: u32, timer: &mut impl HseTimer, known: &[KnownClock]) -> Self {
-        // Set HSEBYP first: it can be set only while HSE is off (RM0433 and RM0390, RCC_CR).
-        RCC.cr().modify(|control| control.set_hsebyp(true));
+    pub fn find(
+        core_hz: u32,
+        input: HseInput,
+        timer: &mut impl HseTimer,
+        known: &[KnownClock],
+    ) -> Self {
+        // Set HSEBYP first: it can be set only while HSE is off (RM0433, RM0390 and RM0090, RCC_CR).
+        RCC.cr()
+            .modify(|control| control.set_hsebyp(input == HseInput::Clock));
         RCC.cr().modify(|control| control.set_hseon(true));
         let is_ready = || RCC.cr().read().hserdy();
         let source = if poll_until(TIMEOUT_MS, is_ready, || asm::delay(core_hz / 1_000)) {
@@ -83,7 +101,7 @@ impl ClockSource {
 
     /// Returns whether the source is the clock at the HSE input.
     pub const fn is_hse(self) -> bool {
-        matches!(self, Self::StLink | Self::StLinkCrystal)
+        matches!(self, Self::StLink | Self::StLinkCrystal | Self::Crystal)
     }
 
     /// Returns the name of the source for the log.
@@ -92,21 +110,22 @@ impl ClockSource {
         match self {
             Self::StLink => "8 MHz from the ST-LINK",
             Self::StLinkCrystal => "8.33 MHz from the ST-LINK",
+            Self::Crystal => "the board's crystal",
             Self::NoClock | Self::OtherClock => "the chip's own oscillator",
         }
     }
 
-    /// Returns the fault text for `Hello`, which is empty if the ST-LINK's clock is used.
+    /// Returns the fault text for `Hello`, which is empty if the clock at the HSE input is used.
     pub(crate) const fn fault(self) -> &'static str {
         match self {
-            Self::StLink | Self::StLinkCrystal => "",
+            Self::StLink | Self::StLinkCrystal | Self::Crystal => "",
             Self::NoClock => {
-                "no clock from the ST-LINK: the board runs from the chip's own oscillator, device times \
-                 are off by up to some per cent, and USB is out of tolerance; check the ST-LINK's supply \
-                 and firmware"
+                "no clock at the HSE input: the board runs from the chip's own oscillator, device times \
+                 are off by up to some per cent, and USB is out of tolerance; check the crystal, or the \
+                 ST-LINK's supply and firmware"
             }
             Self::OtherClock => {
-                "the ST-LINK's clock has a frequency that this board does not know: the board runs from \
+                "the clock at the HSE input has a frequency that this board does not know: it runs from \
                  the chip's own oscillator, device times are off by up to some per cent, and USB is out \
                  of tolerance; docs/hardware.md says which frequencies it knows"
             }

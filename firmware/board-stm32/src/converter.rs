@@ -1,8 +1,8 @@
 //! Chain of ADS1299 converters as a [`firmware::Converter`].
 
-use core::array;
+use core::{array, convert::Infallible};
 
-use ads1299::{Chain, Drdy, DrdyEdge, Error, Reading, RetryingSampler, Sampler, SelfTest};
+use ads1299::{Chain, Control, Drdy, DrdyEdge, Error, Reading, RetryingSampler, Sampler, SelfTest};
 use defmt::{Display2Format, error, info};
 use device::{CHIPS, CONVERTER_SETTINGS};
 use embassy_stm32::{
@@ -11,6 +11,7 @@ use embassy_stm32::{
     gpio::{AnyPin, ExtiPin, Level, Output, Pin, Pull, Speed},
     mode::Blocking,
 };
+use embedded_hal::digital::{ErrorType, OutputPin};
 use firmware::{Conversion, Converter, deadlines};
 use pipeline::Sample;
 
@@ -22,13 +23,37 @@ use crate::trigger;
 pub struct Wires {
     bus: Bus,
     /// Chip selects, in the order of the chain. The DOUT of chip 0 drives MISO directly.
-    selects: [Output<'static>; CHIPS],
-    start: Output<'static>,
-    reset: Output<'static>,
+    selects: [Line; CHIPS],
+    start: Line,
+    reset: Line,
     drdy: ExtiInput<'static, Blocking>,
 }
 
-type WiredChain = Chain<Bus, Output<'static>, Delay, CHIPS>;
+/// Output of the microcontroller to the converters; `None` for a signal that the board has wired to
+/// its level at rest.
+struct Line(Option<Output<'static>>);
+
+impl ErrorType for Line {
+    type Error = Infallible;
+}
+
+impl OutputPin for Line {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        if let Some(pin) = &mut self.0 {
+            pin.set_low();
+        }
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        if let Some(pin) = &mut self.0 {
+            pin.set_high();
+        }
+        Ok(())
+    }
+}
+
+type WiredChain = Chain<Bus, Line, Delay, CHIPS>;
 
 impl Wires {
     /// Configures the pins so that the chain is at rest: deselected, stopped and not in reset.
@@ -36,9 +61,11 @@ impl Wires {
     /// A chain with fewer chips than the board has chip selects uses the first ones. All chips
     /// share SPI, START and RESET. Only chip 0's DRDY is connected, to one of EXTI's lines 5 to 9.
     /// The first chip select belongs to chip 0, whose DOUT drives MISO directly.
-    pub fn new<DrdyPin: Pin + ExtiPin>(
+    ///
+    /// Does not compile for a model with more chips than the board has chip selects.
+    pub fn new<DrdyPin: Pin + ExtiPin, const SELECTS: usize>(
         bus: Bus,
-        selects: [Peri<'static, AnyPin>; link::MAX_CHIPS],
+        selects: [Peri<'static, AnyPin>; SELECTS],
         [start, reset]: [Peri<'static, AnyPin>; 2],
         drdy: Peri<'static, DrdyPin>,
         drdy_line: Peri<'static, DrdyPin::ExtiChannel>,
@@ -46,8 +73,33 @@ impl Wires {
         Self {
             bus,
             selects: chain_selects(selects),
-            start: Output::new(start, Level::Low, Speed::Low),
-            reset: Output::new(reset, Level::High, Speed::Low),
+            start: Line(Some(Output::new(start, Level::Low, Speed::Low))),
+            reset: Line(Some(Output::new(reset, Level::High, Speed::Low))),
+            drdy: ExtiInput::new_blocking(drdy, drdy_line, Pull::Up, TriggerEdge::Falling),
+        }
+    }
+
+    /// Configures the pins as [`Self::new`] does, on a board that has wired START low and RESET high.
+    ///
+    /// Does not compile for a model whose converters are not controlled by commands.
+    pub fn without_start_and_reset<DrdyPin: Pin + ExtiPin, const SELECTS: usize>(
+        bus: Bus,
+        selects: [Peri<'static, AnyPin>; SELECTS],
+        drdy: Peri<'static, DrdyPin>,
+        drdy_line: Peri<'static, DrdyPin::ExtiChannel>,
+    ) -> Self {
+        const {
+            assert!(
+                matches!(CONVERTER_SETTINGS.control, Control::Commands),
+                "this board connects neither START nor RESET: CORTICODE_ARTIFACT must name a model with \
+                 `control = \"commands\"` in `[adc]`"
+            );
+        }
+        Self {
+            bus,
+            selects: chain_selects(selects),
+            start: Line(None),
+            reset: Line(None),
             drdy: ExtiInput::new_blocking(drdy, drdy_line, Pull::Up, TriggerEdge::Falling),
         }
     }
@@ -67,11 +119,18 @@ impl Wires {
 }
 
 /// Returns the chip selects of the chain, deselected: the board's first ones.
-fn chain_selects(selects: [Peri<'static, AnyPin>; link::MAX_CHIPS]) -> [Output<'static>; CHIPS] {
+fn chain_selects<const SELECTS: usize>(selects: [Peri<'static, AnyPin>; SELECTS]) -> [Line; CHIPS] {
+    const {
+        assert!(
+            CHIPS <= SELECTS,
+            "the model has more converters than the board has chip selects: CORTICODE_ARTIFACT must name \
+             a model with fewer channels"
+        );
+    }
     let mut selects = selects.into_iter();
     array::from_fn(|_| {
-        let select = selects.next().expect("a chain has at most as many chips");
-        Output::new(select, Level::High, Speed::High)
+        let select = selects.next().expect("at least as many as chips");
+        Line(Some(Output::new(select, Level::High, Speed::High)))
     })
 }
 
@@ -84,7 +143,7 @@ fn drdy_edges() -> impl Drdy {
 /// Chain of converters, which is started again and again until a start succeeds. Kept in a static,
 /// because a task that owned it by value would copy it through the task's stack.
 pub(crate) struct Adc {
-    chain: RetryingSampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
+    chain: RetryingSampler<Bus, Line, Delay, CHIPS, FRAME_BYTES>,
     drdy: ExtiInput<'static, Blocking>,
     test: &'static mut SelfTest<CHIPS>,
     /// Outcome of the start that was logged last: its error, or `None` if it succeeded.

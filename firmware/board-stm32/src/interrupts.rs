@@ -41,7 +41,7 @@ pub fn init_chip(config: Config) -> Peripherals {
     // In this critical section, leaving those of embassy's `init` does not enable interrupts.
     critical_section::with(|_| {
         let peripherals = embassy_stm32::init(config);
-        // Writing 0 clears the flags of this register (RM0433 and RM0390, TIMx_SR).
+        // Writing 0 clears the flags of this register (RM0433, RM0390 and RM0090, TIMx_SR).
         TIM2.sr().write(|flags| flags.0 = 0);
         interrupt::TIM2.unpend();
         disable_pins();
@@ -57,8 +57,8 @@ pub(crate) fn init() {
     interrupt::TIM2.set_priority(nvic_priority(priority::TIME));
     interrupt::OTG_FS.set_priority(nvic_priority(priority::CONVERSE));
     interrupt::UART4.set_priority(nvic_priority(priority::ACQUIRE));
-    interrupt::UART5.set_priority(nvic_priority(priority::CONVERSE));
-    interrupt::SAI1.set_priority(nvic_priority(priority::ENCODE));
+    interrupt::USART6.set_priority(nvic_priority(priority::CONVERSE));
+    interrupt::I2C3_EV.set_priority(nvic_priority(priority::ENCODE));
     // SAFETY: no critical section is open, and this file has the interrupt's handler.
     unsafe { interrupt::EXTI9_5.enable() };
 }
@@ -124,14 +124,14 @@ unsafe fn UART4() {
 
 /// Interrupt of an unused peripheral, in which the conversation's executor runs.
 #[embassy_stm32::interrupt]
-unsafe fn UART5() {
+unsafe fn USART6() {
     // SAFETY: called only by the interrupt that belongs to this executor.
     unsafe { CONVERSE.on_interrupt() }
 }
 
 /// Interrupt of an unused peripheral, in which the encoder's executor runs.
 #[embassy_stm32::interrupt]
-unsafe fn SAI1() {
+unsafe fn I2C3_EV() {
     // SAFETY: called only by the interrupt that belongs to this executor.
     unsafe { ENCODE.on_interrupt() }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! DRDY ----edge---> [drdy] --time stamp--+
-//! ADS1299 x8 --SPI--> [bus] --counts--> [converter] --> firmware's tasks <--> [port] <--> USB or UART
+//! ADS1299    --SPI--> [bus] --counts--> [converter] --> firmware's tasks <--> [port] <--> USB or UART
 //! TRIGGER --TIM2 capture--> [trigger] ----events---------------^
 //! panic, hard fault --> [failure] --record--> reset --> [application] --> Hello
 //! ```
@@ -35,13 +35,15 @@ mod loader;
 pub mod parts;
 #[cfg(any(test, target_os = "none"))]
 mod port;
+#[cfg(all(target_os = "none", feature = "stm32f4"))]
+pub mod stm32f4;
 #[cfg(target_os = "none")]
 mod trigger;
 #[cfg(any(test, target_os = "none"))]
 mod trigger_line;
 
 #[cfg(any(test, target_os = "none"))]
-pub use clock_source::{ClockSource, HSE_DIVIDER, HseTimer, KnownClock};
+pub use clock_source::{ClockSource, HSE_DIVIDER, HseInput, HseTimer, KnownClock};
 #[cfg(all(target_os = "none", feature = "uart"))]
 pub use port::{PortMemory, Uart, UartInterrupt};
 #[cfg(target_os = "none")]

@@ -1,4 +1,4 @@
-//! The virtual NUCLEO board: its settings at power-on, and its implementation of the emulator's
+//! The virtual board: its settings at power-on, and its implementation of the emulator's
 //! trait `Board`.
 
 use std::sync::Arc;
@@ -13,8 +13,9 @@ use rigless::snapshot::Store;
 
 use crate::chain::Chain;
 use crate::chip::Chip;
-use crate::chip::f446::F446;
+use crate::chip::f4::F4;
 use crate::chip::h743::H743;
+use crate::converters::Converters;
 use crate::core_bus::{ClearedBits, Differences};
 use crate::image::{self, Image};
 use crate::model::Model;
@@ -25,7 +26,7 @@ use crate::usb::host::UsbHost;
 /// Cable between a board and its host; each firmware image supports only one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Cable {
-    /// The USB cable of the debug probe ST-LINK, which forwards the bytes of the UART.
+    /// The USB cable of the debug probe ST-LINK, or of an adapter, which forwards the bytes of the UART.
     Uart,
     /// A cable to the microcontroller's own USB port.
     Usb,
@@ -34,7 +35,9 @@ pub enum Cable {
 /// Settings of a virtual board and its surroundings at power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup {
-    /// Frequency in Hz of the external clock that the ST-LINK supplies; 0 for no clock.
+    /// The converters.
+    pub converters: Converters,
+    /// Frequency in Hz of the clock at the HSE input, from the ST-LINK or a crystal; 0 for no clock.
     pub clock_hz: u64,
     /// Frequency in Hz of the internal low-speed oscillator (LSI); `None` for the typical
     /// frequency. It can be 17 to 47 kHz in the STM32F446 and 29.4 to 33.6 kHz in the STM32H743
@@ -53,6 +56,7 @@ pub struct Setup {
 impl Default for Setup {
     fn default() -> Self {
         Self {
+            converters: Converters::EIGHT,
             clock_hz: 8_000_000,
             lsi_hz: None,
             alignment: Alignment::Spaced,
@@ -62,9 +66,9 @@ impl Default for Setup {
     }
 }
 
-/// A NUCLEO board with the converter board plugged onto its headers.
+/// A board with its converters.
 #[derive(Debug)]
-pub(crate) struct Nucleo {
+pub(crate) struct EmulatedBoard {
     pub(crate) chip: Box<dyn Chip>,
     model: Model,
     /// File name of the firmware image that the board runs.
@@ -73,7 +77,7 @@ pub(crate) struct Nucleo {
     cleared: Vec<ClearedBits>,
 }
 
-impl Nucleo {
+impl EmulatedBoard {
     pub(crate) fn new(
         model: Model,
         image: &Image,
@@ -121,13 +125,13 @@ impl Nucleo {
 fn chip(model: Model, host: &UsbHost) -> Box<dyn Chip> {
     match model {
         Model::H743 => Box::new(H743::new(host)),
-        Model::F446 => Box::new(F446::new(host)),
+        Model::F446 | Model::Ironbci => Box::new(F4::new(model, host)),
     }
 }
 
-impl Store for Nucleo {}
+impl Store for EmulatedBoard {}
 
-impl Board for Nucleo {
+impl Board for EmulatedBoard {
     fn name(&self) -> &'static str {
         self.model.facts().name
     }

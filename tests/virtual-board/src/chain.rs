@@ -11,7 +11,7 @@ use rigless::snapshot::Store;
 use crate::board::Setup;
 use crate::model::{Pin, Pins};
 
-/// Number of ADS1299 chips in the daisy chain.
+/// Number of simulated ADS1299 chips. Those that a board lacks are never selected.
 pub(crate) const CHIPS: usize = 8;
 
 /// Handle of the simulated converters and their wires; all clones share one state.
@@ -50,8 +50,8 @@ pub(crate) struct DrdyState {
 impl Chain {
     pub(crate) fn new(setup: &Setup) -> Self {
         let options = Options {
-            // Frequency of the quartz that docs/hardware.md requires for the model's sampling rate.
-            clock_hz: device::CONVERTER_SETTINGS.clock.hz(),
+            clock_hz: setup.converters.clock_hz,
+            wiring: setup.converters.wiring,
             alignment: setup.alignment,
             ..Options::default()
         };
@@ -91,17 +91,18 @@ impl Chain {
 
 impl Wires {
     /// Passes the levels that the microcontroller drives now on to the converters. The level of a
-    /// pin that is not an output comes from a resistor on the converter board: high for selects and
-    /// RESET, low for START (docs/hardware.md).
+    /// signal that no output drives comes from the converter board: high for selects and RESET, low
+    /// for START (docs/hardware.md).
     pub(crate) fn set_outputs(
         &mut self,
         now_ns: u64,
         pins: &Pins,
         output: impl Fn(Pin) -> Option<bool>,
     ) {
-        let all = pins.selects.iter().chain([&pins.start, &pins.reset]);
+        let selects = (0..CHIPS).map(|chip| pins.selects.get(chip).copied());
+        let all = selects.chain([pins.start, pins.reset]);
         for (index, pin) in all.enumerate() {
-            let level = Some(output(*pin).unwrap_or(index != CHIPS));
+            let level = Some(pin.and_then(&output).unwrap_or(index != CHIPS));
             if level == self.levels[index] {
                 continue;
             }

@@ -11,10 +11,10 @@ use crate::chain::Chain;
 use crate::core_bus::Redirect;
 use crate::model::Pin;
 
-/// Defines the methods of [`Chip`] whose source text is the same for both chips. The text refers to
+/// Defines the methods of [`Chip`] whose source text is the same for all chips. The text refers to
 /// each chip's own types of `part` and registers, and to its own indices. `spare_timer` replaces
 /// TIM2 while a method has moved TIM2 out of the part.
-macro_rules! common_to_both_chips {
+macro_rules! common_to_all_chips {
     ($spare_timer:expr) => {
         fn set_external_clock(&mut self, hz: u64) {
             self.part.rcc.attach_crystals(hz, 0);
@@ -34,15 +34,18 @@ macro_rules! common_to_both_chips {
         }
 
         fn attach_spi(&mut self, chain: Chain) {
-            self.part.spi[SPI].attach(chain);
+            let spi = self.spi();
+            self.part.spi[spi].attach(chain);
         }
 
         fn attach_uart(&mut self, peer: Box<dyn uart::Peer>) {
-            self.part.usart[UART].attach_boxed(peer);
+            let uart = self.uart();
+            self.part.usart[uart].attach_boxed(peer);
         }
 
         fn damage_uart(&mut self, per_million: u32) {
-            let errors = self.part.usart[UART].errors_mut();
+            let uart = self.uart();
+            let errors = self.part.usart[uart].errors_mut();
             [errors.framing, errors.noise] =
                 ["framing", "noise"].map(|name| Rate { name, per_million });
         }
@@ -84,7 +87,7 @@ macro_rules! common_to_both_chips {
     };
 }
 
-pub(crate) mod f446;
+pub(crate) mod f4;
 pub(crate) mod h743;
 mod hse_timer;
 
@@ -111,10 +114,10 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Sets the frequency in Hz of the internal low-speed oscillator (LSI), the watchdog's clock.
     fn set_lsi_hz(&mut self, hz: u64);
 
-    /// Connects the converters to the board's SPI: SPI1 (STM32H743) or SPI2 (STM32F446).
+    /// Connects the converters to the board's SPI.
     fn attach_spi(&mut self, chain: Chain);
 
-    /// Connects `peer` to the board's UART: USART3 (STM32H743) or USART2 (STM32F446).
+    /// Connects `peer` to the board's UART.
     fn attach_uart(&mut self, peer: Box<dyn uart::Peer>);
 
     /// Corrupts words that the UART receives: of each million, `per_million` get a framing error

@@ -5,7 +5,7 @@ use std::fmt;
 
 use rigless::session::Session;
 
-use crate::board::Nucleo;
+use crate::board::EmulatedBoard;
 use crate::model::Model;
 
 /// Problems that the emulator has detected since power-on, with one text for each problem.
@@ -30,7 +30,7 @@ pub struct Findings {
 }
 
 impl Findings {
-    pub(crate) fn from_session(session: &Session<Nucleo>) -> Self {
+    pub(crate) fn from_session(session: &Session<EmulatedBoard>) -> Self {
         Self {
             unmapped: texts(session.unmapped(), |gap| {
                 format!("{:#010x} from {:#010x}", gap.address, gap.program_counter)
@@ -63,7 +63,7 @@ impl Findings {
     pub fn unexpected(&self, model: Model) -> Vec<String> {
         let list = match model {
             Model::H743 => H743,
-            Model::F446 => F446,
+            Model::F446 | Model::Ironbci => F4,
         };
         let is_allowed =
             |finding: &&String| list.iter().any(|(prefix, _)| finding.starts_with(prefix));
@@ -115,8 +115,9 @@ const H743: &[Reason] = &[
     ),
 ];
 
-/// Findings that are allowed on the STM32F446, which the emulator runs as an STM32F427.
-const F446: &[Reason] = &[
+/// Findings that are allowed on the STM32F446 and the STM32F407, which the emulator runs as an
+/// STM32F427.
+const F4: &[Reason] = &[
     (
         "SYSCFG.EXTICR",
         "the register stores the written value, and the EXTI model here reads it",

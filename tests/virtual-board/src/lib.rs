@@ -1,4 +1,4 @@
-//! Emulated NUCLEO boards that run the unmodified firmware images.
+//! Emulated boards that run the unmodified firmware images.
 //!
 //! [`VirtualBoard`] loads the ELF file that `cargo flash` writes, and runs it in virtual time on an
 //! emulated microcontroller (the crate `rigless`). Simulated ADS1299 converters are connected to
@@ -43,6 +43,7 @@
 mod board;
 mod chain;
 mod chip;
+mod converters;
 mod core_bus;
 mod findings;
 mod frames;
@@ -58,6 +59,7 @@ pub mod usb;
 
 pub use board::{Cable, Setup};
 pub use chain::{electrode_count, electrode_ohms};
+pub use converters::Converters;
 pub use findings::{BoardError, Findings};
 pub use frames::{Frame, Inbox, Kind, ReceivedCode};
 pub use image::{Image, ImageError, elf};

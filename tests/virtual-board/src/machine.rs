@@ -11,7 +11,7 @@ use rigless::emulator::{self, Host, Start};
 use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
-use crate::board::{Cable, Nucleo, Setup};
+use crate::board::{Cable, EmulatedBoard, Setup};
 use crate::chain::{CHIPS, Chain};
 use crate::findings::{BoardError, Findings, section};
 use crate::frames::{Frame, Inbox};
@@ -66,7 +66,7 @@ impl VirtualBoard {
         let host = UsbHost::default();
         let observer = Observer::default();
         let usb_is_held = Arc::new(AtomicBool::new(false));
-        let mut board = Nucleo::new(
+        let mut board = EmulatedBoard::new(
             model,
             image,
             setup,
@@ -299,7 +299,7 @@ impl VirtualBoard {
     /// The emulator has ended.
     pub(crate) fn inspect<T: Send + 'static>(
         &mut self,
-        inspection: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
+        inspection: impl FnOnce(&mut Session<EmulatedBoard>, &mut dyn Host) -> T + Send + 'static,
     ) -> Result<T, BoardError> {
         let (sender, receiver) = channel();
         let request = Request::Inspect(Box::new(move |session, host| {

@@ -1,4 +1,4 @@
-//! Serves the port of a virtual NUCLEO as a TCP port; `cargo xtask board h743 --live` starts this
+//! Serves the port of a virtual board as a TCP port; `cargo xtask board h743 --live` starts this
 //! program.
 #![deny(unsafe_code)]
 
@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
 use clap::Parser;
-use virtual_board::{Cable, Image, Model, Setup, TcpPort, VirtualBoard, live};
+use virtual_board::{Cable, Converters, Image, Model, Setup, TcpPort, VirtualBoard, live};
 
 /// Runs a firmware image on an emulated board and serves the board's port as a TCP port for a
 /// bridge.
@@ -20,12 +20,16 @@ struct Options {
     /// The image: the ELF file that `cargo flash` writes.
     #[arg(long)]
     image: PathBuf,
+    /// The folder of the model with which the image was built, which says what converters the board
+    /// has. The default is eight in a daisy chain at 512 Hz, those of the checked-in model.
+    #[arg(long)]
+    artifact: Option<PathBuf>,
     /// TCP port on 127.0.0.1 for the bridge (`--port tcp:127.0.0.1:5556`); 0 lets the system
     /// choose.
     #[arg(long, default_value_t = 5556)]
     port: u16,
     /// The cable to the host. The default is the cable that the board's default image uses: USB for
-    /// the NUCLEO-H743ZI2, the UART for the NUCLEO-F446RE.
+    /// the NUCLEO-H743ZI2, the UART for the others.
     #[arg(long)]
     cable: Option<Cable>,
     /// Seconds of virtual time to run; the default is to run until the program is stopped.
@@ -41,6 +45,13 @@ fn main() -> ExitCode {
     let model = options.board;
     let image = match Image::read(&options.image, model) {
         Ok(image) => image,
+        Err(error) => return fail(USAGE, &error.to_string()),
+    };
+    let converters = options.artifact.map_or(Ok(Converters::EIGHT), |folder| {
+        Converters::of_model(&folder)
+    });
+    let converters = match converters {
+        Ok(converters) => converters,
         Err(error) => return fail(USAGE, &error.to_string()),
     };
     let mut tcp = match TcpPort::listen(options.port) {
@@ -61,6 +72,7 @@ fn main() -> ExitCode {
     );
     println!("  corticode-bridge --port tcp:127.0.0.1:{number} --sink ndjson");
     let setup = Setup {
+        converters,
         cable: options.cable.unwrap_or(model.facts().default_cable),
         ..Setup::default()
     };

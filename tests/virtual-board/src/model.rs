@@ -1,4 +1,4 @@
-//! Facts about the two boards: names, memories, clocks, and which signal is on which pin.
+//! Facts about the boards: names, memories, clocks, and which signal is on which pin.
 
 use std::fmt;
 
@@ -6,13 +6,15 @@ use clap::ValueEnum;
 
 use crate::board::Cable;
 
-/// Type of the emulated NUCLEO board.
+/// Type of the emulated board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Model {
     /// NUCLEO-H743ZI2 with an STM32H743ZI, the default board.
     H743,
     /// NUCLEO-F446RE with an STM32F446RE.
     F446,
+    /// ironbci with an STM32F407VE and one converter.
+    Ironbci,
 }
 
 impl Model {
@@ -21,10 +23,11 @@ impl Model {
         match self {
             Self::H743 => &H743,
             Self::F446 => &F446,
+            Self::Ironbci => &IRONBCI,
         }
     }
 
-    /// Returns whether DMA1 can access the memory at `address` (RM0433, 2.1; RM0390, 2.1). On the
+    /// Returns whether DMA1 can access the memory at `address` (RM0433, 2.1; RM0390, 2.1; RM0090, 2.1). On the
     /// STM32H743 it cannot access the tightly coupled memories (TCM).
     pub fn dma_reaches(self, address: u64) -> bool {
         let srams = self.facts().memories.iter();
@@ -52,7 +55,8 @@ pub struct Facts {
     /// caches enabled. It affects how late the firmware is, not what it computes.
     pub instructions_per_second: u64,
     /// Name, first address and size in bytes of each of the chip's memories (DS12110 and DS10693,
-    /// memory mapping). The STM32F446 is emulated as an STM32F427, which has more flash and RAM.
+    /// memory mapping). The STM32F446 and the STM32F407 are emulated as an STM32F427, which has more
+    /// flash and RAM.
     pub(crate) memories: &'static [(&'static str, u64, u64)],
     /// Address of the boot loader's vector table (AN2606).
     pub(crate) loader_vectors: u32,
@@ -78,9 +82,9 @@ const H743: Facts = Facts {
     loader_vectors: 0x1FF0_9800,
     dma: 0x4002_0000,
     pins: Pins {
-        selects: pins(E, [2, 4, 5, 6, 9, 11, 13, 14]),
-        start: Pin(E, 10),
-        reset: Pin(E, 12),
+        selects: &pins(E, [2, 4, 5, 6, 9, 11, 13, 14]),
+        start: Some(Pin(E, 10)),
+        reset: Some(Pin(E, 12)),
         drdy: Pin(E, 7),
         trigger: Pin(B, 10),
         select_port: 0x5802_1000,
@@ -102,14 +106,29 @@ const F446: Facts = Facts {
     loader_vectors: 0x1FFF_0000,
     dma: 0x4002_6000,
     pins: Pins {
-        selects: pins(C, [0, 1, 2, 3, 8, 9, 10, 11]),
-        start: Pin(C, 6),
-        reset: Pin(C, 12),
+        selects: &pins(C, [0, 1, 2, 3, 8, 9, 10, 11]),
+        start: Some(Pin(C, 6)),
+        reset: Some(Pin(C, 12)),
         drdy: Pin(C, 7),
         trigger: Pin(B, 10),
         select_port: 0x4002_0800,
         spi: 0x4000_3800,
     },
+};
+
+const IRONBCI: Facts = Facts {
+    key: "ironbci",
+    name: "ironbci",
+    pins: Pins {
+        selects: &[Pin(D, 12)],
+        start: None,
+        reset: None,
+        drdy: Pin(A, 9),
+        trigger: Pin(B, 10),
+        select_port: 0x4002_0C00,
+        spi: 0x4000_3C00,
+    },
+    ..F446
 };
 
 impl fmt::Display for Model {
@@ -149,10 +168,12 @@ impl fmt::Display for Pin {
 /// `docs/hardware.md` and not from the firmware; a test compares them with that document.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pins {
-    /// Chip selects of the converters, in the order of the daisy chain.
-    pub(crate) selects: [Pin; 8],
-    pub(crate) start: Pin,
-    pub(crate) reset: Pin,
+    /// Chip selects of the converters, in the order of the chain.
+    pub(crate) selects: &'static [Pin],
+    /// `None` if the board has wired START low.
+    pub(crate) start: Option<Pin>,
+    /// `None` if the board has wired RESET high.
+    pub(crate) reset: Option<Pin>,
     pub(crate) drdy: Pin,
     pub(crate) trigger: Pin,
     /// Base address of the GPIO port that drives the chip selects, START and RESET.
@@ -162,8 +183,10 @@ pub(crate) struct Pins {
 }
 
 /// Indices of the GPIO ports with pins for the converters or the trigger.
+const A: u8 = 0;
 const B: u8 = 1;
 const C: u8 = 2;
+const D: u8 = 3;
 const E: u8 = 4;
 
 #[cfg(test)]
@@ -191,15 +214,16 @@ mod tests {
 
     #[test]
     fn the_pins_are_those_of_the_documentation() {
-        for model in [Model::H743, Model::F446] {
+        for model in [Model::H743, Model::F446, Model::Ironbci] {
             let pins = model.facts().pins;
             let mut wires: Vec<(String, Pin)> = (0..)
                 .zip(pins.selects)
-                .map(|(chip, pin)| (format!("CS {chip}"), pin))
+                .map(|(chip, pin)| (format!("CS {chip}"), *pin))
                 .collect();
-            let others = [pins.start, pins.reset, pins.drdy, pins.trigger];
+            let others = [pins.start, pins.reset, Some(pins.drdy), Some(pins.trigger)];
             let names = ["START", "RESET", "DRDY", "TRIGGER"].map(str::to_owned);
-            wires.extend(names.into_iter().zip(others));
+            let others = names.into_iter().zip(others);
+            wires.extend(others.filter_map(|(name, pin)| Some((name, pin?))));
             let documented = documented(model);
             for (signal, pin) in wires {
                 let row = documented.iter().find(|(name, _)| *name == signal);

@@ -27,7 +27,6 @@ mod coded;
 mod error;
 mod evaluation;
 mod fit;
-mod front_end;
 mod good_signal;
 mod integers;
 mod personal_code;

@@ -1,8 +1,8 @@
 //! A recording, filtered by the device's front end.
 
 use crate::error::FitError;
-use crate::front_end::{Filters, Resampler};
 use artifact::Description;
+use model_gen::front_end::{Filters, Resampler};
 use model_gen::headroom::GUARD_BITS;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 use std::fmt;
@@ -78,8 +78,9 @@ impl Track {
             rate_hz: adc.rate_hz,
             lsb_uv: adc.lsb_uv(),
         };
-        let mut filters = Filters::new(description, mains_hz)?;
-        let mut resampler = Resampler::new(description)?;
+        let mut filters = Filters::new(description, mains_hz)
+            .map_err(|source| FitError::Filter(mains_hz, source))?;
+        let mut resampler = Resampler::new(description).map_err(FitError::Resampler)?;
         let uv_per_unit = adc.lsb_uv() / UNITS_PER_COUNT;
         let mut virtual_adc = VirtualAdc::new(recording, &map, spec).map_err(unreadable)?;
         let mut values: Vec<f32> = Vec::new();

@@ -1,11 +1,12 @@
-//! The front end at every sampling rate and decimation: comparison with scipy's double-precision
-//! filters, aliases of tones above half of the step rate, and the stated group delay.
+//! The front end at every sampling rate and decimation: comparison with the front end whose sizes are
+//! known only at run time, and with scipy's double-precision filters; aliases of tones above half of the step rate, and the stated group delay.
 
 use std::f64::consts::PI;
 
-use artifact::Decimation;
+use artifact::{Artifact, Decimation};
 use fixed_dsp::{Cascade, Resampler};
 use model::{CHANNELS, GUARD_BITS, LSB_NV, SECTIONS};
+use model_gen::front_end::{Filters, Resampler as AnyResampler};
 use model_gen::{Chain, FilterSpec, ResamplerTable, cascade};
 use pipeline::{FrontEnd, Sample};
 
@@ -277,4 +278,36 @@ fn the_model_states_the_delay_of_its_own_front_end() {
         let stated_us = f64::from(mains.group_delay_us);
         assert!((front_end.chain().group_delay_s(10.0) * 1e6 - stated_us).abs() < 1.0);
     }
+}
+
+#[test]
+fn the_front_end_of_any_description_has_the_same_bits() {
+    let mut description = Artifact::from_files(model::artifact_files::FILES)
+        .expect("the built-in model")
+        .description;
+    description.adc.rate_hz = 500;
+    description.filters.decimation = Decimation::Fir;
+    let mut filters = Filters::new(&description, 50).expect("usual filters");
+    let mut resampler = AnyResampler::new(&description).expect("a usual rate");
+    let device = AtRate::new(500, 50, Decimation::Fir);
+    let table = Resampler {
+        down: device.table.down,
+        taps: std::array::from_fn::<_, 32, _>(|phase| {
+            std::array::from_fn::<_, 64, _>(|age| device.table.taps[phase][age])
+        }),
+    };
+    let mut device = FrontEnd::new(device.cascade, &table);
+    let mut outputs = 0;
+    for n in 0..4_000_i32 {
+        let counts = std::array::from_fn(|channel| {
+            let channel = i32::try_from(channel).expect("64 channels");
+            (n.wrapping_mul(n).wrapping_mul(31_337) + channel * 977) % 4_000_003
+        });
+        let expected = device.filter_sample(&Sample { counts });
+        let expected = expected.map(|(step, _)| step.to_vec());
+        let filtered = filters.filter_sample(&counts[..model::ELECTRODES]);
+        assert_eq!(resampler.resample(filtered), expected, "sample {n}");
+        outputs += usize::from(expected.is_some());
+    }
+    assert_eq!(outputs, 4_000 * 128 / 500);
 }

@@ -99,6 +99,14 @@ impl H743 {
             removed,
         }
     }
+
+    const fn spi(&self) -> usize {
+        SPI
+    }
+
+    const fn uart(&self) -> usize {
+        UART
+    }
 }
 
 impl Mcu for H743 {
@@ -180,7 +188,7 @@ impl Chip for H743 {
         config.spec()
     }
 
-    common_to_both_chips!(Tim::new(TIMERS[TIMER]));
+    common_to_all_chips!(Tim::new(TIMERS[TIMER]));
 
     fn redirects(&self) -> Vec<Redirect> {
         vec![self.otg.redirect()]

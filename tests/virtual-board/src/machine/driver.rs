@@ -8,7 +8,7 @@ use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::board::Nucleo;
+use crate::board::EmulatedBoard;
 use crate::chain::Chain;
 use crate::injection::Change;
 use crate::model::Pins;
@@ -36,7 +36,7 @@ pub(super) enum Request {
 }
 
 /// Closure that runs on the emulator's session while virtual time is stopped.
-pub(super) type Inspection = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host) + Send>;
+pub(super) type Inspection = Box<dyn FnOnce(&mut Session<EmulatedBoard>, &mut dyn Host) + Send>;
 
 /// Progress of the emulator when it reaches a requested stop.
 #[derive(Clone, Copy, Debug, Default)]
@@ -93,7 +93,7 @@ impl BoardDriver {
     }
 
     /// Drives the pins DRDY and trigger to the levels that they have at the time `now`.
-    fn drive(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
+    fn drive(&mut self, session: &mut Session<EmulatedBoard>, now: VirtualNanos) {
         let resets = session.resets().len();
         if resets != self.resets {
             // The emulator forgets the pins' levels at a reset, so drive them all again.
@@ -125,7 +125,7 @@ impl BoardDriver {
 
     /// Passes the levels of the output pins after a reset on to the converters. Stops a board that
     /// resets in a loop, because a reset takes far longer to emulate than on the chip.
-    fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
+    fn count_reset(&mut self, session: &mut Session<EmulatedBoard>, now: VirtualNanos) {
         let chip = &session.board().chip;
         let mut wires = self.chain.wires();
         wires.set_outputs(now.0, self.pins, |pin| chip.driven_level(pin));
@@ -172,10 +172,15 @@ impl BoardDriver {
     }
 }
 
-impl Driver<Nucleo> for BoardDriver {
+impl Driver<EmulatedBoard> for BoardDriver {
     /// Passes what the firmware writes to the pins and to the SPI's settings on to the converters,
     /// handles resets, and applies a pending failure.
-    fn on_settled(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host, settled: Settled) {
+    fn on_settled(
+        &mut self,
+        session: &mut Session<EmulatedBoard>,
+        host: &mut dyn Host,
+        settled: Settled,
+    ) {
         let access = match settled {
             Settled::Access { access, .. } => access,
             Settled::Stop(stop) if stop.reason == StopReason::Reset => {
@@ -201,7 +206,7 @@ impl Driver<Nucleo> for BoardDriver {
 
     fn on_stop(
         &mut self,
-        session: &mut Session<Nucleo>,
+        session: &mut Session<EmulatedBoard>,
         stop: Stop,
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {

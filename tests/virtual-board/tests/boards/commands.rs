@@ -2,12 +2,13 @@
 
 use std::collections::HashSet;
 
-use link::{AckResult, Streams, ToDevice};
-use virtual_board::{BoardError, Cable, Kind, VirtualBoard, electrode_ohms};
+use link::{AckResult, ResetInto, Streams, ToDevice};
+use virtual_board::{BoardError, Cable, Converters, Kind, VirtualBoard, electrode_ohms};
 
 use crate::images::Subject;
 use crate::session::{
-    acks, answer, assert_sound, converters, in_time, pick, run_codes, running, stats, streaming,
+    acks, answer, assert_sound, converters, in_time, pick, run_codes, running, start, stats,
+    streaming,
 };
 
 /// Number of codes in which the device sends its counters at least once; it does so each second.
@@ -48,15 +49,22 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     Ok(())
 }
 
-/// Scenario: the impedance of every electrode is measured while codes stream, without a flagged
-/// code or a late stage.
-pub(crate) fn impedances_are_measured_while_codes_stream(
-    subject: Subject,
-) -> Result<(), BoardError> {
-    let mut board = streaming(subject, Streams::CODES)?;
+/// Scenario: the impedance of every electrode is measured: at 500 Hz and more while codes stream,
+/// without a late stage; at less, where the current is inside the EEG's band, before a session.
+pub(crate) fn impedances_are_measured(subject: Subject) -> Result<(), BoardError> {
+    let mut board = running(subject)?;
     let measure = ToDevice::SetImpedance { on: true };
-    assert_eq!(answer(&mut board, &measure)?, AckResult::Done);
-    run_codes(&mut board, 3 * A_REPORT)?;
+    let streams = subject.converters().rate_hz >= 500;
+    if streams {
+        start(&mut board, Streams::CODES)?;
+        assert_eq!(answer(&mut board, &measure)?, AckResult::Done);
+        run_codes(&mut board, 3 * A_REPORT)?;
+        in_time(&board);
+    } else {
+        assert_eq!(answer(&mut board, &measure)?, AckResult::Done);
+        board.run_for_us(3_500_000)?;
+        assert_eq!(start(&mut board, Streams::CODES)?, AckResult::Busy);
+    }
     let impedances = |kind: &Kind| match kind {
         Kind::Impedance(ohms) => Some(ohms.clone()),
         _ => None,
@@ -68,7 +76,14 @@ pub(crate) fn impedances_are_measured_while_codes_stream(
         let error = measured / electrode_ohms(channel) - 1.0;
         assert!(error.abs() < 0.05, "{channel}: {measured}");
     }
-    in_time(&board);
+    assert_sound(&mut board)
+}
+
+/// Scenario: a board whose boot loader no host reaches refuses to start it.
+pub(crate) fn loader_is_refused(subject: Subject) -> Result<(), BoardError> {
+    let mut board = running(subject)?;
+    let reset = ToDevice::Reset(ResetInto::Bootloader);
+    assert_eq!(answer(&mut board, &reset)?, AckResult::NotSupported);
     assert_sound(&mut board)
 }
 
@@ -156,8 +171,8 @@ pub(crate) fn ping(board: &mut VirtualBoard, limit_us: u64) -> Result<(), BoardE
 /// Longest wait for the result of a self-test, in us; a self-test takes 4.5 s (docs/hardware.md).
 const SELF_TEST_US: u64 = 6_000_000;
 
-/// Scenario: the self-test passes for all eight chips and 64 channels, and afterwards the
-/// converters convert again.
+/// Scenario: the self-test passes for all chips and channels, and afterwards the converters convert
+/// again.
 pub(crate) fn self_test_passes(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     board.send(&ToDevice::SelfTest);
@@ -172,12 +187,16 @@ pub(crate) fn self_test_passes(subject: Subject) -> Result<(), BoardError> {
     })?;
     let result = found.expect("a result");
     assert_eq!(result.fault, "", "{result:?}");
-    assert_eq!((result.chips.len(), result.channels.len()), (8, 64));
+    let Converters { chips, rate_hz, .. } = subject.converters();
+    assert_eq!(
+        (result.chips.len(), result.channels.len()),
+        (chips, 8 * chips)
+    );
     assert_eq!((result.drdy_early, result.drdy_missed), (0, 0));
     let edges = board.converters().ready_edges();
     board.run_for_us(100_000)?;
     assert!(
-        board.converters().ready_edges() > edges + 45,
+        board.converters().ready_edges() > edges + u64::from(rate_hz) / 11,
         "the chain converts again"
     );
     assert_eq!(converters(board.inbox().frames()), Some(""));

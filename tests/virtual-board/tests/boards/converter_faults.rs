@@ -1,17 +1,19 @@
 //! Scenarios in which converters have faults, which the device must report.
 
-use ads1299::Alignment;
 use ads1299::simulation::Fault;
+use ads1299::{Alignment, Wiring};
 use link::{Flags, Streams};
-use virtual_board::{BoardError, Kind, Setup, VirtualBoard};
+use virtual_board::{BoardError, Converters, Kind, Setup, VirtualBoard};
 
 use crate::images::Subject;
 use crate::session::{
     assert_sound, converters, pick, power_on, run_codes, running_with, start, streaming,
 };
 
-/// Index of the chip that gets the fault; any chip but 0 would do.
-const CHIP: usize = 5;
+/// Returns the index of the chip that gets the fault; any chip but 0 would do, if there is another.
+fn chip(subject: Subject) -> usize {
+    subject.converters().chips * 2 / 3
+}
 
 /// Number of codes during which the device sends the status of its converters at least once; it
 /// does so each second.
@@ -38,7 +40,7 @@ fn inject_fault(subject: Subject, fault: Fault) -> Result<Vec<usize>, BoardError
     run_codes(&mut board, 8)?;
     let bad = Flags::ADC_STATUS_BAD;
     assert!(flags(&board).iter().all(|flags| !flags.contains(bad)));
-    board.converters().inject(CHIP, fault);
+    board.converters().inject(chip(subject), fault);
     run_codes(&mut board, A_STATUS)?;
     // All windows that end after the fault contain it, so code 8 or 9 must be the first that has
     // the flag.
@@ -55,10 +57,17 @@ fn inject_fault(subject: Subject, fault: Fault) -> Result<Vec<usize>, BoardError
     Ok((0..counts.len()).filter(|&chip| counts[chip] > 0).collect())
 }
 
-/// Scenario: the device reports a chip without power and all chips that send their data through it.
+/// Scenario: the device reports a chip without power, and in a daisy chain all chips that send their
+/// data through it.
 pub(crate) fn a_dead_chip_is_reported(subject: Subject) -> Result<(), BoardError> {
     let named = inject_fault(subject, Fault::Dead)?;
-    assert_eq!(named, (CHIP..8).collect::<Vec<_>>());
+    let Converters { chips, wiring, .. } = subject.converters();
+    let chip = chip(subject);
+    let expected = match wiring {
+        Wiring::Daisy => chip..chips,
+        Wiring::Cascaded => chip..chip + 1,
+    };
+    assert_eq!(named, expected.collect::<Vec<_>>());
     subject.record("fault_dead_chip", true);
     Ok(())
 }
@@ -66,7 +75,7 @@ pub(crate) fn a_dead_chip_is_reported(subject: Subject) -> Result<(), BoardError
 /// Scenario: the device reports a chip that sends one bit late and so shifts other chips' data.
 pub(crate) fn a_shifted_bit_is_reported(subject: Subject) -> Result<(), BoardError> {
     let named = inject_fault(subject, Fault::ShiftedBit)?;
-    assert_eq!(named.first(), Some(&CHIP), "{named:?}");
+    assert_eq!(named.first(), Some(&chip(subject)), "{named:?}");
     subject.record("fault_shifted_bit", true);
     Ok(())
 }

@@ -4,9 +4,9 @@ use std::env;
 use std::fmt::{self, Display};
 use std::fs::OpenOptions;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use virtual_board::{Cable, Image, Model, Setup};
+use virtual_board::{Cable, Converters, Image, Model, Setup};
 
 /// An image under test: its board, the cable that it supports, and its name.
 #[derive(Clone, Copy, Debug)]
@@ -25,23 +25,42 @@ impl Subject {
     /// Returns the settings of a healthy board with the cable that the image supports.
     pub(crate) fn setup(self) -> Setup {
         Setup {
+            converters: self.converters(),
             cable: self.cable,
             ..Setup::default()
         }
     }
 
-    /// Reads the image whose path is in `CORTICODE_IMAGE_H743`, `.._H743_UART`, `.._F446`,
-    /// `.._F446_USB` or `.._F446_PACKED`.
+    /// Returns the converters that the image's model is for.
+    pub(crate) fn converters(self) -> Converters {
+        let folder = self.model_folder();
+        let converters = folder.map(|folder| Converters::of_model(&folder));
+        converters.map_or(Converters::EIGHT, |converters| {
+            converters.unwrap_or_else(|error| panic!("{error}"))
+        })
+    }
+
+    /// Returns the folder of the image's model, from a variable such as `CORTICODE_MODEL_KIT_250`;
+    /// `None` for the built-in model.
+    pub(crate) fn model_folder(self) -> Option<PathBuf> {
+        env::var_os(self.variable("MODEL")).map(PathBuf::from)
+    }
+
+    fn variable(self, what: &str) -> String {
+        let word = self.key.to_uppercase().replace('-', "_");
+        format!("CORTICODE_{what}_{word}")
+    }
+
+    /// Reads the image whose path is in a variable such as `CORTICODE_IMAGE_H743_UART`.
     ///
     /// # Panics
     /// When the variable is not set, or the image is missing, outdated or for another chip.
     pub(crate) fn image(self) -> Image {
-        let word = self.key.to_uppercase().replace('-', "_");
-        let variable = format!("CORTICODE_IMAGE_{word}");
+        let variable = self.variable("IMAGE");
         let path = env::var_os(&variable).unwrap_or_else(|| {
             panic!(
                 "{variable} is not set; `cargo xtask board {}` builds the images and runs these tests",
-                self.model.facts().key
+                self.key
             )
         });
         Image::read(Path::new(&path), self.model).unwrap_or_else(|error| panic!("{error}"))

@@ -6,9 +6,9 @@ mod codes;
 mod commands;
 mod converter_faults;
 mod failures;
-
 mod images;
 mod packed;
+mod reference;
 mod session;
 mod simulation;
 mod start_up;
@@ -34,6 +34,21 @@ const F446_USB: Subject = Subject::new(Model::F446, Cable::Usb, "f446-usb");
 
 /// The image of the NUCLEO-F446RE that has the packed code in place of the network.
 const F446_PACKED: Subject = Subject::new(Model::F446, Cable::Uart, "f446-packed");
+
+/// The image of the ironbci, for one converter at 250 Hz that runs from its own oscillator.
+const IRONBCI: Subject = Subject::new(Model::Ironbci, Cable::Uart, "ironbci");
+
+/// The image of the NUCLEO-H743ZI2 for one converter at 250 Hz.
+const KIT_250: Subject = Subject::new(Model::H743, Cable::Usb, "kit-250");
+
+/// The image of the NUCLEO-H743ZI2 for one converter at 500 Hz.
+const KIT_500: Subject = Subject::new(Model::H743, Cable::Usb, "kit-500");
+
+/// The image of the NUCLEO-H743ZI2 for two converters in a daisy chain at 250 Hz.
+const CYTON_16: Subject = Subject::new(Model::H743, Cable::Usb, "cyton-16");
+
+/// The image of the NUCLEO-H743ZI2 for four cascaded converters at 512 Hz.
+const TEN_TWENTY_32: Subject = Subject::new(Model::H743, Cable::Usb, "ten-twenty-32");
 
 /// Defines a test of the image `$subject` for each scenario, a function that takes a [`Subject`].
 macro_rules! scenarios {
@@ -80,7 +95,7 @@ mod h743 {
     scenarios! {
         H743:
         start_up: runs_from_the_clocks_of_an_st_link a_hang_during_the_start_up_ends_in_a_reset;
-        commands: impedances_are_measured_while_codes_stream;
+        commands: impedances_are_measured;
         usb: works_after_pauses_and_suspend reconnects_after_unplugging;
         packed: packed_blocks_equal_those_of_host_sim everything_at_once_is_in_time;
         upload: uploaded_model_is_used unsound_upload_is_refused;
@@ -110,6 +125,47 @@ mod f446 {
 mod f446_usb {
     every_image!(F446_USB);
     scenarios! { F446_USB: usb: reconnects_after_unplugging; }
+}
+
+/// Defines the tests of an image for other converters and another model than the built-in one.
+macro_rules! other_converters {
+    ($subject:ident) => {
+        scenarios! {
+            $subject:
+            start_up: starts_up;
+            reference: codes_equal_those_of_the_reference;
+            commands: self_test_passes impedances_are_measured;
+            converter_faults: a_dead_chip_is_reported a_silent_drdy_is_flagged;
+        }
+    };
+}
+
+mod kit_250 {
+    other_converters!(KIT_250);
+    scenarios! { KIT_250: bridge: bridge_delivers_codes; }
+}
+
+mod kit_500 {
+    other_converters!(KIT_500);
+}
+
+mod cyton_16 {
+    other_converters!(CYTON_16);
+}
+
+mod ten_twenty_32 {
+    other_converters!(TEN_TWENTY_32);
+}
+
+mod ironbci {
+    other_converters!(IRONBCI);
+    scenarios! {
+        IRONBCI:
+        start_up: starts_up_without_the_clock;
+        trigger: trigger_edges_have_correct_times;
+        commands: loader_is_refused;
+        failures: failures_are_reported_after_the_restart;
+    }
 }
 
 mod f446_packed {

@@ -51,14 +51,14 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     assert_eq!(
         capabilities.count(),
         1,
-        "Capabilities has 1,074 bytes, more than any buffer of the port"
+        "Capabilities is longer than any buffer of the port"
     );
     for (number, frame) in (0..).zip(frames) {
         assert_eq!(frame.seq, number, "a frame is missing");
     }
     assert_core_runs_at(&mut board, subject.model.facts().core_hz)?;
     // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz
-    // on the STM32F446 (docs/hardware.md). The converters run, so it must be that for samples.
+    // on the others (docs/hardware.md). The converters run, so it must be that for samples.
     let burst_hz = board.sclk_hz();
     assert!(
         (10_000_000..=20_000_000).contains(&burst_hz),
@@ -79,7 +79,7 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     assert_sound(&mut board)
 }
 
-/// Scenario: without the clock from the ST-LINK, the board runs from its internal oscillator and
+/// Scenario: without a clock at the HSE input, the board runs from its internal oscillator and
 /// reports that the clock is missing.
 pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardError> {
     let setup = Setup {
@@ -91,7 +91,7 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardE
     let (cause, fault) = &greetings[0];
     assert_eq!(*cause, ResetCause::PowerOn);
     assert!(
-        fault.contains("no clock from the ST-LINK"),
+        fault.contains("no clock at the HSE input"),
         "Hello reports {fault:?}"
     );
     assert_core_runs_at(&mut board, subject.model.facts().core_hz)?;
@@ -182,14 +182,15 @@ pub(crate) fn a_hang_during_the_start_up_ends_in_a_reset(
     assert_sound(&mut board)
 }
 
-/// Interrupts that have the same line on both chips (RM0433 rev 9, table 147; RM0390, table 38).
+/// Interrupts that have the same line on all chips (RM0433 rev 9, table 147; RM0390, table 38; RM0090
+/// rev 22, table 61).
 const COMMON: [Wanted; 6] = [
     ("EXTI9_5, DRDY", 23, priority::DRDY),
     ("TIM2, time driver", 28, priority::TIME),
     ("EXTI15_10, trigger", 40, priority::TRIGGER),
     ("UART4, acquire", 52, priority::ACQUIRE),
-    ("UART5, converse", 53, priority::CONVERSE),
-    ("SAI1, encode", 87, priority::ENCODE),
+    ("USART6, converse", 71, priority::CONVERSE),
+    ("I2C3_EV, encode", 72, priority::ENCODE),
 ];
 
 /// An interrupt that must be enabled: source and task, line, priority.
@@ -205,6 +206,10 @@ fn spi_interrupts(model: Model) -> [Wanted; 2] {
         Model::F446 => [
             ("DMA1 stream 3, SPI", 14, priority::DRDY),
             ("DMA1 stream 4, SPI", 15, priority::DRDY),
+        ],
+        Model::Ironbci => [
+            ("DMA1 stream 2, SPI", 13, priority::DRDY),
+            ("DMA1 stream 5, SPI", 16, priority::DRDY),
         ],
     }
 }
@@ -223,6 +228,11 @@ fn port_interrupts(subject: Subject) -> &'static [Wanted] {
             ("USART2", 38, priority::CONVERSE),
             ("DMA1 stream 5, UART", 16, priority::CONVERSE),
             ("DMA1 stream 6, UART", 17, priority::CONVERSE),
+        ],
+        (Model::Ironbci, _) => &[
+            ("UART5", 53, priority::CONVERSE),
+            ("DMA1 stream 0, UART", 11, priority::CONVERSE),
+            ("DMA1 stream 7, UART", 47, priority::CONVERSE),
         ],
     }
 }

@@ -1,5 +1,9 @@
 //! Scenarios in which the host gives a board a model.
 
+use std::sync::LazyLock;
+
+use any_model::{any_linear_for, any_packed_of};
+use artifact::{Artifact, ModelId};
 use link::{AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, Streams, ToDevice, model_crc};
 use virtual_board::{BoardError, Cable, Frame, Kind};
 
@@ -28,13 +32,20 @@ const fn longest_us(subject: Subject) -> u64 {
     }
 }
 
-/// A packed model and a linear code, as `build.rs` writes them.
-const MODEL: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/uploaded_model.bin"));
+/// The model that a scenario uploads, and its bytes: packed model and linear code with random weights,
+/// in the shape of the built-in model.
+static MODEL: LazyLock<(ModelId, Vec<u8>)> = LazyLock::new(|| {
+    let built_in = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
+    let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &built_in.description);
+    let linear = any_linear_for(2, &built_in).expect("a linear code");
+    let uploaded = linear.with_packed(Some(packed)).expect("a packed model");
+    let bytes = model_gen::upload(&uploaded).expect("a sound model");
+    (uploaded.id, bytes.expect("it has a packed model"))
+});
 
-/// Returns the id of a model with random weights, in the shape of the built-in one, and the commands
-/// that upload it.
+/// Returns the id of [`MODEL`], and the commands that upload it.
 pub(crate) fn upload() -> ([u8; 8], Vec<ToDevice<'static>>) {
-    let (id, bytes) = MODEL.split_first_chunk().expect("an id");
+    let (ModelId(id), bytes) = &*MODEL;
     let begin = ModelBegin {
         id: *id,
         bytes: u32::try_from(bytes.len()).expect("short"),

@@ -11,7 +11,7 @@ use crate::session::{assert_sound, greetings, running_with, start};
 const fn range(model: Model) -> [u64; 2] {
     match model {
         Model::H743 => [29_400, 33_600],
-        Model::F446 => [17_000, 47_000],
+        Model::F446 | Model::Ironbci => [17_000, 47_000],
     }
 }
 
@@ -46,7 +46,7 @@ pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Resu
         assert_sound(&mut board)?;
 
         let at_us = board.now_us();
-        board.inject_at("SAI1", Injection::Hang)?;
+        board.inject_at("I2C3_EV", Injection::Hang)?;
         let longest_us = watchdog_us(hz) + FED_US + START_US;
         board.run_until("Hello after a hang", longest_us, |frames| {
             greetings(frames).len() == 2

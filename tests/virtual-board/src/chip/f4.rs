@@ -1,5 +1,5 @@
-//! The STM32F446: the emulator's STM32F427, with added models of EXTI, USB and the register
-//! RCC_DCKCFGR2.
+//! The STM32F446 and the STM32F407: the emulator's STM32F427, with added models of EXTI, USB and the
+//! register RCC_DCKCFGR2.
 
 mod exti;
 
@@ -14,9 +14,9 @@ use rigless::machine::armv7m::{Config, Core, Fpu, MpuRegions, Variant};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::{gpioa, otg_fs_global, rcc, spi1, syscfg, tim11};
-use rigless::soc::stm32f427::peripherals::TIMERS;
 use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin as PartPin};
 use rigless::soc::stm32f427::peripherals::tim::{Channel, Tim};
+use rigless::soc::stm32f427::peripherals::{SERIAL_INTERFACES, TIMERS};
 use rigless::soc::{Bus, Region};
 use rigless::time::VirtualNanos;
 
@@ -31,13 +31,9 @@ use crate::usb::otg::Otg;
 
 use exti::Exti;
 
-/// Index, in the emulator's array of SPIs, of SPI2, which is connected to the converters.
-const SPI: usize = 1;
-/// Index, in the emulator's array of USARTs, of USART2, which is connected to the ST-LINK.
-const UART: usize = 1;
 /// Index, in the emulator's array of timers, of TIM2, whose channel 3 captures the trigger.
 const TIMER: usize = 0;
-/// Number of the alternate function that connects TIM2 to pin PB10 (DS10693, table 11).
+/// Number of the alternate function that connects TIM2 to pin PB10 (DS10693, table 11; DS8626, table 9).
 const TIMER_FUNCTION: u8 = 1;
 /// Names of the GPIO ports in the emulator; the port index in a [`Pin`] selects one.
 const PORTS: [&str; 8] = [
@@ -52,15 +48,17 @@ const HSERDY: u64 = 1 << 17;
 const GRSTCTL: u64 = 0x5000_0000 + 0x10;
 const AHBIDL: u64 = 1 << 31;
 
-/// Address of RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. The emulated register only
+/// Address of RCC_DCKCFGR2 of the STM32F446 (RM0390, 6.3.28), which the STM32F427 lacks. The emulated register only
 /// stores what is written, which suffices: the firmware keeps the clock selections of the reset.
 const DCKCFGR2: u64 = 0x4002_3894;
 /// Address at which the emulator serves accesses to DCKCFGR2; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
 
-/// An emulated STM32F446: the emulator's model of the part, and added models of EXTI and USB.
+/// An emulated STM32F446 or STM32F407: the emulator's model of the part, and added models of EXTI and
+/// USB.
 #[derive(Debug)]
-pub(crate) struct F446 {
+pub(crate) struct F4 {
+    model: Model,
     part: Stm32f427,
     exti: Exti,
     exti_slot: usize,
@@ -69,13 +67,13 @@ pub(crate) struct F446 {
     hse_timer_slot: usize,
 }
 
-impl F446 {
-    /// Creates a powered chip without an external clock, with `host` at the other end of its USB
+impl F4 {
+    /// Creates the powered chip of a board without an external clock, with `host` at the other end of its USB
     /// cable.
     ///
     /// # Panics
     /// When the emulator's description of the part contradicts itself.
-    pub(crate) fn new(host: &UsbHost) -> Self {
+    pub(crate) fn new(model: Model, host: &UsbHost) -> Self {
         let mut part = Stm32f427::new().expect("the emulator's own part");
         part.set_supply(3300);
         let spare = Region::ram("DCKCFGR2", SPARE, 0x1000);
@@ -84,12 +82,31 @@ impl F446 {
         let hse_timer_slot = part.bus().slot("TIM11").expect("the part has TIM11");
         let otg = Otg::new::<otg_fs_global::Register>(&F446_OTG_FS, host, part.bus_mut());
         Self {
+            model,
             part,
             exti: Exti::default(),
             exti_slot,
             otg: otg.expect("a free window"),
-            hse_timer: HseTimer::new(Model::F446.facts().reset_hz),
+            hse_timer: HseTimer::new(model.facts().reset_hz),
             hse_timer_slot,
+        }
+    }
+
+    /// Returns the index, in the emulator's array of SPIs, of the one to which the board connects the
+    /// converters: SPI3 on an ironbci, SPI2 on a NUCLEO-F446RE.
+    const fn spi(&self) -> usize {
+        match self.model {
+            Model::Ironbci => 2,
+            _ => 1,
+        }
+    }
+
+    /// Returns the index, in the emulator's array of serial ports, of the one to the host: UART5 on an
+    /// ironbci, USART2 on a NUCLEO-F446RE.
+    const fn uart(&self) -> usize {
+        match self.model {
+            Model::Ironbci => 7,
+            _ => 1,
         }
     }
 
@@ -107,7 +124,7 @@ impl F446 {
     }
 }
 
-impl Mcu for F446 {
+impl Mcu for F4 {
     fn bus(&self) -> &Bus {
         self.part.bus()
     }
@@ -147,10 +164,10 @@ impl Mcu for F446 {
     }
 }
 
-impl Chip for F446 {
+impl Chip for F4 {
     /// Describes a Cortex-M4F (DS10693, 3.1) that boots from flash (RM0390, 2.4).
     fn core(&self) -> CoreSpec {
-        let facts = Model::F446.facts();
+        let facts = self.model.facts();
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
             variant: Variant::M4,
@@ -168,7 +185,7 @@ impl Chip for F446 {
         config.spec()
     }
 
-    common_to_both_chips!(Tim::with_clock(1, TIMERS[TIMER].counter));
+    common_to_all_chips!(Tim::with_clock(1, TIMERS[TIMER].counter));
 
     fn redirects(&self) -> Vec<Redirect> {
         let spare = Redirect {
@@ -180,7 +197,8 @@ impl Chip for F446 {
 
     /// Returns the frequency of SCLK: PCLK1 divided by 2^(BR + 1) (RM0390, register SPI_CR1).
     fn sclk_hz(&self) -> u32 {
-        let spi = self.bus().registers("SPI2").expect("the part has SPI2");
+        let spi = SERIAL_INTERFACES[self.spi()];
+        let spi = self.bus().registers(spi).expect("the part has the SPI");
         let rcc = self.bus().registers("RCC").expect("the part has an RCC");
         let divider = spi1::cr1::BR.get(spi.get(spi1::Register::Cr1)) + 1;
         let hz = self.part.rcc.pclk1(rcc) >> divider;

@@ -1,45 +1,48 @@
 //! Configuration of the chip's clocks: 168 MHz for the core, 21 MHz for SPI, 48 MHz for USB.
 
-use board_stm32::{ClockSource, KnownClock, nvic_priority};
 use embassy_stm32::{
     Config,
     pac::FLASH,
     rcc::{
         AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv,
-        PllSource, Sysclk, mux,
+        PllSource, Sysclk,
     },
     time::Hertz,
 };
 use firmware::deadlines::priority;
 
-/// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0390, RCC).
-pub(crate) const AFTER_RESET_HZ: u32 = 16_000_000;
+use crate::clock_source::ClockSource;
+use crate::interrupts::nvic_priority;
 
-/// Clocks at the HSE input from which [`config`] can derive all others. The NUCLEO-F446RE's ST-LINK
-/// has no other one (UM1724, section 6.7.1), so the range allows for the 8 % of a warm or cold HSI
-/// (as of the STM32F407, DS8626).
-pub(crate) const SOURCES: &[KnownClock] = &[(ClockSource::StLink, 7_360_000..=8_640_000)];
+/// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0390 and RM0090,
+/// RCC).
+pub const AFTER_RESET_HZ: u32 = 16_000_000;
 
-/// Returns the configuration of the clocks. Each clock has the same frequency whether the ST-LINK's
-/// clock or the internal oscillator is the source.
-pub(crate) fn config(source: ClockSource) -> Config {
+/// Returns the configuration of the clocks. Each clock has the same frequency whether 8 MHz at the
+/// HSE input or the internal oscillator is the source.
+pub fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = nvic_priority(priority::DRDY);
     let rcc = &mut config.rcc;
-    // The PLL's input is 2 MHz: the 8 MHz from the ST-LINK (UM1724) divided by 4, or HSI's 16 MHz
-    // divided by 8.
-    let (source, prediv) = match source {
-        ClockSource::StLink => {
-            rcc.hse = Some(Hse {
-                freq: Hertz(8_000_000),
-                mode: HseMode::Bypass,
-            });
-            (PllSource::HSE, PllPreDiv::DIV4)
-        }
-        _ => (PllSource::HSI, PllPreDiv::DIV8),
+    // The PLL's input is 2 MHz: the 8 MHz at the HSE input divided by 4, or HSI's 16 MHz divided by
+    // 8.
+    let hse = |mode| Hse {
+        freq: Hertz(8_000_000),
+        mode,
+    };
+    rcc.hse = match source {
+        ClockSource::Crystal => Some(hse(HseMode::Oscillator)),
+        source if source.is_hse() => Some(hse(HseMode::Bypass)),
+        _ => None,
+    };
+    let (source, prediv) = if rcc.hse.is_some() {
+        (PllSource::HSE, PllPreDiv::DIV4)
+    } else {
+        (PllSource::HSI, PllPreDiv::DIV8)
     };
     // The PLL runs at 2 MHz * 168 = 336 MHz; half of that clocks the core, and a seventh clocks
-    // USB. With the core at its maximum of 180 MHz, USB's 48 MHz would need another PLL.
+    // USB. 168 MHz are the maximum of the STM32F407. With the STM32F446 at its maximum of 180 MHz,
+    // USB's 48 MHz would need another PLL.
     rcc.pll_src = source;
     rcc.pll = Some(Pll {
         prediv,
@@ -49,7 +52,6 @@ pub(crate) fn config(source: ClockSource) -> Config {
         divr: None,
     });
     rcc.sys = Sysclk::PLL1_P;
-    rcc.mux.clk48sel = mux::Clk48sel::PLL1_Q;
     rcc.ahb_pre = AHBPrescaler::DIV1;
     // APB1, the bus of SPI and UART, runs at 21 MHz. For bursts, SPI divides this by 2 to 10.5 MHz,
     // which is 165 us per sample. For registers, SPI divides it by 256, its largest divider, to 82
@@ -67,9 +69,9 @@ pub(crate) fn config(source: ClockSource) -> Config {
     config
 }
 
-/// Enables the prefetch and the caches of the flash, which hide its five wait states (RM0390,
-/// FLASH_ACR).
-pub(crate) fn enable_flash_accelerator() {
+/// Enables the prefetch and the caches of the flash, which hide its five wait states (RM0390 and
+/// RM0090, FLASH_ACR).
+pub fn enable_flash_accelerator() {
     FLASH.acr().modify(|access| {
         access.set_prften(true);
         access.set_icen(true);

@@ -4,10 +4,10 @@
 use embassy_stm32::pac::{DBGMCU, RCC, SYSCFG};
 use link::ResetCause;
 
-/// Returns the cause of the last reset and clears the reset flags (RM0390, RCC_CSR). One reset can
+/// Returns the cause of the last reset and clears the reset flags (RM0390 and RM0090, RCC_CSR). One reset can
 /// set several flags: one by the watchdog or by software also sets the reset pin's flag, and
 /// power-on that of the brown-out reset. The more specific flag is therefore tested first.
-pub(crate) fn take_cause() -> ResetCause {
+pub fn take_cause() -> ResetCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|flags| flags.set_rmvf(true));
     if flags.porrstf() {
@@ -27,7 +27,7 @@ pub(crate) fn take_cause() -> ResetCause {
 
 /// Maps the system memory, which contains the chip's boot loader, to address 0, as the loader
 /// expects (RM0390, SYSCFG_MEMRMP).
-pub(crate) fn map_system_memory() {
+pub fn map_system_memory() {
     RCC.apb2enr().modify(|enable| enable.set_syscfgen(true));
     // The clock of SYSCFG starts with a delay; a read of the clock enable register waits until it
     // runs.
@@ -36,6 +36,6 @@ pub(crate) fn map_system_memory() {
 }
 
 /// Stops the watchdog's counter while a debugger halts the core.
-pub(crate) fn freeze_watchdog_in_debug() {
+pub fn freeze_watchdog_in_debug() {
     DBGMCU.apb1fzr().modify(|freeze| freeze.set_iwdg(true));
 }

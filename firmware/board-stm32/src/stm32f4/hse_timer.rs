@@ -1,10 +1,13 @@
 //! TIM11, which measures the clock at the HSE input before the clocks are configured.
 
-use board_stm32::{HSE_DIVIDER, HseTimer};
 use embassy_stm32::pac::timer::vals::CcmrInputCcs;
 use embassy_stm32::pac::{RCC, TIM11};
 
-pub(crate) struct Timer;
+use crate::clock_source::{HSE_DIVIDER, HseTimer};
+
+/// TIM11, which captures its own count.
+#[derive(Debug)]
+pub struct Timer;
 
 impl HseTimer for Timer {
     fn start(&mut self) {
@@ -12,7 +15,7 @@ impl HseTimer for Timer {
         RCC.apb2enr().modify(|enable| enable.set_tim11en(true));
         // The clock starts with a delay; a read of the register waits for it.
         let _ = RCC.apb2enr().read();
-        // Input 1 is HSE / RTCPRE (RM0390, TIM11_OR).
+        // Input 1 is HSE / RTCPRE (RM0390 and RM0090, TIM11_OR).
         TIM11.or().write_value(0b10);
         TIM11.ccmr_input(0).modify(|channel| {
             channel.set_ccs(0, CcmrInputCcs::TI4);
