@@ -75,9 +75,6 @@ pub(crate) fn live(rig: Rig, port: u16, other_port: bool) -> Result<(), Failure>
     let model = env::var_os(ARTIFACT)
         .map(PathBuf::from)
         .or_else(|| rig.model());
-    if rig.model().is_some() {
-        run(&mut cargo("build --bins"), AFTER_A_BUILD)?;
-    }
     images::build_with(rig, model.as_deref())?;
     let mut images = rig.images().iter().map(|[name, _]| *name);
     let image = if other_port {

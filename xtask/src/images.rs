@@ -177,13 +177,24 @@ pub(crate) fn build_with(rig: Rig, model: Option<&Path>) -> Result<(), Failure> 
         let image = file(name);
         let copied = fs::create_dir_all(folder())
             .and_then(|()| fs::copy(&built, &image))
-            .and_then(|_| fs::copy(built.with_extension("d"), image.with_extension("d")));
+            .and_then(|_| fs::read_to_string(built.with_extension("d")))
+            .and_then(|list| fs::write(image.with_extension("d"), sources(&list)));
         copied.or_fail(
             format!("copying {}", built.display()),
             "is the disk full? is CARGO_TARGET_DIR writable?",
         )?;
     }
     Ok(())
+}
+
+/// Returns cargo's list of an image's sources without generated ones, which the build of an image with
+/// another model replaces.
+fn sources(list: &str) -> String {
+    let target = target_folder();
+    let is_source = |path: &&str| !Path::new(path).starts_with(&target);
+    let (image, sources) = list.split_once(": ").unwrap_or((list, ""));
+    let sources = sources.split_ascii_whitespace().filter(is_source);
+    format!("{image}: {}\n", sources.collect::<Vec<_>>().join(" "))
 }
 
 /// Returns a cargo command for images with the model in `model`, or with the built-in one.
@@ -209,7 +220,7 @@ pub(crate) fn cargo_for(model: Option<&Path>, words: &str) -> Command {
 /// Writes a model with random weights for the montage with the rig's name.
 fn write_random_model(rig: Rig, folder: &Path) -> Result<(), Failure> {
     let montage = root().join("files/montages").join(rig.key());
-    let mut write = Command::new(target_folder().join("debug/any-model"));
+    let mut write = cargo("run --quiet --package any-model --");
     write.arg(montage.with_extension("toml")).arg(folder);
-    run(&mut write, "see the message above")
+    run(&mut write, AFTER_A_BUILD)
 }

@@ -110,7 +110,6 @@ pub(crate) fn link_vectors(board: Nucleo) -> Result<(), Failure> {
 
 /// Builds the images of the boards and checks their sizes and layouts.
 pub(crate) fn budget(json: bool) -> Result<(), Failure> {
-    run(&mut cargo("build --bins"), AFTER_A_BUILD)?;
     Rig::ALL.into_iter().try_for_each(images::build)?;
     let mut budget = cargo("run --quiet --package budget --");
     replace(budget.arg(images::folder()).args(json.then_some("--json")))

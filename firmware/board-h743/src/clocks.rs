@@ -114,8 +114,8 @@ impl Inputs {
                 pll1: (PllMul::MUL345, Some(4_915)),
                 pll2: (PllMul::MUL184, Some(2_621)),
             },
-            // 64 MHz / 20, times 300 and 160.
-            ClockSource::NoClock | ClockSource::OtherClock => Self {
+            // 64 MHz / 20, times 300 and 160. The board has no crystal at HSE.
+            ClockSource::NoClock | ClockSource::OtherClock | ClockSource::Crystal => Self {
                 source: PllSource::HSI,
                 prediv: PllPreDiv::DIV20,
                 hse_hz: None,

@@ -18,7 +18,7 @@ pub(crate) struct Limits {
     pub(crate) stack: u64,
 }
 
-pub(crate) const BOARDS: [Limits; 3] = [
+pub(crate) const BOARDS: [Limits; 4] = [
     Limits {
         name: "NUCLEO-H743ZI2",
         images: &["h743", "h743-uart"],
@@ -54,6 +54,15 @@ pub(crate) const BOARDS: [Limits; 3] = [
         memory_map: "firmware/board-f446/stm32f446.x",
         // 3 % above 258 KiB of flash, 1 % above 76 KiB of RAM.
         regions: &[("FLASH", 266 << 10), ("RAM", 77 << 10)],
+        stack: 32 << 10,
+    },
+    Limits {
+        name: "ironbci",
+        images: &["ironbci"],
+        is_default: false,
+        memory_map: "firmware/board-ironbci/stm32f407.x",
+        // Half of the flash, and of the RAM the stack aside: one converter takes little.
+        regions: &[("FLASH", 256 << 10), ("RAM", 64 << 10)],
         stack: 32 << 10,
     },
 ];

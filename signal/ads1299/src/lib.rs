@@ -52,7 +52,7 @@ mod channel_tests;
 mod clock;
 mod decoder;
 mod error;
-#[cfg(any(test, feature = "simulation", feature = "impedance"))]
+#[cfg(any(test, feature = "impedance"))]
 mod excitation;
 mod image;
 mod impedance;

@@ -9,12 +9,12 @@ use crate::chain::COLD_US;
 use crate::error::Error;
 use crate::reading::Reading;
 use crate::sampler::{SILENCE, Sampler};
-#[cfg(any(test, feature = "simulation", feature = "impedance"))]
+#[cfg(any(test, feature = "impedance"))]
 use crate::settings::Settings;
 
 /// Time that a byte takes in [`RetryingSampler::switch_excitation`], in microseconds: its clocks, the
 /// wait after it and the start of the transfer (estimated).
-#[cfg(any(test, feature = "simulation", feature = "impedance"))]
+#[cfg(any(test, feature = "impedance"))]
 const BYTE_US: u64 = 18;
 
 /// Delivers one sample per period in any case: a real sample, or, while the chain is silent, a
@@ -137,7 +137,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     ///
     /// # Timing
     /// That of [`Sampler::set_excitation`]; it fits between two samples.
-    #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+    #[cfg(any(test, feature = "impedance"))]
     pub async fn switch_excitation(&mut self, channels: u8, drdy: &mut impl Drdy) {
         if self.sampler.settings().excited == channels || self.attempt.is_some() {
             return;

@@ -30,7 +30,7 @@ pub struct Settings {
     /// the impedance of their electrodes is measured ([`ImpedanceMeter`](crate::ImpedanceMeter)); 0
     /// for none. Spare channels, the last ones, get no current, which would drive their open inputs
     /// to the rails. The excitation takes the place of the direct current of `lead_off`.
-    #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+    #[cfg(any(test, feature = "impedance"))]
     pub excited: u8,
 }
 
@@ -70,7 +70,7 @@ impl Settings {
             lead_off: false,
             wiring: Wiring::Daisy,
             control: Control::Pins,
-            #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+            #[cfg(any(test, feature = "impedance"))]
             excited: 0,
         }
     }
@@ -78,13 +78,13 @@ impl Settings {
 
 impl Settings {
     /// Returns [`Self::excited`].
-    #[cfg(any(test, feature = "simulation", feature = "impedance"))]
+    #[cfg(any(test, feature = "impedance"))]
     pub(crate) const fn excited_channels(self) -> u8 {
         self.excited
     }
 
     /// Returns 0: images that cannot excite electrodes save the flash of the field.
-    #[cfg(not(any(test, feature = "simulation", feature = "impedance")))]
+    #[cfg(not(any(test, feature = "impedance")))]
     #[expect(clippy::unused_self, reason = "the other variant reads it")]
     pub(crate) const fn excited_channels(self) -> u8 {
         0

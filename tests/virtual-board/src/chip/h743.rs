@@ -100,10 +100,12 @@ impl H743 {
         }
     }
 
+    #[expect(clippy::unused_self, reason = "common to all chips")]
     const fn spi(&self) -> usize {
         SPI
     }
 
+    #[expect(clippy::unused_self, reason = "common to all chips")]
     const fn uart(&self) -> usize {
         UART
     }

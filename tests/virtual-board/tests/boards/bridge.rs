@@ -8,6 +8,7 @@ use std::{env, thread};
 
 use virtual_board::{BoardError, TcpPort, VirtualBoard, live};
 
+use crate::commands::self_test_us;
 use crate::images::Subject;
 use crate::session::{assert_sound, power_on, running};
 
@@ -17,9 +18,6 @@ const TIMEOUT_S: u64 = 60;
 /// Number of self-tests that the bridge may request. It waits 15 s of real time for each result,
 /// and a self-test takes 4.5 s of virtual time, so on a slow machine the result can come too late.
 const ATTEMPTS: usize = 3;
-
-/// Longest time that a self-test takes, in us of virtual time (docs/hardware.md).
-const SELF_TEST_US: u64 = 5_000_000;
 
 /// Number of codes that the bridge must publish.
 const CODES: usize = 48;
@@ -131,7 +129,7 @@ pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> 
             break;
         }
         // Wait until the self-test has ended: before, the device refuses another one.
-        board.run_for_us(SELF_TEST_US)?;
+        board.run_for_us(self_test_us(subject))?;
     }
     assert_eq!(status, Some(0), "{table}");
     let chips = subject.converters().chips;

@@ -50,19 +50,21 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
 }
 
 /// Scenario: the impedance of every electrode is measured: at 500 Hz and more while codes stream,
-/// without a late stage; at less, where the current is inside the EEG's band, before a session.
+/// without a late stage; at less, where the current is inside the EEG's band, while they do not.
 pub(crate) fn impedances_are_measured(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let measure = ToDevice::SetImpedance { on: true };
-    let streams = subject.converters().rate_hz >= 500;
-    if streams {
-        start(&mut board, Streams::CODES)?;
-        assert_eq!(answer(&mut board, &measure)?, AckResult::Done);
-        run_codes(&mut board, 3 * A_REPORT)?;
+    let streams = if subject.converters().rate_hz >= 500 {
+        Streams::CODES
+    } else {
+        Streams::EVENTS
+    };
+    assert_eq!(start(&mut board, streams)?, AckResult::Done);
+    assert_eq!(answer(&mut board, &measure)?, AckResult::Done);
+    board.run_for_us(IMPEDANCES_US)?;
+    if streams == Streams::CODES {
         in_time(&board);
     } else {
-        assert_eq!(answer(&mut board, &measure)?, AckResult::Done);
-        board.run_for_us(3_500_000)?;
         assert_eq!(start(&mut board, Streams::CODES)?, AckResult::Busy);
     }
     let impedances = |kind: &Kind| match kind {
@@ -71,13 +73,30 @@ pub(crate) fn impedances_are_measured(subject: Subject) -> Result<(), BoardError
     };
     let found: Vec<_> = pick(board.inbox().frames(), impedances).collect();
     assert!(found.len() >= 2, "{} measurements", found.len());
+    let mut worst = 0.0_f64;
     for (channel, ohms) in found.iter().flat_map(|ohms| ohms.iter().enumerate()) {
         let measured = f64::from(ohms.expect("not open"));
-        let error = measured / electrode_ohms(channel) - 1.0;
-        assert!(error.abs() < 0.05, "{channel}: {measured}");
+        let expected = electrode_ohms(channel);
+        let error = (measured - expected).abs();
+        assert!(
+            error < 0.05 * expected + NOISE_OHMS,
+            "channel {channel}: {measured} Ohm"
+        );
+        if expected >= 5_000.0 {
+            worst = worst.max(error / expected);
+        }
     }
+    subject.record("impedance_error_percent", format!("{:.2}", 100.0 * worst));
     assert_sound(&mut board)
 }
+
+/// Virtual time of a scenario's measurements of impedance in us: two at 250 Hz, each of 2 s.
+const IMPEDANCES_US: u64 = 4_500_000;
+
+/// Error of an impedance by the noise of the synthetic signals, in ohms: five standard deviations.
+/// Their 74 counts are 1.65 uV RMS, ten times a converter's, of which `sqrt(2 / 512)` remain, and
+/// 7.64 uV are 1 kOhm.
+const NOISE_OHMS: f64 = 70.0;
 
 /// Scenario: a board whose boot loader no host reaches refuses to start it.
 pub(crate) fn loader_is_refused(subject: Subject) -> Result<(), BoardError> {
@@ -168,8 +187,11 @@ pub(crate) fn ping(board: &mut VirtualBoard, limit_us: u64) -> Result<(), BoardE
     board.run_until("an answer", limit_us, |frames| acks(frames) > before)
 }
 
-/// Longest wait for the result of a self-test, in us; a self-test takes 4.5 s (docs/hardware.md).
-const SELF_TEST_US: u64 = 6_000_000;
+/// Returns the longest wait for the result of a self-test, in us. A self-test takes 2.5 s and 1,000
+/// samples (docs/bring-up.md).
+pub(crate) fn self_test_us(subject: Subject) -> u64 {
+    4_000_000 + 1_000_000_000 / u64::from(subject.converters().rate_hz)
+}
 
 /// Scenario: the self-test passes for all chips and channels, and afterwards the converters convert
 /// again.
@@ -177,14 +199,18 @@ pub(crate) fn self_test_passes(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     board.send(&ToDevice::SelfTest);
     let mut found = None;
-    board.run_until("the result of a self-test", SELF_TEST_US, |frames| {
-        let mut results = pick(frames, |kind| match kind {
-            Kind::SelfTest(result) => Some(result),
-            _ => None,
-        });
-        found = results.next().cloned();
-        found.is_some()
-    })?;
+    board.run_until(
+        "the result of a self-test",
+        self_test_us(subject),
+        |frames| {
+            let mut results = pick(frames, |kind| match kind {
+                Kind::SelfTest(result) => Some(result),
+                _ => None,
+            });
+            found = results.next().cloned();
+            found.is_some()
+        },
+    )?;
     let result = found.expect("a result");
     assert_eq!(result.fault, "", "{result:?}");
     let Converters { chips, rate_hz, .. } = subject.converters();
@@ -194,9 +220,9 @@ pub(crate) fn self_test_passes(subject: Subject) -> Result<(), BoardError> {
     );
     assert_eq!((result.drdy_early, result.drdy_missed), (0, 0));
     let edges = board.converters().ready_edges();
-    board.run_for_us(100_000)?;
+    board.run_for_us(200_000)?;
     assert!(
-        board.converters().ready_edges() > edges + u64::from(rate_hz) / 11,
+        board.converters().ready_edges() > edges + u64::from(rate_hz) / 6,
         "the chain converts again"
     );
     assert_eq!(converters(board.inbox().frames()), Some(""));

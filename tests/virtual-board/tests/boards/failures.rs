@@ -65,7 +65,7 @@ pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Resul
         })?;
         let took_us = board.now_us() - at_us;
         println!("{subject}: {injection:?}, Hello after {took_us} us");
-        let fault = assert_streams_after(&mut board, cause)?;
+        let fault = assert_streams_after(&mut board, subject, cause)?;
         assert!(fault.contains(named), "Hello reports {fault:?}");
         assert_eq!(
             fault.is_empty(),
@@ -82,14 +82,20 @@ pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Resul
 }
 
 /// Asserts that the newest `Hello` reports the reset cause `cause` and that the device streams
-/// host-sim's codes again. Returns the fault that this `Hello` reports.
-fn assert_streams_after(board: &mut VirtualBoard, cause: ResetCause) -> Result<String, BoardError> {
+/// codes again, with the built-in model those of host-sim. Returns the fault that this `Hello` reports.
+fn assert_streams_after(
+    board: &mut VirtualBoard,
+    subject: Subject,
+    cause: ResetCause,
+) -> Result<String, BoardError> {
     let (reported, fault) = greetings(board.inbox().frames()).pop().expect("a Hello");
     assert_eq!(reported, cause, "Hello reports {fault:?}");
     run_up(board)?;
     let run = Repeatable::start(board, Streams::CODES, &[])?;
     run_codes(board, 4)?;
-    run.assert_equal(board, HOP, received_since_hello);
+    if subject.model_folder().is_none() {
+        run.assert_equal(board, HOP, received_since_hello);
+    }
     Ok(fault)
 }
 
@@ -108,7 +114,7 @@ pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     board.run_until("Hello after a Reset", RESET_US, |frames| {
         greetings(frames).len() == 2
     })?;
-    let fault = assert_streams_after(&mut board, ResetCause::Software)?;
+    let fault = assert_streams_after(&mut board, subject, ResetCause::Software)?;
     assert_eq!(fault, "");
     let session = |kind: &Kind| match kind {
         Kind::Hello { session_id, .. } => Some(*session_id),
