@@ -1,25 +1,27 @@
-//! Each file in `files/montages/` gives a model whose batch reference has the codes of numpy. The
-//! models have random weights, but for that of the paper's montage, which is trained. This model
-//! and that for a montage with few channels are built into programs: a host-sim announces the model
-//! and streams its codes, which equal those of the batch reference. It also decodes those of the
-//! trained model; corticode-node decodes those of the other one.
+//! Each file in `files/montages/` gives a model whose batch reference has the codes of numpy. These
+//! models have random weights; those in `signal/model` beside the built-in one are trained, and
+//! have numpy's codes too. The model of the paper's montage and one of the kit are built into
+//! programs: a host-sim announces the model and streams its codes, which equal those of the batch
+//! reference. It also decodes those of the paper's montage; corticode-node decodes those of the kit.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use acceptance::files::Table;
 use acceptance::other_model::{OtherModel, fail, succeed};
 use acceptance::{numpy_reference, workspace};
-use artifact::{Artifact, IntegerCode, Mode, MontageFile};
+use artifact::{Artifact, Golden, IntegerCode, Mode, MontageFile};
 use link::{Decoder, MAX_FRAME, ToHost};
 
 use crate::inputs::artifact;
 
 /// How many numbers a code of each model with random weights has.
 const NUMBERS: usize = 48;
-/// Montage for which host-sim and corticode-node are built; its model has another gain than the others.
-const NODE_MONTAGE: &str = "cyton-8";
-/// Gain of the ADC in the model for [`NODE_MONTAGE`].
+/// Montage of the trained models in `signal/model/kit-250` and `kit-500`, which differ in the rate
+/// of the ADC.
+const KIT_MONTAGE: &str = "kit-8";
+/// Gain of the ADC in the copy of `kit-500` for which host-sim and corticode-node are built; that of
+/// all checked-in models is 24.
 const NODE_GAIN: u32 = 6;
 /// Duration of the synthetic EEG that host-sim plays, in seconds.
 const SECONDS: u64 = 6;
@@ -30,6 +32,8 @@ const TRAINED_MONTAGE: &str = "paper-61";
 const BUILT_IN_MONTAGE: &str = "ten-ten-61";
 /// Montages of models that `variants.rs` builds.
 const VARIANTS: [&str; 2] = ["cyton-16", "ten-twenty-32"];
+/// Montage of models that `own_cap_page.rs` and `packed_alone.rs` build.
+const OWN_CAP: &str = "cyton-8";
 
 /// Arguments of cargo that build, for each model, the test that compares the pipeline with its
 /// batch reference.
@@ -47,9 +51,9 @@ const NODE_TEST: &str = "the_program_decodes";
 
 #[test]
 fn every_montage_has_the_codes_of_numpy() {
-    let streamed = [NODE_MONTAGE, TRAINED_MONTAGE, BUILT_IN_MONTAGE];
+    let streamed = [KIT_MONTAGE, TRAINED_MONTAGE, BUILT_IN_MONTAGE, OWN_CAP];
     let montages = any_model::montages().expect("the montages");
-    assert!(montages.len() >= 5, "{} montages", montages.len());
+    assert!(montages.len() >= 6, "{} montages", montages.len());
     let built_in = artifact().description;
     for (seed, montage) in (1..).zip(montages) {
         let name = montage.name.as_str();
@@ -66,18 +70,39 @@ fn every_montage_has_the_codes_of_numpy() {
 }
 
 #[test]
+fn the_models_of_the_kit_are_sound_and_have_the_codes_of_numpy() {
+    let montage = MontageFile::read(&workspace::root().join("files/montages/kit-8.toml"));
+    let montage = montage.expect("the montage");
+    for (seed, rate_hz) in [(1, 250), (2, 500)] {
+        let artifact = kit(rate_hz);
+        let description = &artifact.description;
+        assert_eq!(description.montage, montage.montage());
+        assert_eq!(description.grid, montage.grid());
+        assert_eq!(description.adc.rate_hz, rate_hz);
+        assert_eq!(description.adc.gain, montage.adc.gain);
+        assert!(artifact.packed.is_some() && artifact.substitution.is_some());
+        let golden = Golden::read(&kit_folder(rate_hz)).expect("golden codes");
+        let model = model_gen::quantise(&artifact).expect("an integer model");
+        let windows = golden.windows.iter();
+        let codes: Vec<IntegerCode> = windows.map(|w| model.encode_window(w)).collect();
+        assert_eq!(codes, golden.codes, "{rate_hz} Hz");
+        compare_with_numpy(seed, &artifact);
+    }
+}
+
+#[test]
 fn a_model_for_few_channels_streams_in_every_program() {
-    let mut montages = any_model::montages().expect("the montages").into_iter();
-    let montage = montages.find(|montage| montage.name == NODE_MONTAGE);
-    let artifact = model(1, &montage.expect("the montage"));
     let folder = tempfile::tempdir().expect("a folder");
+    let mut artifact = kit(500);
+    artifact.description.adc.gain = NODE_GAIN;
     artifact.write(folder.path()).expect("a folder to write to");
+    let artifact = Artifact::read(folder.path()).expect("the artifact");
     let build = BUILD.to_owned() + HOST_SIM_AND_NODE;
     let built = OtherModel::build(folder.path(), &build);
     built.test(COMPARISON, "");
     built.test("node", NODE_TEST);
     let codes = play(&built, &artifact, &folder.path().join("frames"));
-    println!("{NODE_MONTAGE}: {codes} codes");
+    println!("{KIT_MONTAGE}: {codes} codes");
 }
 
 #[test]
@@ -116,13 +141,19 @@ fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
     assert!(rows.iter().any(|row| *row != rows[0]), "one row: {rows:?}");
 }
 
+/// Returns the checked-in model of the kit for a rate of the ADC.
+fn kit(rate_hz: u32) -> Artifact {
+    Artifact::read(&kit_folder(rate_hz)).expect("the artifact")
+}
+
+/// Returns the folder of that model.
+fn kit_folder(rate_hz: u32) -> PathBuf {
+    workspace::root().join(format!("signal/model/kit-{rate_hz}"))
+}
+
 /// Returns a model in mode `pca` with random weights for a montage; `seed` selects the weights.
 fn model(seed: u32, montage: &MontageFile) -> Artifact {
-    let mut montage = montage.clone();
-    if montage.name == NODE_MONTAGE {
-        montage.adc.gain = NODE_GAIN;
-    }
-    any_model::any_artifact_for(seed, &montage, Mode::Pca, NUMBERS).expect("a model")
+    any_model::any_artifact_for(seed, montage, Mode::Pca, NUMBERS).expect("a model")
 }
 
 /// Compares the codes of the batch reference with those of numpy on random windows.
