@@ -54,6 +54,10 @@ enum Content {
 
 /// Slot of the bulk queue: the content of a large output.
 #[derive(Clone, Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "a slot has room for any variant; with few channels one is larger than the others"
+)]
 pub enum BulkSlot {
     /// Unfiltered samples, the content of [`Payload::Raw`].
     Raw(RawChunk),

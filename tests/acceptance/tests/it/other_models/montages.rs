@@ -34,6 +34,9 @@ const BUILT_IN_MONTAGE: &str = "ten-ten-61";
 const VARIANTS: [&str; 2] = ["cyton-16", "ten-twenty-32"];
 /// Montage of models that `own_cap_page.rs` and `packed_alone.rs` build.
 const OWN_CAP: &str = "cyton-8";
+/// Montage of the trained model in `signal/model/ironbci`, whose image `cargo xtask board` runs. Its
+/// electrodes are those of the kit.
+const IRONBCI: &str = "ironbci";
 
 /// Arguments of cargo that build, for each model, the test that compares the pipeline with its
 /// batch reference.
@@ -51,7 +54,13 @@ const NODE_TEST: &str = "the_program_decodes";
 
 #[test]
 fn every_montage_has_the_codes_of_numpy() {
-    let streamed = [KIT_MONTAGE, TRAINED_MONTAGE, BUILT_IN_MONTAGE, OWN_CAP];
+    let streamed = [
+        KIT_MONTAGE,
+        TRAINED_MONTAGE,
+        BUILT_IN_MONTAGE,
+        OWN_CAP,
+        IRONBCI,
+    ];
     let montages = any_model::montages().expect("the montages");
     assert!(montages.len() >= 6, "{} montages", montages.len());
     let built_in = artifact().description;
@@ -70,22 +79,29 @@ fn every_montage_has_the_codes_of_numpy() {
 }
 
 #[test]
-fn the_models_of_the_kit_are_sound_and_have_the_codes_of_numpy() {
-    let montage = MontageFile::read(&workspace::root().join("files/montages/kit-8.toml"));
-    let montage = montage.expect("the montage");
-    for (seed, rate_hz) in [(1, 250), (2, 500)] {
-        let artifact = kit(rate_hz);
+fn the_models_for_one_converter_are_sound_and_have_the_codes_of_numpy() {
+    let models = [
+        ("kit-250", KIT_MONTAGE, 250),
+        ("kit-500", KIT_MONTAGE, 500),
+        ("ironbci", IRONBCI, 250),
+    ];
+    for (seed, (name, montage, rate_hz)) in (1..).zip(models) {
+        let montages = workspace::root().join("files/montages");
+        let montage = MontageFile::read(&montages.join(montage).with_extension("toml"));
+        let montage = montage.expect("the montage");
+        let artifact = trained(name);
         let description = &artifact.description;
         assert_eq!(description.montage, montage.montage());
         assert_eq!(description.grid, montage.grid());
-        assert_eq!(description.adc.rate_hz, rate_hz);
-        assert_eq!(description.adc.gain, montage.adc.gain);
+        let mut adc = montage.adc();
+        adc.rate_hz = rate_hz;
+        assert_eq!(description.adc, adc);
         assert!(artifact.packed.is_some() && artifact.substitution.is_some());
-        let golden = Golden::read(&kit_folder(rate_hz)).expect("golden codes");
+        let golden = Golden::read(&folder_of(name)).expect("golden codes");
         let model = model_gen::quantise(&artifact).expect("an integer model");
         let windows = golden.windows.iter();
         let codes: Vec<IntegerCode> = windows.map(|w| model.encode_window(w)).collect();
-        assert_eq!(codes, golden.codes, "{rate_hz} Hz");
+        assert_eq!(codes, golden.codes, "{name}");
         compare_with_numpy(seed, &artifact);
     }
 }
@@ -93,7 +109,7 @@ fn the_models_of_the_kit_are_sound_and_have_the_codes_of_numpy() {
 #[test]
 fn a_model_for_few_channels_streams_in_every_program() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut artifact = kit(500);
+    let mut artifact = trained("kit-500");
     artifact.description.adc.gain = NODE_GAIN;
     artifact.write(folder.path()).expect("a folder to write to");
     let artifact = Artifact::read(folder.path()).expect("the artifact");
@@ -141,14 +157,13 @@ fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
     assert!(rows.iter().any(|row| *row != rows[0]), "one row: {rows:?}");
 }
 
-/// Returns the checked-in model of the kit for a rate of the ADC.
-fn kit(rate_hz: u32) -> Artifact {
-    Artifact::read(&kit_folder(rate_hz)).expect("the artifact")
+/// Returns a trained model of `signal/model`.
+fn trained(name: &str) -> Artifact {
+    Artifact::read(&folder_of(name)).expect("the artifact")
 }
 
-/// Returns the folder of that model.
-fn kit_folder(rate_hz: u32) -> PathBuf {
-    workspace::root().join(format!("signal/model/kit-{rate_hz}"))
+fn folder_of(name: &str) -> PathBuf {
+    workspace::root().join("signal/model").join(name)
 }
 
 /// Returns a model in mode `pca` with random weights for a montage; `seed` selects the weights.
