@@ -57,6 +57,15 @@ macro_rules! common_to_all_chips {
             (mode == 0b01).then_some(is_high)
         }
 
+        fn speed_and_pull(&self, pin: Pin) -> Option<(u64, u64)> {
+            let registers = self.bus().registers(PORTS[pin.port()])?;
+            let field = |register| registers.get(register) >> (2 * u32::from(pin.1)) & 0b11;
+            Some((
+                field(gpioa::Register::Ospeedr),
+                field(gpioa::Register::Pupdr),
+            ))
+        }
+
         fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
             let registers = self.part.bus().registers(PORTS[pin.port()]);
             let part_pin = PartPin::new(pin.1).expect("a port has 16 pins");
@@ -133,6 +142,9 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
 
     /// Returns whether the chip drives `pin` high; `None` if the pin is no general-purpose output.
     fn driven_level(&self, pin: Pin) -> Option<bool>;
+
+    /// Returns the fields of a pin in OSPEEDR (0 is the slowest) and PUPDR (0 none, 1 up, 2 down).
+    fn speed_and_pull(&self, pin: Pin) -> Option<(u64, u64)>;
 
     /// Sets the level of the timer's trigger input, if `pin` has the timer's alternate function.
     fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);

@@ -59,6 +59,23 @@ impl VirtualBoard {
         })
     }
 
+    /// Returns the speed of the SPI's outputs SCLK and MOSI (OSPEEDR, 0 is the slowest), and the pulls of
+    /// MISO, DRDY and trigger (PUPDR, 0 none, 1 up, 2 down).
+    ///
+    /// # Errors
+    /// The emulator has ended.
+    pub fn pin_settings(&mut self) -> Result<([u64; 2], [u64; 3]), BoardError> {
+        let pins = &self.model().facts().pins;
+        self.inspect(|session, _| {
+            let chip = &session.board().chip;
+            let of = |pin| chip.speed_and_pull(pin).unwrap_or((u64::MAX, u64::MAX));
+            (
+                [pins.sclk, pins.mosi].map(|pin| of(pin).0),
+                [pins.miso, pins.drdy, pins.trigger].map(|pin| of(pin).1),
+            )
+        })
+    }
+
     /// Returns the line number and the priority of each enabled interrupt; priority 0 is the most
     /// urgent of 16.
     ///

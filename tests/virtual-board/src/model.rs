@@ -82,6 +82,9 @@ const H743: Facts = Facts {
     loader_vectors: 0x1FF0_9800,
     dma: 0x4002_0000,
     pins: Pins {
+        sclk: Pin(A, 5),
+        miso: Pin(A, 6),
+        mosi: Pin(B, 5),
         selects: &pins(E, [2, 4, 5, 6, 9, 11, 13, 14]),
         start: Some(Pin(E, 10)),
         reset: Some(Pin(E, 12)),
@@ -106,6 +109,9 @@ const F446: Facts = Facts {
     loader_vectors: 0x1FFF_0000,
     dma: 0x4002_6000,
     pins: Pins {
+        sclk: Pin(B, 13),
+        miso: Pin(B, 14),
+        mosi: Pin(B, 15),
         selects: &pins(C, [0, 1, 2, 3, 8, 9, 10, 11]),
         start: Some(Pin(C, 6)),
         reset: Some(Pin(C, 12)),
@@ -120,6 +126,9 @@ const IRONBCI: Facts = Facts {
     key: "ironbci",
     name: "ironbci",
     pins: Pins {
+        sclk: Pin(B, 3),
+        miso: Pin(C, 11),
+        mosi: Pin(B, 5),
         selects: &[Pin(D, 12)],
         start: None,
         reset: None,
@@ -168,6 +177,9 @@ impl fmt::Display for Pin {
 /// `docs/hardware.md` and not from the firmware; a test compares them with that document.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pins {
+    pub(crate) sclk: Pin,
+    pub(crate) miso: Pin,
+    pub(crate) mosi: Pin,
     /// Chip selects of the converters, in the order of the chain.
     pub(crate) selects: &'static [Pin],
     /// `None` if the board has wired START low.
@@ -220,10 +232,17 @@ mod tests {
                 .zip(pins.selects)
                 .map(|(chip, pin)| (format!("CS {chip}"), *pin))
                 .collect();
-            let others = [pins.start, pins.reset, Some(pins.drdy), Some(pins.trigger)];
-            let names = ["START", "RESET", "DRDY", "TRIGGER"].map(str::to_owned);
-            let others = names.into_iter().zip(others);
-            wires.extend(others.filter_map(|(name, pin)| Some((name, pin?))));
+            let others = [
+                ("START", pins.start),
+                ("RESET", pins.reset),
+                ("DRDY", Some(pins.drdy)),
+                ("TRIGGER", Some(pins.trigger)),
+                ("SCLK", Some(pins.sclk)),
+                ("MISO", Some(pins.miso)),
+                ("MOSI", Some(pins.mosi)),
+            ];
+            let others = others.into_iter();
+            wires.extend(others.filter_map(|(name, pin)| Some((name.to_owned(), pin?))));
             let documented = documented(model);
             for (signal, pin) in wires {
                 let row = documented.iter().find(|(name, _)| *name == signal);

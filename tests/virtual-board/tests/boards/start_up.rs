@@ -1,8 +1,9 @@
 //! Scenarios for the start of a board, from power-on until its converters run.
 
+use ads1299::Wiring;
 use firmware::deadlines::priority;
 use link::{Flags, ResetCause, Streams};
-use virtual_board::{BoardError, Cable, Kind, Model, Setup, VirtualBoard};
+use virtual_board::{BoardError, Cable, Converters, Kind, Model, Setup, VirtualBoard};
 
 use crate::images::Subject;
 use crate::session::{
@@ -75,6 +76,7 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     subject.record("violations", board.converters().violations());
     subject.record("unmapped", board.findings()?.unmapped.len());
     assert_interrupts_have_their_priorities(&mut board, subject)?;
+    assert_pins_are_set(&mut board, subject)?;
     commands::assert_idle_board_answers_at_once(&mut board)?;
     assert_sound(&mut board)
 }
@@ -265,6 +267,26 @@ fn assert_interrupts_have_their_priorities(
     );
     Ok(())
 }
+
+/// Asserts that SCLK and MOSI have the speed "medium", which rings less on wires than a faster one;
+/// that DRDY is pulled up and the trigger down; and that MISO is pulled up, so that without a chip all
+/// bits are 1, unless the pull would form a divider with the read-back resistors of a daisy chain.
+fn assert_pins_are_set(board: &mut VirtualBoard, subject: Subject) -> Result<(), BoardError> {
+    let Converters { chips, wiring, .. } = subject.converters();
+    let has_resistors = chips > 1 && wiring == Wiring::Daisy;
+    let miso = if has_resistors { NO_PULL } else { PULL_UP };
+    let (speeds, pulls) = board.pin_settings()?;
+    assert_eq!(speeds, [MEDIUM; 2], "speeds of SCLK and MOSI");
+    let expected = [miso, PULL_UP, PULL_DOWN];
+    assert_eq!(pulls, expected, "pulls of MISO, DRDY and trigger");
+    Ok(())
+}
+
+/// Values of a pin in OSPEEDR and PUPDR (RM0433, RM0390 and RM0090, GPIO registers).
+const MEDIUM: u64 = 0b01;
+const NO_PULL: u64 = 0b00;
+const PULL_UP: u64 = 0b01;
+const PULL_DOWN: u64 = 0b10;
 
 /// Returns whether a line's interrupt never delays a task. It belongs to an unused stream of DMA1,
 /// DMA2, MDMA or BDMA, or to the RNG of the STM32H743, which is read once before the first task.
