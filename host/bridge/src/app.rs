@@ -13,6 +13,7 @@ mod impedance;
 pub(crate) mod log;
 mod manual;
 mod master;
+mod outlet;
 mod outlets;
 pub(crate) mod parameters;
 mod ports;
@@ -24,6 +25,7 @@ mod ros_status;
 mod ros_topics;
 mod rosout;
 mod shutdown;
+mod step_times;
 mod update;
 mod whole_lines;
 

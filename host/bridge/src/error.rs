@@ -227,6 +227,12 @@ pub enum BridgeError {
          an IP address of this machine and another port, such as --bind 127.0.0.1:11312"
     )]
     MasterAddress(std::net::SocketAddr, #[source] std::io::Error),
+    /// The live page cannot listen on the address from `--view-address`.
+    #[error(
+        "the live page cannot listen at {0}; end the program that uses this port, or choose an IP address of this \
+         machine and another port, such as --view-address 127.0.0.1:8062"
+    )]
+    ViewAddress(std::net::SocketAddr, #[source] std::io::Error),
     /// The JSON lines cannot be written: their reader closed the pipe or does not read, or the
     /// output failed.
     #[error("frames cannot be published")]
@@ -313,6 +319,7 @@ impl BridgeError {
             | BridgeError::NoClassifier
             | BridgeError::Config(..)
             | BridgeError::MasterAddress(..)
+            | BridgeError::ViewAddress(..)
             | BridgeError::UnknownParameter { .. }
             | BridgeError::ParameterType(..)
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,

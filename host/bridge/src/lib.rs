@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! port ──bytes──► bridge_core::Core ──effects──► outlets ─┬─► ROS topics
-//!  ▲                      │                               └─► or lines of JSON
-//!  └────── commands ──────┘
+//!  ▲                      │                               ├─► lines of JSON
+//!  └────── commands ──────┘                               └─► the live page
 //! ```
 //!
 //! [`run`] is the program `corticode-bridge`, which connects the core of `bridge-core` to a port
@@ -23,7 +23,7 @@ mod subject_models;
 mod update;
 mod wire;
 
-pub use app::bridge::Publication;
+pub use app::bridge::{FinalCounts, Publication};
 pub use app::classifying::{ClassifierOptions, Classifying, PredictionOptions};
 pub use app::command_line::ignore_empty_variable;
 pub use app::command_line::{ExclusionOptions, PersonOptions, choice};

@@ -16,6 +16,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod browser;
 pub mod catkin;
 pub mod chain;
 pub mod emulated_board;

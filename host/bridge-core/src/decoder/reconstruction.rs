@@ -59,7 +59,7 @@ impl Reconstruction {
 
     /// Returns the number of steps from a frame's first step to the last step of the window that
     /// completes the frame.
-    pub(crate) fn lookback_steps(device: &Device, low_latency: bool) -> u32 {
+    pub fn lookback_steps(device: &Device, low_latency: bool) -> u32 {
         let steps = [device.window_steps, device.hop_steps].map(u32::from);
         HopLayout::lookback_steps(steps[0], steps[1], low_latency)
     }

@@ -1,5 +1,6 @@
 //! The streaming bridge: connects the state machine [`Core`] to the port, to ROS and to the clock.
 
+use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,13 +11,17 @@ use bridge_core::{
 };
 use link::Streams;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
-use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
+use neuro_ros::{
+    AcquisitionCommand, AcquisitionInfo, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError,
+};
 use tokio::sync::{mpsc, watch};
+use view::{Command, View};
 
 use crate::app::classifying::Classifying;
-use crate::app::command_line::{Options, SinkKind};
+use crate::app::command_line::{Options, SinkKind, ViewOptions};
 use crate::app::driver::{DRAIN_TIMEOUT, Driver};
-use crate::app::outlets::{Outlets, Sinks};
+use crate::app::outlet::OutletCount;
+use crate::app::outlets::{Destinations, Outlets, RosOutlet, Sinks};
 use crate::app::recorders::Recorders;
 use crate::app::ros_node::{Namespace, NodeCommand, RosNode};
 use crate::app::rosout;
@@ -135,41 +140,146 @@ impl Publication {
         mut self,
         log: mpsc::Receiver<Log>,
         connect: impl AsyncFnOnce(&Node, &Namespace) -> Result<F, NodeError>,
-    ) -> Result<Summary, BridgeError> {
-        let mut shutdown = Shutdown::new()?;
+    ) -> Result<FinalCounts, BridgeError> {
+        let run = self.prepare()?;
+        let ros = self.start_ros(&run, log).await?;
+        let feed = connect(&ros.ros.node, &run.namespace).await?;
+        self.stream(run, feed, Some(ros), None, None).await
+    }
+
+    /// Reads the model, and gets ready for signals and commands.
+    fn prepare(&mut self) -> Result<Run, BridgeError> {
+        let shutdown = Shutdown::new()?;
         let (model, upload) = self.model()?;
         let namespace = Namespace::new(&self.ros.namespace, &self.topic_prefix);
         namespace.as_ros_name().clone_into(&mut self.ros.namespace);
         let settings = self.settings(&model)?;
         let (command_sender, commands) = mpsc::unbounded_channel();
+        Ok(Run {
+            shutdown,
+            model,
+            upload,
+            namespace,
+            settings,
+            command_sender,
+            commands,
+        })
+    }
+
+    /// Starts the ROS node with its services.
+    async fn start_ros(
+        &self,
+        run: &Run,
+        log: mpsc::Receiver<Log>,
+    ) -> Result<RosParts, BridgeError> {
         let ros = RosNode::start(self.ros.clone()).await?;
         rosout::publish(Arc::clone(&ros.node), log);
-        let (announcement_sender, announced) = watch::channel(None);
-        if settings.streams.contains(Streams::PACKED) {
-            ros.subscribe_rate(command_sender.clone());
+        let (announcements, announced) = watch::channel(None);
+        let streams = run.settings.streams;
+        if streams.contains(Streams::PACKED) {
+            ros.subscribe_rate(run.command_sender.clone());
         }
-        let places_events = settings.streams.contains(Streams::EVENTS)
-            && settings.event_stamps == EventStamps::Recorder;
+        let places_events =
+            streams.contains(Streams::EVENTS) && run.settings.event_stamps == EventStamps::Recorder;
         let recorders = places_events.then(|| Arc::new(Recorders::default()));
         ros.serve(
-            &namespace,
+            &run.namespace,
             self.get_info,
             announced,
             recorders.clone(),
-            command_sender,
+            run.command_sender.clone(),
         );
-        let feed = connect(&ros.node, &namespace).await?;
+        run.shutdown.watch_node(Arc::clone(&ros.node));
+        Ok(RosParts {
+            ros,
+            announcements,
+            recorders,
+        })
+    }
+
+    /// Streams from `feed` to all given outlets until a shutdown.
+    async fn stream<F: Feed>(
+        self,
+        mut run: Run,
+        feed: F,
+        ros: Option<RosParts>,
+        lines: Option<NdjsonWriter>,
+        view: Option<Arc<View>>,
+    ) -> Result<FinalCounts, BridgeError> {
+        let (ros, announcements, recorders) = match ros {
+            Some(parts) => (Some(parts.ros), Some(parts.announcements), parts.recorders),
+            None => (None, None, None),
+        };
+        let destinations = Destinations {
+            ros: ros.as_ref().map(|node| RosOutlet { node, recorders }),
+            lines: lines.as_ref(),
+            view,
+        };
         let predictions = self.classifying.as_ref().map(|of| of.topic.as_str());
-        let sinks = Sinks::ros(&ros, settings, &namespace, predictions, recorders).await?;
-        let announcements = Some(announcement_sender);
-        let outlets = Outlets::new(sinks, settings, Arc::clone(&model), announcements);
+        let sinks = Sinks::new(destinations, run.settings, &run.namespace, predictions).await?;
+        let outlets = Outlets::new(sinks, run.settings, Arc::clone(&run.model), announcements);
         schedule(self.realtime);
-        shutdown.watch_node(Arc::clone(&ros.node));
-        let core = self.core(settings, &model, upload);
-        let bridge = Bridge::new(core, feed, commands, outlets, self.exit_at_end);
-        let (summary, _, outcome) = bridge.run_to_end(&mut shutdown).await;
-        ros.shutdown().await;
-        outcome.map(|()| summary)
+        let core = self.core(run.settings, &run.model, run.upload);
+        let bridge = Bridge::new(core, feed, run.commands, outlets, self.exit_at_end);
+        let (counts, has_ended, outcome) = bridge.run_to_end(&mut run.shutdown).await;
+        let timeout = if has_ended {
+            END_TIMEOUT
+        } else {
+            DRAIN_TIMEOUT
+        };
+        let written = lines.map_or(Ok(()), |lines| lines.finish(timeout));
+        if let Some(ros) = ros {
+            ros.shutdown().await;
+        }
+        // A sink reports only that the thread which writes has ended; `written` holds the reason.
+        let outcome = match outcome {
+            Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => {
+                written.map_err(BridgeError::Sink)
+            }
+            error => error,
+        };
+        match outcome {
+            // The process that reads the JSON lines has closed the pipe, which is a normal end.
+            Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => Ok(counts),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// What a run of the program has before its outlets.
+struct Run {
+    shutdown: Shutdown,
+    model: Arc<Model>,
+    upload: Option<Upload>,
+    namespace: Namespace,
+    settings: Settings,
+    /// Kept here so that the channel stays open without ROS.
+    command_sender: mpsc::UnboundedSender<NodeCommand>,
+    commands: mpsc::UnboundedReceiver<NodeCommand>,
+}
+
+/// The ROS node, and the channels to its services.
+struct RosParts {
+    ros: RosNode,
+    announcements: watch::Sender<Option<AcquisitionInfo>>,
+    recorders: Option<Arc<Recorders>>,
+}
+
+/// Counts of a whole run. Its display form is the program's last line.
+#[derive(Clone, Debug)]
+pub struct FinalCounts {
+    summary: Summary,
+    outlets: Vec<OutletCount>,
+}
+
+impl fmt::Display for FinalCounts {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}; outlets: ", self.summary)?;
+        for (index, outlet) in self.outlets.iter().enumerate() {
+            let separator = if index > 0 { ", " } else { "" };
+            write!(formatter, "{separator}{outlet}")?;
+        }
+        Ok(())
     }
 }
 
@@ -197,7 +307,7 @@ pub(super) async fn stream(
     options: Options,
     mut ros: NodeOptions,
     log: mpsc::Receiver<Log>,
-) -> Result<Summary, BridgeError> {
+) -> Result<FinalCounts, BridgeError> {
     options.asked.warn_about_unused();
     let settings = options.settings();
     if let Some(uri) = options.ros.ros_master_uri {
@@ -219,51 +329,46 @@ pub(super) async fn stream(
         exit_at_end: options.exit_at_end,
         realtime: options.realtime.realtime,
     };
-    match options.ros.sink {
-        SinkKind::Ros => {
-            let connect = async |_: &Node, _: &Namespace| Ok(connection);
-            publication.publish(log, connect).await
-        }
-        SinkKind::Ndjson => print_lines(publication, connection).await,
-    }
+    let has = |kind| options.ros.sink.contains(&kind);
+    let mut publication = publication;
+    let run = publication.prepare()?;
+    let view = if has(SinkKind::View) {
+        let commands = run.command_sender.clone();
+        Some(Arc::new(start_view(options.viewing, commands)?))
+    } else {
+        None
+    };
+    let ros = if has(SinkKind::Ros) {
+        Some(publication.start_ros(&run, log).await?)
+    } else {
+        None
+    };
+    let lines = if has(SinkKind::Ndjson) {
+        Some(NdjsonWriter::start(WholeLines::stdout()?))
+    } else {
+        None
+    };
+    publication.stream(run, connection, ros, lines, view).await
 }
 
-/// Prints the streams of a device as lines of JSON.
-async fn print_lines(
-    publication: Publication,
-    connection: Connection,
-) -> Result<Summary, BridgeError> {
-    let mut shutdown = Shutdown::new()?;
-    let (model, upload) = publication.model()?;
-    let namespace = Namespace::new(&publication.ros.namespace, &publication.topic_prefix);
-    let settings = publication.settings(&model)?;
-    // Without ROS nobody sends commands, but the channel that the bridge polls must stay open.
-    let (_command_sender, commands) = mpsc::unbounded_channel();
-    let lines = NdjsonWriter::start(WholeLines::stdout()?);
-    let predictions = (publication.classifying.as_ref()).map(|of| of.topic.as_str());
-    let sinks = Sinks::ndjson(&lines, settings.streams, &namespace, predictions)?;
-    let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None);
-    schedule(publication.realtime);
-    let exit_at_end = publication.exit_at_end;
-    let core = publication.core(settings, &model, upload);
-    let bridge = Bridge::new(core, connection, commands, outlets, exit_at_end);
-    let (summary, has_ended, outcome) = bridge.run_to_end(&mut shutdown).await;
-    let timeout = if has_ended {
-        END_TIMEOUT
-    } else {
-        DRAIN_TIMEOUT
-    };
-    let written = lines.finish(timeout);
-    // A sink reports only that the thread which writes has ended; `written` holds the reason.
-    let outcome = match outcome {
-        Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => written.map_err(BridgeError::Sink),
-        error => error,
-    };
-    match outcome {
-        // The process that reads the JSON lines has closed the pipe, which is a normal end.
-        Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => Ok(summary),
-        Err(error) => Err(error),
-    }
+/// Starts the live page, whose commands go to the bridge.
+fn start_view(
+    options: ViewOptions,
+    commands: mpsc::UnboundedSender<NodeCommand>,
+) -> Result<View, BridgeError> {
+    let address = options.view_address;
+    let view = View::start(address, options.view_token, move |command| {
+        let command = match command {
+            Command::Start => AcquisitionCommand::Start,
+            Command::Stop => AcquisitionCommand::Stop,
+        };
+        // Sending fails only if the bridge is shutting down.
+        let _ = commands.send(NodeCommand::Acquisition(command));
+    });
+    let view = view.map_err(|error| BridgeError::ViewAddress(address, error))?;
+    // Not in the log, which goes to `/rosout` too, because the address can hold the token.
+    new_file::message!("corticode-bridge: live page at {}", view.url());
+    Ok(view)
 }
 
 /// A running bridge: the core at its port, the commands from ROS, and the outlets that execute the
@@ -300,15 +405,16 @@ impl<F: Feed> Bridge<F> {
     async fn run_to_end(
         mut self,
         shutdown: &mut Shutdown,
-    ) -> (Summary, bool, Result<(), BridgeError>) {
+    ) -> (FinalCounts, bool, Result<(), BridgeError>) {
         let outcome = self.run(shutdown).await;
         let has_ended = self.has_ended;
         let mut summary = self.driver.core.summary();
         let outlets = self.outlets;
         // Waits in another thread, because the tasks that write the sockets need this one.
         let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
-        summary.decoder = finished.unwrap_or_default();
-        (summary, has_ended, outcome)
+        let (decoder, outlets) = finished.unwrap_or_default();
+        summary.decoder = decoder;
+        (FinalCounts { summary, outlets }, has_ended, outcome)
     }
 
     async fn run(&mut self, shutdown: &mut Shutdown) -> Result<(), BridgeError> {

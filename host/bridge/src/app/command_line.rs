@@ -1,6 +1,7 @@
 //! Command-line options and subcommands.
 
 use std::ffi::OsString;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use artifact::ErrorWeight;
@@ -15,6 +16,7 @@ use clap::{
     Arg, ArgAction, Args, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint,
 };
 use link::{MAX_RATE, ResetInto, Streams};
+use view::Token;
 
 use crate::app::classifying::{ClassifierOptions, PredictionOptions};
 use crate::app::convert::ConvertOptions;
@@ -58,6 +60,8 @@ pub(crate) struct Options {
     pub(crate) at: PortOptions,
     #[command(flatten)]
     pub(crate) ros: RosOptions,
+    #[command(flatten)]
+    pub(crate) viewing: ViewOptions,
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, help_heading = DECODING, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
@@ -490,7 +494,7 @@ pub(crate) struct PortsOptions {
 ///
 /// Prints one line for each check, with ok, warning, error or unknown, and a second line with the
 /// command that helps. Asks the device to identify itself, and leaves its streams as they are. With
-/// --sink ndjson, ROS is not checked. host-sim on TCP serves one host at a time: the check
+/// --sink without ros, ROS is not checked. host-sim on TCP serves one host at a time: the check
 /// interrupts a bridge that is connected to it.
 ///
 /// Exit status: 0 no errors, 1 an error.
@@ -519,9 +523,17 @@ pub(crate) struct RosOptions {
     /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
     #[arg(long, help_heading = OUTPUTS, value_name = "URI")]
     pub(crate) ros_master_uri: Option<String>,
-    /// Destination of the frames: ROS topics, or lines of JSON on stdout
-    #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_SINK", value_enum, default_value_t)]
-    pub(crate) sink: SinkKind,
+    /// Outlets for what is published, comma-separated; each has its own queues, so none delays
+    /// another
+    #[arg(
+        long,
+        help_heading = OUTPUTS,
+        env = "CORTICODE_SINK",
+        value_enum,
+        value_delimiter = ',',
+        default_value = "ros"
+    )]
+    pub(crate) sink: Vec<SinkKind>,
     /// Namespace of the node, its topics and services, such as /left for /left/encoded and
     /// /left/acquisition/get_info; /diagnostics keeps its name
     #[arg(
@@ -621,14 +633,45 @@ pub(crate) struct PortOptions {
     pub(crate) baud: u32,
 }
 
-/// Where the bridge publishes frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+/// Outlets: where the bridge publishes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum SinkKind {
     /// ROS 1 topics.
-    #[default]
+    #[value(alias = "ros1")]
     Ros,
     /// Lines of JSON on stdout.
     Ndjson,
+    /// A live page for a browser, whose address the log has.
+    View,
+}
+
+impl SinkKind {
+    /// Returns the name of the outlet, as in `--sink`.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            SinkKind::Ros => "ros",
+            SinkKind::Ndjson => "ndjson",
+            SinkKind::View => "view",
+        }
+    }
+}
+
+/// Options of the live page.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct ViewOptions {
+    /// Address and port of the live page; an address that other machines can reach needs the token
+    #[arg(
+        long,
+        help_heading = OUTPUTS,
+        env = "CORTICODE_VIEW_ADDRESS",
+        value_name = "IP:PORT",
+        default_value = "127.0.0.1:8061"
+    )]
+    pub(crate) view_address: SocketAddr,
+    /// Token of the live page, 16 to 128 letters, digits, - and _; by default the log has a new one
+    /// after each start
+    #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_VIEW_TOKEN", hide_env_values = true)]
+    pub(crate) view_token: Option<Token>,
 }
 
 /// Returns a parser that accepts the names of the choices of `T` and describes them in `--help`.

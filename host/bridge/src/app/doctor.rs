@@ -56,7 +56,7 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
         let model = model.map_err(|error| format!("the model cannot be read: {error}"));
         checks.extend(check_device(&answer, &address.to_string(), &model));
     }
-    if options.ros.sink == SinkKind::Ros {
+    if options.ros.sink.contains(&SinkKind::Ros) {
         checks.extend(check_ros(&ros_facts(options, ros).await));
     }
     checks.push(check_clock(clock_is_synchronised().await));

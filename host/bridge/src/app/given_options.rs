@@ -47,10 +47,12 @@ impl GivenOptions {
         })
     }
 
-    /// Returns whether the program is to stream to ROS: no subcommand, and ROS as the sink.
+    /// Returns whether the program is to stream to ROS: no subcommand, and ROS as one of the
+    /// outlets.
     pub(crate) fn is_ros_bridge(&self) -> bool {
-        let sink = || self.matches.get_one::<SinkKind>("sink");
-        !self.has_subcommand && sink().is_none_or(|sink| *sink == SinkKind::Ros)
+        let sinks = || self.matches.get_many::<SinkKind>("sink");
+        let has_ros = || sinks().is_none_or(|mut sinks| sinks.any(|sink| *sink == SinkKind::Ros));
+        !self.has_subcommand && has_ros()
     }
 
     /// Returns the address of the ROS master, if an option sets it.

@@ -1,7 +1,7 @@
 //! Outputs of the bridge: the sinks of frames, the decoder's thread, and the bytes for the device.
 
-use std::io;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use bridge_core::{
@@ -12,16 +12,21 @@ use bridge_core::{
 use link::Streams;
 use neuro_ros::ros1::NodeError;
 use neuro_ros::{
-    AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, FrameSink, KeyValue,
-    NdjsonSink, NdjsonWriter, NeuroEvent, NeuroFrame, NeuroOutput, Sink, SinkError, TriWords,
+    AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue, NdjsonWriter,
+    NeuroEvent, NeuroFrame, NeuroOutput, Sink, SinkError, TriWords, Wire,
 };
+use serde::Serialize;
 use tokio::sync::watch::Sender;
+use view::{View, ViewTopic};
 
+use crate::app::command_line::SinkKind;
 use crate::app::driver::PortEffects;
+use crate::app::outlet::{DropCount, Outlet, OutletCount, Tee};
 use crate::app::recorders::{EventTopic, Recorders};
 use crate::app::ros_node::{Namespace, RosNode};
 use crate::app::ros_status::RosStatus;
 use crate::app::ros_topics::RosTopics;
+use crate::app::step_times::StepTimes;
 use crate::error::BridgeError;
 
 /// Longest time to wait for the decoder when the bridge ends. A service manager kills a program
@@ -89,12 +94,18 @@ impl Outlets {
     }
 
     /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and returns the
-    /// decoder's counts. Logs how many codes were not decoded, and how many frames on `/encoded`
-    /// were dropped for slow subscribers.
-    pub(crate) fn finish(self) -> DecoderCounts {
+    /// counts of decoder and outlets. Logs how many codes were not decoded, and how many frames on
+    /// `/encoded` were dropped for slow subscribers.
+    pub(crate) fn finish(self) -> (DecoderCounts, Vec<OutletCount>) {
         let dropped = self.sinks.encoded.dropped();
         let not_decoded = self.sinks.decoder.counts().not_decoded;
-        let counts = self.sinks.decoder.finish(DECODER_TIMEOUT);
+        let Sinks {
+            decoder,
+            outlets,
+            view,
+            ..
+        } = self.sinks;
+        let counts = decoder.finish(DECODER_TIMEOUT);
         if not_decoded > 0 {
             tracing::warn!(
                 not_decoded,
@@ -110,7 +121,7 @@ impl Outlets {
         if dropped > 0 {
             tracing::warn!(dropped, "frames of /encoded dropped for slow subscribers");
         }
-        counts
+        (counts, outlet_counts(&outlets, view.as_deref()))
     }
 
     /// Publishes the core's report on `/diagnostics`, after adding the status of sinks, decoder and
@@ -136,7 +147,8 @@ impl Outlets {
     /// Returns the status of sinks and decoder, with the numbers of dropped and undecoded frames.
     fn status(&mut self) -> DiagnosticStatus {
         let sinks = &self.sinks;
-        let dropped = |sink: &Option<Box<dyn FrameSink>>| sink.as_ref().map(|sink| sink.dropped());
+        let dropped = |sink: &Option<Tee<NeuroFrame>>| sink.as_ref().map(Sink::dropped);
+        let outlets = outlet_counts(&sinks.outlets, sinks.view.as_deref());
         let decoder = sinks.decoder.counts();
         let figures = [
             ("encoded frames dropped", Some(sinks.encoded.dropped())),
@@ -149,11 +161,13 @@ impl Outlets {
             ("filtered frames dropped", dropped(&sinks.filtered)),
             (
                 "predictions dropped",
-                sinks.predictions.as_ref().map(|sink| sink.dropped()),
+                sinks.predictions.as_ref().map(Sink::dropped),
             ),
             ("events dropped", sinks.events.as_ref().map(Events::dropped)),
         ];
-        let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
+        // A sink counts its drops as dropped frames, and its outlet counts them again.
+        let of_outlets: u64 = outlets.iter().map(|outlet| outlet.dropped).sum();
+        let now = decoder.not_decoded + of_outlets;
         let lost = now > std::mem::replace(&mut self.reported, now);
         let objection = sinks.topics.as_ref().and_then(|topics| topics.objection());
         let (level, message) = if sinks.decoder.has_ended() {
@@ -164,6 +178,9 @@ impl Outlets {
         } else if lost {
             let message = "frames dropped since the last report: a subscriber or the host is slow";
             (DiagnosticLevel::Warn, message.to_owned())
+        } else if let Some(closed) = outlets.iter().find(|outlet| outlet.closed) {
+            let message = format!("{} receives nothing any more", closed.name());
+            (DiagnosticLevel::Warn, message)
         } else {
             (DiagnosticLevel::Ok, "nothing dropped".to_owned())
         };
@@ -178,17 +195,26 @@ impl Outlets {
             ),
             KeyValue::new("windows not needed", &decoder.not_needed),
         ];
+        let view = sinks.view.iter();
+        let viewers = view.map(|view| KeyValue::new("viewers", &view.viewers()));
+        let outlets = outlets.iter().map(OutletCount::value).chain(viewers);
         let topics = sinks.topics.iter().flat_map(|topics| topics.values());
-        let recorders = match &sinks.events {
-            Some(Events::Topic(topic)) => topic.recorders(),
-            _ => None,
-        };
+        let topic = sinks
+            .events
+            .as_ref()
+            .and_then(|events| events.topic.as_ref());
+        let recorders = topic.and_then(|(topic, _)| topic.recorders());
         DiagnosticStatus {
             level,
             name: "corticode: outlets".to_owned(),
             message,
             hardware_id: String::new(),
-            values: values.chain(work).chain(topics).chain(recorders).collect(),
+            values: values
+                .chain(work)
+                .chain(outlets)
+                .chain(topics)
+                .chain(recorders)
+                .collect(),
         }
     }
 
@@ -222,6 +248,8 @@ impl Effects for Outlets {
             let (device, model) = (&announcement.device, &self.model);
             let packed = PackedReconstruction::new(device, model, self.settings);
             let codes = Reconstruction::new(device, Arc::clone(model), self.settings);
+            let lookback = Reconstruction::lookback_steps(device, self.settings.low_latency);
+            self.sinks.lookback.store(lookback, Ordering::Relaxed);
             self.sinks.decoder.start_device(codes, packed);
         }
         let Some(announcements) = &self.announcements else {
@@ -286,14 +314,9 @@ impl Effects for Outlets {
     }
 
     fn publish_event(&mut self, event: &NeuroEvent, row: Option<u64>) {
-        match &mut self.sinks.events {
-            Some(Events::Topic(topic)) => topic.publish(event, row),
-            Some(Events::Lines(sink)) => {
-                let published = sink.publish(event);
-                self.record_error(published);
-            }
-            None => {}
-        }
+        let events = self.sinks.events.as_mut();
+        let published = events.map(|events| events.publish(event, row));
+        self.record_error(published.unwrap_or(Ok(())));
     }
 
     fn audit(&mut self, window: AuditedWindow) {
@@ -316,37 +339,119 @@ const QUEUE_SAMPLES: usize = 2048;
 /// second, so the queue outlasts the pauses in which a recorder writes to disk.
 const QUEUE_EVENTS: usize = 1024;
 
-/// One sink per topic; that of `/neurodata_reconstructed` belongs to the decoder's thread. Each
-/// sink has a queue of its own, so a slow reader of samples loses samples but no codes. Streams
-/// that are not requested have no topic.
+/// One fan-out per topic, with a sink for each outlet; that of `/neurodata_reconstructed` belongs to
+/// the decoder's thread. Each sink has a queue of its own, so a slow reader of samples loses samples
+/// but no codes, and a slow outlet delays no other. Streams that are not requested have no topic.
 pub(crate) struct Sinks {
-    encoded: Box<dyn FrameSink>,
+    encoded: Tee<NeuroFrame>,
     decoder: DecoderThread,
-    raw: Option<Box<dyn FrameSink>>,
-    filtered: Option<Box<dyn FrameSink>>,
-    predictions: Option<Box<dyn Sink<NeuroOutput>>>,
+    raw: Option<Tee<NeuroFrame>>,
+    filtered: Option<Tee<NeuroFrame>>,
+    predictions: Option<Tee<NeuroOutput>>,
     events: Option<Events>,
-    diagnostics: Box<dyn Sink<DiagnosticArray>>,
-    /// The ROS topics on which the sinks publish; `None` if frames go to stdout.
+    diagnostics: Tee<DiagnosticArray>,
+    outlets: Vec<Arc<Outlet>>,
+    /// The ROS topics on which the sinks publish; `None` without ROS.
     topics: Option<Arc<RosTopics>>,
-    /// The state of the ROS node; `None` if frames go to stdout.
+    /// The state of the ROS node; `None` without ROS.
     ros: Option<Arc<RosStatus>>,
+    /// The live page; `None` without this outlet.
+    view: Option<Arc<View>>,
+    /// Number of steps from a reconstructed frame's first step to the last one of its window.
+    lookback: Arc<AtomicU32>,
     namespace: Namespace,
 }
 
-/// Destination of events.
-enum Events {
-    Topic(EventTopic),
-    Lines(NdjsonSink<NeuroEvent>),
+/// Destinations of events. The topic is separate, because it has other stamps for recorders.
+struct Events {
+    topic: Option<(EventTopic, DropCount)>,
+    others: Tee<NeuroEvent>,
 }
 
 impl Events {
-    fn dropped(&self) -> u64 {
-        match self {
-            Events::Topic(topic) => topic.dropped(),
-            Events::Lines(sink) => sink.dropped(),
-        }
+    fn publish(&mut self, event: &NeuroEvent, row: Option<u64>) -> Result<(), SinkError> {
+        let Some((topic, drops)) = &mut self.topic else {
+            return self.others.publish(event);
+        };
+        topic.publish(event, row);
+        drops.update(topic.dropped());
+        // The topic goes on if all other outlets have failed.
+        let _ = self.others.publish(event);
+        Ok(())
     }
+
+    fn dropped(&self) -> u64 {
+        let topic = self.topic.as_ref().map_or(0, |(topic, _)| topic.dropped());
+        topic + self.others.dropped()
+    }
+}
+
+/// Returns the counts of all outlets. The live page counts what it drops for its viewers itself.
+fn outlet_counts(outlets: &[Arc<Outlet>], view: Option<&View>) -> Vec<OutletCount> {
+    let dropped_later = |outlet: &Outlet| match view {
+        Some(view) if outlet.kind() == SinkKind::View => view.dropped(),
+        _ => 0,
+    };
+    let outlets = outlets.iter();
+    outlets
+        .map(|outlet| outlet.count(dropped_later(outlet)))
+        .collect()
+}
+
+/// ROS as an outlet: the node, and the nodes that are told each frame of the announced stream;
+/// `None` if events are not stamped for recorders.
+pub(crate) struct RosOutlet<'a> {
+    pub(crate) node: &'a RosNode,
+    pub(crate) recorders: Option<Arc<Recorders>>,
+}
+
+/// The outlets that the user has chosen.
+pub(crate) struct Destinations<'a> {
+    pub(crate) ros: Option<RosOutlet<'a>>,
+    pub(crate) lines: Option<&'a NdjsonWriter>,
+    pub(crate) view: Option<Arc<View>>,
+}
+
+impl Destinations<'_> {
+    /// Creates a sink of the topic `name` at every outlet. `ros` is that of ROS. `shown` is the
+    /// topic's place on the live page, if it has one.
+    fn tee<M: Serialize + Wire + 'static>(
+        &self,
+        outlets: &[Arc<Outlet>],
+        ros: Option<Box<dyn Sink<M>>>,
+        name: &str,
+        shown: Option<ViewTopic>,
+    ) -> Tee<M> {
+        let mut ros = ros;
+        let mut tee = Tee::new();
+        for outlet in outlets {
+            let sink = match outlet.kind() {
+                SinkKind::Ros => ros.take(),
+                SinkKind::Ndjson => self.lines.map(|lines| boxed(lines.sink(name))),
+                SinkKind::View => {
+                    let view = self.view.as_ref().zip(shown);
+                    view.map(|(view, shown)| boxed(view.sink(shown)))
+                }
+            };
+            if let Some(sink) = sink {
+                tee.add(outlet, sink);
+            }
+        }
+        tee
+    }
+
+    /// Returns the chosen outlets. ROS is first, so that no other outlet is served before it.
+    fn outlets(&self) -> Vec<Arc<Outlet>> {
+        let ros = self.ros.as_ref().map(|_| SinkKind::Ros);
+        let lines = self.lines.map(|_| SinkKind::Ndjson);
+        let view = self.view.as_ref().map(|_| SinkKind::View);
+        let kinds = [ros, lines, view].into_iter().flatten();
+        kinds.map(Outlet::new).collect()
+    }
+}
+
+fn boxed<M>(sink: impl Sink<M> + 'static) -> Box<dyn Sink<M>> {
+    Box::new(sink)
 }
 
 /// Full names of the topics, each `None` if its stream is not requested.
@@ -377,77 +482,98 @@ impl Names {
 }
 
 impl Sinks {
-    /// Advertises the topics of `settings` at a ROS node and creates their sinks. `predictions` is
-    /// the topic of a classifier's predictions. `recorders` is told each frame of the announced
-    /// stream; `None` if events are not stamped for recorders.
-    pub(crate) async fn ros(
-        ros: &RosNode,
+    /// Creates the sinks of all topics of `settings` at all outlets, and advertises the topics at
+    /// the ROS node, if there is one. `predictions` is the topic of a classifier's predictions.
+    pub(crate) async fn new(
+        to: Destinations<'_>,
         settings: Settings,
         namespace: &Namespace,
         predictions: Option<&str>,
-        recorders: Option<Arc<Recorders>>,
     ) -> Result<Sinks, BridgeError> {
         let names = Names::new(settings.streams, namespace);
-        let topics = Arc::new(RosTopics::new(Arc::clone(&ros.node)));
-        let frames = |name: &str, queue, stream| -> Result<Box<dyn FrameSink>, NodeError> {
+        let outlets = to.outlets();
+        let topics = to.ros.as_ref();
+        let topics = topics.map(|ros| Arc::new(RosTopics::new(Arc::clone(&ros.node.node))));
+        let recorders = to.ros.as_ref().and_then(|ros| ros.recorders.clone());
+        let frames = |name: &str, queue, stream, shown| -> Result<Tee<NeuroFrame>, NodeError> {
             let is_recorded = settings.announced == stream;
             let recorders = recorders.clone().filter(|_| is_recorded);
-            Ok(Box::new(topics.frames(name, queue, recorders)?))
+            let topic = topics.as_ref();
+            let topic = topic.map(|topics| topics.frames(name, queue, recorders));
+            Ok(to.tee(&outlets, topic.transpose()?.map(boxed), name, shown))
         };
-        let optional = |name: &Option<String>, stream| {
+        let optional = |name: &Option<String>, stream, shown| {
             let name = name.as_ref();
-            name.map(|name| frames(name, QUEUE_SAMPLES, stream))
+            name.map(|name| frames(name, QUEUE_SAMPLES, stream, Some(shown)))
                 .transpose()
         };
-        let (encoded, decoded) = (AnnouncedStream::Encoded, AnnouncedStream::Reconstructed);
-        let decoded = frames(&names.reconstructed, QUEUE_FRAMES, decoded)?;
-        let mut sinks = Sinks {
-            encoded: frames(&names.encoded, QUEUE_FRAMES, encoded)?,
-            decoder: DecoderThread::start(decoded)?,
-            raw: optional(&names.raw, AnnouncedStream::Raw)?,
-            filtered: optional(&names.filtered, AnnouncedStream::Filtered)?,
-            predictions: None,
-            events: None,
-            diagnostics: Box::new(topics.shared(names.diagnostics, QUEUE_EVENTS).await?),
-            topics: Some(Arc::clone(&topics)),
-            ros: Some(Arc::clone(&ros.status)),
-            namespace: namespace.clone(),
+        let stream = AnnouncedStream::Reconstructed;
+        let mut decoded = frames(&names.reconstructed, QUEUE_FRAMES, stream, None)?;
+        let lookback = Arc::<AtomicU32>::default();
+        let of_view = outlets
+            .iter()
+            .find(|outlet| outlet.kind() == SinkKind::View);
+        if let (Some(outlet), Some(view)) = (of_view, &to.view) {
+            let sink = view.sink(ViewTopic::Reconstructed);
+            let sink = StepTimes::new(sink, Arc::clone(&lookback));
+            decoded.add(outlet, Box::new(sink));
+        }
+        let encoded = frames(
+            &names.encoded,
+            QUEUE_FRAMES,
+            AnnouncedStream::Encoded,
+            Some(ViewTopic::Encoded),
+        )?;
+        let raw = optional(&names.raw, AnnouncedStream::Raw, ViewTopic::Raw)?;
+        let filtered = AnnouncedStream::Filtered;
+        let filtered = optional(&names.filtered, filtered, ViewTopic::Filtered)?;
+        let topic = match &topics {
+            Some(topics) => Some(topics.shared(names.diagnostics, QUEUE_EVENTS).await?),
+            None => None,
         };
-        if let Some(topic) = predictions {
-            let topic = namespace.resolve(topic);
-            sinks.predictions = Some(Box::new(topics.shared(&topic, QUEUE_FRAMES).await?));
+        let diagnostics = Some(ViewTopic::Diagnostics);
+        let diagnostics = to.tee(&outlets, topic.map(boxed), names.diagnostics, diagnostics);
+        let predictions = match predictions.map(|topic| namespace.resolve(topic)) {
+            Some(name) => {
+                let topic = match &topics {
+                    Some(topics) => Some(topics.shared(&name, QUEUE_FRAMES).await?),
+                    None => None,
+                };
+                Some(to.tee(&outlets, topic.map(boxed), &name, None))
+            }
+            None => None,
+        };
+        let events = match &names.events {
+            Some(name) => {
+                let topic = match (&topics, outlets.first()) {
+                    (Some(topics), Some(outlet)) => {
+                        let sink = topics.shared(name, QUEUE_EVENTS).await?;
+                        let topic = EventTopic::new(sink, recorders.clone());
+                        Some((topic, DropCount::new(Arc::clone(outlet))))
+                    }
+                    _ => None,
+                };
+                let others = to.tee(&outlets, None, name, Some(ViewTopic::Events));
+                Some(Events { topic, others })
+            }
+            None => None,
+        };
+        if let Some(topics) = &topics {
+            topics.start().await?;
         }
-        if let Some(events) = names.events {
-            let sink = topics.shared(&events, QUEUE_EVENTS).await?;
-            sinks.events = Some(Events::Topic(EventTopic::new(sink, recorders)));
-        }
-        topics.start().await?;
-        Ok(sinks)
-    }
-
-    /// Creates sinks that write lines of JSON.
-    pub(crate) fn ndjson(
-        lines: &NdjsonWriter,
-        streams: Streams,
-        namespace: &Namespace,
-        predictions: Option<&str>,
-    ) -> io::Result<Sinks> {
-        let names = Names::new(streams, namespace);
-        let frames = |name: String| Box::new(lines.sink(&name)) as Box<dyn FrameSink>;
-        let predictions = predictions.map(|topic| {
-            let sink = lines.sink(&namespace.resolve(topic));
-            Box::new(sink) as Box<dyn Sink<NeuroOutput>>
-        });
         Ok(Sinks {
-            encoded: frames(names.encoded),
-            decoder: DecoderThread::start(frames(names.reconstructed))?,
-            raw: names.raw.map(frames),
-            filtered: names.filtered.map(frames),
+            encoded,
+            decoder: DecoderThread::start(Box::new(decoded))?,
+            raw,
+            filtered,
             predictions,
-            events: names.events.map(|name| Events::Lines(lines.sink(&name))),
-            diagnostics: Box::new(lines.sink(names.diagnostics)),
-            topics: None,
-            ros: None,
+            events,
+            diagnostics,
+            outlets,
+            topics,
+            ros: to.ros.map(|ros| Arc::clone(&ros.node.status)),
+            view: to.view,
+            lookback,
             namespace: namespace.clone(),
         })
     }

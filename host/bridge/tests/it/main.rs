@@ -16,6 +16,7 @@ mod lines;
 mod machine;
 mod master;
 mod names;
+mod outlets;
 #[path = "../../../bridge-core/tests/it/packed_block.rs"]
 mod packed_block;
 #[path = "../../../capture/tests/it/packed_recording.rs"]

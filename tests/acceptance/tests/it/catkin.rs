@@ -17,9 +17,8 @@ use rustix::process::Signal;
 /// Longest time in which roslaunch must end its nodes after a signal.
 const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 /// Options of the bridge that are not arguments of corticode.launch: `exit_at_end`, which is for
-/// scripts, `sink`, because roslaunch does not show the JSON lines, and `topic_prefix`, which the
-/// argument `ns` replaces.
-const NOT_ARGUMENTS: [&str; 3] = ["exit_at_end", "sink", "topic_prefix"];
+/// scripts, and `topic_prefix`, which the argument `ns` replaces.
+const NOT_ARGUMENTS: [&str; 2] = ["exit_at_end", "topic_prefix"];
 
 #[test]
 fn built_messages_have_the_md5_sums_that_the_bridge_publishes() {

@@ -15,6 +15,7 @@ mod float_numpy;
 mod impedance;
 mod inputs;
 mod licences;
+mod live_page;
 mod manual;
 mod messages;
 mod node_chain;

@@ -1,0 +1,179 @@
+//! Tests of `--sink` with several outlets at once.
+
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::atomic::Ordering::Relaxed;
+
+use neuro_ros::{DiagnosticArray, NeuroFrame, Wire};
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::board::{Board, assert_has};
+use crate::device::Device;
+use crate::process::{Bridge, TIMEOUT, free_address, wait_until};
+
+const TOKEN: &str = "0123456789abcdef";
+
+/// Starts the bridge with `outlets`, of which the live page is at `address`.
+fn start(device: &Device, outlets: &str, address: SocketAddr) -> Bridge {
+    let address = address.to_string();
+    let streams = "--streams=codes,filtered,events";
+    let arguments = ["--port", &device.port, "--sink", outlets, streams];
+    let page = ["--view-address", &address, "--view-token", TOKEN];
+    Bridge::start(&[&arguments[..], &page].concat())
+}
+
+/// Starts a stream of the live page's messages.
+fn view(address: SocketAddr) -> BufReader<TcpStream> {
+    let mut stream = None;
+    wait_until("the live page", || {
+        stream = TcpStream::connect(address).ok();
+        stream.is_some()
+    });
+    let mut stream = stream.unwrap();
+    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
+    let request = format!("GET /stream HTTP/1.1\r\nHost: {address}\r\n\r\n");
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut reader = BufReader::new(stream);
+    let mut line = String::new();
+    reader.read_line(&mut line).unwrap();
+    assert_eq!(line, "HTTP/1.1 200 OK\r\n");
+    while line != "\r\n" {
+        line.clear();
+        reader.read_line(&mut line).unwrap();
+    }
+    reader
+}
+
+/// Reads messages until one of the topic with this number. Returns its body.
+fn next(reader: &mut BufReader<TcpStream>, topic: u8) -> Vec<u8> {
+    loop {
+        let mut length = [0; 4];
+        reader.read_exact(&mut length).unwrap();
+        let mut message = vec![0; u32::from_le_bytes(length) as usize];
+        reader.read_exact(&mut message).unwrap();
+        if message[0] == topic {
+            return message.split_off(9);
+        }
+    }
+}
+
+/// Returns the number behind `key` in the status `outlets` of a report.
+fn figure(report: &Value, key: &str) -> Option<u64> {
+    let status = report["status"].as_array()?;
+    let outlets = status
+        .iter()
+        .find(|status| status["name"] == "corticode: outlets")?;
+    let values = outlets["values"].as_array()?;
+    let value = values.iter().find(|value| value["key"] == key)?;
+    value["value"].as_str()?.parse().ok()
+}
+
+#[test]
+fn every_outlet_has_the_same_frames_and_is_named_in_diagnostics_and_the_last_line() {
+    let device = Device::tcp(Board::new());
+    let address = free_address();
+    let mut bridge = start(&device, "view,ndjson", address);
+    let messages = bridge.messages();
+    let mut page = view(address);
+    let on_page: Vec<NeuroFrame> = (0..10)
+        .map(|_| NeuroFrame::from_bytes(&next(&mut page, 1)).unwrap())
+        .collect();
+    let (mut compared, mut reported) = (0, false);
+    for (topic, message) in messages {
+        if topic == "/encoded"
+            && let Some(frame) = on_page
+                .iter()
+                .find(|frame| message["neuroheader"]["seq"] == frame.neuroheader.seq)
+        {
+            assert_eq!(serde_json::to_value(frame).unwrap(), message);
+            compared += 1;
+        }
+        if topic == "/diagnostics" && figure(&message, "viewers") == Some(1) {
+            assert_eq!(figure(&message, "ndjson messages dropped"), Some(0));
+            assert_eq!(figure(&message, "view messages dropped"), Some(0));
+            reported = true;
+        }
+        if compared == on_page.len() && reported {
+            break;
+        }
+    }
+    // The loop has closed the pipe: the page goes on, and shows that the other outlet has ended.
+    let ended = "ndjson receives nothing any more";
+    loop {
+        let report = DiagnosticArray::from_bytes(&next(&mut page, 6)).unwrap();
+        if report.status.iter().any(|status| status.message == ended) {
+            break;
+        }
+    }
+    let log = bridge.end(Signal::TERM);
+    assert_has(
+        &log,
+        [
+            "ndjson receives nothing any more, and the other outlets go on",
+            "; outlets: ndjson dropped 0 closed, view dropped 0",
+        ],
+    );
+    assert!(!log.contains(TOKEN), "{log}");
+}
+
+#[test]
+fn a_page_that_stands_still_costs_the_lines_no_code() {
+    let device = Device::tcp(Board::new());
+    let address = free_address();
+    let mut bridge = start(&device, "view,ndjson", address);
+    let messages = bridge.messages();
+    let _still = view(address);
+    let mut last = 0;
+    let mut codes = 0;
+    for (_, message) in messages.filter(|(topic, _)| topic == "/encoded") {
+        let seq = message["neuroheader"]["seq"].as_u64().unwrap();
+        assert!(last == 0 || seq == last + 1, "{last} to {seq}");
+        last = seq;
+        codes += 1;
+        if codes == 200 {
+            break;
+        }
+    }
+    assert!(u64::from(device.controls.made.load(Relaxed)) < last + 50);
+}
+
+#[test]
+fn a_command_of_the_page_stops_the_device() {
+    let device = Device::tcp(Board::new());
+    let address = free_address();
+    let bridge = start(&device, "view", address);
+    next(&mut view(address), 1);
+    let mut stream = TcpStream::connect(address).unwrap();
+    let request = format!(
+        "POST /stop HTTP/1.1\r\nHost: {address}\r\nOrigin: http://{address}\r\nAuthorization: Bearer {TOKEN}\r\n\r\n"
+    );
+    stream.write_all(request.as_bytes()).unwrap();
+    let response = std::io::read_to_string(stream).unwrap();
+    assert!(response.starts_with("HTTP/1.1 204 "), "{response}");
+    let made = || device.controls.made.load(Relaxed);
+    let mut before = u32::MAX;
+    wait_until("the end of the stream", || {
+        std::thread::sleep(10 * crate::device::PACE);
+        std::mem::replace(&mut before, made()) == made()
+    });
+    bridge.end(Signal::TERM);
+}
+
+#[test]
+fn an_address_in_use_or_a_short_token_is_refused_with_advice() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    for (option, value, expected) in [
+        (
+            "--view-address",
+            address.as_str(),
+            "--view-address 127.0.0.1:8062",
+        ),
+        ("--view-token", "short", "16 to 128 letters"),
+    ] {
+        let arguments = ["--port", "tcp:127.0.0.1:9", "--sink=view", option, value];
+        let log = Bridge::start(&arguments).failure(2);
+        assert!(log.contains(expected), "{log}");
+    }
+}

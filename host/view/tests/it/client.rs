@@ -1,0 +1,96 @@
+//! A view with its commands, and the clients of a test.
+
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use view::{Command, View};
+
+/// Timeout of every wait in these tests, sufficient for a busy machine.
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
+
+pub(crate) const TOKEN: &str = "0123456789abcdefXYZ_-";
+
+/// A running view, and the commands that it has passed on.
+pub(crate) struct Served {
+    pub(crate) view: View,
+    pub(crate) address: SocketAddr,
+    pub(crate) commands: Receiver<Command>,
+}
+
+impl Served {
+    pub(crate) fn start(address: &str) -> Served {
+        let (sender, commands) = channel();
+        let on_command = move |command| sender.send(command).unwrap();
+        let token = Some(TOKEN.parse().unwrap());
+        let view = View::start(address.parse().unwrap(), token, on_command).unwrap();
+        let url = view.url().trim_start_matches("http://");
+        let mut address: SocketAddr = url.trim_end_matches('/').parse().unwrap();
+        if address.ip().is_unspecified() {
+            address.set_ip([127, 0, 0, 1].into());
+        }
+        Served {
+            view,
+            address,
+            commands,
+        }
+    }
+
+    pub(crate) fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(self.address).unwrap();
+        stream.set_read_timeout(Some(TIMEOUT)).unwrap();
+        stream
+    }
+
+    /// Sends a request with further `fields`, each with a line end. Returns the whole response.
+    pub(crate) fn request(&self, line: &str, fields: &str) -> String {
+        let mut stream = self.connect();
+        let request = format!("{line} HTTP/1.1\r\nHost: {}\r\n{fields}\r\n", self.address);
+        let mut response = String::new();
+        // The server closes the connection without reading all of a request that is too long.
+        let _ = stream.write_all(request.as_bytes());
+        let _ = stream.read_to_string(&mut response);
+        response
+    }
+
+    /// Starts a stream of messages, and returns the connection after the response's head.
+    pub(crate) fn view(&self) -> TcpStream {
+        let mut stream = self.connect();
+        let request = format!(
+            "GET /stream HTTP/1.1\r\nHost: {}\r\nAuthorization: Bearer {TOKEN}\r\n\r\n",
+            self.address
+        );
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut head = Vec::new();
+        while !head.ends_with(b"\r\n\r\n") {
+            let mut byte = [0];
+            stream.read_exact(&mut byte).unwrap();
+            head.push(byte[0]);
+        }
+        assert!(head.starts_with(b"HTTP/1.1 200 "));
+        stream
+    }
+}
+
+/// Returns the status code of a response.
+pub(crate) fn status(response: &str) -> &str {
+    response.split(' ').nth(1).unwrap_or(response)
+}
+
+/// Reads a message without its length.
+pub(crate) fn read_message(stream: &mut TcpStream) -> Vec<u8> {
+    let mut length = [0; 4];
+    stream.read_exact(&mut length).unwrap();
+    let mut message = vec![0; u32::from_le_bytes(length) as usize];
+    stream.read_exact(&mut message).unwrap();
+    message
+}
+
+pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
+    let deadline = Instant::now() + TIMEOUT;
+    while !holds() {
+        assert!(Instant::now() < deadline, "{what}: not within {TIMEOUT:?}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
