@@ -107,6 +107,9 @@ impl Browser {
     }
 
     /// Types keys into an element, as a user does.
+    ///
+    /// # Panics
+    /// When the page has no such element.
     pub fn type_keys(&self, selector: &str, keys: &str) {
         let using = json!({"using": "css selector", "value": selector});
         let element = self.post("element", &using);

@@ -130,7 +130,7 @@ fn on_the_wire(lines: &str, topic: &str, label: &str, time: &str) -> Option<(f64
 
 /// Draws one spike in 10 s of zeros, at many places, and returns those at which no pixel shows it.
 /// The plot has fewer columns than the store has samples.
-const HIDDEN_SPIKES: &str = r#"
+const HIDDEN_SPIKES: &str = r"
 return Promise.all([import('/store.js'), import('/traces.js')]).then(async ([{Store}, {Traces}]) => {
   const canvas = document.createElement('canvas');
   canvas.style.cssText = 'position: fixed; width: 646px; height: 118px; left: 0; top: 0';
@@ -164,7 +164,7 @@ return Promise.all([import('/store.js'), import('/traces.js')]).then(async ([{St
   canvas.remove();
   return hidden;
 });
-"#;
+";
 
 /// Names of all controls without a name for a screen reader.
 const NAMELESS: &str = r"
