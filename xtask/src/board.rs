@@ -39,7 +39,8 @@ pub(crate) fn board(rig: Option<Rig>, json: bool) -> Result<(), Failure> {
     test(&rigs, json)
 }
 
-/// Runs the scenarios on `rigs`, whose images and a bridge are already built, and prints the figures.
+/// Runs the scenarios on `rigs`, whose images and a bridge are already built, and prints the
+/// figures.
 pub(crate) fn test(rigs: &[Rig], json: bool) -> Result<(), Failure> {
     let mut test = linted("test --release --test boards --");
     let bridge = target_folder().join("debug/corticode-bridge");
@@ -71,18 +72,28 @@ pub(crate) fn test(rigs: &[Rig], json: bool) -> Result<(), Failure> {
 /// image whose link is not the board's default port, USB or UART. A model that `CORTICODE_ARTIFACT`
 /// names replaces the rig's own.
 pub(crate) fn live(rig: Rig, port: u16, other_port: bool) -> Result<(), Failure> {
-    install::virtual_board_compiler()?;
-    let model = env::var_os(ARTIFACT)
-        .map(PathBuf::from)
-        .or_else(|| rig.model());
-    images::build_with(rig, model.as_deref())?;
     let mut images = rig.images().iter().map(|[name, _]| *name);
-    let image = if other_port {
-        images.next()
+    let (first, default) = (images.next(), images.next_back());
+    if other_port && default.is_none() {
+        return Err(Failure::missing(
+            "an image for the other port",
+            format!("{} has one port", rig.key()),
+            "leave --other-port out, or take h743 or f446",
+        ));
+    }
+    install::virtual_board_compiler()?;
+    let own = env::var_os(ARTIFACT).map(PathBuf::from);
+    let folder = if let Some(model) = &own {
+        images::build_with(rig, model)?
     } else {
-        images.next_back()
+        images::build(rig)?;
+        images::folder()
     };
-    let image = images::file(image.unwrap_or(rig.key()));
+    let model = own.or_else(|| rig.model());
+    let image = if other_port { first } else { default.or(first) };
+    let image = folder
+        .join(image.unwrap_or(rig.key()))
+        .with_extension("elf");
     let is_uart = (rig.board() == Board::H743) == other_port;
     let cable = if is_uart { "uart" } else { "usb" };
     let key = rig.board().key();

@@ -11,7 +11,7 @@ use crate::command::{
 };
 use crate::install;
 
-/// Environment variable that names the folder of the model to use in place of a board's own.
+/// Environment variable that names the folder of a model to use in place of a board's default one.
 pub(crate) const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 /// Board for which images are built.
@@ -160,22 +160,24 @@ pub(crate) fn file(name: &str) -> PathBuf {
 /// Builds the images of a rig, the default one last. Cargo writes all images of a board to the same
 /// path, so each is copied to a separate file, together with the list of its sources (`.d`).
 pub(crate) fn build(rig: Rig) -> Result<(), Failure> {
-    build_with(rig, rig.model().as_deref())
+    let model = rig.model();
+    if let (Some(model), Rig::Cyton16 | Rig::TenTwenty32) = (&model, rig) {
+        write_random_model(rig, model)?;
+    }
+    build_to(&folder(), rig, model.as_deref())
 }
 
-/// Builds the images of a rig as [`build`] does, with the model in the folder `model`.
-pub(crate) fn build_with(rig: Rig, model: Option<&Path>) -> Result<(), Failure> {
+/// Builds the images of a rig with the model in the folder `model`, or the built-in one, and copies
+/// them to `folder`.
+fn build_to(folder: &Path, rig: Rig, model: Option<&Path>) -> Result<(), Failure> {
     install::board_target()?;
-    if let (Some(folder), Rig::Cyton16 | Rig::TenTwenty32) = (model, rig) {
-        write_random_model(rig, folder)?;
-    }
     let built = target_folder().join(BOARD_TARGET).join("firmware");
     let built = built.join(format!("board-{}", rig.board().key()));
     for [name, selection] in rig.images() {
         let words = format!("build --profile=firmware --target={BOARD_TARGET} {selection}");
         run(&mut cargo_for(model, &words), AFTER_A_BUILD)?;
-        let image = file(name);
-        let copied = fs::create_dir_all(folder())
+        let image = folder.join(name).with_extension("elf");
+        let copied = fs::create_dir_all(folder)
             .and_then(|()| fs::copy(&built, &image))
             .and_then(|_| fs::read_to_string(built.with_extension("d")))
             .and_then(|list| fs::write(image.with_extension("d"), sources(&list)));
@@ -187,8 +189,16 @@ pub(crate) fn build_with(rig: Rig, model: Option<&Path>) -> Result<(), Failure> 
     Ok(())
 }
 
-/// Returns cargo's list of an image's sources without generated ones, which the build of an image with
-/// another model replaces.
+/// Builds the images of a rig with the user's model in the folder `model`. Returns the folder with
+/// the images, which is not that of the rig's own ones.
+pub(crate) fn build_with(rig: Rig, model: &Path) -> Result<PathBuf, Failure> {
+    let folder = folder().join("own-model");
+    build_to(&folder, rig, Some(model))?;
+    Ok(folder)
+}
+
+/// Returns cargo's list of an image's sources without generated ones, which the build of an image
+/// with another model replaces.
 fn sources(list: &str) -> String {
     let target = target_folder();
     let is_source = |path: &&str| !Path::new(path).starts_with(&target);

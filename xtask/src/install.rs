@@ -7,8 +7,8 @@ use std::process::Command;
 use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_toolchain};
 
 /// Debian packages that provide ROS 1 (roscore, rospy, rostopic, rosservice, rosbag), the service
-/// types of the node `acquisition`, numpy for tests that read arrays, the library with which ROS-
-/// Neuro's recorder writes GDF, the emulator of the microcontrollers, udev with a testbed that
+/// types of the node `acquisition`, numpy for tests that read arrays, the library with which
+/// ROS-Neuro's recorder writes GDF, the emulator of the microcontrollers, udev with a testbed that
 /// simulates devices, the formatter of manual pages, a browser with its remote control, the tools
 /// to build the catkin packages in `ros/` and the Debian package, and a clean Debian and a systemd
 /// to check the latter.

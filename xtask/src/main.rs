@@ -113,8 +113,7 @@ enum Verb {
         /// TCP port of --live on 127.0.0.1
         #[arg(long, default_value_t = 5556, requires = "live")]
         port: u16,
-        /// For --live, run the image for the other port: the UART of the NUCLEO-H743ZI2, USB of the
-        /// NUCLEO-F446RE
+        /// For --live, run the image for the other port of h743 (UART) or f446 (USB)
         #[arg(long, requires = "live")]
         other_port: bool,
         /// Print one JSON object instead of a table

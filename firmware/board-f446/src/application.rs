@@ -38,8 +38,8 @@ bind_interrupts!(struct UartIrqs {
 });
 
 /// Clocks at the HSE input from which all others can be derived. The NUCLEO-F446RE's ST-LINK has no
-/// other one (UM1724, section 6.7.1), so the range allows for the 8 % of a warm or cold HSI (as of the
-/// STM32F407, DS8626).
+/// other one (UM1724, section 6.7.1), so the range allows for the 8 % of a warm or cold HSI (as of
+/// the STM32F407, DS8626).
 const SOURCES: &[KnownClock] = &[(ClockSource::StLink, 7_360_000..=8_640_000)];
 
 #[entry]

@@ -1,5 +1,5 @@
-//! Selects the source of the core's clock at start: the clock at the HSE input, if it runs and has a
-//! frequency that the board knows, or the internal oscillator.
+//! Selects the source of the core's clock at start: the clock at the HSE input, if it runs and has
+//! a frequency that the board knows, or the internal oscillator.
 
 use core::ops::RangeInclusive;
 
@@ -58,9 +58,9 @@ const CAPTURE_POLLS: u32 = 100_000;
 /// measured by the chip's own oscillator, at which it counts as this clock.
 pub type KnownClock = (ClockSource, RangeInclusive<u32>);
 
-/// Longest wait for the clock at the HSE input, ms. The ST-LINK's clock starts with the ST-LINK's own
-/// firmware, whose start-up time is not specified. Only a board without a clock waits for the whole
-/// time.
+/// Longest wait for the clock at the HSE input, ms. The ST-LINK's clock starts with the ST-LINK's
+/// own firmware, whose start-up time is not specified. Only a board without a clock waits for the
+/// whole time.
 const TIMEOUT_MS: u32 = 500;
 
 impl ClockSource {
@@ -74,7 +74,8 @@ impl ClockSource {
         timer: &mut impl HseTimer,
         known: &[KnownClock],
     ) -> Self {
-        // Set HSEBYP first: it can be set only while HSE is off (RM0433, RM0390 and RM0090, RCC_CR).
+        // Set HSEBYP first: it can be set only while HSE is off (RM0433, RM0390 and RM0090,
+        // RCC_CR).
         RCC.cr()
             .modify(|control| control.set_hsebyp(input == HseInput::Clock));
         RCC.cr().modify(|control| control.set_hseon(true));
@@ -121,8 +122,8 @@ impl ClockSource {
             Self::StLink | Self::StLinkCrystal | Self::Crystal => "",
             Self::NoClock => {
                 "no clock at the HSE input: the board runs from the chip's own oscillator, device times \
-                 are off by up to some per cent, and USB is out of tolerance; check the crystal, or the \
-                 ST-LINK's supply and firmware"
+                 are off by up to some per cent, and USB, if any, is out of tolerance; check the crystal, \
+                 or the ST-LINK's supply and firmware"
             }
             Self::OtherClock => {
                 "the clock at the HSE input has a frequency that this board does not know: it runs from \
@@ -133,8 +134,8 @@ impl ClockSource {
     }
 }
 
-/// Measures HSE against the timer's clock of `timer_hz`, and returns its frequency in Hz, to a count
-/// in an interval between captures (0.1 % at 64 MHz, 0.4 % at 16 MHz); `None` if a capture is
+/// Measures HSE against the timer's clock of `timer_hz`, and returns its frequency in Hz, to a
+/// count in an interval between captures (0.1 % at 64 MHz, 0.4 % at 16 MHz); `None` if a capture is
 /// missing. The shortest interval counts: others are longer if nobody polled in time.
 fn measure(timer_hz: u32, timer: &mut impl HseTimer) -> Option<u32> {
     timer.start();

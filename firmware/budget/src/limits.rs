@@ -21,7 +21,14 @@ pub(crate) struct Limits {
 pub(crate) const BOARDS: [Limits; 4] = [
     Limits {
         name: "NUCLEO-H743ZI2",
-        images: &["h743", "h743-uart"],
+        images: &[
+            "h743",
+            "h743-uart",
+            "kit-250",
+            "kit-500",
+            "cyton-16",
+            "ten-twenty-32",
+        ],
         is_default: true,
         memory_map: "firmware/board-h743/stm32h743.x",
         // The limits are above the sizes measured with USB: 9 % above 660 KB of flash, 5 % above 92
@@ -61,8 +68,8 @@ pub(crate) const BOARDS: [Limits; 4] = [
         images: &["ironbci"],
         is_default: false,
         memory_map: "firmware/board-ironbci/stm32f407.x",
-        // Half of the flash, and of the RAM the stack aside: one converter takes little.
-        regions: &[("FLASH", 256 << 10), ("RAM", 64 << 10)],
+        // 5 % above 178 KiB of flash, 9 % above 40 KiB of RAM.
+        regions: &[("FLASH", 187 << 10), ("RAM", 44 << 10)],
         stack: 32 << 10,
     },
 ];

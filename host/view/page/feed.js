@@ -2,9 +2,9 @@
 // Reads the stream of messages of the bridge, and decodes the ROS 1 serialisation of their bodies.
 
 /** Bytes of topics, as in `ViewTopic`. */
-export const DROPPED = 0, ENCODED = 1, RECONSTRUCTED = 2, FILTERED = 3, RAW = 4, EVENTS = 5, DIAGNOSTICS = 6;
+export const DROPPED = 0, ENCODED = 1, RECONSTRUCTED = 2, FILTERED = 3, RAW = 4, DIAGNOSTICS = 5;
 
-/** Longest accepted message, bytes. Frames have 11 KB. */
+/** Longest accepted message, bytes. Frames have at most 18 KB. */
 const MAX_MESSAGE = 1 << 20;
 /** Time without a message after which the bridge counts as lost, milliseconds: it reports each second. */
 const SILENCE_MS = 5000;
@@ -35,8 +35,6 @@ export class Reader {
   u8() { return this.view.getUint8(this.skip(1)); }
   u16() { return this.view.getUint16(this.skip(2), true); }
   u32() { return this.view.getUint32(this.skip(4), true); }
-  i32() { return this.view.getInt32(this.skip(4), true); }
-  f32() { return this.view.getFloat32(this.skip(4), true); }
   u64() { return Number(this.view.getBigUint64(this.skip(8), true)); }
   text() {
     const length = this.u32();
@@ -83,16 +81,6 @@ export function readFrame(r) {
   return {seq, rate, eeg, eegData, exg, exgData, tri: new Int32Array(r.words())};
 }
 
-/** @param {Reader} r @returns {{event: number, description: string}} */
-export function readEvent(r) {
-  r.header();
-  r.skip(4);
-  r.text();
-  const event = r.i32();
-  r.skip(8);
-  return {event, description: r.text()};
-}
-
 /** @param {Reader} r @returns {Status[]} without what precedes `: ` in their names */
 export function readStatus(r) {
   r.header();
@@ -117,15 +105,17 @@ export async function receive(token, onOpen, onMessage) {
   let status = 0;
   try {
     const headers = /** @type {Record<string, string>} */ (token ? {Authorization: `Bearer ${token}`} : {});
-    const response = await fetch('/stream', {headers, signal: abort.signal, cache: 'no-store'});
+    const response = await fetch('/stream', {headers, signal: abort.signal, cache: 'no-store'}).catch(() => null);
+    if (!response) return status;
     status = response.status;
     if (!response.ok || !response.body) return status;
     onOpen();
     const reader = response.body.getReader();
     let rest = new Uint8Array(0);
     for (;;) {
-      const {done, value} = await reader.read();
-      if (done) return status;
+      const part = await reader.read().catch(() => null);
+      if (!part?.value) return status;
+      const value = part.value;
       clearTimeout(silence);
       silence = setTimeout(() => abort.abort(), SILENCE_MS);
       const bytes = new Uint8Array(rest.length + value.length);
@@ -134,7 +124,7 @@ export async function receive(token, onOpen, onMessage) {
       rest = consume(bytes, onMessage);
     }
   } catch (error) {
-    if (error instanceof RangeError) console.error(error);
+    console.error(error);
     return status;
   } finally {
     clearTimeout(silence);

@@ -38,6 +38,16 @@ export class Head {
     this.substituted = new Set();
   }
 
+  /** Forgets the reports of a bridge that was lost. */
+  clear() {
+    this.quality = new Map();
+    this.impedance = new Map();
+    this.off = new Set();
+    this.substituted = new Set();
+    this.summary.textContent = 'no report yet';
+    this.update();
+  }
+
   /** @param {string[]} labels */
   async show(labels) {
     if (labels.join() === this.labels.join()) return;

@@ -5,6 +5,8 @@
 
 /** Number of intervals in the histogram: 64 s at 16 codes per second. */
 const INTERVALS = 1024;
+/** Time between two codes from which the device has paused, microseconds. */
+const PAUSE_US = 1e6;
 /** Words for the levels of a report. */
 const LEVELS = ['ok', 'warning', 'error', 'stale'];
 
@@ -26,12 +28,18 @@ export class Link {
     this.dropped = 0;
   }
 
-  /** The bridge was lost: the next code starts a new interval. */
+  /** Messages are missing: the next code starts a new interval. */
   restart() { this.last = NaN; }
+
+  /** Forgets the reports of a bridge that was lost. */
+  clear() {
+    this.restart();
+    this.statuses.clear();
+  }
 
   /** Notes a code. @param {number} publishedUs */
   code(publishedUs) {
-    if (publishedUs >= this.last) {
+    if (publishedUs >= this.last && publishedUs - this.last < PAUSE_US) {
       this.intervals.push((publishedUs - this.last) / 1000);
       if (this.intervals.length > INTERVALS) this.intervals.shift();
     }

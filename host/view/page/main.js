@@ -63,7 +63,10 @@ function setState(level, text) {
 
 /** @param {Message} message */
 function onMessage({topic, publishedUs, body}) {
-  if (topic === DROPPED) link.dropped += body.u64();
+  if (topic === DROPPED) {
+    link.dropped += body.u64();
+    link.restart();
+  }
   else if (topic === ENCODED) link.code(publishedUs);
   else if (topic === DIAGNOSTICS) {
     const statuses = readStatus(body);
@@ -124,8 +127,9 @@ function change(select, steps) {
 
 /** @param {string} command */
 async function send(command) {
-  const response = await fetch(`/${command}`, {method: 'POST', headers: {Authorization: `Bearer ${token}`}});
-  if (!response.ok) setState(2, `${command} is refused: ${response.status}`);
+  const headers = {Authorization: `Bearer ${token}`};
+  const response = await fetch(`/${command}`, {method: 'POST', headers}).catch(() => null);
+  if (!response?.ok) setState(2, `${command} is refused: ${response?.status ?? 'no answer'}`);
 }
 
 scale.append(...SCALES.map((uv) => new Option(uv < 1000 ? `${uv} uV` : `${uv / 1000} mV`, String(uv))));
@@ -195,16 +199,25 @@ access.addEventListener('submit', (event) => {
 
 /** Receives messages, again and again. */
 async function run() {
-  let wait = RETRY_MS;
+  let wait = RETRY_MS, wasRight = false;
   for (;;) {
     const onOpen = () => {
       wait = RETRY_MS;
+      wasRight = token !== '';
       access.hidden = true;
       find('commands').hidden = token === '';
-      link.restart();
+      link.clear();
+      head.clear();
       setState(3, 'connected');
     };
     const status = await receive(token, onOpen, onMessage);
+    if (status === 401 && wasRight) {
+      // The bridge has started again, with a new token. On loopback it lets the page look without one.
+      wasRight = false;
+      token = '';
+      sessionStorage.removeItem('token');
+      continue;
+    }
     if (status === 401) {
       setState(2, 'the token is missing or wrong');
       access.hidden = false;

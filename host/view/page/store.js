@@ -5,6 +5,8 @@
 
 /** Length of the store, seconds. 64 channels at 512 Hz take 8 MB. */
 const SECONDS = 60;
+/** Step back of device time from which the device has restarted, microseconds. */
+const RESTART_US = 1e6;
 /** Bits of a sample's flags that the bridge sets. */
 export const FILLER = 0x8000, HEALING = 0x4000;
 
@@ -41,9 +43,12 @@ export class Store {
     const [eeg, exg] = [frame.eeg.nchannels, frame.exg.nchannels];
     for (let s = 0; s < frame.eeg.nsamples; s += 1) {
       const tri = 8 * s;
-      const time = frame.tri[tri + 3] + 65536 * frame.tri[tri + 4] + 4294967296 * frame.tri[tri + 5];
-      // The device has restarted: its time begins again.
-      if (this.next > this.first && time < this.times[(this.next - 1) % this.capacity]) this.first = this.next;
+      let time = frame.tri[tri + 3] + 65536 * frame.tri[tri + 4] + 4294967296 * frame.tri[tri + 5];
+      const last = this.end();
+      // The device has restarted: its time begins again. A smaller step back has another cause, such as
+      // packed blocks after codes, whose first steps were decoded before.
+      if (time < last - RESTART_US) this.first = this.next;
+      else time = Math.max(time, last);
       const slot = this.next % this.capacity, at = slot * this.channels;
       this.values.set(frame.eegData.subarray(s * eeg, (s + 1) * eeg), at);
       this.values.set(frame.exgData.subarray(s * exg, (s + 1) * exg), at + eeg);

@@ -227,7 +227,8 @@ export class Traces {
         context.fillStyle = color(flags & FILLER ? 'filler' : 'healing');
         context.fillRect(x, 0, Math.ceil(interval), height);
       }
-      if (i > store.first && store.trigger(i) > store.trigger(i - 1)) {
+      // A decoded step has the trigger of its window's last step.
+      if (this.measured && i > store.first && store.trigger(i) > store.trigger(i - 1)) {
         context.fillStyle = color('trigger');
         context.fillRect(x, 0, Math.max(1, Math.round(ratio)), height);
       }

@@ -10,7 +10,8 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::broadcast::{Receiver, Sender, channel};
 
 /// Number of messages that can wait for a viewer: 10 s of all streams at 50 messages per second. A
-/// frame has at most 11 KB, so the ring takes at most 6 MB, for any number of viewers.
+/// frame has at most 18 KB (64 channels at 1024 Hz), so the ring takes at most 10 MB, for any
+/// number of viewers.
 const RING_MESSAGES: usize = 512;
 /// Number of bytes before the body of a message: its length (u32), topic (u8) and time (u64).
 const HEAD_BYTES: usize = 13;
@@ -28,10 +29,8 @@ pub enum ViewTopic {
     Filtered = 3,
     /// ADC samples, as NeuroFrames.
     Raw = 4,
-    /// Events, as NeuroEvents.
-    Events = 5,
     /// Reports, as DiagnosticArrays.
-    Diagnostics = 6,
+    Diagnostics = 5,
 }
 
 /// The ring of the newest messages, shared by all sinks and viewers.
@@ -163,7 +162,7 @@ mod tests {
     #[tokio::test]
     async fn a_slow_viewer_loses_the_oldest_messages_and_is_told_how_many() {
         let feed = Feed::default();
-        let mut sink = ViewSink::new(feed.clone(), ViewTopic::Events);
+        let mut sink = ViewSink::new(feed.clone(), ViewTopic::Diagnostics);
         sink.publish(&UInt8 { data: 9 }).expect("never fails");
         let (mut slow, mut fast) = (feed.subscribe(), feed.subscribe());
         for index in 0..RING_MESSAGES + 3 {

@@ -1,4 +1,4 @@
-//! A live page: the frames, events and diagnostics of a bridge in a browser.
+//! A live page: the frames and diagnostics of a bridge in a browser.
 //!
 //! ```text
 //! publish ──► ViewSink ──► ring of 512 messages ─┬─► HTTP response of viewer 1 ──► page

@@ -30,6 +30,9 @@ pub(crate) struct Request {
     pub(crate) target: String,
     pub(crate) host: String,
     pub(crate) origin: Option<String>,
+    /// Whether a page of another site has made the browser send the request, by the field
+    /// `Sec-Fetch-Site`, which only browsers set.
+    pub(crate) is_foreign: bool,
     /// Token of the field `Authorization: Bearer`.
     pub(crate) token: Option<String>,
     /// Whether a body follows.
@@ -84,6 +87,7 @@ fn parse(head: &str) -> Result<Request, Refusal> {
                 request.host = value.to_ascii_lowercase();
             }
             "origin" => request.origin = Some(value.to_ascii_lowercase()),
+            "sec-fetch-site" => request.is_foreign = !["same-origin", "none"].contains(&value),
             "authorization" => request.token = value.strip_prefix("Bearer ").map(str::to_owned),
             "content-length" => request.has_body |= value != "0",
             "transfer-encoding" => request.has_body = true,
@@ -111,6 +115,7 @@ mod tests {
             target: "/stop".to_owned(),
             host: "localhost:1".to_owned(),
             origin: Some("http://a".to_owned()),
+            is_foreign: false,
             token: Some("abc".to_owned()),
             has_body: false,
         };

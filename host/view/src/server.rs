@@ -127,6 +127,8 @@ impl Server {
             .split_once('?')
             .unwrap_or((&request.target, ""));
         match (request.method.as_str(), path) {
+            // Otherwise any page could occupy the places of all viewers, without reading a byte.
+            ("GET", "/stream") if request.is_foreign => Err(FORBIDDEN),
             ("GET", "/stream") => {
                 // A token that is given must be right, so that a user learns of a mistake.
                 if has_token || (self.address.ip().is_loopback() && token.is_none()) {

@@ -24,8 +24,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Writes a model for the montage into the folder, unless it is there already with the same content:
-/// cargo would build the images again.
+/// Writes a model for the montage into the folder, unless it is there already with the same
+/// content: cargo would build the images again.
 fn write(montage: &Path, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let montage = MontageFile::read(montage)?;
     let numbers = 2 * montage.montage().electrodes.len();

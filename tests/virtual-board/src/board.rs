@@ -26,7 +26,8 @@ use crate::usb::host::UsbHost;
 /// Cable between a board and its host; each firmware image supports only one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Cable {
-    /// The USB cable of the debug probe ST-LINK, or of an adapter, which forwards the bytes of the UART.
+    /// The USB cable of the debug probe ST-LINK, or of an adapter, which forwards the bytes of the
+    /// UART.
     Uart,
     /// A cable to the microcontroller's own USB port.
     Usb,
@@ -37,7 +38,8 @@ pub enum Cable {
 pub struct Setup {
     /// The converters.
     pub converters: Converters,
-    /// Frequency in Hz of the clock at the HSE input, from the ST-LINK or a crystal; 0 for no clock.
+    /// Frequency in Hz of the clock at the HSE input, from the ST-LINK or a crystal; 0 for no
+    /// clock.
     pub clock_hz: u64,
     /// Frequency in Hz of the internal low-speed oscillator (LSI); `None` for the typical
     /// frequency. It can be 17 to 47 kHz in the STM32F446 and 29.4 to 33.6 kHz in the STM32H743

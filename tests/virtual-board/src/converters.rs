@@ -14,8 +14,8 @@ pub struct Converters {
     pub rate_hz: u32,
     /// How the data outputs are connected to MISO.
     pub wiring: Wiring,
-    /// Frequency of the chips' clock in Hz. An internal oscillator is 0.4 % fast, within its tolerance
-    /// at 25 degC (data sheet SBAS499C, section 7.5).
+    /// Frequency of the chips' clock in Hz. An internal oscillator is 0.4 % fast, within its
+    /// tolerance at 25 degC (data sheet SBAS499C, section 7.5).
     pub clock_hz: u32,
 }
 

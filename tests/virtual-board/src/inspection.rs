@@ -59,8 +59,8 @@ impl VirtualBoard {
         })
     }
 
-    /// Returns the speed of the SPI's outputs SCLK and MOSI (OSPEEDR, 0 is the slowest), and the pulls of
-    /// MISO, DRDY and trigger (PUPDR, 0 none, 1 up, 2 down).
+    /// Returns the speed of the SPI's outputs SCLK and MOSI (OSPEEDR, 0 is the slowest), and the
+    /// pulls of MISO, DRDY and trigger (PUPDR, 0 none, 1 up, 2 down).
     ///
     /// # Errors
     /// The emulator has ended.

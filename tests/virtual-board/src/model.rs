@@ -27,8 +27,8 @@ impl Model {
         }
     }
 
-    /// Returns whether DMA1 can access the memory at `address` (RM0433, 2.1; RM0390, 2.1; RM0090, 2.1). On the
-    /// STM32H743 it cannot access the tightly coupled memories (TCM).
+    /// Returns whether DMA1 can access the memory at `address` (RM0433, 2.1; RM0390, 2.1; RM0090,
+    /// 2.1). On the STM32H743 it cannot access the tightly coupled memories (TCM).
     pub fn dma_reaches(self, address: u64) -> bool {
         let srams = self.facts().memories.iter();
         let mut srams = srams.filter(|(name, ..)| name.contains("SRAM"));
@@ -55,8 +55,8 @@ pub struct Facts {
     /// caches enabled. It affects how late the firmware is, not what it computes.
     pub instructions_per_second: u64,
     /// Name, first address and size in bytes of each of the chip's memories (DS12110 and DS10693,
-    /// memory mapping). The STM32F446 and the STM32F407 are emulated as an STM32F427, which has more
-    /// flash and RAM.
+    /// memory mapping). The STM32F446 and the STM32F407 are emulated as an STM32F427, which has
+    /// more flash and RAM.
     pub(crate) memories: &'static [(&'static str, u64, u64)],
     /// Address of the boot loader's vector table (AN2606).
     pub(crate) loader_vectors: u32,

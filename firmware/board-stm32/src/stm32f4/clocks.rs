@@ -2,7 +2,7 @@
 
 use embassy_stm32::{
     Config,
-    pac::FLASH,
+    pac::{DBGMCU, FLASH},
     rcc::{
         AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv,
         PllSource, Sysclk,
@@ -14,8 +14,8 @@ use firmware::deadlines::priority;
 use crate::clock_source::ClockSource;
 use crate::interrupts::nvic_priority;
 
-/// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0390 and RM0090,
-/// RCC).
+/// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0390 and
+/// RM0090, RCC).
 pub const AFTER_RESET_HZ: u32 = 16_000_000;
 
 /// Returns the configuration of the clocks. Each clock has the same frequency whether 8 MHz at the
@@ -32,7 +32,7 @@ pub fn config(source: ClockSource) -> Config {
     };
     rcc.hse = match source {
         ClockSource::Crystal => Some(hse(HseMode::Oscillator)),
-        source if source.is_hse() => Some(hse(HseMode::Bypass)),
+        ClockSource::StLink => Some(hse(HseMode::Bypass)),
         _ => None,
     };
     let (source, prediv) = if rcc.hse.is_some() {
@@ -69,11 +69,17 @@ pub fn config(source: ClockSource) -> Config {
     config
 }
 
-/// Enables the prefetch and the caches of the flash, which hide its five wait states (RM0390 and
-/// RM0090, FLASH_ACR).
+/// Device and revision of the first STM32F405 and STM32F407, revision A, which does not prefetch
+/// correctly (DBGMCU_IDCODE; STM32CubeF4 enables the prefetch from revision Z on).
+const WITHOUT_PREFETCH: (u16, u16) = (0x413, 0x1000);
+
+/// Enables the caches of the flash and, where it works, the prefetch. They hide its five wait
+/// states (RM0390 and RM0090, FLASH_ACR).
 pub fn enable_flash_accelerator() {
+    let id = DBGMCU.idcode().read();
+    let prefetches = (id.dev_id(), id.rev_id()) != WITHOUT_PREFETCH;
     FLASH.acr().modify(|access| {
-        access.set_prften(true);
+        access.set_prften(prefetches);
         access.set_icen(true);
         access.set_dcen(true);
     });

@@ -641,7 +641,7 @@ pub(crate) enum SinkKind {
     Ros,
     /// Lines of JSON on stdout.
     Ndjson,
-    /// A live page for a browser, whose address the log has.
+    /// A live page for a browser, whose address is printed.
     View,
 }
 
@@ -668,8 +668,8 @@ pub(crate) struct ViewOptions {
         default_value = "127.0.0.1:8061"
     )]
     pub(crate) view_address: SocketAddr,
-    /// Token of the live page, 16 to 128 letters, digits, - and _; by default the log has a new one
-    /// after each start
+    /// Token of the live page, 16 to 128 letters, digits, - and _; by default a new one
+    /// is printed after each start
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_VIEW_TOKEN", hide_env_values = true)]
     pub(crate) view_token: Option<Token>,
 }

@@ -121,27 +121,22 @@ impl<M> Tee<M> {
 
 impl<M> Sink<M> for Tee<M> {
     fn publish(&mut self, message: &M) -> Result<(), SinkError> {
-        let mut failure = None;
+        let mut failure = Ok(());
         for end in self.ends.iter_mut().filter(|end| !end.closed) {
             let published = end.sink.publish(message);
             end.drops.update(end.sink.dropped());
             if let Err(error) = published {
                 end.closed = true;
-                failure = Some((Arc::clone(&end.drops.outlet), error));
+                let outlet = &end.drops.outlet;
+                if !outlet.closed.swap(true, Ordering::Relaxed) {
+                    let name = outlet.kind.name();
+                    tracing::warn!("the outlet {name} receives nothing any more: {error}");
+                }
+                failure = Err(error);
             }
         }
-        let Some((outlet, error)) = failure else {
-            return Ok(());
-        };
-        let was_closed = outlet.closed.swap(true, Ordering::Relaxed);
         if self.ends.iter().all(|end| end.closed) {
-            return Err(error);
-        }
-        if !was_closed {
-            let name = outlet.kind.name();
-            tracing::warn!(
-                "{name} receives nothing any more, and the other outlets go on: {error}"
-            );
+            return failure;
         }
         Ok(())
     }

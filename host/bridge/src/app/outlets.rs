@@ -553,7 +553,7 @@ impl Sinks {
                     }
                     _ => None,
                 };
-                let others = to.tee(&outlets, None, name, Some(ViewTopic::Events));
+                let others = to.tee(&outlets, None, name, None);
                 Some(Events { topic, others })
             }
             None => None,

@@ -62,6 +62,8 @@ fn the_stream_needs_the_token_unless_the_page_is_on_loopback() {
     let local = Served::start("127.0.0.1:0");
     drop(local.view());
     assert_eq!(status(&local.request("GET /stream", &bearer("abc"))), "401");
+    let foreign = "Sec-Fetch-Site: cross-site\r\n";
+    assert_eq!(status(&local.request("GET /stream", foreign)), "403");
     let mut open = local.connect();
     let request = format!("GET /stream HTTP/1.1\r\nHost: {}\r\n\r\n", local.address);
     open.write_all(request.as_bytes()).unwrap();

@@ -53,7 +53,7 @@ fn two_hundred_idle_connections_leave_room_for_a_viewer() {
     let mut sink = served.view.sink(ViewTopic::Diagnostics);
     wait_until("a viewer", || served.view.viewers() == 1);
     sink.publish(&DiagnosticArray::default()).unwrap();
-    assert_eq!(read_message(&mut first)[0], 6);
+    assert_eq!(read_message(&mut first)[0], ViewTopic::Diagnostics as u8);
     // The idle ones are closed after 5 s without a request.
     wait_until("the page", || status(&served.request("GET /", "")) == "200");
     for mut stream in idle {

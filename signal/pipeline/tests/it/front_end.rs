@@ -1,5 +1,6 @@
-//! The front end at every sampling rate and decimation: comparison with the front end whose sizes are
-//! known only at run time, and with scipy's double-precision filters; aliases of tones above half of the step rate, and the stated group delay.
+//! The front end at every sampling rate and decimation: comparison with the front end whose sizes
+//! are known only at run time, and with scipy's double-precision filters; aliases of tones above
+//! half of the step rate, and the stated group delay.
 
 use std::f64::consts::PI;
 

@@ -43,11 +43,12 @@ impl Shown {
             bridge: None,
             port: free_port().expect("a free port"),
         };
-        shown.start_bridge();
+        shown.start_bridge(Some(TOKEN));
         shown
     }
 
-    fn start_bridge(&mut self) {
+    /// Starts a bridge with a token, or with a random one.
+    fn start_bridge(&mut self, token: Option<&str>) {
         let address = format!("--view-address=127.0.0.1:{}", self.port);
         let arguments = [
             "--port",
@@ -55,10 +56,10 @@ impl Shown {
             "--sink=view,ndjson",
             "--streams=codes,raw,filtered,events",
             "--exclude=Cz",
-            "--view-token",
-            TOKEN,
             &address,
         ];
+        let token = token.map(|token| ["--view-token", token]);
+        let arguments = [&arguments[..], token.as_slice().as_flattened()].concat();
         self.bridge = Some(bridge(self.folder.path(), "bridge", &arguments));
     }
 
@@ -247,8 +248,17 @@ fn the_page_shows_what_was_received_to_those_who_may_see_it() {
     browser.wait_for_text("#state", "streaming");
     shown.stop_bridge();
     browser.wait_for_text("#state", "the bridge is lost");
-    shown.start_bridge();
+    shown.start_bridge(Some(TOKEN));
     browser.wait_for_text("#state", "streaming");
+    let hidden = "return document.getElementById('commands').hidden";
+    assert_eq!(browser.run(hidden), false);
+
+    // The bridge starts again with a random token, without which the page may look.
+    shown.stop_bridge();
+    browser.wait_for_text("#state", "the bridge is lost");
+    shown.start_bridge(None);
+    browser.wait_for_text("#state", "streaming");
+    assert_eq!(browser.run(hidden), true);
     println!(
         "number, mean and longest time of drawings, ms: {}",
         browser.run("return document.body.dataset.drawn")

@@ -1,5 +1,5 @@
-//! The STM32F446 and the STM32F407: the emulator's STM32F427, with added models of EXTI, USB and the
-//! register RCC_DCKCFGR2.
+//! The STM32F446 and the STM32F407: the emulator's STM32F427, with added models of EXTI, USB and
+//! the register RCC_DCKCFGR2.
 
 mod exti;
 
@@ -33,7 +33,8 @@ use exti::Exti;
 
 /// Index, in the emulator's array of timers, of TIM2, whose channel 3 captures the trigger.
 const TIMER: usize = 0;
-/// Number of the alternate function that connects TIM2 to pin PB10 (DS10693, table 11; DS8626, table 9).
+/// Number of the alternate function that connects TIM2 to pin PB10 (DS10693, table 11; DS8626,
+/// table 9).
 const TIMER_FUNCTION: u8 = 1;
 /// Names of the GPIO ports in the emulator; the port index in a [`Pin`] selects one.
 const PORTS: [&str; 8] = [
@@ -48,14 +49,15 @@ const HSERDY: u64 = 1 << 17;
 const GRSTCTL: u64 = 0x5000_0000 + 0x10;
 const AHBIDL: u64 = 1 << 31;
 
-/// Address of RCC_DCKCFGR2 of the STM32F446 (RM0390, 6.3.28), which the STM32F427 lacks. The emulated register only
-/// stores what is written, which suffices: the firmware keeps the clock selections of the reset.
+/// Address of RCC_DCKCFGR2 of the STM32F446 (RM0390, 6.3.28), which the STM32F427 lacks. The
+/// emulated register only stores what is written, which suffices: the firmware keeps the clock
+/// selections of the reset.
 const DCKCFGR2: u64 = 0x4002_3894;
 /// Address at which the emulator serves accesses to DCKCFGR2; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
 
-/// An emulated STM32F446 or STM32F407: the emulator's model of the part, and added models of EXTI and
-/// USB.
+/// An emulated STM32F446 or STM32F407: the emulator's model of the part, and added models of EXTI
+/// and USB.
 #[derive(Debug)]
 pub(crate) struct F4 {
     model: Model,
@@ -68,8 +70,8 @@ pub(crate) struct F4 {
 }
 
 impl F4 {
-    /// Creates the powered chip of a board without an external clock, with `host` at the other end of its USB
-    /// cable.
+    /// Creates the powered chip of a board without an external clock, with `host` at the other end
+    /// of its USB cable.
     ///
     /// # Panics
     /// When the emulator's description of the part contradicts itself.
@@ -92,8 +94,8 @@ impl F4 {
         }
     }
 
-    /// Returns the index, in the emulator's array of SPIs, of the one to which the board connects the
-    /// converters: SPI3 on an ironbci, SPI2 on a NUCLEO-F446RE.
+    /// Returns the index, in the emulator's array of SPIs, of the one to which the board connects
+    /// the converters: SPI3 on an ironbci, SPI2 on a NUCLEO-F446RE.
     const fn spi(&self) -> usize {
         match self.model {
             Model::Ironbci => 2,
@@ -101,8 +103,8 @@ impl F4 {
         }
     }
 
-    /// Returns the index, in the emulator's array of serial ports, of the one to the host: UART5 on an
-    /// ironbci, USART2 on a NUCLEO-F446RE.
+    /// Returns the index, in the emulator's array of serial ports, of the one to the host: UART5 on
+    /// an ironbci, USART2 on a NUCLEO-F446RE.
     const fn uart(&self) -> usize {
         match self.model {
             Model::Ironbci => 7,

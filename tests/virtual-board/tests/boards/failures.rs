@@ -58,7 +58,8 @@ pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Resul
     for (injection, cause, named, key) in FAILURES {
         let before = greetings(board.inbox().frames()).len();
         let at_us = board.now_us();
-        // The encode task runs in the handler of the interrupt I2C3_EV, which serves no other purpose.
+        // The encode task runs in the handler of the interrupt I2C3_EV, which serves no other
+        // purpose.
         board.inject_at("I2C3_EV", injection)?;
         board.run_until("Hello after a failure", LONGEST_US, |frames| {
             greetings(frames).len() > before
@@ -82,7 +83,8 @@ pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Resul
 }
 
 /// Asserts that the newest `Hello` reports the reset cause `cause` and that the device streams
-/// codes again, with the built-in model those of host-sim. Returns the fault that this `Hello` reports.
+/// codes again, with the built-in model those of host-sim. Returns the fault that this `Hello`
+/// reports.
 fn assert_streams_after(
     board: &mut VirtualBoard,
     subject: Subject,

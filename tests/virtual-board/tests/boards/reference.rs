@@ -1,5 +1,5 @@
-//! Codes for the counts at the electrodes, computed by the batch reference of `model-gen` for a model
-//! that is read at run time.
+//! Codes for the counts at the electrodes, computed by the batch reference of `model-gen` for a
+//! model that is read at run time.
 
 use std::collections::VecDeque;
 

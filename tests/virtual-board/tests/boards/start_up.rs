@@ -101,8 +101,8 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardE
 }
 
 /// Scenario: the STM32H743 runs from the frequencies that an ST-LINK can supply, 8.33 MHz and 8 MHz
-/// with an error of 0.3 %. The error, with which USB would be out of tolerance, flags no sample: the
-/// status has the measured rate.
+/// with an error of 0.3 %. The error, with which USB would be out of tolerance, flags no sample:
+/// the status has the measured rate.
 pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(), BoardError> {
     let (clock_hz, core_hz) = match subject.cable {
         Cable::Usb => (8_333_333, 480_000_000),
@@ -184,8 +184,8 @@ pub(crate) fn a_hang_during_the_start_up_ends_in_a_reset(
     assert_sound(&mut board)
 }
 
-/// Interrupts that have the same line on all chips (RM0433 rev 9, table 147; RM0390, table 38; RM0090
-/// rev 22, table 61).
+/// Interrupts that have the same line on all chips (RM0433 rev 9, table 147; RM0390, table 38;
+/// RM0090 rev 22, table 61).
 const COMMON: [Wanted; 6] = [
     ("EXTI9_5, DRDY", 23, priority::DRDY),
     ("TIM2, time driver", 28, priority::TIME),
@@ -269,8 +269,9 @@ fn assert_interrupts_have_their_priorities(
 }
 
 /// Asserts that SCLK and MOSI have the speed "medium", which rings less on wires than a faster one;
-/// that DRDY is pulled up and the trigger down; and that MISO is pulled up, so that without a chip all
-/// bits are 1, unless the pull would form a divider with the read-back resistors of a daisy chain.
+/// that DRDY is pulled up and the trigger down; and that MISO is pulled up, so that without a chip
+/// all bits are 1, unless the pull would form a divider with the read-back resistors of a daisy
+/// chain.
 fn assert_pins_are_set(board: &mut VirtualBoard, subject: Subject) -> Result<(), BoardError> {
     let Converters { chips, wiring, .. } = subject.converters();
     let has_resistors = chips > 1 && wiring == Wiring::Daisy;
