@@ -60,6 +60,11 @@ pub(crate) fn write(board: Board, messages: &str) -> Result<PathBuf, Failure> {
     Ok(path)
 }
 
+/// Returns the path of the ELF file that cargo's `messages` name.
+pub(crate) fn elf(messages: &str) -> PathBuf {
+    build(messages).elf
+}
+
 /// Reads cargo's messages, one in a line.
 fn build(messages: &str) -> Build {
     let mut build = Build::default();

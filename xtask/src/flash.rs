@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, output, print, replace};
-use crate::images::{self, ARTIFACT, Board};
+use crate::command::{
+    AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, cargo, output, print, replace, root,
+};
+use crate::images::{ARTIFACT, Board};
 use crate::{dfu, install, programs};
 
 /// Number of channels of an ADS1299.
@@ -54,13 +56,15 @@ pub(crate) struct Options {
 }
 
 /// Prints for which model and converters the image is, and builds it. With `flash`, runs it on the
-/// board; otherwise writes it as a file for `corticode-bridge update`, whose path it prints.
+/// board; otherwise writes it as a file for `corticode-bridge update`, whose path it prints, or prints
+/// that of the ELF file for a board that takes no update.
 pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     install::board_target()?;
     let board = options.board;
     let named = env::var_os(ARTIFACT).map(PathBuf::from);
-    let model = named.or_else(|| (board == Board::Ironbci).then(|| board.model()));
-    let folder = model.clone().unwrap_or_else(|| board.model());
+    let model = named.or_else(|| board.model());
+    let built_in = || root().join("signal/model/artifact");
+    let folder = model.clone().unwrap_or_else(built_in);
     let folder = folder.canonicalize().unwrap_or(folder);
     eprintln!("image for {}\n{}", board.name(), summary(&folder)?);
     let verb = if flash { "run" } else { "build" };
@@ -69,7 +73,10 @@ pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     }
     let key = board.key();
     let words = format!("{verb} --package=board-{key} --profile=firmware --target={BOARD_TARGET}");
-    let mut command = images::cargo_for(model.as_deref(), &words);
+    let mut command = cargo(&words);
+    if let Some(model) = model {
+        command.env(ARTIFACT, model);
+    }
     if options.no_default_features {
         command.arg("--no-default-features");
     }
@@ -84,10 +91,12 @@ pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     }
     command.arg("--message-format=json-render-diagnostics");
     let messages = output(&mut command, AFTER_A_BUILD)?;
-    print(format_args!(
-        "{}\n",
-        dfu::write(board, &messages)?.display()
-    ))
+    let file = if board.has_loader() {
+        dfu::write(board, &messages)?
+    } else {
+        dfu::elf(&messages)
+    };
+    print(format_args!("{}\n", file.display()))
 }
 
 /// Returns what the model in `folder` expects of the converters, one thing a line.
@@ -140,7 +149,7 @@ mod tests {
 
     #[test]
     fn the_default_model_needs_eight_chips_and_a_clock_of_2_21_hz() {
-        let summary = summary(&Board::H743.model()).expect("the default model");
+        let summary = summary(&root().join("signal/model/artifact")).expect("the default model");
         let expected = "8 ADS1299 (daisy) at 512 Hz, gain 24\n  clock       2.097152 MHz at CLK";
         assert!(summary.contains(expected), "{summary}");
         assert!(summary.contains("electrodes  61"), "{summary}");

@@ -41,12 +41,14 @@ impl Board {
         ["STM32H743ZITx", "STM32F446RETx", "STM32F407VETx"][self as usize]
     }
 
-    /// Folder of the model that the board has by default.
-    pub(crate) fn model(self) -> PathBuf {
-        root().join(match self {
-            Self::Ironbci => "signal/model/ironbci",
-            _ => "signal/model/artifact",
-        })
+    /// Folder of the model that the board has by default; `None` for the built-in one.
+    pub(crate) fn model(self) -> Option<PathBuf> {
+        (self == Self::Ironbci).then(|| root().join("signal/model/ironbci"))
+    }
+
+    /// Whether a host reaches the boot loader in the microcontroller's ROM.
+    pub(crate) const fn has_loader(self) -> bool {
+        !matches!(self, Self::Ironbci)
     }
 }
 
@@ -135,8 +137,7 @@ impl Rig {
     /// Folder of the model of the images; `None` for the built-in one.
     pub(crate) fn model(self) -> Option<PathBuf> {
         match self {
-            Self::H743 | Self::F446 => None,
-            Self::Ironbci => Some(Board::Ironbci.model()),
+            Self::H743 | Self::F446 | Self::Ironbci => self.board().model(),
             Self::Kit250 | Self::Kit500 => Some(root().join("signal/model").join(self.key())),
             Self::Cyton16 | Self::TenTwenty32 => Some(
                 target_folder()
@@ -164,16 +165,21 @@ pub(crate) fn build(rig: Rig) -> Result<(), Failure> {
     if let (Some(model), Rig::Cyton16 | Rig::TenTwenty32) = (&model, rig) {
         write_random_model(rig, model)?;
     }
-    build_to(&folder(), rig, model.as_deref())
+    build_to(&folder(), rig, rig.images(), model.as_deref())
 }
 
-/// Builds the images of a rig with the model in the folder `model`, or the built-in one, and copies
-/// them to `folder`.
-fn build_to(folder: &Path, rig: Rig, model: Option<&Path>) -> Result<(), Failure> {
+/// Builds `images` of a rig with the model in the folder `model`, or the built-in one, and copies them
+/// to `folder`.
+fn build_to(
+    folder: &Path,
+    rig: Rig,
+    images: &[[&str; 2]],
+    model: Option<&Path>,
+) -> Result<(), Failure> {
     install::board_target()?;
     let built = target_folder().join(BOARD_TARGET).join("firmware");
     let built = built.join(format!("board-{}", rig.board().key()));
-    for [name, selection] in rig.images() {
+    for [name, selection] in images {
         let words = format!("build --profile=firmware --target={BOARD_TARGET} {selection}");
         run(&mut cargo_for(model, &words), AFTER_A_BUILD)?;
         let image = folder.join(name).with_extension("elf");
@@ -189,11 +195,13 @@ fn build_to(folder: &Path, rig: Rig, model: Option<&Path>) -> Result<(), Failure
     Ok(())
 }
 
-/// Builds the images of a rig with the user's model in the folder `model`. Returns the folder with
-/// the images, which is not that of the rig's own ones.
-pub(crate) fn build_with(rig: Rig, model: &Path) -> Result<PathBuf, Failure> {
+/// Builds the image `name` of a rig with the user's model in the folder `model`. Returns the folder
+/// with the image, which is not that of the rig's own ones.
+pub(crate) fn build_with(rig: Rig, name: &str, model: &Path) -> Result<PathBuf, Failure> {
     let folder = folder().join("own-model");
-    build_to(&folder, rig, Some(model))?;
+    let wanted = rig.images().iter().filter(|[image, _]| *image == name);
+    let wanted: Vec<_> = wanted.copied().collect();
+    build_to(&folder, rig, &wanted, Some(model))?;
     Ok(folder)
 }
 
@@ -231,6 +239,7 @@ pub(crate) fn cargo_for(model: Option<&Path>, words: &str) -> Command {
 fn write_random_model(rig: Rig, folder: &Path) -> Result<(), Failure> {
     let montage = root().join("files/montages").join(rig.key());
     let mut write = cargo("run --quiet --package any-model --");
+    write.env_remove(ARTIFACT);
     write.arg(montage.with_extension("toml")).arg(folder);
     run(&mut write, AFTER_A_BUILD)
 }

@@ -127,8 +127,8 @@ impl ClockSource {
             }
             Self::OtherClock => {
                 "the clock at the HSE input has a frequency that this board does not know: it runs from \
-                 the chip's own oscillator, device times are off by up to some per cent, and USB is out \
-                 of tolerance; docs/hardware.md says which frequencies it knows"
+                 the chip's own oscillator, device times are off by up to some per cent, and USB, \
+                 if any, is out of tolerance; docs/hardware.md says which frequencies it knows"
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Port to the host: USB, or with the feature `uart` the UART of the ST-LINK.
+//! Port to the host: USB, or with the feature `uart` a UART.
 //!
 //! The modules `usb_stream` and `uart_stream` are independent of the chip, so their tests run on a
 //! PC.

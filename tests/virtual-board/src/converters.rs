@@ -32,10 +32,12 @@ impl Converters {
     ///
     /// # Errors
     /// The folder contains no model.
+    ///
+    /// # Panics
+    /// Never: the rates that an artifact may have are those of the converters.
     pub fn of_model(folder: &Path) -> Result<Self, ArtifactError> {
         let adc = Artifact::read(folder)?.description.adc;
-        let external =
-            Rate::of_hz(adc.rate_hz).map_or(Self::EIGHT.clock_hz, |(clock, _)| clock.hz());
+        let external = Rate::of_hz(adc.rate_hz).map(|(clock, _)| clock.hz());
         Ok(Self {
             chips: adc.channels.div_ceil(CHANNELS),
             rate_hz: adc.rate_hz,
@@ -44,7 +46,7 @@ impl Converters {
                 AdcWiring::Cascaded => Wiring::Cascaded,
             },
             clock_hz: match adc.clock {
-                AdcClock::External => external,
+                AdcClock::External => external.expect("reading the artifact has checked its rate"),
                 AdcClock::Internal => Clock::INTERNAL.hz() / 1_000 * 1_004,
             },
         })

@@ -59,6 +59,20 @@ impl VirtualBoard {
         })
     }
 
+    /// Returns whether a clock bypasses the oscillator HSE (RCC_CR, HSEBYP), as a crystal must not.
+    ///
+    /// # Errors
+    /// The emulator has ended.
+    pub fn hse_is_bypassed(&mut self) -> Result<bool, BoardError> {
+        let now = VirtualNanos(self.now_us() * 1000);
+        self.inspect(move |session, _| {
+            let (address, ready) = session.board().chip.hse_ready_flag();
+            let control = session.mcu().peek(now, address, Width::W32).unwrap_or(0);
+            // HSEBYP is the bit above HSERDY on all chips.
+            control & ready << 1 != 0
+        })
+    }
+
     /// Returns the speed of the SPI's outputs SCLK and MOSI (OSPEEDR, 0 is the slowest), and the
     /// pulls of MISO, DRDY and trigger (PUPDR, 0 none, 1 up, 2 down).
     ///

@@ -1,4 +1,4 @@
-//! Port over the UART of the ST-LINK, by DMA in both directions.
+//! Port over a UART, by DMA in both directions.
 //!
 //! The DMA stores received bytes in a ring. One interrupt per byte would be too slow: a byte lasts
 //! 10.85 us, and the acquisition blocks the port's interrupts for longer. embassy-stm32 0.6.0 has
@@ -88,7 +88,7 @@ impl<U: Uart> Handler<<U::Instance as usart::Instance>::Interrupt> for UartInter
     }
 }
 
-/// Port to the host over the ST-LINK's UART.
+/// Port to the host over a UART.
 pub struct Port {
     input: RingReceiver<DmaRing>,
     output: DmaTransmitter<UartTx<'static, Async>>,
@@ -112,7 +112,7 @@ impl Port {
         }
         let function = pin.af_num();
         let mut pin = Flex::new(pin);
-        // The pull-up keeps the line idle while the ST-LINK is off.
+        // The pull-up keeps the line idle while nothing drives it.
         pin.set_as_af_unchecked(function, AfType::input(Pull::Up));
         // Dropping `pin` would disconnect it from the UART.
         mem::forget(pin);

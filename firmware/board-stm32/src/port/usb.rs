@@ -67,7 +67,7 @@ impl Port {
         static STATE: StaticCell<State<'static>> = StaticCell::new();
 
         let mut config = usb::Config::default();
-        // Both boards are powered by their ST-LINK, whether or not VBUS is present at the USB
+        // The NUCLEO boards are powered by their ST-LINK, whether or not VBUS is present at the USB
         // socket.
         config.vbus_detection = false;
         let driver = Driver::new_fs(self.otg, Irqs, self.dp, self.dm, RECEIVED.take(), config);

@@ -15,11 +15,26 @@ pub(crate) struct Subject {
     pub(crate) cable: Cable,
     /// Name of the image in figures and environment variables.
     pub(crate) key: &'static str,
+    /// Whether the image has another model than the built-in one.
+    has_own_model: bool,
 }
 
 impl Subject {
     pub(crate) const fn new(model: Model, cable: Cable, key: &'static str) -> Self {
-        Self { model, cable, key }
+        Self {
+            model,
+            cable,
+            key,
+            has_own_model: false,
+        }
+    }
+
+    /// Returns the image with another model than the built-in one.
+    pub(crate) const fn with_own_model(self) -> Self {
+        Self {
+            has_own_model: true,
+            ..self
+        }
     }
 
     /// Returns the settings of a healthy board with the cable that the image supports.
@@ -42,8 +57,15 @@ impl Subject {
 
     /// Returns the folder of the image's model, from a variable such as `CORTICODE_MODEL_KIT_250`;
     /// `None` for the built-in model.
+    ///
+    /// # Panics
+    /// When the variable is not set for an image with another model.
     pub(crate) fn model_folder(self) -> Option<PathBuf> {
-        env::var_os(self.variable("MODEL")).map(PathBuf::from)
+        self.has_own_model.then(|| {
+            let variable = self.variable("MODEL");
+            let folder = env::var_os(&variable);
+            PathBuf::from(folder.unwrap_or_else(|| panic!("{variable} is not set")))
+        })
     }
 
     fn variable(self, what: &str) -> String {

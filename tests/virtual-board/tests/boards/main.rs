@@ -36,19 +36,20 @@ const F446_USB: Subject = Subject::new(Model::F446, Cable::Usb, "f446-usb");
 const F446_PACKED: Subject = Subject::new(Model::F446, Cable::Uart, "f446-packed");
 
 /// The image of the ironbci, for one converter at 250 Hz that runs from its own oscillator.
-const IRONBCI: Subject = Subject::new(Model::Ironbci, Cable::Uart, "ironbci");
+const IRONBCI: Subject = Subject::new(Model::Ironbci, Cable::Uart, "ironbci").with_own_model();
 
 /// The image of the NUCLEO-H743ZI2 for one converter at 250 Hz.
-const KIT_250: Subject = Subject::new(Model::H743, Cable::Usb, "kit-250");
+const KIT_250: Subject = Subject::new(Model::H743, Cable::Usb, "kit-250").with_own_model();
 
 /// The image of the NUCLEO-H743ZI2 for one converter at 500 Hz.
-const KIT_500: Subject = Subject::new(Model::H743, Cable::Usb, "kit-500");
+const KIT_500: Subject = Subject::new(Model::H743, Cable::Usb, "kit-500").with_own_model();
 
 /// The image of the NUCLEO-H743ZI2 for two converters in a daisy chain at 250 Hz.
-const CYTON_16: Subject = Subject::new(Model::H743, Cable::Usb, "cyton-16");
+const CYTON_16: Subject = Subject::new(Model::H743, Cable::Usb, "cyton-16").with_own_model();
 
 /// The image of the NUCLEO-H743ZI2 for four cascaded converters at 512 Hz.
-const TEN_TWENTY_32: Subject = Subject::new(Model::H743, Cable::Usb, "ten-twenty-32");
+const TEN_TWENTY_32: Subject =
+    Subject::new(Model::H743, Cable::Usb, "ten-twenty-32").with_own_model();
 
 /// Defines a test of the image `$subject` for each scenario, a function that takes a [`Subject`].
 macro_rules! scenarios {

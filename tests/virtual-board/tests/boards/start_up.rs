@@ -58,6 +58,9 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
         assert_eq!(frame.seq, number, "a frame is missing");
     }
     assert_core_runs_at(&mut board, subject.model.facts().core_hz)?;
+    // The ironbci has a crystal, the other boards the ST-LINK's clock.
+    let has_clock = subject.model != Model::Ironbci;
+    assert_eq!(board.hse_is_bypassed()?, has_clock, "HSEBYP");
     // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz
     // on the others (docs/hardware.md). The converters run, so it must be that for samples.
     let burst_hz = board.sclk_hz();
