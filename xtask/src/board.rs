@@ -13,9 +13,9 @@ use crate::figures::{self, Figures, Row};
 use crate::images::{self, ARTIFACT, Board, Rig};
 use crate::install;
 
-/// Figures that are true if the row of a board has all figures of a group, and null if it has none. Each entry has the
-/// figure's name, the common start of the names in the group, and their different ends, separated
-/// by blanks.
+/// Figures that are true if the row of a board has all figures of a group, and null if it has none.
+/// Each entry has the figure's name, the common start of the names in the group, and their
+/// different ends, separated by blanks.
 #[rustfmt::skip]
 const VERDICTS: [[&str; 3]; 3] = [
     ["reset_cause_ok", "reset_cause_", "hang panic fault overflow wild_stack"],

@@ -56,8 +56,8 @@ pub(crate) struct Options {
 }
 
 /// Prints for which model and converters the image is, and builds it. With `flash`, runs it on the
-/// board; otherwise writes it as a file for `corticode-bridge update`, whose path it prints, or prints
-/// that of the ELF file for a board that takes no update.
+/// board; otherwise writes it as a file for `corticode-bridge update`, whose path it prints, or
+/// prints that of the ELF file for a board that takes no update.
 pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     install::board_target()?;
     let board = options.board;

@@ -168,8 +168,8 @@ pub(crate) fn build(rig: Rig) -> Result<(), Failure> {
     build_to(&folder(), rig, rig.images(), model.as_deref())
 }
 
-/// Builds `images` of a rig with the model in the folder `model`, or the built-in one, and copies them
-/// to `folder`.
+/// Builds `images` of a rig with the model in the folder `model`, or the built-in one, and copies
+/// them to `folder`.
 fn build_to(
     folder: &Path,
     rig: Rig,

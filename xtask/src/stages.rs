@@ -75,8 +75,8 @@ const FULL: &[Stage] = &[
     ("figures of docs/figures.md", docs::check),
 ];
 
-/// Stages of `test --boards`, in the order in which they run. That of the flashed images is not among
-/// them: it has a bridge, which waits in real time for what the emulator computes.
+/// Stages of `test --boards`, in the order in which they run. That of the flashed images is not
+/// among them: it has a bridge, which waits in real time for what the emulator computes.
 #[rustfmt::skip]
 const BOARDS: &[Stage] = &[
     ("build with lints, while packages and toolchains are installed", build_and_installation),
@@ -187,8 +187,8 @@ fn lints_for_target(model: Option<&Path>, selection: &str) -> Result<(), Failure
 fn lints_for_microcontrollers() -> Result<(), Failure> {
     for rig in [Rig::H743, Rig::F446, Rig::Ironbci] {
         for [name, selection] in rig.images() {
-            // Lint the crates once for each NUCLEO board: with its default image, not again with its
-            // other images.
+            // Lint the crates once for each NUCLEO board: with its default image, not again with
+            // its other images.
             let crates = if ["h743", "f446"].contains(name) {
                 THUMB_CRATES
             } else {

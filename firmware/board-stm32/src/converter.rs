@@ -79,7 +79,8 @@ impl Wires {
         }
     }
 
-    /// Configures the pins as [`Self::new`] does, on a board that has wired START low and RESET high.
+    /// Configures the pins as [`Self::new`] does, on a board that has wired START low and RESET
+    /// high.
     ///
     /// Does not compile for a model whose converters are not controlled by commands.
     pub fn without_start_and_reset<DrdyPin: Pin + ExtiPin, const SELECTS: usize>(

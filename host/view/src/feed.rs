@@ -21,7 +21,7 @@ const DROPPED: u8 = 0;
 /// A topic that the page shows. The number is the byte that stands for it in a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ViewTopic {
-    /// Codes, as NeuroFrames.
+    /// Codes of the network or the linear map, as NeuroFrames.
     Encoded = 1,
     /// Signals that were decoded from codes or packed blocks, as NeuroFrames.
     Reconstructed = 2,

@@ -43,9 +43,9 @@ pub(crate) fn file(path: &str) -> Option<PageFile> {
     Some(PageFile { content_type, text })
 }
 
-/// Returns the places of electrodes on a map of the scalp as a list in JSON: x towards the right ear
-/// and y towards the nose, the outermost circle of the 10-20 system at 0.9; null for a label that
-/// denotes no electrode. `labels` are separated by commas.
+/// Returns the places of electrodes on a map of the scalp as a list in JSON: x towards the right
+/// ear and y towards the nose, the outermost circle of the 10-20 system at 0.9; null for a label
+/// that denotes no electrode. `labels` are separated by commas.
 pub(crate) fn places(labels: &str) -> String {
     let places = labels.split(',').map(|label| {
         let Position { x, y, z } = Position::from_label(label)?;

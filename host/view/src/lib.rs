@@ -59,8 +59,8 @@ pub struct View {
 }
 
 impl View {
-    /// Serves the page at `address` in a new thread. Without a `token`, a random one is used, and is
-    /// a part of [`View::url`].
+    /// Serves the page at `address` in a new thread. Without a `token`, a random one is used, and
+    /// is a part of [`View::url`].
     /// `on_command` is called for each command of a user who has the token, and must not wait.
     ///
     /// # Errors
@@ -114,8 +114,8 @@ impl View {
         ViewSink::new(self.feed.clone(), topic)
     }
 
-    /// Returns the page's address. A random token is in the part after `#`, which a browser does not
-    /// send to any server.
+    /// Returns the page's address. A random token is in the part after `#`, which a browser does
+    /// not send to any server.
     pub fn url(&self) -> &str {
         &self.url
     }

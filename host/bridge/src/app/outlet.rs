@@ -92,8 +92,8 @@ impl DropCount {
     }
 }
 
-/// Sink of one topic that passes each message to the sinks of all outlets. A sink that fails is left
-/// out from then on, and only the failure of the last one is an error.
+/// Sink of one topic that passes each message to the sinks of all outlets. A sink that fails is
+/// left out from then on, and only the failure of the last one is an error.
 pub(crate) struct Tee<M> {
     ends: Vec<End<M>>,
 }

@@ -339,9 +339,10 @@ const QUEUE_SAMPLES: usize = 2048;
 /// second, so the queue outlasts the pauses in which a recorder writes to disk.
 const QUEUE_EVENTS: usize = 1024;
 
-/// One fan-out per topic, with a sink for each outlet; that of `/neurodata_reconstructed` belongs to
-/// the decoder's thread. Each sink has a queue of its own, so a slow reader of samples loses samples
-/// but no codes, and a slow outlet delays no other. Streams that are not requested have no topic.
+/// One fan-out per topic, with a sink for each outlet; that of `/neurodata_reconstructed` belongs
+/// to the decoder's thread. Each sink has a queue of its own, so a slow reader of samples loses
+/// samples but no codes, and a slow outlet delays no other. Streams that are not requested have no
+/// topic.
 pub(crate) struct Sinks {
     encoded: Tee<NeuroFrame>,
     decoder: DecoderThread,

@@ -57,8 +57,8 @@ fn inject_fault(subject: Subject, fault: Fault) -> Result<Vec<usize>, BoardError
     Ok((0..counts.len()).filter(|&chip| counts[chip] > 0).collect())
 }
 
-/// Scenario: the device reports a chip without power, and in a daisy chain all chips that send their
-/// data through it.
+/// Scenario: the device reports a chip without power, and in a daisy chain all chips that send
+/// their data through it.
 pub(crate) fn a_dead_chip_is_reported(subject: Subject) -> Result<(), BoardError> {
     let named = inject_fault(subject, Fault::Dead)?;
     let Converters { chips, wiring, .. } = subject.converters();

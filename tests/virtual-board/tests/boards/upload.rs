@@ -32,8 +32,8 @@ const fn longest_us(subject: Subject) -> u64 {
     }
 }
 
-/// The model that a scenario uploads, and its bytes: packed model and linear code with random weights,
-/// in the shape of the built-in model.
+/// The model that a scenario uploads, and its bytes: packed model and linear code with random
+/// weights, in the shape of the built-in model.
 static MODEL: LazyLock<(ModelId, Vec<u8>)> = LazyLock::new(|| {
     let built_in = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
     let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &built_in.description);
