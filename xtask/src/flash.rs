@@ -6,10 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::command::{
-    AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, cargo, output, print, replace, root,
-};
-use crate::images::{ARTIFACT, Board};
+use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, output, print, replace, root};
+use crate::images::{self, ARTIFACT, Board};
 use crate::{dfu, install, programs};
 
 /// Number of channels of an ADS1299.
@@ -73,10 +71,7 @@ pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     }
     let key = board.key();
     let words = format!("{verb} --package=board-{key} --profile=firmware --target={BOARD_TARGET}");
-    let mut command = cargo(&words);
-    if let Some(model) = model {
-        command.env(ARTIFACT, model);
-    }
+    let mut command = images::cargo_for(model.as_deref(), &words);
     if options.no_default_features {
         command.arg("--no-default-features");
     }

@@ -218,7 +218,8 @@ fn sources(list: &str) -> String {
 /// Returns a cargo command for images with the model in `model`, or with the built-in one.
 ///
 /// The crates that depend on another model get a changed profile and thereby other file names, so
-/// that those with the built-in model remain.
+/// that those with the built-in model remain. Tests and `cargo flash` both use this command, so that
+/// the image that is flashed is, byte for byte, the one that virtual boards have run.
 pub(crate) fn cargo_for(model: Option<&Path>, words: &str) -> Command {
     let mut cargo = cargo(words);
     match model {
