@@ -1,7 +1,7 @@
 //! `cargo xtask board`: tests, on emulated boards, the images that are flashed to real ones.
 
 use std::env;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
@@ -27,6 +27,15 @@ const VERDICTS: [[&str; 3]; 3] = [
 /// measured is null.
 const ALWAYS: &str = "booted codes equal_to_host violations unmapped selftest_ok";
 
+/// Name of the figures, and of the member that has the board's name in each of their lines.
+const FIGURES: &str = "board";
+
+/// Common start of the names of the scenarios with a bridge.
+const WITH_BRIDGE: &str = "bridge_";
+
+const AFTER_A_SCENARIO: &str = "run the failed test alone, as docs/bring-up.md has it under \"Reproduce a fault on a \
+                                virtual board\"";
+
 /// Builds the images and the bridge, runs the scenarios on `rig`, or on all if it is `None`, and
 /// prints the figures.
 pub(crate) fn board(rig: Option<Rig>, json: bool) -> Result<(), Failure> {
@@ -36,19 +45,41 @@ pub(crate) fn board(rig: Option<Rig>, json: bool) -> Result<(), Failure> {
     run(cargo("build --bins").env_remove(ARTIFACT), AFTER_A_BUILD)?;
     let rigs = rig.map_or(Rig::ALL.to_vec(), |rig| vec![rig]);
     rigs.iter().copied().try_for_each(images::build)?;
-    test(&rigs, json)
+    let mut test = scenarios(&rigs);
+    for rig in &rigs {
+        test.arg(rig.key().replace('-', "_"));
+    }
+    let file = figures::attach(&mut test, FIGURES, json);
+    let passed = run(&mut test, AFTER_A_SCENARIO);
+    publish(&rigs, &file, passed, json)
 }
 
-/// Runs the scenarios on `rigs`, whose images and a bridge are already built, and prints the
-/// figures.
-pub(crate) fn test(rigs: &[Rig], json: bool) -> Result<(), Failure> {
+/// Runs the scenarios without a bridge on all rigs, whose images are already built. Their figures
+/// are printed by [`test_with_bridge`].
+pub(crate) fn test_without_bridge() -> Result<(), Failure> {
+    let mut test = scenarios(&Rig::ALL);
+    figures::attach(&mut test, FIGURES, false);
+    run(test.args(["--skip", WITH_BRIDGE]), AFTER_A_SCENARIO)
+}
+
+/// Runs the scenarios with a bridge, which waits in real time for what the emulator computes, on
+/// all rigs. Prints the figures of these and of [`test_without_bridge`], which has run before.
+pub(crate) fn test_with_bridge() -> Result<(), Failure> {
+    let mut test = scenarios(&Rig::ALL);
+    let file = figures::attach_again(&mut test, FIGURES);
+    let passed = run(test.arg(WITH_BRIDGE), AFTER_A_SCENARIO);
+    publish(&Rig::ALL, &file, passed, false)
+}
+
+/// Returns the command that runs all scenarios on `rigs`, whose images and a bridge are already
+/// built.
+fn scenarios(rigs: &[Rig]) -> Command {
     let mut test = linted("test --release --test boards --");
     let bridge = target_folder().join("debug/corticode-bridge");
     test.env("CORTICODE_BRIDGE", bridge);
     // The scenarios compare with a host-sim of the built-in model.
     test.env_remove(ARTIFACT);
     for rig in rigs {
-        test.arg(rig.key().replace('-', "_"));
         for [name, _] in rig.images() {
             let word = name.to_uppercase().replace('-', "_");
             test.env(format!("CORTICODE_IMAGE_{word}"), images::file(name));
@@ -57,14 +88,20 @@ pub(crate) fn test(rigs: &[Rig], json: bool) -> Result<(), Failure> {
             }
         }
     }
-    let file = figures::attach(&mut test, "board", json);
-    let next = "run the failed test alone, as docs/bring-up.md has it under \"Reproduce a fault on a \
-                virtual board\"";
-    let passed = run(&mut test, next);
-    let figures = figures::read(&file, "board")?;
+    test
+}
+
+/// Prints and saves the figures of `rigs` in `file`, after the last scenario.
+fn publish(
+    rigs: &[Rig],
+    file: &Path,
+    passed: Result<(), Failure>,
+    json: bool,
+) -> Result<(), Failure> {
+    let figures = figures::read(file, FIGURES)?;
     let rows = rigs.iter().map(|rig| row(rig.key(), &figures));
     let whole = Row::from_iter([("passed".to_owned(), passed.is_ok().into())]);
-    figures::publish("board", "board", rows.collect(), whole, json)?;
+    figures::publish(FIGURES, FIGURES, rows.collect(), whole, json)?;
     passed
 }
 

@@ -22,15 +22,25 @@ pub(crate) type Figures = BTreeMap<String, Row>;
 /// its path. With `json`, the command's stdout is redirected to stderr, so that stdout holds only
 /// the JSON object.
 pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
-    let file = target_folder().join(format!("{verb}-figures.jsonl"));
     // Removing fails if no earlier run left a file, which is no error. A test that cannot write the
     // file reports it.
-    let _ = fs::remove_file(&file);
+    let _ = fs::remove_file(file(verb));
     if json {
         command.stdout(stderr());
     }
+    attach_again(command, verb)
+}
+
+/// Makes the tests that `command` runs append their figures to the file that an earlier command has
+/// begun for `verb`, and returns its path.
+pub(crate) fn attach_again(command: &mut Command, verb: &str) -> PathBuf {
+    let file = file(verb);
     command.env("CORTICODE_FIGURES", &file);
     file
+}
+
+fn file(verb: &str) -> PathBuf {
+    target_folder().join(format!("{verb}-figures.jsonl"))
 }
 
 /// Reads a file of figures and merges its lines by their member `subject`. Returns no figures if

@@ -71,18 +71,19 @@ const FULL: &[Stage] = &[
     ("build with lints, while packages and toolchains are installed", build_and_installation),
     ("lints for the microcontrollers", lints_for_microcontrollers),
     ("tests, with ROS and emulated microcontrollers, and the stages of `test --boards`", all_tests),
-    ("virtual boards: images that are flashed", || board::test(&Rig::ALL, false)),
+    ("virtual boards: images that are flashed, with the bridge", board::test_with_bridge),
     ("figures of docs/figures.md", docs::check),
 ];
 
-/// Stages of `test --boards`, in the order in which they run. That of the flashed images is not
-/// among them: it has a bridge, which waits in real time for what the emulator computes.
+/// Stages of `test --boards`, in the order in which they run. The scenarios with a bridge are not
+/// among them: it waits in real time for what the emulator computes.
 #[rustfmt::skip]
 const BOARDS: &[Stage] = &[
     ("build with lints, while packages and toolchains are installed", build_and_installation),
     ("benchmarks on emulated microcontrollers", benchmarks),
     ("images for the boards", images_for_boards),
     ("virtual boards: models", board::models),
+    ("virtual boards: images that are flashed, without the bridge", board::test_without_bridge),
 ];
 
 /// Runs the stages and stops at the first that fails. At the end, prints the time of each.

@@ -82,7 +82,7 @@ fn codes(text: &str) -> usize {
 
 /// Scenario: before `calibrate` listens to the EEG of a board without memory for a packed model, it
 /// says that the board takes none.
-pub(crate) fn calibration_is_refused(subject: Subject) -> Result<(), BoardError> {
+pub(crate) fn bridge_cannot_calibrate(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let output = concat!(env!("CARGO_TARGET_TMPDIR"), "/never");
     let arguments = ["calibrate", "--subject=ada", "--output", output];

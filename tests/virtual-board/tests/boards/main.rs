@@ -119,7 +119,7 @@ mod f446 {
         F446:
         commands: damaged_bytes_destroy_only_their_commands impedances_are_refused;
         packed: compressed_samples_equal_those_of_host_sim;
-        bridge: calibration_is_refused;
+        bridge: bridge_cannot_calibrate;
     }
 }
 
