@@ -58,7 +58,7 @@ pub(crate) enum BatchError {
         /// Smallest exit status among the errors of the failed files.
         status: u8,
     },
-    /// The signals of the operating system cannot be received.
+    /// SIGINT and SIGTERM cannot be caught.
     #[error("Ctrl-C cannot be received")]
     Signals(#[from] io::Error),
 }
@@ -199,7 +199,7 @@ pub(crate) fn run<'j, R: Send>(
 ) -> Result<Finished<'j, R>, Box<dyn std::error::Error>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
-        // The second signal ends the program at once.
+        // A second SIGINT or SIGTERM ends the program at once.
         signal_hook::flag::register_conditional_shutdown(signal, 1, stop.clone())
             .map_err(BatchError::Signals)?;
         signal_hook::flag::register(signal, stop.clone()).map_err(BatchError::Signals)?;

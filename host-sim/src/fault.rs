@@ -129,7 +129,7 @@ impl Fault {
         samples / f64::from(model::ADC_RATE_HZ)
     }
 
-    /// Returns whether the fault changes the number of samples that the driver reads in a period.
+    /// Returns whether the fault doubles the number of samples that the driver reads in a period.
     pub(crate) fn doubles_rate(&self) -> bool {
         self.changes.0 == Change::Inject(0, simulation::Fault::DoubleRate)
     }

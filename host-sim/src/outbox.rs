@@ -174,7 +174,7 @@ impl Outbox {
         self.lock().drop_frames(1);
     }
 
-    /// Returns whether a frame could not be written because the reader of a pipe has closed it.
+    /// Returns whether a frame could not be written because the reader has closed the pipe.
     pub fn reader_has_left(&self) -> bool {
         let queue = self.lock();
         let failure = queue.failure.as_ref().map(io::Error::kind);

@@ -93,7 +93,7 @@ pub enum SessionError {
         #[source]
         source: io::Error,
     },
-    /// The complete file could not be moved from its temporary name to that of the output.
+    /// The complete file could not be moved from its temporary name to the output's name.
     #[error(transparent)]
     Finish(#[from] NewFileError),
     /// The rest of the recording could not be read; the samples before the error were processed and

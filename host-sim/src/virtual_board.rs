@@ -193,8 +193,7 @@ impl VirtualBoard {
     }
 
     /// Restarts the board as a reset does, for the reason `cause`. The converters keep their state
-    /// but for the excitation.
-    /// Frames in the outbox are still sent.
+    /// except for the excitation. Frames in the outbox are still sent.
     pub fn restart(&mut self, cause: ResetCause, now_us: u64) {
         let outbox = self.sender.queue().clone();
         self.identity.session_id = self.identity.session_id.wrapping_add(1);

@@ -65,7 +65,7 @@ pub fn demo(seconds: u32, seed: u64, programs: &Path) -> Result<(), Failure> {
     Err(Failure::check("the demo", why, next))
 }
 
-/// Runs `what` with a temporary folder, until it ends or the user presses Ctrl-C.
+/// Runs `what` with a temporary folder, until `what` ends or the user presses Ctrl-C.
 fn in_a_folder<T>(what: impl AsyncFnOnce(&Path) -> Result<T, Failure>) -> Result<T, Failure> {
     let folder = tempfile::tempdir().map_err(|error| {
         let next = "is the disk full? is TMPDIR writable?";

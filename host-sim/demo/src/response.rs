@@ -14,7 +14,7 @@ use pipeline::Mains;
 /// Pass band of the filters: lower and upper corner frequency, Hz.
 pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
 
-/// Lowest magnitude of the chart, dB; lower ones are drawn at this one.
+/// Lowest magnitude of the chart, dB; lower magnitudes are drawn at this level.
 const LOWEST_DB: f64 = -120.0;
 /// Number of points in a curve, evenly spaced over the logarithm of the frequency.
 const POINTS: u32 = 600;

@@ -143,7 +143,7 @@ impl LineTable {
         let of_kind = match self.kind {
             // 10 bits for each byte: start bit, eight bits, stop bit.
             LineKind::Uart => 92_160.0,
-            // A third of what bulk transfers of full speed can carry, shared with other devices.
+            // Half of what bulk transfers at full speed can carry: other devices share the bus.
             LineKind::Usb | LineKind::Tcp => 600_000.0,
         };
         self.bytes_per_s.unwrap_or(of_kind) / 1e6
@@ -160,7 +160,7 @@ pub(super) struct Noise {
     pub(super) frames_dropped: f64,
     #[serde(deserialize_with = "rate")]
     pub(super) frames_duplicated: f64,
-    /// Of chunks of up to 64 bytes, such as a packet of USB at full speed.
+    /// For chunks of up to 64 bytes, such as a packet of USB at full speed.
     #[serde(deserialize_with = "rate")]
     pub(super) chunks_dropped: f64,
     #[serde(deserialize_with = "rate")]
@@ -184,7 +184,7 @@ impl Default for Noise {
 }
 
 impl Noise {
-    /// Returns the names of the faults, and how often each takes place.
+    /// Returns the name and the rate of each fault.
     pub(super) fn rates(&self) -> [(&'static str, f64); 5] {
         [
             ("bit_errors", self.bit_errors),
@@ -283,7 +283,7 @@ pub(super) struct Limits {
     /// Largest error of the number of rows that fill interruptions, milliseconds.
     #[serde(deserialize_with = "not_negative")]
     pub(super) gap_error_ms: f64,
-    /// Most fillers on a topic, in parts of all its rows.
+    /// Largest fraction of fillers among all rows of a topic.
     #[serde(deserialize_with = "not_negative")]
     pub(super) fillers: f64,
     pub(super) lost_events: u64,
@@ -314,7 +314,7 @@ pub enum ScenarioError {
     /// The file cannot be read.
     #[error("{0} cannot be read; check the name")]
     Read(PathBuf, #[source] std::io::Error),
-    /// The file is no TOML, or a key or value is not one of a scenario.
+    /// The file is no TOML, or a key or value is not valid in a scenario.
     #[error("{0} is no scenario; docs/scenarios.md lists the keys")]
     Toml(PathBuf, #[source] Box<toml::de::Error>),
     /// Keys contradict each other.
@@ -372,7 +372,7 @@ impl Scenario {
     }
 
     /// Returns an error, and the offset in the file to which it belongs, if keys contradict each
-    /// other: above all, if a fault would not take place.
+    /// other, for example if a fault would not take place.
     fn check(&self) -> Result<(), (usize, String)> {
         let end = self.duration_s;
         for fault in &self.faults {
@@ -487,7 +487,7 @@ fn choice<'de, D: Deserializer<'de>, T: Choice>(from: D) -> Result<Option<T>, D:
         .map_err(D::Error::custom)
 }
 
-/// Returns the choice of this name.
+/// Returns the choice with this name, or an error that lists all names.
 fn named<T: Choice>(name: &str) -> Result<T, String> {
     let found = T::CHOICES.iter().find(|(choice, ..)| *choice == name);
     let names: Vec<&str> = T::CHOICES.iter().map(|(name, ..)| *name).collect();

@@ -28,8 +28,8 @@ const HANDLE_US: f64 = 500.0;
 /// Wall clock at the start, nanoseconds since 1970.
 const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
 
-/// Time in which the board must confirm at the end that it has stopped, microseconds. The line has
-/// no random faults then.
+/// Time limit for the board to confirm, at the end, that it has stopped, microseconds. Until then
+/// the line has no random faults.
 const STOP_US: f64 = 3e6;
 
 /// Least time for which a board that restarts sends nothing, microseconds.
@@ -47,7 +47,8 @@ pub enum RehearsalError {
     /// The built-in model cannot be decoded.
     #[error("the built-in model cannot be decoded: {0}")]
     Model(String),
-    /// A stream that the model or the check of a fault does not have.
+    /// The model has no network for codes, or a converter at double rate makes raw samples that
+    /// cannot be compared.
     #[error("{0}")]
     Streams(&'static str),
 }
@@ -99,7 +100,7 @@ struct Rehearsal<'s> {
     now_us: f64,
     clock: BoardClock,
     board: VirtualBoard,
-    /// What the board queues; emptied after each call.
+    /// Frames that the board queues; emptied after each call.
     outbox: Outbox,
     truth: Truth,
     line: Line,
@@ -112,8 +113,8 @@ struct Rehearsal<'s> {
     /// The brown-out that is due in the next frame: number of its fault, and time without power.
     brown_out: (usize, f64),
     loses_acks: bool,
-    /// Number of acknowledgements lost, and of commands received, at the newest beginning or end of
-    /// such a fault.
+    /// Number of acknowledgements lost, and of commands received, when a fault that counts them
+    /// last began or ended.
     lost_before: u64,
     commands_before: u32,
     /// Whether the cable is unplugged.
@@ -192,7 +193,7 @@ impl<'s> Rehearsal<'s> {
             is_unplugged: false,
             other_us: f64::INFINITY,
             other_every_us: f64::INFINITY,
-            // Far from the numbers of the bridge's commands.
+            // Far from the frame numbers of the bridge's own commands.
             other: Encoder::starting_at(1 << 31),
             core: Box::new(Core::new(settings, Some(Arc::new(model)))),
             ledger: Ledger::new(WALL_START_NS, scenario.limits.settle_s),
@@ -466,7 +467,8 @@ impl<'s> Rehearsal<'s> {
                 self.other_us = if begins { now_us } else { f64::INFINITY };
                 let commands = self.board.stats().commands;
                 let before = std::mem::replace(&mut self.commands_before, commands);
-                // The bridge sends few commands of its own.
+                // Half of the commands must arrive; the bridge's own commands, which also count,
+                // are few.
                 let expected = fault.for_s * fault.per_s.unwrap_or(1.0) / 2.0;
                 !begins && f64::from(commands.wrapping_sub(before)) > expected
             }

@@ -43,12 +43,12 @@ pub struct Report {
     pub failures: Vec<String>,
     /// The topics that were streamed.
     pub topics: Vec<TopicCounts>,
-    /// Error of the settled stamps beyond the shortest delay: 99 % of them, and the largest,
+    /// 99th percentile of the errors of the settled stamps, beyond the shortest delay,
     /// milliseconds.
     pub stamp_p99_ms: f64,
-    /// The largest of these errors, milliseconds.
+    /// Largest error of the settled stamps, beyond the shortest delay, milliseconds.
     pub stamp_max_ms: f64,
-    /// The largest error of the other stamps, milliseconds.
+    /// Largest error of the stamps that had not settled, milliseconds.
     pub unsettled_max_ms: f64,
     /// Shortest time from a row's last sample to the host, by which all stamps are late,
     /// milliseconds.
@@ -75,7 +75,7 @@ pub struct Report {
     pub restarts: u64,
 }
 
-/// Errors of stamps: 99 % of them and the largest, milliseconds, and when that was, seconds.
+/// Errors of stamps: 99th percentile and largest, milliseconds, and time of the largest, seconds.
 #[derive(Default)]
 struct Errors {
     p99_ms: f64,
@@ -84,7 +84,8 @@ struct Errors {
 }
 
 impl Errors {
-    /// Returns those errors for which `is_one` holds, beyond the shortest delay of the line.
+    /// Returns the figures of the errors for which `is_one` holds, beyond the line's shortest
+    /// delay.
     fn of(ledger: &Ledger, is_one: impl Fn(&StampError) -> bool) -> Self {
         let errors = ledger.errors.iter().filter(|error| is_one(error));
         let size_us = |error: &StampError| (error.error_us - ledger.shortest_us).abs();

@@ -1,4 +1,4 @@
-//! Comparison of what the core publishes on a topic with what the board made of it.
+//! Compares the rows that the core publishes on a topic with the rows that the board made.
 
 use std::collections::VecDeque;
 
@@ -19,8 +19,8 @@ pub struct TopicCounts {
     pub published: u64,
     /// Rows that the board made and that are counted as lost.
     pub lost: u64,
-    /// Rows that the board made when an interruption began, of which no later frame told the host.
-    /// They are part of the time between two runs, which is filled.
+    /// Rows that the board made just before an interruption, and of which no later frame told the
+    /// host. They are part of the time between two runs, which fillers represent.
     pub interrupted: u64,
     /// Fillers that were published.
     pub fillers: u64,
@@ -30,7 +30,7 @@ pub struct TopicCounts {
 }
 
 impl TopicCounts {
-    /// Returns the part of the rows that are fillers.
+    /// Returns the fraction of the rows that are fillers.
     pub(super) fn share_of_fillers(&self) -> f64 {
         count(self.fillers) / count((self.fillers + self.published).max(1))
     }
@@ -46,8 +46,8 @@ pub(super) struct Topic {
     is_immediate: bool,
     /// Number of rows that the board made in each run.
     made: Vec<u64>,
-    /// Number of rows of each run that the host knows of: those before the newest that was
-    /// published, and those before a stated next one.
+    /// Number of rows of each run that the host knows of: rows up to the newest published one, or
+    /// rows that the board has stated to have made.
     known: Vec<u64>,
     /// Rows that have arrived and can be published, oldest first.
     arrived: VecDeque<Row>,
@@ -58,7 +58,7 @@ pub(super) struct Topic {
     published: u64,
     fillers: u64,
     wrong: u64,
-    /// Sum of the errors of all interruptions, rows: published minus those of the time that passed.
+    /// Sum of the errors of all interruptions, rows: rows published minus rows in the time passed.
     gap_error: f64,
     pub(super) worst_gap_us: f64,
     /// What was wrong first.
@@ -99,7 +99,7 @@ impl Topic {
     }
 
     /// Records that the board has stated that it made `made` rows of run number `run`, and that the
-    /// core has filled those before it.
+    /// core has filled the missing ones.
     pub(super) fn record_stated(&mut self, run: usize, made: u64) {
         if let Some(known) = self.known.get_mut(run) {
             *known = made.max(*known);
@@ -111,8 +111,8 @@ impl Topic {
         self.fillers_since += u64::from(self.newest.is_some());
     }
 
-    /// Compares a published row that is no filler with the rows that have arrived, and returns the
-    /// row that it is; `None` if it is none.
+    /// Compares a published row that is no filler with the rows that have arrived. Returns the
+    /// arrived row that equals it; `None` if there is none.
     pub(super) fn compare(&mut self, values: &Values, flags: u16, now_us: f64) -> Option<Row> {
         let seconds = now_us / 1e6;
         // Rows that were refused, or that a lost block made useless, are skipped.
@@ -208,7 +208,7 @@ impl TopicKind {
         }
     }
 
-    /// Returns the topic, as `/diagnostics` and the documentation name what is on it.
+    /// Returns the topic, with the name of its rows in `/diagnostics` and the documentation.
     pub(super) fn topic(self) -> Topic {
         let step_hz = f64::from(model::STEP_RATE_HZ);
         #[expect(clippy::cast_precision_loss, reason = "a few steps")]

@@ -73,7 +73,7 @@ pub(super) enum Content {
     Edge {
         rises: bool,
     },
-    /// Number of the present run of codes, and of windows made in it.
+    /// Number of the present run of codes, and number of windows made in this run.
     Stats {
         run: usize,
         next_window: u32,
@@ -82,12 +82,12 @@ pub(super) enum Content {
     Other,
 }
 
-/// What the host's bytes between two zeros are.
+/// What the host has received between two zeros.
 #[derive(Clone, Debug)]
 pub(super) enum Segment {
     /// A frame of the board, unchanged, for the first time.
     Frame(Rc<Made>),
-    /// The frame before once more.
+    /// The previous frame once more.
     Again,
     Damaged,
 }
@@ -96,7 +96,7 @@ pub(super) enum Segment {
 #[derive(Debug, Default)]
 pub(super) struct Truth {
     decoder: Box<Decoder<MAX_FRAME>>,
-    /// The newest samples of the present run, microvolts, and the number of all of them.
+    /// The newest samples of the present run, microvolts, and the number of all its samples.
     samples: VecDeque<Vec<f32>>,
     sample_count: u64,
     /// Number of the present run of each topic; the first run of a topic has number 0.
@@ -262,7 +262,7 @@ impl Truth {
     }
 
     /// Returns the rows of `count` samples from number `first` on, which the board has just read.
-    /// Their values are those of the converters, not those of the frame.
+    /// Takes the values from the converters, not from the frame.
     fn raw_rows(
         &mut self,
         first: u64,
@@ -288,7 +288,7 @@ impl Truth {
         Content::Rows(TopicKind::Raw, rows.collect())
     }
 
-    /// Returns what the host's bytes between two zeros are.
+    /// Identifies the bytes that the host has received between two zeros.
     pub(super) fn identify(&mut self, segment: &[u8]) -> Segment {
         if self
             .newest

@@ -43,7 +43,7 @@ struct PackedBlock<'a> {
     bytes: &'a [u8],
 }
 
-/// Fields of an `Exclusion`, with labels in place of bits, because many readers of JSON keep 53
+/// Fields of an `Exclusion`, with labels in place of bits, because many JSON parsers keep only 53
 /// bits of a number.
 #[derive(Serialize)]
 struct ExcludedElectrodes<'a> {

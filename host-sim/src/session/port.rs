@@ -122,8 +122,8 @@ pub enum PortError {
 }
 
 impl PortError {
-    /// Returns whether the user can mend the failure by another name for the output; otherwise the
-    /// system is at fault.
+    /// Returns whether the user can mend the failure with another name for the output; otherwise
+    /// the system is at fault.
     pub(crate) fn is_wrong_name(&self) -> bool {
         matches!(self, Self::Occupied(_) | Self::Link(..) | Self::File(_))
     }
@@ -225,8 +225,8 @@ impl Port {
         writer.is_none_or(|writer| writer.join().is_ok())
     }
 
-    /// Moves the complete file from its temporary name to that of the output; does nothing for
-    /// other outputs.
+    /// Moves the complete file from its temporary name to the output's name; does nothing for other
+    /// outputs.
     ///
     /// # Errors
     /// [`NewFileError`] if the file cannot be completed.

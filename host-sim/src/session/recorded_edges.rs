@@ -32,7 +32,7 @@ pub(crate) struct DueEdge {
 impl RecordedEdges {
     /// Creates a pulse of two edges at the start of each event of a recording with `samples`
     /// samples of the ADC. An edge after the last sample, which no sample could carry, is moved to
-    /// it.
+    /// the last sample.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

@@ -104,9 +104,9 @@ mod tests {
     ];
     const ELECTRODES: [&str; 4] = ["Cz", "Oz", "T7", "C4"];
 
-    /// Closed form of the potential on one sphere: the gradient, by the dipole's place r0, of
-    /// `2 / d + ln(2 / (1 - r0.r + d))` with `d = |r - r0|`, whose series is
-    /// `sum (2n + 1) / n b^n P_n(x)`.
+    /// Closed form of the potential on one sphere: the gradient, with respect to the dipole's
+    /// position r0, of `2 / d + ln(2 / (1 - r0.r + d))` with `d = |r - r0|`, whose series is `sum
+    /// (2n + 1) / n b^n P_n(x)`.
     fn one_sphere(dipole: &Dipole, at: Position) -> f64 {
         let place = dipole.direction.scaled(dipole.eccentricity);
         let to = at.minus(place);

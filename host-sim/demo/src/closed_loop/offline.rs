@@ -30,8 +30,8 @@ pub(super) struct Reference {
     pub(super) predictions: Vec<Prediction>,
 }
 
-/// Returns the features that a device's pipeline computes from samples; none if it would refuse
-/// the classifier's filters.
+/// Returns the features that a device's pipeline computes from samples. Returns none if the
+/// pipeline would refuse the classifier's filters.
 pub fn features(
     samples: impl Iterator<Item = Sample>,
     mains: Mains,

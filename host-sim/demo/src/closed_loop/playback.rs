@@ -18,8 +18,8 @@ use crate::program::{BOARD, BRIDGE, Program};
 
 /// Topic of the predictions.
 const TOPIC: &str = "/smr/neuroprediction/raw";
-/// Longest time without a line from the bridge, which reports once a second, and from the end of
-/// the recording to the bridge's end.
+/// Time limit for the next line from the bridge, which reports once a second, and for the bridge to
+/// exit after the end of the recording.
 const SILENCE: Duration = Duration::from_secs(20);
 
 /// A prediction that has arrived.
@@ -34,8 +34,9 @@ pub struct Received {
     pub latency_ms: f64,
 }
 
-/// Plays a recording to its end, and moves `bar` on with each prediction that arrives. `folders` are
-/// that of the programs, and one for temporary files.
+/// Plays a recording to its end, and moves `bar` on with each prediction that arrives. `own` are
+/// the paths of recording and classifier, `programs` is the folder of the programs, and `folder`
+/// one for temporary files.
 ///
 /// # Errors
 /// A program does not start, fails or stays silent.
