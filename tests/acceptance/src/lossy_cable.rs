@@ -22,7 +22,7 @@ pub struct LossyCable {
 }
 
 impl LossyCable {
-    /// Connects to the board at TCP port `port` of 127.0.0.1. The cable loses `percent` percent of
+    /// Connects to the board on TCP port `port` of 127.0.0.1. The cable loses `percent` percent of
     /// the frames that the board sends.
     ///
     /// # Errors

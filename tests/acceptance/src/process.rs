@@ -86,8 +86,8 @@ impl Process {
 
     /// Kills the group and every descendant with SIGKILL.
     pub fn kill(&mut self) {
-        // List the descendants before the kill, because those of a process that has ended get
-        // another parent.
+        // List the descendants before the kill, because the children of a process that has ended
+        // get another parent.
         let descendants = descendants(self.child.id());
         self.signal(Signal::KILL);
         for pid in descendants.into_iter().filter_map(pid_of) {

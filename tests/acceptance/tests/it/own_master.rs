@@ -1,4 +1,4 @@
-//! Debian's ROS tools work at the master of `corticode-bridge`, without roscore.
+//! Debian's ROS tools work with the master of `corticode-bridge`, without roscore.
 
 use std::time::Duration;
 

@@ -1,5 +1,5 @@
-//! A user gets from packed blocks the same electrode signals as the library decodes: live from a
-//! real roscore, printed, recorded, replayed, converted, and after losses.
+//! A user of packed blocks gets the electrode signals that the library decodes: live from a real
+//! roscore, printed, recorded, replayed, converted, and after losses.
 
 use std::path::Path;
 use std::time::Duration;

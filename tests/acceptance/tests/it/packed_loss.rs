@@ -1,5 +1,5 @@
 //! The packed code on a lossy link: how large the error after a lost block is, how soon the decoder
-//! recovers, and that it marks blocks until then as not sound.
+//! recovers, and that it marks all blocks before its recovery as not sound.
 #![expect(clippy::cast_precision_loss, reason = "a few thousand blocks")]
 
 use acceptance::real_data;

@@ -1,9 +1,8 @@
-//! For each file in `files/montages/`, the batch reference of a model computes the codes that numpy
-//! computes. These models have random weights; those in `signal/model` beside the built-in one are
-//! trained, and their codes equal numpy's too. The model of the paper's montage and one of the kit
-//! are built into programs: a host-sim announces the model and streams its codes, which equal those
-//! of the batch reference. It also decodes those of the paper's montage; corticode-node decodes
-//! those of the kit.
+//! For each file in `files/montages/`, the batch reference of a model with random weights computes
+//! the same codes as numpy. So do the trained models in `signal/model` other than the built-in one.
+//! Two models are built into programs, one for the paper's montage and one for the kit: host-sim
+//! announces the model and streams codes that equal the batch reference's. host-sim also decodes
+//! the codes of the paper's montage, and corticode-node those of the kit.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,8 +20,8 @@ const NUMBERS: usize = 48;
 /// Montage of the trained models in `signal/model/kit-250` and `kit-500`, which differ in the rate
 /// of the ADC.
 const KIT_MONTAGE: &str = "kit-8";
-/// Gain of the ADC in the copy of `kit-500` for which host-sim and corticode-node are built; that
-/// of all checked-in models is 24.
+/// Gain of the ADC in the copy of `kit-500` for which host-sim and corticode-node are built; all
+/// checked-in models have a gain of 24.
 const NODE_GAIN: u32 = 6;
 /// Duration of the synthetic EEG that host-sim plays, in seconds.
 const SECONDS: u64 = 6;
