@@ -33,8 +33,8 @@ const CONVOLUTIONS: &str = "ten-twenty-32";
 const SEED: u32 = 1;
 
 /// Returns the report on the models of all montages, or of the one named `only`. For each model, at
-/// least `windows` windows are encoded on each emulated machine. With
-/// `boards`, it includes flash and RAM of the boards' images.
+/// least `windows` windows are encoded on each emulated machine. With `boards`, it includes flash
+/// and RAM of the boards' images.
 ///
 /// # Errors
 /// No montage has the name, a montage file cannot be read, QEMU or the target is missing, or an

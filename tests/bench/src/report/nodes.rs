@@ -46,7 +46,7 @@ const STRAGGLERS: Duration = Duration::from_secs(10);
 /// Priority of the threads that send and receive, under `SCHED_FIFO`: above that of the bridge with
 /// `--realtime`.
 const PRIORITY: u8 = 30;
-/// Time before the end of a wait in which the thread spins, because a sleep may end that much late.
+/// Last part of a wait, in which the thread spins because a sleep may end this much too late.
 const BUSY: Duration = Duration::from_millis(2);
 
 /// Folder that contains the programs to be measured.
@@ -199,8 +199,8 @@ fn wait_until(due: Instant) {
     }
 }
 
-/// Gives this thread real-time priority where that is permitted, so that what is measured is the
-/// jitter of the nodes and not that of the measurement.
+/// Gives this thread real-time priority where that is permitted, so that the figures contain the
+/// jitter of the nodes and not the jitter of the measurement.
 fn run_before_others() {
     let Ok(priority) = ThreadPriorityValue::try_from(PRIORITY) else {
         return;
@@ -240,7 +240,7 @@ impl Nodes {
     /// # Errors
     /// A node has ended.
     async fn measure(&self, seconds: u32, sent: impl Fn() -> [Times; 2]) -> anyhow::Result<Pair> {
-        // The nodes run already, and would inherit it.
+        // Only now, because nodes started after this call would inherit the priority.
         run_before_others();
         sleep(WARM_UP).await;
         let before = self.usage()?;

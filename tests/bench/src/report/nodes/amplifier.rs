@@ -21,8 +21,8 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    /// Returns the frames of an amplifier of `rate_hz`: of a hop at the rate of the model's ADC,
-    /// otherwise of 1/64 s or 20 ms. Returns `None` if neither has a whole number of samples.
+    /// Returns the frames of an amplifier of `rate_hz`. At the rate of the model's ADC each lasts a
+    /// hop, otherwise 1/64 s or 20 ms. Returns `None` if neither has a whole number of samples.
     pub(super) fn new(rate_hz: u16) -> Option<Frames> {
         let step_rate = u32::from(model::STEP_RATE_HZ);
         let hops = (rate_hz == model::ADC_RATE_HZ).then_some(step_rate / HOP);
