@@ -106,7 +106,7 @@ impl Image {
         &self.bytes
     }
 
-    /// Returns the address of the symbol `name`; that of a function comes without the Thumb bit.
+    /// Returns the address of the symbol `name`, without the Thumb bit if the symbol is a function.
     pub fn address(&self, name: &str) -> Option<u64> {
         let found = self.symbols.iter().find(|(symbol, _)| symbol == name);
         found.map(|(_, address)| address & !1)

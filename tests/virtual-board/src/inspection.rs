@@ -59,7 +59,8 @@ impl VirtualBoard {
         })
     }
 
-    /// Returns whether a clock bypasses the oscillator HSE (RCC_CR, HSEBYP), as a crystal must not.
+    /// Returns whether the HSE oscillator is bypassed (RCC_CR, HSEBYP), as for a clock, not a
+    /// crystal.
     ///
     /// # Errors
     /// The emulator has ended.

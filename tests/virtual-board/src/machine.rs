@@ -174,8 +174,8 @@ impl VirtualBoard {
         self.chain.wires().stuck = level;
     }
 
-    /// Sets whether the USB core never reports that its bus is idle, on which the firmware waits when
-    /// it sets the core up.
+    /// Sets whether the USB core never reports an idle bus, for which the firmware waits when it
+    /// sets the core up.
     pub fn hold_usb(&self, is_held: bool) {
         self.usb_is_held.store(is_held, Ordering::Relaxed);
     }

@@ -7,7 +7,7 @@ use rigless::soc::stm32h743::generated::tim17;
 use rigless::soc::{FieldSpec, Layout};
 use rigless::time::VirtualNanos;
 
-/// Registers of such a timer.
+/// Registers of a timer that can measure HSE.
 pub(crate) trait HseTimerRegisters: Layout + PartialEq {
     const STATUS: Self;
     const CAPTURED: Self;

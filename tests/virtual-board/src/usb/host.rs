@@ -118,7 +118,7 @@ pub enum Command {
     Send(Vec<u8>),
 }
 
-/// Phase in which the host's port is; a number is the time in ns at which the phase ends.
+/// Phase of the host's port; a number is the time in ns at which the phase ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Phase {
     #[default]

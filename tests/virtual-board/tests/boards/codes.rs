@@ -48,8 +48,9 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
         .codes()
         .map(|(frame, _)| frame.device_us)
         .collect();
-    // Stamps are rounded down to whole microseconds. An edge close to the next microsecond can be
-    // stamped with it, because the interrupt that reads the clock starts some cycles later.
+    // Stamps are rounded down to whole microseconds. An edge just before the next microsecond can
+    // be stamped with the latter, because the interrupt that reads the clock starts some cycles
+    // later.
     for (index, stamp) in (0..).zip(&stamps) {
         let error_us = (stamp - stamps[0]).abs_diff(index * 62_500);
         assert!(error_us <= 1, "code {index} is {error_us} us off");

@@ -83,8 +83,8 @@ pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Resul
 }
 
 /// Asserts that the newest `Hello` reports the reset cause `cause` and that the device streams
-/// codes again, with the built-in model those of host-sim. Returns the fault that this `Hello`
-/// reports.
+/// codes again, which equal host-sim's if the model is the built-in one. Returns the fault that
+/// this `Hello` reports.
 fn assert_streams_after(
     board: &mut VirtualBoard,
     subject: Subject,
@@ -108,7 +108,7 @@ fn received_since_hello(frames: &[Frame]) -> Vec<ReceivedCode> {
 }
 
 /// Scenario: the device restarts on `Reset`, reports this as the cause, and streams again. Its
-/// session id is another one, by which a host recognises the restart.
+/// session id changes, so that a host recognises the restart.
 pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;

@@ -27,7 +27,7 @@ const FED_US: u64 = 62_500;
 const START_US: u64 = 500_000;
 
 /// Scenario: at both ends of the frequency range, the watchdog does not reset a healthy board, and
-/// it ends a hang by a reset after its timeout.
+/// it resets a hung board after its timeout.
 pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Result<(), BoardError> {
     for hz in range(subject.model) {
         let setup = Setup {

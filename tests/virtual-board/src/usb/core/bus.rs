@@ -21,7 +21,8 @@ impl Core {
         }
     }
 
-    /// Sets the flag for a session's start or end; `before` tells whether it was valid until now.
+    /// Sets the flag for a session's start or end; `before` tells whether a session was valid
+    /// before.
     pub(super) fn session_changed(&mut self, before: bool) {
         match (before, self.session_valid()) {
             (false, true) => self.registers.gintsts |= gintsts::SRQINT,
