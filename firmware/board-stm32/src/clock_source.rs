@@ -58,9 +58,9 @@ const CAPTURE_POLLS: u32 = 100_000;
 /// measured by the chip's own oscillator, at which it counts as this clock.
 pub type KnownClock = (ClockSource, RangeInclusive<u32>);
 
-/// Longest wait for the clock at the HSE input, ms. The ST-LINK's clock starts with the ST-LINK's
-/// own firmware, whose start-up time is not specified. Only a board without a clock waits for the
-/// whole time.
+/// Time limit for the clock at the HSE input to start, ms. The ST-LINK's clock starts with the
+/// ST-LINK's own firmware, whose start-up time is not specified. Only a board without a clock waits
+/// for the whole time.
 const TIMEOUT_MS: u32 = 500;
 
 impl ClockSource {
