@@ -84,7 +84,7 @@ pub(crate) struct Job {
 }
 
 /// Returns the jobs for `input`. A file is one job, which writes `output`. A folder has one job for
-/// each file, in it or its subfolders, that has one of the `extensions`; the jobs write files at
+/// each file with one of the `extensions` in the folder or its subfolders; the jobs write files at
 /// the same places below the folder `output`, with names from `rename`.
 ///
 /// # Errors
@@ -185,8 +185,8 @@ pub(crate) struct Finished<'j, R> {
     pub(crate) threads: usize,
 }
 
-/// Runs `work` for all jobs in parallel. Prints the error of each job that fails, and goes on with
-/// the others. `seconds` is the duration of the signals of all jobs, if it is known.
+/// Runs `work` for all jobs in parallel. Prints the error of each job that fails, and continues
+/// with the others. `seconds` is the total duration of EEG in all jobs, if it is known.
 ///
 /// # Errors
 /// The error of the job if there is only one; [`OfflineError::Interrupted`] after SIGINT or

@@ -60,7 +60,7 @@ pub enum FaultError {
     /// The word before `@` or `:` is not a kind of fault; holds the word.
     #[error("'{0}' is no kind of fault; the kinds are {KINDS}")]
     NoKind(String),
-    /// The fault needs a chip, and the place is none of the model's chips; holds the place.
+    /// The fault needs a chip, but the model has no chip of this name; holds the name.
     #[error("'{0}' is no chip; write chip0 or another below chip{CHIPS}")]
     NoChip(String),
     /// The place of a `lead-off` is not an electrode of the model; holds the place.

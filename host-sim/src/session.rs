@@ -40,7 +40,7 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
 /// counts as failed. A disk that must first spin up takes less.
 const STALL_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Longest wait, for a command or for room in the outbox, before the stop flag is checked again.
+/// Time limit for each wait for a command, or for room in the outbox; then `stop` is checked again.
 const IDLE_POLL: Duration = Duration::from_millis(20);
 
 /// Configuration of a run of the virtual board.

@@ -134,7 +134,7 @@ impl VirtualBoard {
     }
 
     /// Captures an edge of the trigger input that happens at `at_us` and precedes the next sample.
-    /// A board has either such edges or those of [`Self::with_trigger`].
+    /// Not for a board with a trigger from [`Self::with_trigger`].
     pub fn capture_edge(&mut self, kind: EventKind, at_us: u64) {
         self.captured.push_back(CapturedEvent {
             kind,

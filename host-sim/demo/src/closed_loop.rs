@@ -68,7 +68,8 @@ pub struct Outcome {
     pub received: Vec<Received>,
     /// Number of hops in the recording.
     pub hops: usize,
-    /// Number of predictions that equal, bit for bit, those of the offline integer pipeline.
+    /// Number of predictions that equal, bit for bit, the predictions of the offline integer
+    /// pipeline.
     pub equal: usize,
 }
 

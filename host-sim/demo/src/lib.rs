@@ -102,7 +102,7 @@ pub struct Failure {
     /// Exit status: 1 if a check failed, 2 if a file is missing, 3 if one of the programs did not
     /// start or did not answer, 130 after Ctrl-C.
     pub status: u8,
-    /// What failed, why, and what the user can do next.
+    /// Text that states what failed, why, and what the user can do next.
     pub message: String,
 }
 

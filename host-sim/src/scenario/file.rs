@@ -115,11 +115,12 @@ pub(super) enum LineKind {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct LineTable {
     pub(super) kind: LineKind,
-    /// Capacity, bytes per second; by default that of a UART at 921,600 baud, or 600 kB/s.
+    /// Capacity, bytes per second; by default 92,160 for a UART (921,600 baud), else 600,000.
     #[serde(deserialize_with = "some_positive")]
     pub(super) bytes_per_s: Option<f64>,
-    /// Time from the end of a frame on the line to its arrival at the host, milliseconds: the least
-    /// possible, and the most that is added to it. Most frames get less than a quarter of that.
+    /// Shortest time from the end of a frame on the line to its arrival at the host, and the
+    /// largest random addition to this time, milliseconds. Most frames get less than a quarter of
+    /// the addition.
     #[serde(deserialize_with = "not_negative")]
     pub(super) delay_ms: f64,
     #[serde(deserialize_with = "not_negative")]
@@ -205,7 +206,8 @@ pub(super) struct HostTable {
     pub(super) poll_ms: f64,
     /// Bytes that the host's driver keeps for a program that does not read.
     pub(super) buffer_bytes: usize,
-    /// Whether the bridge searches for the board (`--port auto`), or opens one port of fixed name.
+    /// Whether the bridge searches for the board (`--port auto`), or opens one port with a fixed
+    /// name.
     pub(super) port_auto: bool,
 }
 
@@ -220,7 +222,7 @@ impl Default for HostTable {
     }
 }
 
-/// What goes wrong at a stated time.
+/// Kind of a fault at a stated time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum FaultKind {
@@ -324,7 +326,7 @@ pub enum ScenarioError {
         path: PathBuf,
         /// Number of the line, from 1.
         line: usize,
-        /// What contradicts what, and the remedy.
+        /// The contradiction, and how to remove it.
         what: String,
     },
 }

@@ -112,7 +112,8 @@ impl Ledger {
         number.unwrap_or_default()
     }
 
-    /// Returns a sentence about a fault after which no row was published; `None` if there is none.
+    /// Returns a sentence about a fault after which no row was published; `None` without such a
+    /// fault.
     pub(super) fn not_recovered(&self) -> Option<String> {
         let end_s = self.recovering.first()? / 1e6;
         Some(format!(

@@ -49,7 +49,8 @@ impl Faults {
         self.random.uniform(0.0, 1.0)
     }
 
-    /// Returns how many trials fail before the first one that succeeds, with probability `rate`.
+    /// Returns how many trials fail before the first success. Each succeeds with probability
+    /// `rate`.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -127,7 +128,7 @@ pub(super) struct Line {
     free_us: f64,
     /// Number of bytes of the next frame after which the board loses its power.
     cut: Option<usize>,
-    /// What has been sent and not read: bytes, and the host time of their arrival, microseconds.
+    /// Bytes that were sent and not read, and the host time of their arrival, microseconds.
     sent: VecDeque<(f64, Vec<u8>)>,
     sent_bytes: usize,
     /// Number of frames that the board's queue has dropped.

@@ -19,7 +19,7 @@ use crate::fault::{FaultError, Faults};
 use crate::outbox::{Outbox, WhenFull};
 use crate::virtual_board::{Identity, VirtualBoard};
 
-/// Most bytes that the bridge reads at once.
+/// Largest number of bytes that the bridge reads at once.
 const READ_BYTES: usize = 4096;
 
 /// Time that the host takes to handle a full read, microseconds.
@@ -53,7 +53,7 @@ pub enum RehearsalError {
     Streams(&'static str),
 }
 
-/// What happens next, in this order if two things happen at once.
+/// Things that can happen next. If two happen at the same time, they happen in this order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Next {
     Change,
@@ -119,7 +119,7 @@ struct Rehearsal<'s> {
     commands_before: u32,
     /// Whether the cable is unplugged.
     is_unplugged: bool,
-    /// Commands of another program: host time of the next one, and time between two, microseconds.
+    /// Commands of another program: host time of the next one, and interval, microseconds.
     other_us: f64,
     other_every_us: f64,
     other: Encoder,
@@ -291,7 +291,7 @@ impl<'s> Rehearsal<'s> {
     }
 
     fn handle(&mut self, next: Next, us: f64) {
-        // What was due while the host did not run happens now.
+        // Whatever was due while the host was stalled happens now.
         let now_us = us.max(self.now_us);
         self.now_us = now_us;
         match next {
@@ -344,8 +344,8 @@ impl<'s> Rehearsal<'s> {
         }
     }
 
-    /// Passes bytes to the core, as one read of the bridge does. They are divided at the ends of
-    /// frames, so that it is known which frame each effect of the core belongs to.
+    /// Passes bytes to the core, as one read of the bridge does. The bytes are divided at the ends
+    /// of frames, to know which frame causes each effect of the core.
     fn read(&mut self, bytes: &[u8], now_us: f64) {
         let now = self.ledger.host_time(now_us);
         for part in bytes.split_inclusive(|byte| *byte == 0) {

@@ -1,4 +1,4 @@
-//! What a rehearsal found, as one line and as figures.
+//! Result of a rehearsal, as one line and as figures.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use super::schedule::Schedule;
 use super::topic::{Topic, TopicCounts};
 use super::truth::{TopicKind, Truth};
 
-/// What happened on the line and in the host, counted where it happened.
+/// Counts of what happened on the line and in the host, taken where it happened.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Facts {
     /// Frames that arrived undamaged, those that arrived once more, and damaged stretches between
@@ -22,7 +22,8 @@ pub(super) struct Facts {
     pub(super) dropped_by_board: u64,
     /// Frames sent while the cable was unplugged or the host's buffer full.
     pub(super) unreceived: u64,
-    /// What the line did, in the order of [`Noise::rates`](super::file::Noise::rates).
+    /// Number of each of the line's faults, in the order of
+    /// [`Noise::rates`](super::file::Noise::rates).
     pub(super) line: [u64; 5],
     pub(super) acks_lost: u64,
     pub(super) restarts: u64,
@@ -39,7 +40,7 @@ pub struct Report {
     pub name: String,
     /// Duration, seconds of the host's time.
     pub seconds: f64,
-    /// What was exceeded, or does not agree; empty if the scenario has passed.
+    /// Limits that were exceeded, and counts that do not agree; empty if the scenario has passed.
     pub failures: Vec<String>,
     /// The topics that were streamed.
     pub topics: Vec<TopicCounts>,

@@ -11,7 +11,7 @@ use super::truth::{Row, TopicKind, Values};
 /// Counts of a topic, in rows: codes, packed blocks, samples or steps.
 #[derive(Clone, Debug, Serialize)]
 pub struct TopicCounts {
-    /// What the rows are.
+    /// Name of the rows, such as "codes".
     pub rows: &'static str,
     /// Rows that the board made.
     pub made: u64,
@@ -36,7 +36,7 @@ impl TopicCounts {
     }
 }
 
-/// What was published on a topic, compared with what the board made.
+/// Rows that were published on a topic, compared with the rows that the board made.
 #[derive(Debug)]
 pub(super) struct Topic {
     pub(super) name: &'static str,
@@ -61,7 +61,7 @@ pub(super) struct Topic {
     /// Sum of the errors of all interruptions, rows: rows published minus rows in the time passed.
     gap_error: f64,
     pub(super) worst_gap_us: f64,
-    /// What was wrong first.
+    /// First error that was found.
     first_wrong: Option<String>,
 }
 
@@ -173,7 +173,7 @@ impl Topic {
         }
     }
 
-    /// Returns a sentence about the errors; `None` if there are none.
+    /// Returns a sentence about the errors; `None` without errors.
     pub(super) fn failure(&self) -> Option<String> {
         let (first, wrong, name) = (self.first_wrong.as_ref()?, self.wrong, self.name);
         let remedy = "look at host/bridge-core/src/streams";
@@ -182,8 +182,8 @@ impl Topic {
         ))
     }
 
-    /// Returns the number of rows at the ends of runs that the host cannot know of: those of
-    /// interrupted runs, and those of the newest run.
+    /// Returns the number of rows at the ends of runs that the host cannot know of: first the sum
+    /// over all interrupted runs, then the number for the newest run.
     pub(super) fn unknown(&self) -> [u64; 2] {
         let unknown = self
             .made

@@ -1,4 +1,4 @@
-//! What the board made, and when, by the host's true time.
+//! Everything that the board made, with its times by the host's true clock.
 
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -58,7 +58,7 @@ pub(super) struct Row {
 /// A frame that the board made.
 #[derive(Debug)]
 pub(super) struct Made {
-    /// The bytes between its two zeros.
+    /// The bytes of the frame between its two zeros.
     body: Vec<u8>,
     /// Host time of the sample to which the frame's device time belongs, microseconds.
     pub(super) at_us: f64,

@@ -55,7 +55,7 @@ struct ExcludedElectrodes<'a> {
 }
 
 impl JsonLines {
-    /// Returns the line of a whole frame; `None` for a message without one.
+    /// Returns the line of a whole frame; `None` if its message has no line.
     ///
     /// # Errors
     /// The frame is damaged, or it holds a code although the device has not sent `Capabilities`

@@ -46,7 +46,7 @@ pub enum Output {
 }
 
 impl Output {
-    /// Returns the path of an output that is a file; `None` for one with a host, which sends
+    /// Returns the path of an output that is a file; `None` for an output with a host, which sends
     /// commands.
     pub fn file(&self) -> Option<&Path> {
         match self {
@@ -137,7 +137,7 @@ pub struct Port {
     /// Host of a TCP port in virtual time, where the board waits for its host; `None` for any other
     /// output.
     waiting_host: Option<CurrentHost>,
-    /// The file that is written; `None` if there is none or it is standard output.
+    /// The file that is written; `None` if there is no file or it is standard output.
     file: Option<NewFile>,
     /// The thread that writes the file; `None` if the output is not a file.
     writer: Option<JoinHandle<()>>,
@@ -244,7 +244,7 @@ impl Port {
         self.commands.try_iter()
     }
 
-    /// Waits for bytes from the host, at most `timeout`. Returns `None` if no bytes arrived.
+    /// Waits for bytes from the host, at most `timeout`. Returns `None` on a timeout.
     pub fn receive_timeout(&self, timeout: Duration) -> Option<Vec<u8>> {
         match self.commands.recv_timeout(timeout) {
             Ok(bytes) => Some(bytes),

@@ -27,7 +27,7 @@ const SILENCE: Duration = Duration::from_secs(20);
 pub struct Received {
     /// Number of its hop, from 1.
     pub hop: usize,
-    /// What was decided.
+    /// Decision of the bridge at this hop.
     pub prediction: Prediction,
     /// Time from the hop's last sample to the arrival, milliseconds; means nothing unless the
     /// recording is played in real time.
@@ -90,7 +90,7 @@ pub(super) async fn play(
     }
 }
 
-/// Returns the prediction in a line of the bridge; `None` if it holds another message.
+/// Returns the prediction in a line of the bridge; `None` if the line holds another message.
 fn prediction(line: &str, mains: Mains) -> Option<Received> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?;
     let line: Value = serde_json::from_str(line).ok()?;
