@@ -12,7 +12,7 @@ use acceptance::process::Process;
 use acceptance::programs::programs;
 use serde_json::Value;
 
-/// Longest wait for a condition, enough on a busy machine.
+/// Time limit for a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 /// Starts a board with 5 kOhm at every electrode, 40 kOhm at Cz, and Pz off. Returns the board and

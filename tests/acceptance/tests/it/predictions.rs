@@ -21,7 +21,7 @@ use crate::inputs::synthetic;
 /// Duration of the EEG, seconds: the filters settle in the first ten.
 const SECONDS: usize = 14;
 const HOPS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
-/// Longest wait for a condition, enough on a busy machine.
+/// Time limit for a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 /// Prediction as the integrator prints it.

@@ -24,7 +24,7 @@ const SECONDS: usize = 6;
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
 /// Topic of the frames that the bridge decodes from blocks.
 const DECODED: &str = "/neurodata_reconstructed";
-/// Longest wait for a condition, enough on a busy machine.
+/// Time limit for a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 /// Writes the built-in model to `folder`, with another packed model and, if the board takes one, a

@@ -34,8 +34,8 @@ const BUILT_IN_MONTAGE: &str = "ten-ten-61";
 const VARIANTS: [&str; 2] = ["cyton-16", "ten-twenty-32"];
 /// Montage of models that `own_cap_page.rs` and `packed_alone.rs` build.
 const OWN_CAP: &str = "cyton-8";
-/// Montage of the trained model in `signal/model/ironbci`, whose image `cargo xtask board` runs.
-/// Its electrodes are those of the kit.
+/// Montage of the trained model in `signal/model/ironbci`, whose image `cargo xtask board` runs. It
+/// has the electrodes of the kit.
 const IRONBCI: &str = "ironbci";
 
 /// Arguments of cargo that build, for each model, the test that compares the pipeline with its
@@ -171,7 +171,7 @@ fn model(seed: u32, montage: &MontageFile) -> Artifact {
     any_model::any_artifact_for(seed, montage, Mode::Pca, NUMBERS).expect("a model")
 }
 
-/// Compares the codes of the batch reference with those of numpy on random windows.
+/// Compares the batch reference's codes with numpy's codes on random windows.
 fn compare_with_numpy(seed: u32, artifact: &Artifact) {
     if !numpy_reference::available("montages against numpy") {
         return;
