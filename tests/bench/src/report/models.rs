@@ -25,8 +25,8 @@ pub(crate) fn measure_folder(folder: &Path, windows: usize) -> anyhow::Result<Re
     Report::new("model", Json::Object(figures), next)
 }
 
-/// Name of the montage that also gets a model with convolutions. Of the montages whose convolutions
-/// differ from those of the checked-in model, it is the largest.
+/// Name of the montage that also gets a model with convolutions: the largest montage for which the
+/// convolutions differ from the checked-in model's.
 const CONVOLUTIONS: &str = "ten-twenty-32";
 
 /// Seed of the random weights of every model.

@@ -1,5 +1,5 @@
-//! What the benchmarks of nodes share: our programs, a ROS master, a node in rospy for comparison,
-//! and the figures of both nodes, measured at the same time.
+//! Code that the benchmarks of nodes share: our programs, a ROS master, a node in rospy for
+//! comparison, and the figures of both nodes, measured at the same time.
 
 mod amplifier;
 pub(super) mod bridge;
@@ -37,14 +37,14 @@ use super::programs::Python;
 const FOLDER: &str = "CORTICODE_PROGRAMS";
 /// Address at which a server listens on any free port of this PC.
 const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);
-/// Longest permitted time until the first code has arrived at each subscriber, on a busy machine.
+/// Time limit for the first code to arrive at each subscriber, enough on a busy machine.
 const START: Duration = Duration::from_secs(30);
 /// Warm-up before each measurement, in which connections and caches settle.
 const WARM_UP: Duration = Duration::from_secs(3);
-/// Longest time to wait after a measurement for its last codes to arrive, on a busy machine.
+/// Time limit for the last codes to arrive after a measurement, enough on a busy machine.
 const STRAGGLERS: Duration = Duration::from_secs(10);
-/// Priority of the threads that send and receive, under `SCHED_FIFO`: above that of the bridge with
-/// `--realtime`.
+/// Priority of the threads that send and receive, under `SCHED_FIFO`: higher than the priority of
+/// the bridge with `--realtime`.
 const PRIORITY: u8 = 30;
 /// Last part of a wait, in which the thread spins because a sleep may end this much too late.
 const BUSY: Duration = Duration::from_millis(2);
@@ -296,7 +296,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// Returns a figure of our node, divided by that of the node in rospy.
+    /// Returns a figure of our node, divided by the same figure of the node in rospy.
     fn ratio(&self, figure: &dyn Fn(&Figures) -> f64) -> Option<f64> {
         Some(figure(&self.own) / figure(self.rospy.as_ref()?))
     }

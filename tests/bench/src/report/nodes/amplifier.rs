@@ -160,7 +160,8 @@ mod tests {
             let rate = u64::from(rate_hz);
             for number in 1..200_u32 {
                 let samples = u64::from(number * frames.samples);
-                // Step s is that of the sample at s / step rate, or of the next one after it.
+                // Step s belongs to the sample at s / step rate, or to the next sample after this
+                // time.
                 let step_is_in = |step: u64| (step * rate).div_ceil(128) < samples;
                 let windows = (0_u64..).take_while(|window| {
                     step_is_in(window * u64::from(HOP) + u64::from(STEPS) - 1)

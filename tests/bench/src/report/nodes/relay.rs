@@ -21,7 +21,7 @@ const HOP: Duration =
 const OFFSET: Duration = HOP.checked_div(2).unwrap();
 /// Delay of every code in the relay, so that even a code that host-sim sends late leaves on time.
 const RESERVE: Duration = Duration::from_millis(15);
-/// Longest permitted time until host-sim opens its port, and until each node connects.
+/// Time limit for host-sim to open its port, and for each node to connect.
 const START: Duration = Duration::from_secs(20);
 /// Time between two attempts to connect or to accept.
 const RETRY: Duration = Duration::from_millis(20);
