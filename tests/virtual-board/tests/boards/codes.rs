@@ -1,4 +1,4 @@
-//! Scenario in which a virtual board's codes must equal those of host-sim.
+//! Scenario in which a virtual board's codes must equal host-sim's.
 
 use std::time::Instant;
 
@@ -21,8 +21,8 @@ const fn codes(subject: Subject) -> usize {
 /// Number of times that the scenario inspects the DMA streams.
 const INSPECTIONS: usize = 50;
 
-/// Scenario: the codes, with substituted electrodes, equal those of host-sim bit for bit, their
-/// time stamps are 62.5 ms apart, and nothing is late or lost. DMA1 can access every buffer that it
+/// Scenario: the codes, with substituted electrodes, equal host-sim's bit for bit, their time
+/// stamps are 62.5 ms apart, and nothing is late or lost. DMA1 can access every buffer that it
 /// uses.
 pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;

@@ -119,8 +119,8 @@ pub(crate) fn impedances_are_refused(subject: Subject) -> Result<(), BoardError>
 /// Together, the errors damage about one command in twenty.
 const DAMAGED: u32 = 2_500;
 
-/// Scenario: a byte with a framing or noise error destroys only the command that contains it, and
-/// the device counts damaged commands. It executes no command twice, and goes on receiving.
+/// Scenario: a byte with a framing or noise error destroys only the command that contains it. The
+/// device counts damaged commands, executes no command twice, and continues to receive.
 pub(crate) fn damaged_bytes_destroy_only_their_commands(
     subject: Subject,
 ) -> Result<(), BoardError> {
@@ -163,7 +163,7 @@ pub(crate) fn damaged_bytes_destroy_only_their_commands(
     Ok(())
 }
 
-/// Longest time for an answer on an idle line, in us: the transfer of command and answer, and the
+/// Time limit for an answer on an idle line, in us: the transfer of command and answer, and the
 /// test's polling interval of 500 us. Most answers would take longer if the conversation task
 /// looked for commands only at its tick, every 20 ms.
 const ANSWER_US: u64 = 4_000;

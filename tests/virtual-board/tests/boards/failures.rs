@@ -11,11 +11,11 @@ use crate::session::{
 };
 use crate::simulation::{HOP, Repeatable};
 
-/// Longest time from a failure to the next `Hello`, in us. It covers the watchdog's 200 ms, the
+/// Time limit from a failure to the next `Hello`, in us. It covers the watchdog's 200 ms, the
 /// tolerance of its oscillator, and the start.
 const LONGEST_US: u64 = 600_000;
 
-/// Longest time from a command to the start of firmware or boot loader, in us. It covers 100 ms for
+/// Time limit from a command to the start of firmware or boot loader, in us. It covers 100 ms for
 /// the acknowledgement, the start of the clocks, and the enumeration of USB.
 const RESET_US: u64 = 1_000_000;
 

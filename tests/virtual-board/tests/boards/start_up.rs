@@ -12,8 +12,8 @@ use crate::session::{
 };
 use crate::{commands, usb};
 
-/// Longest time from power-on to `Hello`, in us of device time. It covers the start of the clocks
-/// and the initialisation of the encoder's memory. The time would be 65,536 us longer if the time
+/// Time limit from power-on to `Hello`, in us of device time. It covers the start of the clocks and
+/// the initialisation of the encoder's memory. The time would be 65,536 us longer if the time
 /// driver counted a half period too many.
 const HELLO_US: u64 = 20_000;
 
@@ -262,7 +262,7 @@ fn assert_interrupts_have_their_priorities(
     let urgent = enabled.iter().filter(|(line, level)| {
         *level <= priority::ACQUIRE && !wanted.iter().any(|(_, known, _)| known == line)
     });
-    // embassy enables the interrupts of all DMA streams, but those of unused streams never occur.
+    // embassy enables the interrupts of all DMA streams, but unused streams never interrupt.
     let unknown: Vec<_> = urgent.filter(|(line, _)| !is_inactive(*line)).collect();
     assert!(
         unknown.is_empty(),

@@ -25,7 +25,7 @@ const fn compared(subject: Subject) -> usize {
 /// Number of blocks in which the device sends its counters at least once; it does so each second.
 const A_REPORT: usize = 20;
 
-/// Longest time from the answer to an announcement until the board reports the model, in us.
+/// Time limit from the answer to an announcement until the board reports the model, in us.
 const fn longest_us(subject: Subject) -> u64 {
     match subject.cable {
         Cable::Usb => 2_000_000,
@@ -70,8 +70,8 @@ fn reported(frames: &[Frame]) -> ([u8; 8], u64) {
     reports.next_back().expect("a Hello")
 }
 
-/// Scenario: blocks and codes of a board that has been given a model equal those of host-sim with
-/// this model bit for bit, and nothing is late or lost. The upload is as fast as the port.
+/// Scenario: a board to which a model was uploaded sends the same blocks and codes, bit for bit, as
+/// host-sim with this model, and nothing is late or lost. The upload is as fast as the port.
 pub(crate) fn uploaded_model_is_used(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     assert_eq!(reported(board.inbox().frames()).0, model::MODEL_ID);
