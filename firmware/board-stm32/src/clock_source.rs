@@ -91,7 +91,7 @@ impl ClockSource {
         source
     }
 
-    /// Returns the source among `known` to whose range the measured frequency belongs.
+    /// Returns the source in `known` whose range contains the measured frequency, or `OtherClock`.
     fn of_frequency(measured_hz: Option<u32>, known: &[KnownClock]) -> Self {
         let is_it = |(_, range): &&KnownClock| measured_hz.is_some_and(|hz| range.contains(&hz));
         known
