@@ -286,7 +286,7 @@ pub(crate) fn run<'j, R: Send>(
     })
 }
 
-/// Returns a progress bar over `seconds` of signal, or a spinner if their number is not known.
+/// Returns a progress bar over `seconds` of signal, or a spinner if the duration is not known.
 /// `end` is indicatif's template of the text after the number of seconds.
 pub(crate) fn progress_bar(seconds: Option<u64>, end: &str, quiet: bool) -> ProgressBar {
     let (bar, place) = match seconds {

@@ -50,7 +50,7 @@ pub struct Session {
     pub output: Output,
     /// Which existing files an output that is a file may replace.
     pub file_rules: FileRules,
-    /// Streams that an output that is a file receives. A host selects its own streams.
+    /// Streams that go to an output that is a file. A host selects its streams itself.
     pub streams: Streams,
     /// Real time or virtual time; decides whether a slow host loses frames or delays the board.
     pub pace: Pace,

@@ -126,7 +126,7 @@ impl VirtualBoard {
         self
     }
 
-    /// Sets the impedances of the electrodes; those that no contact names have 5 kOhm.
+    /// Sets the electrodes' impedances. Electrodes that `contacts` does not name have 5 kOhm.
     #[must_use]
     pub fn with_contacts(mut self, contacts: &[Contact]) -> Self {
         self.converters.set_impedances(&impedances(contacts));

@@ -265,7 +265,7 @@ pub(super) struct ScheduledFault {
     pub(super) step_s: Option<f64>,
 }
 
-/// Largest values with which a scenario passes. What is not stated has a strict default.
+/// Largest values with which a scenario passes. A limit that the file omits has a strict default.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Limits {
@@ -366,7 +366,8 @@ impl Scenario {
         self.duration_s
     }
 
-    /// Returns the stream that is announced; by default the first of those that are streamed.
+    /// Returns the announced stream; by default the first stream, in the order of the topics, that
+    /// runs.
     pub(super) fn announced(&self) -> AnnouncedStream {
         let mut topics = AnnouncedStream::TOPICS.iter().map(|(_, stream)| *stream);
         let first = topics.find(|stream| stream.is_in(self.streams));

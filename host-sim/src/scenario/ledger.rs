@@ -140,7 +140,7 @@ impl Ledger {
         self.now.monotonic_us as f64
     }
 
-    /// Records the error of a stamp that should be the host time `true_us` by the wall clock.
+    /// Records the error of a stamp; the exact stamp is `true_us`, a host time, by the wall clock.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_precision_loss,

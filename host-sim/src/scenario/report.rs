@@ -14,8 +14,8 @@ use super::truth::{TopicKind, Truth};
 /// Counts of what happened on the line and in the host, taken where it happened.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Facts {
-    /// Frames that arrived undamaged, those that arrived once more, and damaged stretches between
-    /// two zeros.
+    /// Frames that arrived undamaged, frames that arrived a second time, and damaged stretches
+    /// between two zeros.
     pub(super) arrived: u64,
     pub(super) repeated: u64,
     pub(super) damaged: u64,
@@ -51,8 +51,8 @@ pub struct Report {
     pub stamp_max_ms: f64,
     /// Largest error of the stamps that had not settled, milliseconds.
     pub unsettled_max_ms: f64,
-    /// Shortest time from a row's last sample to the host, by which all stamps are late,
-    /// milliseconds.
+    /// Shortest time from a row's last sample to its arrival at the host, milliseconds. All stamps
+    /// are late by this time.
     pub shortest_delay_ms: f64,
     /// Edges of the trigger that the board sent.
     pub edges: u64,

@@ -104,7 +104,8 @@ pub(super) struct Truth {
     scales: Vec<(f32, i8)>,
     uv_per_count: f64,
     group_delay_us: f64,
-    /// Frames that the host has not received, oldest first, and the newest that it has.
+    /// Frames that the host has not received, oldest first, and the newest frame that it has
+    /// received.
     waiting: VecDeque<Rc<Made>>,
     newest: Option<Rc<Made>>,
     /// Numbers of frames and of edges made.
@@ -135,7 +136,7 @@ impl Truth {
 
     /// Returns the place of a row whose index in its run is `index`. Its stamp refers to the sample
     /// that was converted `before_us` microseconds of the converters' clock before the host time
-    /// `at_us`; the filters delay it.
+    /// `at_us`, less the delay of the filters if the row is filtered.
     fn place(
         &mut self,
         kind: TopicKind,

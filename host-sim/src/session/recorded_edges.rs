@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use link::EventKind;
 use recordings::Onsets;
 
-/// Longest time from the rising edge of an event to its falling edge, microseconds.
+/// Longest duration of a pulse, from its rising to its falling edge, microseconds.
 const LONGEST_PULSE_US: u64 = 10_000;
 
 /// Shortest time between two rising edges, microseconds. An event that follows sooner shares the
