@@ -31,7 +31,7 @@ fn built_messages_have_the_md5_sums_that_the_bridge_publishes() {
     let workspace = CatkinWorkspace::new(folder.path().join("alone"), &packages);
     text_of(&workspace.make(&ros, None, &[&bridge_option()]));
     // Build again in the environment of the built workspace, as a user does: the build must not
-    // take the workspace's own messages for those of another workspace.
+    // mistake the workspace's own messages for another workspace's.
     text_of(&workspace.make(&ros, Some(&workspace), &["install"]));
 
     for space in ["devel", "install"] {
