@@ -17,7 +17,7 @@ use super::{run_before_others, wait_until};
 /// Time from one code to the next in real time.
 const HOP: Duration =
     Duration::from_micros(model::HOP as u64 * 1_000_000 / model::STEP_RATE_HZ as u64);
-/// Delay with which the node in rospy gets a code after the bridge.
+/// Time by which the node in rospy gets each code later than the bridge.
 const OFFSET: Duration = HOP.checked_div(2).unwrap();
 /// Delay of every code in the relay, so that even a code that host-sim sends late leaves on time.
 const RESERVE: Duration = Duration::from_millis(15);
