@@ -14,8 +14,8 @@ use crate::port::Port;
 const SLICE_US: u64 = 1_000;
 
 /// Virtual time in us without SPI or port traffic after which a board counts as stopped. A board
-/// that cannot start its converters does not count as stopped, because the firmware tries again
-/// more often.
+/// that cannot start its converters does not count as stopped, because its firmware tries again
+/// more often than this.
 const IDLE_US: u64 = 10_000_000;
 
 /// Virtual time in us between two status lines on the console.

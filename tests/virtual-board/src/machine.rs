@@ -197,8 +197,8 @@ impl VirtualBoard {
         let _ = self.requests.send(Request::Trigger(edges.collect()));
     }
 
-    /// Sets whether the host opens the USB port after each run if the device is configured; at
-    /// first it does.
+    /// Sets whether the host opens the USB port after each run if the device is configured; by
+    /// default it does.
     pub const fn keep_open(&mut self, keep_open: bool) {
         self.keep_open = keep_open;
     }
