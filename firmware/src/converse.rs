@@ -25,7 +25,7 @@ use crate::{
 /// Largest number of bytes read from the port in one call: one bulk packet of full-speed USB.
 const PACKET: usize = 64;
 
-/// Longest time for which the conversation waits for an output before it marks progress again. Also
+/// Time limit for each wait for an output, after which the conversation marks progress again. Also
 /// the delay before a closed port is read again.
 const TICK: embassy_time::Duration = embassy_time::Duration::from_millis(20);
 
@@ -38,8 +38,8 @@ pub struct Port<Input, Output> {
     pub output: Output,
 }
 
-/// What the conversation needs from the microcontroller: its stack, to report the use of it, and a
-/// way to reset the microcontroller.
+/// What the conversation needs from the microcontroller: its stack, to report how much of it is
+/// used, and a way to reset the microcontroller.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
     /// Stack whose largest use the `Timing` message reports; `None` if the start-up code has not
@@ -95,7 +95,7 @@ pub async fn converse(
 struct Conversation<'c, 'i> {
     state: RefCell<(&'c mut Session<'i>, &'c mut Frames)>,
     /// Time at which the newest code, block or features were queued, ticks; `None` once the port
-    /// has accepted it.
+    /// has accepted them.
     code_ticks: Cell<Option<u32>>,
     /// Set when there may be new frames to write.
     frames_waiting: Signal<NoopRawMutex, ()>,

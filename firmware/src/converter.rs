@@ -33,8 +33,8 @@ pub trait Converter {
     async fn next(&mut self, sample: &mut Sample) -> Conversion;
 
     /// Switches the excitation of the electrodes on or off, between two samples. Called before
-    /// every [`Self::next`], and does nothing if nothing changes or too little time is left. Does
-    /// nothing by default.
+    /// every [`Self::next`]; returns at once if nothing changes or too little time is left. The
+    /// default implementation does nothing.
     fn set_excitation(&mut self, on: bool) -> impl Future<Output = ()> {
         let _ = on;
         ready(())

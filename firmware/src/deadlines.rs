@@ -86,8 +86,8 @@ pub const PROGRESS: Duration = Duration::from_micros(8 * 1_000_000 / STEP_RATE_H
 pub const WATCHDOG: Duration = Duration::from_millis(200);
 
 /// Period of the watchdog from the start of the image until every task has made progress once: 4096
-/// of its counts, each 32 periods of its oscillator. The clocks take half a second at most, the
-/// converters 1.4 s.
+/// counts, each of 32 periods of the watchdog's oscillator. The clocks take half a second at most,
+/// the converters 1.4 s.
 pub const START_UP: Duration = Duration::from_micros(4_096 * 32 * 1_000_000 / LSI_HZ);
 
 /// Nominal frequency of the watchdog's oscillator, Hz. Its range is 17 to 47 kHz on an STM32F446

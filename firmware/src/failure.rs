@@ -41,7 +41,7 @@ pub fn previous_fault() -> Option<FaultRecord> {
 }
 
 /// Returns whether the host requested the last reset to enter the microcontroller's own boot
-/// loader, and erases this request. A record of another reason stays.
+/// loader, and erases this request. Keeps a record with any other reason.
 pub fn take_bootloader_request() -> bool {
     critical_section::with(|section| {
         let Some(record) = KEPT.take(section) else {
@@ -76,7 +76,7 @@ impl KeptRecord {
         // uninitialised memory.
         let record = unsafe { self.0.get().cast::<FaultRecord>().read_volatile() };
         // SAFETY: the critical section excludes every other access. The pointer is valid for a
-        // `u32`, because `FaultRecord` is `repr(C)` and begins with one.
+        // `u32`, because `FaultRecord` is `repr(C)` and begins with a `u32`.
         unsafe { self.0.get().cast::<u32>().write_volatile(0) };
         record.is_valid().then_some(record)
     }

@@ -16,7 +16,7 @@ type EventQueue = Deque<CapturedEvent, { deadlines::EVENTS_WAITING }>;
 
 /// Queue of captured events that have not been assigned to a sample yet.
 pub struct Inputs {
-    /// Number of the next event: events since boot, lost ones included; wraps.
+    /// Number of the next event, which is the number of events since boot, lost or not; wraps.
     number: AtomicU32,
     queue: blocking_mutex::Mutex<RawMutex, RefCell<EventQueue>>,
 }

@@ -51,8 +51,8 @@ pub struct TaskMemory<E: 'static> {
 }
 
 impl<E: Encoders + 'static> Memory<E> {
-    /// Creates the memory for a static; [`init`](Self::init) then initialises it. `encoders` is
-    /// their memory before the first step, such as
+    /// Creates the memory for a static; [`init`](Self::init) then initialises it. `encoders` is the
+    /// encoders' memory before the first step, such as
     /// [`BothEncoders::EMPTY`](device::BothEncoders::EMPTY).
     pub const fn new(encoders: E) -> Self {
         Self {
@@ -71,8 +71,8 @@ impl<E: Encoders + 'static> Memory<E> {
 
     /// Initialises the memory and splits it among the tasks.
     ///
-    /// Not inlined: the first tasks run before the board's start function returns, so temporaries
-    /// on its stack frame would take stack from these tasks.
+    /// Not inlined: the first tasks run before the board's start function returns, and temporaries
+    /// on that function's stack frame would take stack from these tasks.
     ///
     /// # Panics
     /// On the second call.

@@ -64,8 +64,8 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    /// Returns whether every task has made progress since `before`. An encoder that was given no
-    /// sample since then need not have.
+    /// Returns whether every task has made progress since `before`. The encoder is exempt if it was
+    /// given no sample since then.
     fn all_moved_since(self, before: Self) -> bool {
         self.acquired != before.acquired
             && self.conversed != before.conversed

@@ -186,7 +186,8 @@ impl OutputSender {
 
 impl OutputReceiver {
     /// Waits for the oldest output, and returns it with the time at which it was queued, in ticks
-    /// of the board's [`Clock`](crate::Clock). It stays queued until [`Self::receive_done`].
+    /// of the board's [`Clock`](crate::Clock). The output stays queued until
+    /// [`Self::receive_done`].
     pub async fn receive(&mut self) -> (Output<'_>, u32) {
         let slot = self.slots.receive().await;
         self.is_bulk = matches!(slot.content, Content::Bulk);

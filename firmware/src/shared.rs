@@ -17,8 +17,8 @@ use crate::{
 
 const DEFAULT_RATE: Rate = PackedEncoder::DEFAULT_RATE;
 
-/// Filters of the features that the host has set, for the encoder. Not a part of [`Shared`], all of
-/// which takes flash for its initial values: this static is all zeros at first.
+/// Filters of the features that the host has set, for the encoder. Not a field of [`Shared`], whose
+/// initial values take flash: this static starts as zeros and takes none.
 pub(crate) static FILTERS: Signal<RawMutex, FeatureFilters> = Signal::new();
 
 /// Shared state of the tasks; a board declares one static of this type. Only the acquisition writes

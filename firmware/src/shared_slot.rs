@@ -1,4 +1,4 @@
-//! The memory for an uploaded model, which conversation and encoder use in turns.
+//! The memory for an uploaded model, which conversation and encoder use in turn.
 
 use device::{ModelSlot, Slot};
 #[cfg(any(test, feature = "model-slot"))]
@@ -7,10 +7,10 @@ use embassy_sync::signal::Signal;
 #[cfg(any(test, feature = "model-slot"))]
 use crate::queues::RawMutex;
 
-/// Access to the board's model slot. The task that uses the slot takes it, and puts it back before
-/// it waits again, so a more urgent task finds none only while it interrupts the use.
+/// Access to the board's model slot. A task takes the slot, uses it, and puts it back before the
+/// task waits again. So only a more urgent task that interrupts this use finds no slot.
 ///
-/// Without the feature `model-slot` there is none, and the image contains nothing of it.
+/// Without the feature `model-slot`, there is no slot, and the image contains no code for it.
 #[derive(Default)]
 pub struct SharedSlot {
     #[cfg(any(test, feature = "model-slot"))]

@@ -139,8 +139,8 @@ mod tests {
         };
         let timing = Timing::new(MHZ);
         // The deadline of 7,812 ticks divided by 8 bins is 976 ticks, rounded down. So 976 is the
-        // longest duration of the first bin, 7,808 = 8 x 976 that of the last one, and 7,809 counts
-        // as late.
+        // longest duration in the first bin, 7,808 = 8 x 976 is the longest in the last bin, and
+        // 7,809 counts as late.
         for ticks in [1, 976, 977, 7_808, 7_809, 9_999] {
             timing.record(Stage::Step, 10_000 - ticks);
         }

@@ -58,7 +58,7 @@ pub(crate) enum BatchError {
         /// Smallest exit status among the errors of the failed files.
         status: u8,
     },
-    /// The signals of the operating system cannot be received.
+    /// SIGINT and SIGTERM cannot be caught.
     #[error("Ctrl-C cannot be received")]
     Signals(#[from] io::Error),
 }
@@ -84,7 +84,7 @@ pub(crate) struct Job {
 }
 
 /// Returns the jobs for `input`. A file is one job, which writes `output`. A folder has one job for
-/// each file, in it or its subfolders, that has one of the `extensions`; the jobs write files at
+/// each file with one of the `extensions` in the folder or its subfolders; the jobs write files at
 /// the same places below the folder `output`, with names from `rename`.
 ///
 /// # Errors
@@ -185,8 +185,8 @@ pub(crate) struct Finished<'j, R> {
     pub(crate) threads: usize,
 }
 
-/// Runs `work` for all jobs in parallel. Prints the error of each job that fails, and goes on with
-/// the others. `seconds` is the duration of the signals of all jobs, if it is known.
+/// Runs `work` for all jobs in parallel. Prints the error of each job that fails, and continues
+/// with the others. `seconds` is the total duration of EEG in all jobs, if it is known.
 ///
 /// # Errors
 /// The error of the job if there is only one; [`OfflineError::Interrupted`] after SIGINT or
@@ -199,7 +199,7 @@ pub(crate) fn run<'j, R: Send>(
 ) -> Result<Finished<'j, R>, Box<dyn std::error::Error>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
-        // The second signal ends the program at once.
+        // A second SIGINT or SIGTERM ends the program at once.
         signal_hook::flag::register_conditional_shutdown(signal, 1, stop.clone())
             .map_err(BatchError::Signals)?;
         signal_hook::flag::register(signal, stop.clone()).map_err(BatchError::Signals)?;
@@ -286,7 +286,7 @@ pub(crate) fn run<'j, R: Send>(
     })
 }
 
-/// Returns a progress bar over `seconds` of signal, or a spinner if their number is not known.
+/// Returns a progress bar over `seconds` of signal, or a spinner if the duration is not known.
 /// `end` is indicatif's template of the text after the number of seconds.
 pub(crate) fn progress_bar(seconds: Option<u64>, end: &str, quiet: bool) -> ProgressBar {
     let (bar, place) = match seconds {

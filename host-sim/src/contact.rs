@@ -55,7 +55,7 @@ impl FromStr for Contact {
 const USUAL_OHMS: f64 = 5_000.0;
 
 /// Returns the impedance of each electrode in ohms. Later contacts replace earlier ones; an
-/// electrode without one has 5 kOhm.
+/// electrode that no contact names has 5 kOhm.
 pub(crate) fn impedances(contacts: &[Contact]) -> [f64; ELECTRODES] {
     let mut ohms = [USUAL_OHMS; ELECTRODES];
     for contact in contacts {

@@ -146,8 +146,8 @@ fn recording_of(job: &Job, original: Option<&Path>) -> Option<PathBuf> {
     if !original.is_dir() {
         return Some(original.to_owned());
     }
-    // `encode` writes the codes of FILE.edf to FILE.edf.codes. FILE.codes can have the codes of
-    // FILE with any known extension.
+    // `encode` writes the codes of FILE.edf to FILE.edf.codes. FILE.codes can hold the codes of a
+    // recording FILE with any known extension.
     let place = original.join(&job.name).with_extension("");
     let others = RECORDINGS.map(|extension| place.with_added_extension(extension));
     let mut files = std::iter::once(place).chain(others);

@@ -60,7 +60,7 @@ pub enum FaultError {
     /// The word before `@` or `:` is not a kind of fault; holds the word.
     #[error("'{0}' is no kind of fault; the kinds are {KINDS}")]
     NoKind(String),
-    /// The fault needs a chip, and the place is none of the model's chips; holds the place.
+    /// The fault needs a chip, but the model has no chip of this name; holds the name.
     #[error("'{0}' is no chip; write chip0 or another below chip{CHIPS}")]
     NoChip(String),
     /// The place of a `lead-off` is not an electrode of the model; holds the place.
@@ -129,7 +129,7 @@ impl Fault {
         samples / f64::from(model::ADC_RATE_HZ)
     }
 
-    /// Returns whether the fault changes the number of samples that the driver reads in a period.
+    /// Returns whether the fault doubles the number of samples that the driver reads in a period.
     pub(crate) fn doubles_rate(&self) -> bool {
         self.changes.0 == Change::Inject(0, simulation::Fault::DoubleRate)
     }

@@ -8,14 +8,14 @@ use recordings::{Missing, Recording};
 /// Prints a table of signals and events, then how the recording fits the montage.
 ///
 /// # Errors
-/// That of `host-sim run` and `host-sim encode`, if they would refuse the recording.
+/// The error with which `host-sim run` and `host-sim encode` refuse the recording, if they do.
 pub(crate) fn inspect(file: &Path) -> Result<(), Box<dyn Error>> {
     let mut recording = Recording::open(file)?;
     let mut text = format!("{}: ", file.display());
     describe(&mut recording, &mut text)?;
     new_file::print(text)?;
     let played = Played::open(file, Missing::Interpolate);
-    // The warnings of what is refused are known only to the recording.
+    // If the recording is refused, only the recording itself holds its warnings.
     let warnings = match &played {
         Ok(played) => played.warnings.clone(),
         Err(_) => recording
@@ -35,8 +35,8 @@ pub(crate) fn inspect(file: &Path) -> Result<(), Box<dyn Error>> {
 }
 
 /// Appends format, length, signals and events of a recording to `text`. Each event has its time
-/// from the first sample on, by which every program places it, and, if the file states another
-/// time, that too.
+/// since the first sample, at which every program places it, and the time that the file states if
+/// it differs.
 fn describe(recording: &mut Recording, text: &mut String) -> Result<(), Box<dyn Error>> {
     writeln!(text, "{}", recording.format())?;
     let (seconds, records) = (recording.duration_s(), recording.records());

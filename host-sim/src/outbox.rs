@@ -67,8 +67,8 @@ const CAPACITY: usize = 4 * CODE_RATE;
 /// that the frequent raw frames do not displace the codes during a pause.
 const MAX_AGE: Duration = Duration::from_secs(4);
 
-/// Largest number of queued frames in real time: those of all streams in 4.5 s, about 0.5 MB, so
-/// that [`MAX_AGE`] is reached first.
+/// Largest number of queued frames in real time: as many as all streams make in 4.5 s, about 0.5
+/// MB, so that [`MAX_AGE`] is reached first.
 const MAX_FRAMES: usize = FRAME_RATE * 9 / 2;
 
 impl Outbox {
@@ -90,7 +90,7 @@ impl Outbox {
     }
 
     /// Waits for room in the queue, at most `timeout`, and returns true if there is room. With
-    /// [`WhenFull::DropOldest`] there always is.
+    /// [`WhenFull::DropOldest`] there is always room.
     pub fn wait_for_room(&self, timeout: Duration) -> bool {
         let full = |queue: &Queue| queue.frames.len() >= CAPACITY && !queue.closed;
         self.when_full == WhenFull::DropOldest || self.wait_while(timeout, full)
@@ -174,15 +174,15 @@ impl Outbox {
         self.lock().drop_frames(1);
     }
 
-    /// Returns whether a frame could not be written because the reader of a pipe has closed it.
+    /// Returns whether a frame could not be written because the reader has closed the pipe.
     pub fn reader_has_left(&self) -> bool {
         let queue = self.lock();
         let failure = queue.failure.as_ref().map(io::Error::kind);
         failure == Some(io::ErrorKind::BrokenPipe)
     }
 
-    /// Returns the error of the first frame that could not be written; `None` if there was no such
-    /// frame, and from the second call on.
+    /// Returns the error of the first frame that could not be written. Returns `None` if there was
+    /// no such frame, and from the second call on.
     pub fn take_failure(&self) -> Option<io::Error> {
         self.lock().failure.take()
     }

@@ -19,7 +19,7 @@ pub(crate) struct Failed {
 }
 
 pub(crate) fn rehearse_all(options: &ScenarioOptions) -> Result<(), Box<dyn Error>> {
-    // All files are read first: a mistake in the last one shows before hours of the others.
+    // Read all files first: a mistake in the last one shows before the others run for hours.
     let scenarios: Result<Vec<Scenario>, _> = options
         .files
         .iter()

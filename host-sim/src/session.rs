@@ -40,7 +40,7 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
 /// counts as failed. A disk that must first spin up takes less.
 const STALL_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Longest wait, for a command or for room in the outbox, before the stop flag is checked again.
+/// Time limit for each wait for a command, or for room in the outbox; then `stop` is checked again.
 const IDLE_POLL: Duration = Duration::from_millis(20);
 
 /// Configuration of a run of the virtual board.
@@ -50,7 +50,7 @@ pub struct Session {
     pub output: Output,
     /// Which existing files an output that is a file may replace.
     pub file_rules: FileRules,
-    /// Streams that an output that is a file receives. A host selects its own streams.
+    /// Streams that go to an output that is a file. A host selects its streams itself.
     pub streams: Streams,
     /// Real time or virtual time; decides whether a slow host loses frames or delays the board.
     pub pace: Pace,
@@ -93,7 +93,7 @@ pub enum SessionError {
         #[source]
         source: io::Error,
     },
-    /// The complete file could not be moved from its temporary name to that of the output.
+    /// The complete file could not be moved from its temporary name to the output's name.
     #[error(transparent)]
     Finish(#[from] NewFileError),
     /// The rest of the recording could not be read; the samples before the error were processed and

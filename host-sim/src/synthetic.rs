@@ -8,8 +8,8 @@
 //! does not change the others. The dipoles are drawn from the seed, and the potentials at an
 //! electrode do not depend on the other electrodes.
 //!
-//! A dipole's potential is that on a sphere of brain, skull and scalp (`head`), against the mean of
-//! both ear lobes. Compared with a recording of the same 61 electrodes
+//! A dipole's potential is computed on a sphere of brain, skull and scalp (`head`), against the
+//! mean of both ear lobes. The table compares it with a recording of the same 61 electrodes
 //! (`files/montages/ten-ten-61.toml`) against the same reference, both within 0.5-60 Hz, with alpha
 //! and blinks, seeds 1, 2, 3 and 7 over 120 s:
 //!

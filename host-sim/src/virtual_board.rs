@@ -126,7 +126,7 @@ impl VirtualBoard {
         self
     }
 
-    /// Sets the impedances of the electrodes; those that no contact names have 5 kOhm.
+    /// Sets the electrodes' impedances. Electrodes that `contacts` does not name have 5 kOhm.
     #[must_use]
     pub fn with_contacts(mut self, contacts: &[Contact]) -> Self {
         self.converters.set_impedances(&impedances(contacts));
@@ -134,7 +134,7 @@ impl VirtualBoard {
     }
 
     /// Captures an edge of the trigger input that happens at `at_us` and precedes the next sample.
-    /// A board has either such edges or those of [`Self::with_trigger`].
+    /// Not for a board with a trigger from [`Self::with_trigger`].
     pub fn capture_edge(&mut self, kind: EventKind, at_us: u64) {
         self.captured.push_back(CapturedEvent {
             kind,
@@ -193,8 +193,7 @@ impl VirtualBoard {
     }
 
     /// Restarts the board as a reset does, for the reason `cause`. The converters keep their state
-    /// but for the excitation.
-    /// Frames in the outbox are still sent.
+    /// except for the excitation. Frames in the outbox are still sent.
     pub fn restart(&mut self, cause: ResetCause, now_us: u64) {
         let outbox = self.sender.queue().clone();
         self.identity.session_id = self.identity.session_id.wrapping_add(1);

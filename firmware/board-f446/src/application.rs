@@ -37,9 +37,9 @@ bind_interrupts!(struct UartIrqs {
     DMA1_STREAM5 => dma::InterruptHandler<DMA1_CH5>;
 });
 
-/// Clocks at the HSE input from which all others can be derived. The NUCLEO-F446RE's ST-LINK has no
-/// other one (UM1724, section 6.7.1), so the range allows for the 8 % of a warm or cold HSI (as of
-/// the STM32F407, DS8626).
+/// Clocks at the HSE input from which all others can be derived. The NUCLEO-F446RE's ST-LINK
+/// supplies only this one (UM1724, section 6.7.1). The range is wide because HSI, which measures
+/// it, is off by up to 8 % when warm or cold (as on the STM32F407, DS8626).
 const SOURCES: &[KnownClock] = &[(ClockSource::StLink, 7_360_000..=8_640_000)];
 
 #[entry]

@@ -14,9 +14,9 @@ use firmware::deadlines::priority;
 /// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0433, RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 64_000_000;
 
-/// Clocks at the HSE input from which [`config`] can derive all others. HSI is exact to 1.5 %
-/// (DS12110, section 7.3.9), and so is the range of the crystal's clock; the other one is an RC
-/// oscillator too. What lies between them could be either.
+/// Clocks at the HSE input from which [`config`] can derive all others. HSI, which measures them,
+/// is accurate to 1.5 % (DS12110, section 7.3.9), hence the crystal's range; the RC oscillator's
+/// range is wider. A frequency between the two ranges could be either clock and counts as neither.
 pub(crate) const SOURCES: &[KnownClock] = &[
     (ClockSource::StLink, 7_760_000..=8_160_000),
     (ClockSource::StLinkCrystal, 8_200_000..=8_470_000),
@@ -42,11 +42,11 @@ pub(crate) fn config(source: ClockSource) -> Config {
         ..
     } = inputs;
     // The core's clock is 960 MHz / 2 = 480 MHz: the maximum of the chip's revision V, at the
-    // highest core voltage (DS12110, section 7.3.1). 960 MHz / 20 = 48 MHz clocks USB and the random
-    // number generator, and is as accurate as the source. The alternative for USB, the oscillator
-    // HSI48, is exact to some per cent without the unit CRS. embassy-stm32 0.6.0 synchronises CRS to
-    // USB1, and PA11 and PA12 belong to USB2 (RM0433, CRS_CFGR, SYNCSRC); the errata name the
-    // synchronisation by USB for some revisions (ES0392, section 2.2.3).
+    // highest core voltage (DS12110, section 7.3.1). 960 MHz / 20 = 48 MHz clocks USB and the
+    // random number generator, and is as accurate as the source. The alternative for USB, the
+    // oscillator HSI48, is accurate only to a few per cent without the unit CRS. embassy-stm32
+    // 0.6.0 synchronises CRS to USB1, but PA11 and PA12 belong to USB2 (RM0433, CRS_CFGR, SYNCSRC);
+    // for some revisions the errata list the synchronisation by USB (ES0392, section 2.2.3).
     rcc.pll1 = Some(Pll {
         source,
         prediv,
@@ -66,8 +66,8 @@ pub(crate) fn config(source: ClockSource) -> Config {
     rcc.apb2_pre = APBPrescaler::DIV2;
     rcc.apb3_pre = APBPrescaler::DIV2;
     rcc.apb4_pre = APBPrescaler::DIV2;
-    // SPI's clock is 512 MHz / 20 = 25.6 MHz. For registers, SPI divides it by 256 to 100 kHz, and
-    // for bursts by 2 to 12.8 MHz, which is 136 us per sample.
+    // SPI's input clock is 512 MHz / 20 = 25.6 MHz. SPI divides it by 256 for registers (100 kHz)
+    // and by 2 for bursts (12.8 MHz, 136 us per sample).
     rcc.pll2 = Some(Pll {
         source,
         prediv,
@@ -81,12 +81,12 @@ pub(crate) fn config(source: ClockSource) -> Config {
     config
 }
 
-/// Input of the PLLs, and the factors with which PLL1 makes 960 MHz and PLL2 512 MHz of it.
+/// Input clock of the PLLs, and the factors by which PLL1 raises it to 960 MHz and PLL2 to 512 MHz.
 struct Inputs {
     source: PllSource,
     prediv: PllPreDiv,
-    /// Frequency of HSE for which embassy computes exactly 960 MHz, Hz: it computes with whole hertz
-    /// and single precision, and with 1 Hz less the timers' 240 MHz become 239.
+    /// Frequency of HSE that embassy is told, Hz, so that it computes exactly 960 MHz. embassy uses
+    /// whole hertz and single precision: with 1 Hz less, the timers' 240 MHz would become 239.
     hse_hz: Option<u32>,
     pll1: Factor,
     pll2: Factor,

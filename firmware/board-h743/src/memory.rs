@@ -34,10 +34,10 @@ const SRAM1: u32 = 0x3000_0000;
 /// bytes, normal memory, shared and not cached (TEX 001, C 0, B 0, S 1), readable and writable,
 /// never executed (ARM DDI 0403, B3.5.9).
 const SRAM1_UNCACHED: u32 = 1 << 28 | 0b011 << 24 | 0b001 << 19 | 1 << 18 | 16 << 1 | 1;
-/// Value of RASR for all memory, 4 GB: no access, never executed, strongly ordered (TEX 000, C 0,
-/// B 0, S 1), without the sub-regions of 512 MB 0, 1, 2 and 7. It forbids 0x6000_0000 to
-/// 0xDFFF_FFFF, where no memory is fitted and the core would otherwise read speculatively (Arm DDI
-/// 0489 on the Cortex-M7; erratum 1013783; as in the examples of ST's STM32CubeH7).
+/// Value of RASR for all memory, 4 GB: no access, never executed, strongly ordered (TEX 000, C 0, B
+/// 0, S 1). The sub-regions 0, 1, 2 and 7, of 512 MB each, are excluded. What remains, 0x6000_0000
+/// to 0xDFFF_FFFF, has no memory, and the core would otherwise read it speculatively (Arm DDI 0489
+/// on the Cortex-M7; erratum 1013783; as in the examples of ST's STM32CubeH7).
 const NOTHING_FITTED: u32 = 1 << 28 | 1 << 18 | 0x87 << 8 | 31 << 1 | 1;
 /// Start address of the system memory, with the boot loader.
 const SYSTEM_MEMORY: u32 = 0x1FF0_0000;
@@ -59,7 +59,7 @@ pub(crate) fn init(mut core: Peripherals) -> (&'static mut DmaMemory, &'static m
     let _ = RCC.ahb2enr().read();
     // SAFETY: no MPU region is in use, and the caches are still off.
     unsafe { core.MPU.ctrl.write(0) };
-    // The higher of two regions that overlap counts.
+    // Where two regions overlap, the region with the higher number applies.
     for (region, start, attributes) in [
         (0, 0, NOTHING_FITTED),
         (1, SRAM1, SRAM1_UNCACHED),
@@ -69,8 +69,8 @@ pub(crate) fn init(mut core: Peripherals) -> (&'static mut DmaMemory, &'static m
         unsafe { core.MPU.rnr.write(region) };
         // SAFETY: the MPU is off; the address is a multiple of the region's size.
         unsafe { core.MPU.rbar.write(start) };
-        // SAFETY: the MPU is off; no code and no variable is where they forbid access, and no code
-        // of this program in SRAM1 or the system memory.
+        // SAFETY: the MPU is off; the regions forbid access only where no code and no variable is,
+        // and execution only where this program has no code.
         unsafe { core.MPU.rasr.write(attributes) };
     }
     // SAFETY: all regions are complete; all other memory keeps its default attributes.
@@ -91,7 +91,7 @@ pub(crate) fn init(mut core: Peripherals) -> (&'static mut DmaMemory, &'static m
         });
     }
     let slot = MODEL_SLOT.get();
-    // Cleared in place: as a value it would need four times the stack.
+    // Cleared in place: a temporary slot, 258 KB, would not fit on the stack.
     // SAFETY: `slot` points to AXI SRAM, and no reference to this memory exists yet.
     unsafe { slot.write_bytes(0, 1) };
     // SAFETY: `memory` is initialised above. This is the only reference to it, because `init`

@@ -4,8 +4,8 @@ use embassy_stm32::pac::{DBGMCU, RCC};
 use link::ResetCause;
 
 /// Returns the cause of the last reset and clears the reset flags (RM0433, RCC_RSR). One reset can
-/// set several flags: one by the watchdog or by software also sets the reset pin's flag, and
-/// power-on that of the brown-out reset. The more specific flag is therefore tested first.
+/// set several flags: a reset by the watchdog or by software also sets the reset pin's flag, and
+/// power-on also sets the brown-out flag. The more specific flag is therefore tested first.
 pub(crate) fn take_cause() -> ResetCause {
     let flags = RCC.rsr().read();
     RCC.rsr().modify(|flags| flags.set_rmvf(true));

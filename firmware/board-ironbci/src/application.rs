@@ -26,8 +26,8 @@ bind_interrupts!(struct UartIrqs {
     DMA1_STREAM0 => dma::InterruptHandler<DMA1_CH0>;
 });
 
-/// Clock at the HSE pins: a crystal of 8 MHz. The range allows for the 8 % of a warm or cold HSI
-/// (DS8626), against which the crystal is measured.
+/// Clock at the HSE pins: a crystal of 8 MHz. The range is wide because HSI, against which the
+/// crystal is measured, is off by up to 8 % when warm or cold (DS8626).
 const SOURCES: &[KnownClock] = &[(ClockSource::Crystal, 7_360_000..=8_640_000)];
 
 #[entry]
@@ -71,7 +71,7 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
         Irqs,
         Bus::config(),
     );
-    // START is at PD11 and, through 0 Ohm, at ground: PD11 stays an input.
+    // START is connected to PD11 and, through 0 Ohm, to ground: PD11 stays an input.
     let wires = Wires::without_start_and_reset(
         Bus::new(spi, SPI_BUFFER.take()),
         [parts.select0.into()],

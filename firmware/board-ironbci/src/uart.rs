@@ -1,4 +1,4 @@
-//! UART5, the port to the host, at the header J2.6.
+//! UART5, the port to the host, on header J2.6.
 
 use board_stm32::{Uart, stm32f4::uart};
 use embassy_stm32::{interrupt::Interrupt, pac, peripherals};

@@ -22,8 +22,8 @@ use crate::semihosting::{Arguments, HostFile};
 use crate::uart::{self, Receiver, Transmitter};
 use crate::{commands, drdy, time_driver, trigger};
 
-/// Time for the last frames, from the end of the file of samples to the end of the emulation.
-/// Shorter than the watchdog's period, because the watchdog is not fed while there are no samples.
+/// Time between the end of the file of samples and the end of the emulation, for sending the last
+/// frames. Shorter than the watchdog's period, because nothing feeds the watchdog without samples.
 const DRAIN_TIMEOUT: Duration = Duration::from_millis(60);
 
 static MEMORY: Memory<BothEncoders> = Memory::new(BothEncoders::EMPTY);

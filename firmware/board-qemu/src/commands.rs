@@ -1,5 +1,5 @@
-//! Commands of a simulated host, read from a file and delivered at fixed device times. So they
-//! arrive at the same times in every emulation; those from a pipe would depend on the PC.
+//! Commands of a simulated host, read from a file and delivered at fixed device times. They arrive
+//! at the same times in every emulation; commands from a pipe would arrive when the PC sends them.
 
 use embassy_time::{Instant, Timer};
 

@@ -85,7 +85,7 @@ pub(crate) struct Edge {
     pub(crate) us: u64,
     /// Time of the edge on the free-running timer, ticks; wraps.
     pub(crate) ticks: u32,
-    /// Number of missed edges: those between this edge and the one that the previous call returned.
+    /// Number of edges that were missed between the previous call's edge and this one.
     pub(crate) missed: u64,
 }
 

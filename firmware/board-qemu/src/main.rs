@@ -12,8 +12,8 @@
 //! | Argument | Effect |
 //! | --- | --- |
 //! | `start` | streams codes without a command from the host |
-//! | `start-all` | starts all streams but packed blocks without a command from the host |
-//! | `start-packed` | starts all streams that need no network without a command from the host |
+//! | `start-all` | starts, without a command from the host, all streams except packed blocks |
+//! | `start-packed` | starts, without a command from the host, all streams that need no network |
 //! | `commands` | delivers the commands in the file `commands::COMMANDS` at their times |
 //! | `trigger` | applies the edges in the file `trigger::EDGES` to the trigger input |
 #![cfg_attr(target_os = "none", no_std)]

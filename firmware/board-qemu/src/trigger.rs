@@ -40,9 +40,9 @@ pub(crate) fn start(file: HostFile, origin: u64) {
     });
 }
 
-/// Returns the edge that is due, and its device time in microseconds. The time is the one in the
-/// file, so an interrupt that runs late does not change it. Called when the second half of the dual
-/// timer expires.
+/// Returns the edge that is due, and its device time in microseconds. The time comes from the file,
+/// so an interrupt that runs late does not change it. Called when the second half of the dual timer
+/// expires.
 pub(crate) fn take_edge() -> Option<(EventKind, u64)> {
     DUAL_TIMER_SECOND.write(dual_timer::CLEAR, 1);
     critical_section::with(|section| {

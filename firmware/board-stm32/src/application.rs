@@ -142,14 +142,15 @@ fn self_test() -> &'static mut SelfTest<CHIPS> {
 pub fn start_watchdog(watchdog: pac::iwdg::Iwdg) {
     watchdog.kr().write(|key| key.set_key(Key::START));
     watchdog.kr().write(|key| key.set_key(Key::ENABLE));
-    // The counter keeps the reload value of a reset, 0xFFF.
+    // The reload register keeps its value after a reset, 0xFFF.
     watchdog
         .pr()
         .write(|prescaler| prescaler.set_pr(Pr::DIVIDE_BY32));
 }
 
-/// Feeds the running watchdog while all tasks make progress. Its period is that of the start-up
-/// until every task has made progress once: bringing up the converters takes more than a second.
+/// Feeds the running watchdog while all tasks make progress. The period stays at
+/// [`deadlines::START_UP`] until every task has made progress once, because bringing up the
+/// converters takes more than a second.
 pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     let mut stopped = Some(watchdog);

@@ -48,19 +48,19 @@ pub const HSE_DIVIDER: u8 = 16;
 /// Periods of HSE between two captures.
 const CAPTURE_PERIODS: u32 = 8 * HSE_DIVIDER as u32;
 
-/// Captures of a measurement, which takes 0.3 ms at 8 MHz.
+/// Number of captures per measurement; all of them take 0.3 ms at 8 MHz.
 const CAPTURES: u32 = 16;
 
-/// Polls after which a capture counts as missing; one takes at least a cycle of the core.
+/// Number of polls after which a capture counts as missing. Each takes at least one core cycle.
 const CAPTURE_POLLS: u32 = 100_000;
 
 /// Clock at the HSE input from which a board can derive all others, and the frequencies in Hz, as
 /// measured by the chip's own oscillator, at which it counts as this clock.
 pub type KnownClock = (ClockSource, RangeInclusive<u32>);
 
-/// Longest wait for the clock at the HSE input, ms. The ST-LINK's clock starts with the ST-LINK's
-/// own firmware, whose start-up time is not specified. Only a board without a clock waits for the
-/// whole time.
+/// Time limit for the clock at the HSE input to start, ms. The ST-LINK's clock starts with the
+/// ST-LINK's own firmware, whose start-up time is not specified. Only a board without a clock waits
+/// for the whole time.
 const TIMEOUT_MS: u32 = 500;
 
 impl ClockSource {
@@ -91,7 +91,7 @@ impl ClockSource {
         source
     }
 
-    /// Returns the source among `known` to whose range the measured frequency belongs.
+    /// Returns the source in `known` whose range contains the measured frequency, or `OtherClock`.
     fn of_frequency(measured_hz: Option<u32>, known: &[KnownClock]) -> Self {
         let is_it = |(_, range): &&KnownClock| measured_hz.is_some_and(|hz| range.contains(&hz));
         known
@@ -134,13 +134,13 @@ impl ClockSource {
     }
 }
 
-/// Measures HSE against the timer's clock of `timer_hz`, and returns its frequency in Hz, to a
-/// count in an interval between captures (0.1 % at 64 MHz, 0.4 % at 16 MHz); `None` if a capture is
-/// missing. The shortest interval counts: others are longer if nobody polled in time.
+/// Measures HSE against the timer's clock of `timer_hz`. Returns its frequency in Hz, with a
+/// resolution of one count per interval between captures (0.1 % at 64 MHz, 0.4 % at 16 MHz); `None`
+/// if a capture is missing. Uses the shortest interval, because a late poll lengthens one.
 fn measure(timer_hz: u32, timer: &mut impl HseTimer) -> Option<u32> {
     timer.start();
     let mut next = || (0..CAPTURE_POLLS).find_map(|_| timer.capture());
-    // The first capture can be left from before the start, and the second end a short interval.
+    // Start from the second capture: the first can date from before the start of the timer.
     let mut last = next().and_then(|_| next());
     let mut shortest = None;
     for _ in 0..CAPTURES {
@@ -148,7 +148,7 @@ fn measure(timer_hz: u32, timer: &mut impl HseTimer) -> Option<u32> {
         let interval = last
             .zip(count)
             .map(|(last, count)| count.wrapping_sub(last));
-        // A missing capture is less than any interval.
+        // `None`, a missing capture, is less than any interval, so the minimum keeps it.
         shortest = shortest.map_or(Some(interval), |shortest| Some(interval.min(shortest)));
         last = count;
     }
@@ -191,12 +191,12 @@ mod tests {
         assert_eq!(waited(u32::MAX), (TIMEOUT_MS, false));
     }
 
-    /// Timer of `timer_hz` at which HSE has `hse_hz`.
+    /// Simulated timer with a clock of `timer_hz`, which captures edges of an HSE of `hse_hz`.
     struct Captures {
         timer_hz: u64,
         hse_hz: u64,
         number: u64,
-        /// Capture that comes while nobody polls.
+        /// Number of the capture that comes while nobody polls.
         lost: u64,
     }
 

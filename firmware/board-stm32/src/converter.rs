@@ -119,7 +119,7 @@ impl Wires {
     }
 }
 
-/// Returns the chip selects of the chain, deselected: the board's first ones.
+/// Returns the chip selects of the chain, deselected: the first ones of the board.
 fn chain_selects<const SELECTS: usize>(selects: [Peri<'static, AnyPin>; SELECTS]) -> [Line; CHIPS] {
     const {
         assert!(

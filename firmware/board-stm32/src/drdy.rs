@@ -30,7 +30,7 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Handles a falling edge of DRDY; called by its interrupt, the most urgent after the time
+/// Handles a falling edge of DRDY. Called by DRDY's interrupt, the most urgent one after the time
 /// driver's.
 ///
 /// # Timing

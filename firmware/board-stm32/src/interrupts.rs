@@ -38,7 +38,7 @@ pub fn nvic_priority(level: u8) -> Priority {
 /// # Panics
 /// On the second call.
 pub fn init_chip(config: Config) -> Peripherals {
-    // In this critical section, leaving those of embassy's `init` does not enable interrupts.
+    // Interrupts stay disabled in this section, even when embassy's `init` leaves its own ones.
     critical_section::with(|_| {
         let peripherals = embassy_stm32::init(config);
         // Writing 0 clears the flags of this register (RM0433, RM0390 and RM0090, TIMx_SR).

@@ -1,5 +1,5 @@
-//! What the boards with a chip of the family STM32F4 share: clocks, the timer at the HSE input, the
-//! cause of a reset, registers of a UART, and a number for the session.
+//! Code that all boards with an STM32F4 share: clocks, the timer at the HSE input, the cause of a
+//! reset, registers of a UART, and the session id.
 
 mod clocks;
 mod hse_timer;

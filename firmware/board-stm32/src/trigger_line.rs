@@ -48,7 +48,7 @@ impl TriggerLine {
     }
 
     /// Returns the new edge that a level and a stamp show, or `None` if both are unchanged. `stamp`
-    /// is that of the latest edge, which must be less than 32 ms before or after `now_us`.
+    /// belongs to the latest edge, which must be less than 32 ms before or after `now_us`.
     ///
     /// Rising and falling edges alternate, so a new stamp with an unchanged level means that
     /// another edge in between was lost.

@@ -11,8 +11,8 @@ const RANGES: [(&str, &str); 3] = [
     ("__suninit", "__euninit"),
 ];
 
-/// Sections with a region of their own, on a board that has the region: the DMA's buffers, where
-/// the DMA cannot reach all RAM, and the memory for an uploaded model.
+/// Sections that must be in a region of their own if the board has this region: the DMA's buffers,
+/// where the DMA cannot reach all RAM, and the memory for an uploaded model.
 const PLACES: [(&str, &str); 2] = [(".dma", "SRAM1"), (".slot", "AXI")];
 
 /// Returns one sentence for each symbol or section that is missing or is not where `regions`

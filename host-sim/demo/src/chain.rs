@@ -16,12 +16,12 @@ use crate::run::{Received, Run};
 
 /// Rate at which the board makes codes, Hz.
 const CODE_RATE_HZ: u64 = model::STEP_RATE_HZ as u64 / model::HOP as u64;
-/// Longest permitted time between two codes while the board runs: 80 times the normal 62.5 ms.
+/// Time limit for the next code while the board runs: 80 times the normal 62.5 ms.
 const SILENCE: Duration = Duration::from_secs(5);
-/// Longest permitted time, on a busy machine, for the bridge to announce its topics and for the
-/// first code to arrive.
+/// Time limit for the bridge to announce its topics and for the first code to arrive, enough on a
+/// busy machine.
 const START: Duration = Duration::from_secs(20);
-/// Time without a further code after which the run ends, once the board has ended.
+/// After the board has ended, the run ends if no further code arrives for this time.
 const STRAGGLERS: Duration = Duration::from_millis(700);
 /// Number of messages that each subscription can queue while the progress bar is drawn.
 const QUEUE: usize = 64;

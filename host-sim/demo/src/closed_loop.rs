@@ -27,16 +27,16 @@ use offline::Reference;
 /// What to play, and how.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// A recording whose events are the cues, and the classifier between them, a file of `trainer
-    /// classify`. `None` makes three recordings of synthetic EEG from the seed, fits a classifier
-    /// to two of them, and plays the third.
+    /// Paths of a recording whose events are the cues, and of a classifier from `trainer classify`.
+    /// If `None`, three recordings of synthetic EEG are made from the seed, a classifier is fitted
+    /// to two of them, and the third is played.
     pub own: Option<[PathBuf; 2]>,
     /// Mains frequency that the device's notch removes.
     pub mains: Mains,
     /// Seed of the synthetic EEG.
     pub seed: u64,
-    /// Whether the recording is played as fast as board and bridge can, without latencies, instead
-    /// of in real time.
+    /// Whether the recording is played as fast as board and bridge can, instead of in real time;
+    /// latencies are then not measured.
     pub fast: bool,
 }
 
@@ -49,15 +49,15 @@ pub struct Trial {
     pub cue_s: f64,
     /// Number of the hop, from 1, with which the trial ends.
     hop: usize,
-    /// Index of the class that was decided at the end of the trial; `None` without a decision: the
-    /// filters had not settled, the signals were not usable, or the recording ended before.
+    /// Index of the class that was decided at the end of the trial. `None` if nothing was decided:
+    /// the filters had not settled, the signals were not usable, or the recording ended before.
     pub decision: Option<usize>,
 }
 
-/// What came of a closed loop.
+/// Results of a closed loop.
 #[derive(Debug)]
 pub struct Outcome {
-    /// What decided.
+    /// The classifier that decided.
     pub classifier: Classifier,
     /// File name of the recording.
     recording: String,
@@ -68,11 +68,13 @@ pub struct Outcome {
     pub received: Vec<Received>,
     /// Number of hops in the recording.
     pub hops: usize,
-    /// Number of predictions that equal those of the classifier's integers offline, bit for bit.
+    /// Number of predictions that equal, bit for bit, the predictions of the offline integer
+    /// pipeline.
     pub equal: usize,
 }
 
-/// Runs a closed loop with the programs in the folder `programs`, and draws it into `pictures`.
+/// Runs a closed loop with the programs in the folder `programs`. Draws it into the folder
+/// `pictures`, unless that is `None`.
 ///
 /// # Errors
 /// A file cannot be used or written, or a program does not start, fails or stays silent.
@@ -164,7 +166,7 @@ fn filter_delay_s(mains: Mains) -> f64 {
 }
 
 impl Outcome {
-    /// Returns the numbers of trials with the right decision, and with any.
+    /// Returns the numbers of trials with the right decision, and with any decision.
     pub fn right_and_decided(&self) -> [usize; 2] {
         let decided = self.trials.iter().filter(|trial| trial.decision.is_some());
         let right = decided
@@ -173,7 +175,8 @@ impl Outcome {
         [right.count(), decided.count()]
     }
 
-    /// Returns the part of the decided trials in which naming the most frequent cue would be right.
+    /// Returns the chance level: the fraction of the decided trials that have the most frequent
+    /// cue.
     fn chance(&self) -> f64 {
         let decided = self.trials.iter().filter(|trial| trial.decision.is_some());
         let of = |class: usize| decided.clone().filter(|trial| trial.class == class).count();
@@ -181,7 +184,7 @@ impl Outcome {
         ratio(most.unwrap_or(0), decided.clone().count())
     }
 
-    /// Returns an error if a prediction is missing, or differs from that of the integers offline.
+    /// Returns an error if a prediction is missing, or differs from the offline prediction.
     ///
     /// # Errors
     /// [`Failure`] in these cases.

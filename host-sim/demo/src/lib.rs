@@ -65,7 +65,7 @@ pub fn demo(seconds: u32, seed: u64, programs: &Path) -> Result<(), Failure> {
     Err(Failure::check("the demo", why, next))
 }
 
-/// Runs `what` with a temporary folder, until it ends or the user presses Ctrl-C.
+/// Runs `what` with a temporary folder, until `what` ends or the user presses Ctrl-C.
 fn in_a_folder<T>(what: impl AsyncFnOnce(&Path) -> Result<T, Failure>) -> Result<T, Failure> {
     let folder = tempfile::tempdir().map_err(|error| {
         let next = "is the disk full? is TMPDIR writable?";
@@ -102,7 +102,7 @@ pub struct Failure {
     /// Exit status: 1 if a check failed, 2 if a file is missing, 3 if one of the programs did not
     /// start or did not answer, 130 after Ctrl-C.
     pub status: u8,
-    /// What failed, why, and what the user can do next.
+    /// Text that states what failed, why, and what the user can do next.
     pub message: String,
 }
 

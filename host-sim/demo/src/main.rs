@@ -14,7 +14,7 @@ fn main() -> ExitCode {
     let words: Vec<OsString> = std::env::args_os().skip(1).collect();
     let program = std::env::current_exe().unwrap_or_default();
     let programs = program.parent().unwrap_or(Path::new("."));
-    // Only paths can be something else than text.
+    // Only paths can be something other than UTF-8; such a word becomes an empty text here.
     let texts: Vec<&str> = words
         .iter()
         .map(|word| word.to_str().unwrap_or_default())
@@ -62,7 +62,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs the closed loop, and prints what came of it.
+/// Runs the closed loop, and prints its results.
 fn run_loop(options: &Options, programs: &Path) -> Result<(), Failure> {
     let folder = programs.with_file_name("loop");
     let outcome = closed_loop::run(options, programs, Some(&folder))?;

@@ -29,7 +29,7 @@ pub(crate) struct Program {
 
 impl Program {
     /// Starts the program at `path`. Its stderr goes to a file in `logs`, and so does its stdout
-    /// unless `stdout` has another place for it.
+    /// unless `stdout` is another destination.
     pub(crate) fn start(
         path: &Path,
         arguments: &[&str],
@@ -41,7 +41,7 @@ impl Program {
         let start = || -> io::Result<Child> {
             let file = File::create(&log)?;
             let mut command = Command::new(path);
-            // The options of the user's own programs are not meant for this one.
+            // The user has set these variables for programs of their own, not for this one.
             for (name, _) in env::vars_os() {
                 if name.to_string_lossy().starts_with("CORTICODE_") {
                     command.env_remove(name);

@@ -14,7 +14,7 @@ use pipeline::Mains;
 /// Pass band of the filters: lower and upper corner frequency, Hz.
 pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
 
-/// Lowest magnitude of the chart, dB; lower ones are drawn at this one.
+/// Lowest magnitude of the chart, dB; lower magnitudes are drawn at this level.
 const LOWEST_DB: f64 = -120.0;
 /// Number of points in a curve, evenly spaced over the logarithm of the frequency.
 const POINTS: u32 = 600;
@@ -122,7 +122,7 @@ fn marks([low, high]: [f64; 2]) -> [Series; 2] {
 
 /// Height of the impulse, Q27.5: twice the ADC's full scale, so that rounding is small relative to
 /// the response. No intermediate value of the filters wraps: each has room for 8 times full scale,
-/// and even the worst input within full scale drives none beyond 6.8 times full scale
+/// and even the worst input within full scale drives no value beyond 6.8 times full scale
 /// (signal/model/manifest.txt). A single impulse, even of twice full scale, drives them far less.
 const IMPULSE: i32 = 1 << 29;
 /// Length of the recorded response, s. The slowest poles decay at 0.96 / s, so after 10 s they have
@@ -260,7 +260,7 @@ mod tests {
         assert!(notch.is_some_and(|[_, db, _]| *db < -60.0), "{notch:?}");
     }
 
-    /// The reference values are those of `scipy.signal.freqz` for `butter(5, [0.5, 60], 'bandpass',
+    /// The reference values come from `scipy.signal.freqz` for `butter(5, [0.5, 60], 'bandpass',
     /// fs=512)` times `iirnotch(50, 30, 512)`.
     #[test]
     fn the_twin_is_scipys() {

@@ -115,11 +115,12 @@ pub(super) enum LineKind {
 #[serde(deny_unknown_fields, default)]
 pub(super) struct LineTable {
     pub(super) kind: LineKind,
-    /// Capacity, bytes per second; by default that of a UART at 921,600 baud, or 600 kB/s.
+    /// Capacity, bytes per second; by default 92,160 for a UART (921,600 baud), else 600,000.
     #[serde(deserialize_with = "some_positive")]
     pub(super) bytes_per_s: Option<f64>,
-    /// Time from the end of a frame on the line to its arrival at the host, milliseconds: the least
-    /// possible, and the most that is added to it. Most frames get less than a quarter of that.
+    /// Shortest time from the end of a frame on the line to its arrival at the host, and the
+    /// largest random addition to this time, milliseconds. Most frames get less than a quarter of
+    /// the addition.
     #[serde(deserialize_with = "not_negative")]
     pub(super) delay_ms: f64,
     #[serde(deserialize_with = "not_negative")]
@@ -143,7 +144,7 @@ impl LineTable {
         let of_kind = match self.kind {
             // 10 bits for each byte: start bit, eight bits, stop bit.
             LineKind::Uart => 92_160.0,
-            // A third of what bulk transfers of full speed can carry, shared with other devices.
+            // Half of what bulk transfers at full speed can carry: other devices share the bus.
             LineKind::Usb | LineKind::Tcp => 600_000.0,
         };
         self.bytes_per_s.unwrap_or(of_kind) / 1e6
@@ -160,7 +161,7 @@ pub(super) struct Noise {
     pub(super) frames_dropped: f64,
     #[serde(deserialize_with = "rate")]
     pub(super) frames_duplicated: f64,
-    /// Of chunks of up to 64 bytes, such as a packet of USB at full speed.
+    /// For chunks of up to 64 bytes, such as a packet of USB at full speed.
     #[serde(deserialize_with = "rate")]
     pub(super) chunks_dropped: f64,
     #[serde(deserialize_with = "rate")]
@@ -184,7 +185,7 @@ impl Default for Noise {
 }
 
 impl Noise {
-    /// Returns the names of the faults, and how often each takes place.
+    /// Returns the name and the rate of each fault.
     pub(super) fn rates(&self) -> [(&'static str, f64); 5] {
         [
             ("bit_errors", self.bit_errors),
@@ -205,7 +206,8 @@ pub(super) struct HostTable {
     pub(super) poll_ms: f64,
     /// Bytes that the host's driver keeps for a program that does not read.
     pub(super) buffer_bytes: usize,
-    /// Whether the bridge searches for the board (`--port auto`), or opens one port of fixed name.
+    /// Whether the bridge searches for the board (`--port auto`), or opens one port with a fixed
+    /// name.
     pub(super) port_auto: bool,
 }
 
@@ -220,7 +222,7 @@ impl Default for HostTable {
     }
 }
 
-/// What goes wrong at a stated time.
+/// Kind of a fault at a stated time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum FaultKind {
@@ -263,7 +265,7 @@ pub(super) struct ScheduledFault {
     pub(super) step_s: Option<f64>,
 }
 
-/// Largest values with which a scenario passes. What is not stated has a strict default.
+/// Largest values with which a scenario passes. A limit that the file omits has a strict default.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Limits {
@@ -283,7 +285,7 @@ pub(super) struct Limits {
     /// Largest error of the number of rows that fill interruptions, milliseconds.
     #[serde(deserialize_with = "not_negative")]
     pub(super) gap_error_ms: f64,
-    /// Most fillers on a topic, in parts of all its rows.
+    /// Largest fraction of fillers among all rows of a topic.
     #[serde(deserialize_with = "not_negative")]
     pub(super) fillers: f64,
     pub(super) lost_events: u64,
@@ -314,7 +316,7 @@ pub enum ScenarioError {
     /// The file cannot be read.
     #[error("{0} cannot be read; check the name")]
     Read(PathBuf, #[source] std::io::Error),
-    /// The file is no TOML, or a key or value is not one of a scenario.
+    /// The file is no TOML, or a key or value is not valid in a scenario.
     #[error("{0} is no scenario; docs/scenarios.md lists the keys")]
     Toml(PathBuf, #[source] Box<toml::de::Error>),
     /// Keys contradict each other.
@@ -324,7 +326,7 @@ pub enum ScenarioError {
         path: PathBuf,
         /// Number of the line, from 1.
         line: usize,
-        /// What contradicts what, and the remedy.
+        /// The contradiction, and how to remove it.
         what: String,
     },
 }
@@ -364,7 +366,8 @@ impl Scenario {
         self.duration_s
     }
 
-    /// Returns the stream that is announced; by default the first of those that are streamed.
+    /// Returns the announced stream; by default the first stream, in the order of the topics, that
+    /// runs.
     pub(super) fn announced(&self) -> AnnouncedStream {
         let mut topics = AnnouncedStream::TOPICS.iter().map(|(_, stream)| *stream);
         let first = topics.find(|stream| stream.is_in(self.streams));
@@ -372,7 +375,7 @@ impl Scenario {
     }
 
     /// Returns an error, and the offset in the file to which it belongs, if keys contradict each
-    /// other: above all, if a fault would not take place.
+    /// other, for example if a fault would not take place.
     fn check(&self) -> Result<(), (usize, String)> {
         let end = self.duration_s;
         for fault in &self.faults {
@@ -487,7 +490,7 @@ fn choice<'de, D: Deserializer<'de>, T: Choice>(from: D) -> Result<Option<T>, D:
         .map_err(D::Error::custom)
 }
 
-/// Returns the choice of this name.
+/// Returns the choice with this name, or an error that lists all names.
 fn named<T: Choice>(name: &str) -> Result<T, String> {
     let found = T::CHOICES.iter().find(|(choice, ..)| *choice == name);
     let names: Vec<&str> = T::CHOICES.iter().map(|(name, ..)| *name).collect();

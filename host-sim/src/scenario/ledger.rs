@@ -102,7 +102,7 @@ impl Ledger {
     }
 
     /// Returns the value `key` of the status `status` in the newest report to `/diagnostics`; 0 if
-    /// it has none.
+    /// there is no such value.
     pub(super) fn shown(&self, status: &str, key: &str) -> u64 {
         let mut statuses = self.diagnostics.status.iter();
         let status = statuses.find(|found| found.name.ends_with(status));
@@ -112,7 +112,8 @@ impl Ledger {
         number.unwrap_or_default()
     }
 
-    /// Returns a sentence about a fault after which no row was published; `None` if there is none.
+    /// Returns a sentence about a fault after which no row was published; `None` without such a
+    /// fault.
     pub(super) fn not_recovered(&self) -> Option<String> {
         let end_s = self.recovering.first()? / 1e6;
         Some(format!(
@@ -139,7 +140,7 @@ impl Ledger {
         self.now.monotonic_us as f64
     }
 
-    /// Records the error of a stamp that should be the host time `true_us` by the wall clock.
+    /// Records the error of a stamp; the exact stamp is `true_us`, a host time, by the wall clock.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_precision_loss,
@@ -156,8 +157,8 @@ impl Ledger {
         });
     }
 
-    /// Compares the rows of a published frame, each with its flags and its values, `None` for a
-    /// filler without values.
+    /// Compares the rows of a published frame with the rows that have arrived. Each row has its
+    /// flags and its values, which are `None` for a filler without values.
     fn publish(&mut self, kind: TopicKind, stamp: Stamp, rows: Vec<(u16, Option<Values>)>) {
         let (now_us, number) = (self.now_us(), kind as usize);
         if stamp.nanoseconds() <= self.stamps[number] {
@@ -252,7 +253,7 @@ impl Effects for Ledger {
             Some(at_us) => self.record_stamp(event.header.stamp, at_us, true),
             None => self.wrong_edges += 1,
         }
-        // An edge is published once.
+        // A second event from the same frame would be wrong: an edge is published once.
         self.frame = None;
     }
 }

@@ -28,7 +28,7 @@ impl Faults {
     pub(super) fn new(noise: Noise, seed: u64, direction: u64) -> Self {
         let mut faults = Self {
             noise,
-            // The lower numbers are those of the synthetic EEG.
+            // The random streams with lower numbers belong to the synthetic EEG.
             random: Random::new(seed, 1_000 + direction),
             burst: 0,
             bits: 0,
@@ -49,7 +49,8 @@ impl Faults {
         self.random.uniform(0.0, 1.0)
     }
 
-    /// Returns how many trials pass before one of probability `rate` succeeds.
+    /// Returns how many trials fail before the first success. Each succeeds with probability
+    /// `rate`.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -66,7 +67,7 @@ impl Faults {
         rate > 0.0 && self.unit() < rate
     }
 
-    /// Returns what arrives of a frame.
+    /// Returns the bytes that arrive of a frame, after the random faults.
     fn apply(&mut self, frame: &[u8]) -> Vec<u8> {
         let noise = self.noise;
         if self.burst == 0 && self.happens(noise.frames_dropped) {
@@ -119,15 +120,15 @@ pub(super) struct Line {
     pub(super) faults: Faults,
     /// Whether bytes reach the host.
     is_up: bool,
-    /// The board's queue, which drops its oldest frames as a board does. Its clock is that of the
-    /// host, from `start` on.
+    /// The board's queue, which drops its oldest frames as a board does. The ages of its frames are
+    /// measured in host time, which begins at `start`.
     queue: Outbox,
     start: Instant,
     /// Host time from which on the line can carry the next frame, microseconds.
     free_us: f64,
     /// Number of bytes of the next frame after which the board loses its power.
     cut: Option<usize>,
-    /// What has been sent and not read: bytes, and the host time of their arrival, microseconds.
+    /// Bytes that were sent and not read, and the host time of their arrival, microseconds.
     sent: VecDeque<(f64, Vec<u8>)>,
     sent_bytes: usize,
     /// Number of frames that the board's queue has dropped.
@@ -294,7 +295,7 @@ impl CommandLine {
             .unwrap_or_default()
     }
 
-    /// Discards what is on the way.
+    /// Discards the commands on the way.
     pub(super) fn lose(&mut self) {
         self.sent.clear();
     }

@@ -19,7 +19,7 @@ use crate::fault::{FaultError, Faults};
 use crate::outbox::{Outbox, WhenFull};
 use crate::virtual_board::{Identity, VirtualBoard};
 
-/// Most bytes that the bridge reads at once.
+/// Largest number of bytes that the bridge reads at once.
 const READ_BYTES: usize = 4096;
 
 /// Time that the host takes to handle a full read, microseconds.
@@ -28,8 +28,8 @@ const HANDLE_US: f64 = 500.0;
 /// Wall clock at the start, nanoseconds since 1970.
 const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
 
-/// Time in which the board must confirm at the end that it has stopped, microseconds. The line has
-/// no random faults then.
+/// Time limit for the board to confirm, at the end, that it has stopped, microseconds. Until then
+/// the line has no random faults.
 const STOP_US: f64 = 3e6;
 
 /// Least time for which a board that restarts sends nothing, microseconds.
@@ -47,12 +47,13 @@ pub enum RehearsalError {
     /// The built-in model cannot be decoded.
     #[error("the built-in model cannot be decoded: {0}")]
     Model(String),
-    /// A stream that the model or the check of a fault does not have.
+    /// The model has no network for codes, or a converter at double rate makes raw samples that
+    /// cannot be compared.
     #[error("{0}")]
     Streams(&'static str),
 }
 
-/// What happens next, in this order if two things happen at once.
+/// Things that can happen next. If two happen at the same time, they happen in this order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Next {
     Change,
@@ -99,7 +100,7 @@ struct Rehearsal<'s> {
     now_us: f64,
     clock: BoardClock,
     board: VirtualBoard,
-    /// What the board queues; emptied after each call.
+    /// Frames that the board queues; emptied after each call.
     outbox: Outbox,
     truth: Truth,
     line: Line,
@@ -112,13 +113,13 @@ struct Rehearsal<'s> {
     /// The brown-out that is due in the next frame: number of its fault, and time without power.
     brown_out: (usize, f64),
     loses_acks: bool,
-    /// Number of acknowledgements lost, and of commands received, at the newest beginning or end of
-    /// such a fault.
+    /// Number of acknowledgements lost, and of commands received, when a fault that counts them
+    /// last began or ended.
     lost_before: u64,
     commands_before: u32,
     /// Whether the cable is unplugged.
     is_unplugged: bool,
-    /// Commands of another program: host time of the next one, and time between two, microseconds.
+    /// Commands of another program: host time of the next one, and interval, microseconds.
     other_us: f64,
     other_every_us: f64,
     other: Encoder,
@@ -192,7 +193,7 @@ impl<'s> Rehearsal<'s> {
             is_unplugged: false,
             other_us: f64::INFINITY,
             other_every_us: f64::INFINITY,
-            // Far from the numbers of the bridge's commands.
+            // Far from the frame numbers of the bridge's own commands.
             other: Encoder::starting_at(1 << 31),
             core: Box::new(Core::new(settings, Some(Arc::new(model)))),
             ledger: Ledger::new(WALL_START_NS, scenario.limits.settle_s),
@@ -290,7 +291,7 @@ impl<'s> Rehearsal<'s> {
     }
 
     fn handle(&mut self, next: Next, us: f64) {
-        // What was due while the host did not run happens now.
+        // Whatever was due while the host was stalled happens now.
         let now_us = us.max(self.now_us);
         self.now_us = now_us;
         match next {
@@ -343,8 +344,8 @@ impl<'s> Rehearsal<'s> {
         }
     }
 
-    /// Passes bytes to the core, as one read of the bridge does. They are divided at the ends of
-    /// frames, so that it is known which frame each effect of the core belongs to.
+    /// Passes bytes to the core, as one read of the bridge does. The bytes are divided at the ends
+    /// of frames, to know which frame causes each effect of the core.
     fn read(&mut self, bytes: &[u8], now_us: f64) {
         let now = self.ledger.host_time(now_us);
         for part in bytes.split_inclusive(|byte| *byte == 0) {
@@ -466,7 +467,8 @@ impl<'s> Rehearsal<'s> {
                 self.other_us = if begins { now_us } else { f64::INFINITY };
                 let commands = self.board.stats().commands;
                 let before = std::mem::replace(&mut self.commands_before, commands);
-                // The bridge sends few commands of its own.
+                // Half of the commands must arrive; the bridge's own commands, which also count,
+                // are few.
                 let expected = fault.for_s * fault.per_s.unwrap_or(1.0) / 2.0;
                 !begins && f64::from(commands.wrapping_sub(before)) > expected
             }

@@ -1,4 +1,4 @@
-//! What a rehearsal found, as one line and as figures.
+//! Result of a rehearsal, as one line and as figures.
 
 use std::fmt;
 
@@ -11,18 +11,19 @@ use super::schedule::Schedule;
 use super::topic::{Topic, TopicCounts};
 use super::truth::{TopicKind, Truth};
 
-/// What happened on the line and in the host, counted where it happened.
+/// Counts of what happened on the line and in the host, taken where it happened.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Facts {
-    /// Frames that arrived undamaged, those that arrived once more, and damaged stretches between
-    /// two zeros.
+    /// Frames that arrived undamaged, frames that arrived a second time, and damaged stretches
+    /// between two zeros.
     pub(super) arrived: u64,
     pub(super) repeated: u64,
     pub(super) damaged: u64,
     pub(super) dropped_by_board: u64,
     /// Frames sent while the cable was unplugged or the host's buffer full.
     pub(super) unreceived: u64,
-    /// What the line did, in the order of [`Noise::rates`](super::file::Noise::rates).
+    /// Number of each of the line's faults, in the order of
+    /// [`Noise::rates`](super::file::Noise::rates).
     pub(super) line: [u64; 5],
     pub(super) acks_lost: u64,
     pub(super) restarts: u64,
@@ -39,19 +40,19 @@ pub struct Report {
     pub name: String,
     /// Duration, seconds of the host's time.
     pub seconds: f64,
-    /// What was exceeded, or does not agree; empty if the scenario has passed.
+    /// Limits that were exceeded, and counts that do not agree; empty if the scenario has passed.
     pub failures: Vec<String>,
     /// The topics that were streamed.
     pub topics: Vec<TopicCounts>,
-    /// Error of the settled stamps beyond the shortest delay: 99 % of them, and the largest,
+    /// 99th percentile of the errors of the settled stamps, beyond the shortest delay,
     /// milliseconds.
     pub stamp_p99_ms: f64,
-    /// The largest of these errors, milliseconds.
+    /// Largest error of the settled stamps, beyond the shortest delay, milliseconds.
     pub stamp_max_ms: f64,
-    /// The largest error of the other stamps, milliseconds.
+    /// Largest error of the stamps that had not settled, milliseconds.
     pub unsettled_max_ms: f64,
-    /// Shortest time from a row's last sample to the host, by which all stamps are late,
-    /// milliseconds.
+    /// Shortest time from a row's last sample to its arrival at the host, milliseconds. All stamps
+    /// are late by this time.
     pub shortest_delay_ms: f64,
     /// Edges of the trigger that the board sent.
     pub edges: u64,
@@ -75,7 +76,7 @@ pub struct Report {
     pub restarts: u64,
 }
 
-/// Errors of stamps: 99 % of them and the largest, milliseconds, and when that was, seconds.
+/// Errors of stamps: 99th percentile and largest, milliseconds, and time of the largest, seconds.
 #[derive(Default)]
 struct Errors {
     p99_ms: f64,
@@ -84,7 +85,8 @@ struct Errors {
 }
 
 impl Errors {
-    /// Returns those errors for which `is_one` holds, beyond the shortest delay of the line.
+    /// Returns the figures of the errors for which `is_one` holds, beyond the line's shortest
+    /// delay.
     fn of(ledger: &Ledger, is_one: impl Fn(&StampError) -> bool) -> Self {
         let errors = ledger.errors.iter().filter(|error| is_one(error));
         let size_us = |error: &StampError| (error.error_us - ledger.shortest_us).abs();

@@ -11,7 +11,7 @@ use crate::session::Source;
 use crate::synthetic::{Generator, SyntheticError, SyntheticSpec};
 
 /// Length of the synthetic EEG. It is played forwards and backwards in turn, because making it
-/// takes longer than everything else of a rehearsal.
+/// takes longer than everything else in a rehearsal.
 const SYNTHETIC_SAMPLES: usize = 20 * model::ADC_RATE_HZ as usize;
 
 /// Samples at the ADC's rate.
@@ -39,7 +39,7 @@ pub enum SignalError {
 }
 
 impl Signal {
-    /// Opens the signal. Returns also which electrodes it lacks.
+    /// Opens the signal. Also returns which electrodes the signal lacks.
     pub(super) fn open(table: &SourceTable) -> Result<(Self, Substitutes), SignalError> {
         if let Some(path) = &table.recording {
             let played = Played::open(path, Missing::Interpolate)?;

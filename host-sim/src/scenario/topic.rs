@@ -1,4 +1,4 @@
-//! Comparison of what the core publishes on a topic with what the board made of it.
+//! Compares the rows that the core publishes on a topic with the rows that the board made.
 
 use std::collections::VecDeque;
 
@@ -11,7 +11,7 @@ use super::truth::{Row, TopicKind, Values};
 /// Counts of a topic, in rows: codes, packed blocks, samples or steps.
 #[derive(Clone, Debug, Serialize)]
 pub struct TopicCounts {
-    /// What the rows are.
+    /// Name of the rows, such as "codes".
     pub rows: &'static str,
     /// Rows that the board made.
     pub made: u64,
@@ -19,8 +19,8 @@ pub struct TopicCounts {
     pub published: u64,
     /// Rows that the board made and that are counted as lost.
     pub lost: u64,
-    /// Rows that the board made when an interruption began, of which no later frame told the host.
-    /// They are part of the time between two runs, which is filled.
+    /// Rows that the board made just before an interruption, and of which no later frame told the
+    /// host. They are part of the time between two runs, which fillers represent.
     pub interrupted: u64,
     /// Fillers that were published.
     pub fillers: u64,
@@ -30,13 +30,13 @@ pub struct TopicCounts {
 }
 
 impl TopicCounts {
-    /// Returns the part of the rows that are fillers.
+    /// Returns the fraction of the rows that are fillers.
     pub(super) fn share_of_fillers(&self) -> f64 {
         count(self.fillers) / count((self.fillers + self.published).max(1))
     }
 }
 
-/// What was published on a topic, compared with what the board made.
+/// Rows that were published on a topic, compared with the rows that the board made.
 #[derive(Debug)]
 pub(super) struct Topic {
     pub(super) name: &'static str,
@@ -46,8 +46,8 @@ pub(super) struct Topic {
     is_immediate: bool,
     /// Number of rows that the board made in each run.
     made: Vec<u64>,
-    /// Number of rows of each run that the host knows of: those before the newest that was
-    /// published, and those before a stated next one.
+    /// Number of rows of each run that the host knows of: rows up to the newest published one, or
+    /// rows that the board has stated to have made.
     known: Vec<u64>,
     /// Rows that have arrived and can be published, oldest first.
     arrived: VecDeque<Row>,
@@ -58,10 +58,10 @@ pub(super) struct Topic {
     published: u64,
     fillers: u64,
     wrong: u64,
-    /// Sum of the errors of all interruptions, rows: published minus those of the time that passed.
+    /// Sum of the errors of all interruptions, rows: rows published minus rows in the time passed.
     gap_error: f64,
     pub(super) worst_gap_us: f64,
-    /// What was wrong first.
+    /// First error that was found.
     first_wrong: Option<String>,
 }
 
@@ -99,7 +99,7 @@ impl Topic {
     }
 
     /// Records that the board has stated that it made `made` rows of run number `run`, and that the
-    /// core has filled those before it.
+    /// core has filled the missing ones.
     pub(super) fn record_stated(&mut self, run: usize, made: u64) {
         if let Some(known) = self.known.get_mut(run) {
             *known = made.max(*known);
@@ -111,8 +111,8 @@ impl Topic {
         self.fillers_since += u64::from(self.newest.is_some());
     }
 
-    /// Compares a published row that is no filler with the rows that have arrived, and returns the
-    /// row that it is; `None` if it is none.
+    /// Compares a published row that is no filler with the rows that have arrived. Returns the
+    /// arrived row that equals it; `None` if there is none.
     pub(super) fn compare(&mut self, values: &Values, flags: u16, now_us: f64) -> Option<Row> {
         let seconds = now_us / 1e6;
         // Rows that were refused, or that a lost block made useless, are skipped.
@@ -173,7 +173,7 @@ impl Topic {
         }
     }
 
-    /// Returns a sentence about the errors; `None` if there are none.
+    /// Returns a sentence about the errors; `None` without errors.
     pub(super) fn failure(&self) -> Option<String> {
         let (first, wrong, name) = (self.first_wrong.as_ref()?, self.wrong, self.name);
         let remedy = "look at host/bridge-core/src/streams";
@@ -182,8 +182,8 @@ impl Topic {
         ))
     }
 
-    /// Returns the number of rows at the ends of runs that the host cannot know of: those of
-    /// interrupted runs, and those of the newest run.
+    /// Returns the number of rows at the ends of runs that the host cannot know of: first the sum
+    /// over all interrupted runs, then the number for the newest run.
     pub(super) fn unknown(&self) -> [u64; 2] {
         let unknown = self
             .made
@@ -208,7 +208,7 @@ impl TopicKind {
         }
     }
 
-    /// Returns the topic, as `/diagnostics` and the documentation name what is on it.
+    /// Returns the topic, with the name of its rows in `/diagnostics` and the documentation.
     pub(super) fn topic(self) -> Topic {
         let step_hz = f64::from(model::STEP_RATE_HZ);
         #[expect(clippy::cast_precision_loss, reason = "a few steps")]

@@ -1,4 +1,4 @@
-//! What the board made, and when, by the host's true time.
+//! Everything that the board made, with its times by the host's true clock.
 
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -58,7 +58,7 @@ pub(super) struct Row {
 /// A frame that the board made.
 #[derive(Debug)]
 pub(super) struct Made {
-    /// The bytes between its two zeros.
+    /// The bytes of the frame between its two zeros.
     body: Vec<u8>,
     /// Host time of the sample to which the frame's device time belongs, microseconds.
     pub(super) at_us: f64,
@@ -73,7 +73,7 @@ pub(super) enum Content {
     Edge {
         rises: bool,
     },
-    /// Number of the present run of codes, and of windows made in it.
+    /// Number of the present run of codes, and number of windows made in this run.
     Stats {
         run: usize,
         next_window: u32,
@@ -82,12 +82,12 @@ pub(super) enum Content {
     Other,
 }
 
-/// What the host's bytes between two zeros are.
+/// What the host has received between two zeros.
 #[derive(Clone, Debug)]
 pub(super) enum Segment {
     /// A frame of the board, unchanged, for the first time.
     Frame(Rc<Made>),
-    /// The frame before once more.
+    /// The previous frame once more.
     Again,
     Damaged,
 }
@@ -96,7 +96,7 @@ pub(super) enum Segment {
 #[derive(Debug, Default)]
 pub(super) struct Truth {
     decoder: Box<Decoder<MAX_FRAME>>,
-    /// The newest samples of the present run, microvolts, and the number of all of them.
+    /// The newest samples of the present run, microvolts, and the number of all its samples.
     samples: VecDeque<Vec<f32>>,
     sample_count: u64,
     /// Number of the present run of each topic; the first run of a topic has number 0.
@@ -104,7 +104,8 @@ pub(super) struct Truth {
     scales: Vec<(f32, i8)>,
     uv_per_count: f64,
     group_delay_us: f64,
-    /// Frames that the host has not received, oldest first, and the newest that it has.
+    /// Frames that the host has not received, oldest first, and the newest frame that it has
+    /// received.
     waiting: VecDeque<Rc<Made>>,
     newest: Option<Rc<Made>>,
     /// Numbers of frames and of edges made.
@@ -135,7 +136,7 @@ impl Truth {
 
     /// Returns the place of a row whose index in its run is `index`. Its stamp refers to the sample
     /// that was converted `before_us` microseconds of the converters' clock before the host time
-    /// `at_us`; the filters delay it.
+    /// `at_us`, less the delay of the filters if the row is filtered.
     fn place(
         &mut self,
         kind: TopicKind,
@@ -262,7 +263,7 @@ impl Truth {
     }
 
     /// Returns the rows of `count` samples from number `first` on, which the board has just read.
-    /// Their values are those of the converters, not those of the frame.
+    /// Takes the values from the converters, not from the frame.
     fn raw_rows(
         &mut self,
         first: u64,
@@ -288,7 +289,7 @@ impl Truth {
         Content::Rows(TopicKind::Raw, rows.collect())
     }
 
-    /// Returns what the host's bytes between two zeros are.
+    /// Identifies the bytes that the host has received between two zeros.
     pub(super) fn identify(&mut self, segment: &[u8]) -> Segment {
         if self
             .newest

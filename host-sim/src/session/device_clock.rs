@@ -30,7 +30,8 @@ pub struct DeviceClock {
 
 impl DeviceClock {
     /// Creates a clock whose device time starts at 0, for `rate_hz` samples per second. In real
-    /// time it is fast by `ppm` parts per million, or slow if that is negative; above -1,000,000.
+    /// time the clock is fast by `ppm` parts per million, or slow if `ppm` is negative; it must be
+    /// above -1,000,000.
     pub fn new(pace: Pace, rate_hz: u32, ppm: f64) -> Self {
         Self {
             pace,

@@ -43,7 +43,7 @@ struct PackedBlock<'a> {
     bytes: &'a [u8],
 }
 
-/// Fields of an `Exclusion`, with labels in place of bits, because many readers of JSON keep 53
+/// Fields of an `Exclusion`, with labels in place of bits, because many JSON parsers keep only 53
 /// bits of a number.
 #[derive(Serialize)]
 struct ExcludedElectrodes<'a> {
@@ -55,7 +55,7 @@ struct ExcludedElectrodes<'a> {
 }
 
 impl JsonLines {
-    /// Returns the line of a whole frame; `None` for a message without one.
+    /// Returns the line of a whole frame; `None` if its message has no line.
     ///
     /// # Errors
     /// The frame is damaged, or it holds a code although the device has not sent `Capabilities`

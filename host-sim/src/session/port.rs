@@ -46,7 +46,7 @@ pub enum Output {
 }
 
 impl Output {
-    /// Returns the path of an output that is a file; `None` for one with a host, which sends
+    /// Returns the path of an output that is a file; `None` for an output with a host, which sends
     /// commands.
     pub fn file(&self) -> Option<&Path> {
         match self {
@@ -122,8 +122,8 @@ pub enum PortError {
 }
 
 impl PortError {
-    /// Returns whether the user can mend the failure by another name for the output; otherwise the
-    /// system is at fault.
+    /// Returns whether the user can mend the failure with another name for the output; otherwise
+    /// the system is at fault.
     pub(crate) fn is_wrong_name(&self) -> bool {
         matches!(self, Self::Occupied(_) | Self::Link(..) | Self::File(_))
     }
@@ -137,7 +137,7 @@ pub struct Port {
     /// Host of a TCP port in virtual time, where the board waits for its host; `None` for any other
     /// output.
     waiting_host: Option<CurrentHost>,
-    /// The file that is written; `None` if there is none or it is standard output.
+    /// The file that is written; `None` if there is no file or it is standard output.
     file: Option<NewFile>,
     /// The thread that writes the file; `None` if the output is not a file.
     writer: Option<JoinHandle<()>>,
@@ -225,8 +225,8 @@ impl Port {
         writer.is_none_or(|writer| writer.join().is_ok())
     }
 
-    /// Moves the complete file from its temporary name to that of the output; does nothing for
-    /// other outputs.
+    /// Moves the complete file from its temporary name to the output's name; does nothing for other
+    /// outputs.
     ///
     /// # Errors
     /// [`NewFileError`] if the file cannot be completed.
@@ -244,7 +244,7 @@ impl Port {
         self.commands.try_iter()
     }
 
-    /// Waits for bytes from the host, at most `timeout`. Returns `None` if no bytes arrived.
+    /// Waits for bytes from the host, at most `timeout`. Returns `None` on a timeout.
     pub fn receive_timeout(&self, timeout: Duration) -> Option<Vec<u8>> {
         match self.commands.recv_timeout(timeout) {
             Ok(bytes) => Some(bytes),
@@ -284,7 +284,8 @@ impl Port {
 
 impl Drop for Port {
     fn drop(&mut self) {
-        // Remove the link only if it is still ours: another program may have replaced it.
+        // Remove the link only if it still names our terminal: another program may have replaced
+        // it.
         if let Some(pty) = &self.pty
             && fs::read_link(&pty.link).is_ok_and(|target| target == pty.name)
         {

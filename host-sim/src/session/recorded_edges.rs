@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use link::EventKind;
 use recordings::Onsets;
 
-/// Longest time from the rising edge of an event to its falling edge, microseconds.
+/// Longest duration of a pulse, from its rising to its falling edge, microseconds.
 const LONGEST_PULSE_US: u64 = 10_000;
 
 /// Shortest time between two rising edges, microseconds. An event that follows sooner shares the
@@ -32,7 +32,7 @@ pub(crate) struct DueEdge {
 impl RecordedEdges {
     /// Creates a pulse of two edges at the start of each event of a recording with `samples`
     /// samples of the ADC. An edge after the last sample, which no sample could carry, is moved to
-    /// it.
+    /// the last sample.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

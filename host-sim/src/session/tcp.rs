@@ -18,7 +18,7 @@ use crate::outbox::{Outbox, WhenFull};
 /// Pause before a failed operation is tried again.
 pub(crate) const RETRY: Duration = Duration::from_millis(20);
 
-/// Longest wait for a host to read the last frames from a TCP port in virtual time. The kernel can
+/// Time limit for a host to read the last frames from a TCP port in virtual time. The kernel can
 /// hold some megabytes of unread frames.
 const CLOSE_TIMEOUT: Duration = Duration::from_mins(1);
 

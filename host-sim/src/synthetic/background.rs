@@ -63,7 +63,7 @@ pub(super) struct Background {
     sources: Vec<Source>,
 }
 
-/// A dipole or the reference, whose noise is independent of that of all other sources.
+/// A dipole or the reference. Its noise is independent of the noise of all other sources.
 #[derive(Debug, Clone)]
 struct Source {
     activity: LowPassNoise,

@@ -18,7 +18,7 @@ const FALL_S: f64 = 0.2;
 pub(super) struct Blinks {
     noise: Noise,
     rate: f64,
-    /// Potential of a blink at each electrode, relative to that at [`SITE`].
+    /// Potential of a blink at each electrode, relative to the potential at [`SITE`].
     weights: Vec<f64>,
     /// Number of samples until the next blink; decreases between blinks.
     wait: u32,

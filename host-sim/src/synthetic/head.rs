@@ -7,8 +7,8 @@ use super::dipole::Dipole;
 /// Outer radii of brain and skull, in radii of the scalp (Cuffin and Cohen 1979; Berg and Scherg
 /// 1994).
 const RADII: [f64; 2] = [0.87, 0.92];
-/// Conductivities of brain, skull and scalp, relative to that of the brain. The skull conducts 15
-/// times worse than brain and scalp (Oostendorp, Delbeke and Stegeman 2000).
+/// Conductivities of brain, skull and scalp, divided by the brain's. The skull conducts 15 times
+/// worse than brain and scalp (Oostendorp, Delbeke and Stegeman 2000).
 pub(super) const CONDUCTIVITIES: [f64; 3] = [1.0, 1.0 / 15.0, 1.0];
 /// Number of terms of the series for the potential. A term falls with `eccentricity^n`. Largest
 /// error, measured against 400 terms: 5e-6 of the largest potential for the eyes, which are
@@ -36,8 +36,8 @@ pub(super) struct Head {
 }
 
 impl Head {
-    /// Creates a head with these conductivities of brain, skull and scalp, relative to that of the
-    /// brain.
+    /// Creates a head with these conductivities of brain, skull and scalp, which are divided by the
+    /// brain's.
     pub(super) fn new(conductivities: [f64; 3]) -> Self {
         let [brain, skull, scalp] = conductivities;
         let mut powers = RADII;
@@ -104,9 +104,9 @@ mod tests {
     ];
     const ELECTRODES: [&str; 4] = ["Cz", "Oz", "T7", "C4"];
 
-    /// Closed form of the potential on one sphere: the gradient, by the dipole's place r0, of
-    /// `2 / d + ln(2 / (1 - r0.r + d))` with `d = |r - r0|`, whose series is
-    /// `sum (2n + 1) / n b^n P_n(x)`.
+    /// Closed form of the potential on one sphere: the gradient, with respect to the dipole's
+    /// position r0, of `2 / d + ln(2 / (1 - r0.r + d))` with `d = |r - r0|`, whose series is `sum
+    /// (2n + 1) / n b^n P_n(x)`.
     fn one_sphere(dipole: &Dipole, at: Position) -> f64 {
         let place = dipole.direction.scaled(dipole.eccentricity);
         let to = at.minus(place);

@@ -14,9 +14,9 @@ const HALF_WIDTH: f64 = 1.0;
 /// Place of the left hand area, in radii of the scalp, below C3; the right one mirrors it. The
 /// dipole is radial.
 const HAND_AREA: [f64; 3] = [-0.52, 0.0, 0.5];
-/// Electrode at which the amplitude in the spec is that of the left hand area at rest.
+/// Electrode at which the left hand area has the amplitude in the spec, at rest.
 const SITE: &str = "C3";
-/// Amplitude opposite a moving hand, relative to that at rest.
+/// Amplitude opposite a moving hand, relative to the amplitude at rest.
 const MOVING: f64 = 0.5;
 /// Corner frequency of the low-pass that smooths the start and end of a movement, Hz.
 const ENVELOPE: f64 = 0.6;

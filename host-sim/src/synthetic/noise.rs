@@ -87,8 +87,8 @@ impl LowPassNoise {
 }
 
 /// Second-order low-pass noise of variance 1: a [`LowPassNoise`] through a low-pass of the same
-/// corner frequency, `y <- pole * y + drive * x`. Its spectrum falls as 1/f^4, that of
-/// [`LowPassNoise`] as 1/f^2.
+/// corner frequency, `y <- pole * y + drive * x`. Its spectrum falls as 1/f^4, whereas the spectrum
+/// of [`LowPassNoise`] falls as 1/f^2.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SmoothNoise {
     input: LowPassNoise,

@@ -38,8 +38,8 @@ impl Scalp {
 
     /// Returns the potentials of a dipole at the electrodes, times `scale`.
     ///
-    /// They are rounded to 2^-20, which hides differences in the last bits of the positions between
-    /// platforms.
+    /// Rounds the potentials to 2^-20, which hides differences between platforms in the last bits
+    /// of the positions.
     pub(super) fn potentials(&self, dipole: &Dipole, scale: f64) -> Vec<f64> {
         let potentials = self.against_reference(dipole, &self.electrodes);
         let rounded = |potential: f64| (potential * scale * 1_048_576.0).round() / 1_048_576.0;

@@ -43,7 +43,7 @@ impl SyntheticSpec {
     /// Returns the parameters of EEG recorded at rest by the model's ADC: 50 Hz mains, blinks, no
     /// rails.
     ///
-    /// Spectral slope and spatial correlation are close to those of a recording, see
+    /// Spectral slope and spatial correlation are close to those of real EEG, see
     /// [`synthetic`](crate::synthetic). Including alpha and blinks, the electrodes' RMS values are
     /// 22 to 42 uV within 0.5-60 Hz (measured with seeds 1, 2, 3 and 7 over 120 s).
     pub fn new(seed: u64, electrodes: impl IntoIterator<Item = impl Into<String>>) -> Self {

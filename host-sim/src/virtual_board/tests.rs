@@ -108,7 +108,7 @@ fn a_clipped_value_in_two_windows_is_counted_once() {
 #[test]
 fn a_code_names_the_channels_at_the_rail_and_substitutes_the_electrodes_among_them() {
     // For each code: whether channels are at the rail, which, and whether electrodes are
-    // substituted. They stay so for 10 s, longer than this run.
+    // substituted. Electrodes stay substituted for 10 s, longer than this run.
     for (automatic, at_rail, afterwards) in [
         (true, (true, 1 << 63, true), (false, 0, true)),
         (

@@ -1,12 +1,12 @@
-//! A reader of standard output or standard error that has gone, such as `head`, ends nothing but
-//! the output to it.
+//! If the reader of standard output or standard error, such as `head`, has closed its pipe, only
+//! the output to this pipe ends.
 
 use std::{fs, io, process::Stdio};
 
 use crate::gdf_file::gdf_file;
 use crate::program::program;
 
-/// Returns an output whose reader has gone.
+/// Returns the write end of a pipe whose read end is closed.
 fn closed() -> Stdio {
     let (reader, writer) = io::pipe().expect("a pipe");
     drop(reader);

@@ -76,7 +76,7 @@ fn annotations_of_edf_are_pulses_at_their_samples() {
     fs::write(&path, file.bytes()).expect("writable");
     assert_played(&played(&path, &[]), &pulses(&[125, 250, 2500]));
 
-    // With --trigger-every, the edges at its interval replace those of the recording.
+    // With --trigger-every, periodic edges replace the edges of the recording.
     let numbers: Vec<u64> = played(&path, &["--trigger-every=1"])
         .into_iter()
         .map(|(_, us)| us)

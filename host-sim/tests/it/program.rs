@@ -15,7 +15,7 @@ use link::{Decoder, Encoder, Frame, MAX_FRAME, Start, Streams, ToDevice, ToHost}
 /// Time limit of each wait: far longer than any operation takes, even on a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_mins(1);
 
-/// Returns an address that no program listens at.
+/// Returns an address on which no program listens.
 pub(crate) fn free_address() -> String {
     let free = TcpListener::bind("127.0.0.1:0").expect("a free port");
     free.local_addr().expect("its address").to_string()
@@ -69,7 +69,7 @@ pub(crate) fn frames<T>(
 /// Result of a run that has ended.
 #[derive(Debug)]
 pub(crate) struct Finished {
-    /// Exit status; `None` if a signal ended the program.
+    /// Exit status; `None` if a Unix signal killed the program.
     pub(crate) status: Option<i32>,
     /// Text that the run wrote to standard error.
     pub(crate) log: String,

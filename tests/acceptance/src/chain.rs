@@ -25,7 +25,7 @@ const BAD_FLAGS: u64 = 1 << 0 | 1 << 5 | 1 << 15;
 /// Time between two checks of the subscriber's output for new messages.
 const POLL: Duration = Duration::from_millis(20);
 
-/// Longest time in which the bridge or the recorder must end after a signal.
+/// Time limit for the bridge to exit after SIGTERM, and for the recorder after SIGINT.
 const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// A NeuroFrame that the subscriber `tests/acceptance/ros/subscribe.py` has received and printed.
@@ -218,7 +218,7 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Stops the recorder and the bridge by the signals that a user would send. Returns what
+    /// Stops the recorder with SIGINT and the bridge with SIGTERM, as a user would. Returns what
     /// `rosbag info` prints about the recorded bag.
     ///
     /// # Panics

@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Time between two attempts to connect to the board, and longest wait for its next bytes.
+/// Time between two attempts to connect to the board, and time limit for its next bytes.
 const RETRY: Duration = Duration::from_millis(20);
-/// Longest wait for the board to open its port.
+/// Time limit for the board to open its port.
 const START: Duration = Duration::from_secs(30);
 
 /// A TCP port to which the host connects. It passes bytes between host and board, but loses some of
@@ -22,7 +22,7 @@ pub struct LossyCable {
 }
 
 impl LossyCable {
-    /// Connects to the board at TCP port `port` of 127.0.0.1. The cable loses `percent` percent of
+    /// Connects to the board on TCP port `port` of 127.0.0.1. The cable loses `percent` percent of
     /// the frames that the board sends.
     ///
     /// # Errors

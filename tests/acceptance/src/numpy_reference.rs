@@ -52,7 +52,7 @@ pub fn available(test: &str) -> bool {
 /// When Python fails, or an exchanged file cannot be written or read.
 ///
 /// # Panics
-/// When a window's length is not that of the model's windows, or an exponent is out of range.
+/// When a window has another length than the model's windows, or an exponent is out of range.
 pub fn integer_codes<'w>(
     model: &IntegerModel,
     windows: impl IntoIterator<Item = &'w [i8]>,
@@ -94,7 +94,7 @@ pub fn array(archive: &Path, name: &str) -> Result<Vec<f64>, NumpyError> {
 }
 
 /// Runs the program `script` with `folder` as its argument, and prints what the program prints. A
-/// relative path is one in `tests/acceptance/tests/it`.
+/// relative path starts at `tests/acceptance/tests/it`.
 ///
 /// # Errors
 /// When Python does not start or the program fails.

@@ -133,8 +133,8 @@ pub fn environment() -> [(&'static str, PathBuf); 2] {
 }
 
 /// Returns cargo's options that give the crates that depend on the model a profile of their own.
-/// host-sim and what decodes for it are built without optimisation, in half the time: these tests
-/// run it for some seconds.
+/// host-sim and bridge-core are built without optimisation, in half the time, because these tests
+/// run host-sim only for some seconds.
 pub fn options() -> impl Iterator<Item = String> {
     let option = |name: &str, value: &str| format!("--config=profile.dev.package.{name}.{value}");
     let changed = DEPENDENTS.map(|name| option(name, "debug=false"));

@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::process::Process;
 use crate::programs::programs;
 
-/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
+/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 /// `NAME` in `NAME.out` and `NAME.err`, the output files of the bridge that [`print`] starts.

@@ -63,7 +63,7 @@ impl Process {
         matches!(self.child.try_wait(), Ok(None))
     }
 
-    /// Sends a signal to the group, and waits until the program and then every other process of the
+    /// Sends `signal` to the group, and waits until the program and then every other process of the
     /// group has ended: `rosbag record` ends before the process that it has started to write the
     /// bag.
     ///
@@ -86,8 +86,8 @@ impl Process {
 
     /// Kills the group and every descendant with SIGKILL.
     pub fn kill(&mut self) {
-        // List the descendants before the kill, because those of a process that has ended get
-        // another parent.
+        // List the descendants before the kill, because the children of a process that has ended
+        // get another parent.
         let descendants = descendants(self.child.id());
         self.signal(Signal::KILL);
         for pid in descendants.into_iter().filter_map(pid_of) {
@@ -155,7 +155,7 @@ impl Process {
         )
     }
 
-    /// Sends a signal to the program's group.
+    /// Sends the Unix signal `signal` to the program's group.
     pub fn signal(&self, signal: Signal) {
         // Ignore the error that occurs when the whole group has already ended.
         let _ = kill_process_group(Pid::from_child(&self.child), signal);

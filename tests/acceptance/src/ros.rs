@@ -15,8 +15,8 @@ use crate::ros_messages;
 /// Search path with Debian's programs only, because another Python on the PATH may lack rospy.
 const PATH: &str = "/usr/bin:/bin:/usr/sbin:/sbin";
 
-/// Longest wait for an action such as a start or a run of 20 s, after which it counts as hung.
-/// Other tests build programs meanwhile, so an action can take many times its usual time.
+/// Time limit for an action such as a start or a run of 20 s, after which it counts as hung. Other
+/// tests build programs meanwhile, so an action can take many times its usual time.
 pub const TIMEOUT: Duration = Duration::from_mins(3);
 
 /// Returns whether ROS is installed; reports `test` as skipped if it is not.

@@ -35,7 +35,7 @@ const FRAME: usize = 32;
 /// Largest permitted error of an event's time in the recording, seconds. On a busy machine, the
 /// first frame reaches the recorder late by up to this time, which shifts all events.
 const TOLERANCE_S: f64 = 0.03;
-/// Longest time in which a program must end after a signal.
+/// Time limit for a program to exit after SIGTERM.
 const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 /// Event code that marks a rising edge of the trigger input in the GDF file.
 const TRIGGER_HIGH: u16 = 1;
@@ -203,7 +203,7 @@ impl Recorded {
         let rises = pairs
             .filter(|(_, pair)| *pair == [0, 1])
             .map(|(sample, _)| sample + 1)
-            // The event of an edge in the first frame came before the recording.
+            // The event of an edge in the first frame was published before the recording began.
             .filter(|sample| *sample >= FRAME);
         let errors = rises.map(|sample| {
             // The trigger input rose between the sample before and this one.

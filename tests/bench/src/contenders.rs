@@ -1,5 +1,5 @@
-//! All contenders: our filters in the forms in which they are used, and for comparison those of
-//! idsp, a crate by others.
+//! All contenders: our filters in the forms in which they are used and, for comparison, the filters
+//! of the third-party crate idsp.
 
 use fixed_dsp::{BLOCK, CascadeState, DelayLine, Filter, Resampler};
 use idsp::iir::{DirectForm1, DirectForm1Dither, DirectForm1Wide};

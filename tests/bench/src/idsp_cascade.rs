@@ -1,4 +1,4 @@
-//! Filters of the crate idsp, a work of others, with the coefficients of our sections.
+//! Filters of the third-party crate idsp, with the coefficients of our sections.
 
 use dsp_fixedpoint::Q32;
 use dsp_process::SplitProcess;

@@ -14,7 +14,7 @@ const PLANES: usize = 3;
 /// Number of [`Pair`]s of channels in the output of the first convolution for one step, without the
 /// zero margin.
 const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
-/// The same number with the zero margin, which the second convolution reads.
+/// [`INTERIOR`] plus the pairs in the zero margin, which the second convolution also reads.
 const FRAMED: usize = HIDDEN.len() / 2;
 /// Number of pairs in a plane after the transform, the first part of the second convolution.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();

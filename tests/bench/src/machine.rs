@@ -15,8 +15,8 @@ use cortex_m_semihosting::{debug, hprintln, nr, syscall};
 
 use crate::block::{INPUTS, OUTPUTS};
 
-/// Address of the load register of the dual timer's timer 1. Registers are those of CMSDK (ARM DDI
-/// 0479), addresses those of the MPS2's FPGA images AN386 and AN500.
+/// Address of the load register of the dual timer's timer 1. The registers are documented for CMSDK
+/// (ARM DDI 0479), the addresses for the MPS2's FPGA images AN386 and AN500.
 const LOAD: *mut u32 = 0x4000_2000 as *mut u32;
 /// Address of the register with the current value of the dual timer's timer 1, which counts down.
 const VALUE: *const u32 = 0x4000_2004 as *const u32;
@@ -158,8 +158,8 @@ impl Files {
         }
     }
 
-    /// Calls `count` for each input until it returns `None` at the end of the file, and prints what
-    /// it returns as the TOML array `inputs`.
+    /// Calls `count` for each input until `count` returns `None` at the end of the file, and prints
+    /// its results as the TOML array `inputs`.
     ///
     /// # Errors
     /// The first error of `count`.

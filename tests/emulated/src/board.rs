@@ -30,9 +30,9 @@ pub struct Board {
     pub image: Image,
     /// QEMU's working folder; the image reads and writes its files there.
     pub folder: PathBuf,
-    /// Longest permitted time in which the image prints nothing: the duration of the samples, and a
-    /// minute to start and end QEMU on a loaded machine. The image prints only at its end, and runs
-    /// faster than real time.
+    /// Time limit for the image to print its next line: the duration of the samples, and a minute
+    /// to start and end QEMU on a loaded machine. The image prints only at its end, and runs faster
+    /// than real time.
     pub silence: Duration,
 }
 

@@ -84,8 +84,8 @@ pub struct SentCode {
 #[derive(Debug, Clone, Default)]
 pub struct Boot {
     /// Reset cause and fault in each `Hello`. A board sends a `Hello` at the start of the boot and
-    /// one per `Identify`. The fault is that of the previous boot, or damage found at the start; it
-    /// is empty if there is neither.
+    /// one per `Identify`. The fault comes from the previous boot, or is damage found at the start;
+    /// it is empty if there is neither.
     pub hellos: Vec<(ResetCause, String)>,
     /// Every `Capabilities` message, encoded by [`encoded`].
     pub capabilities: Vec<Vec<u8>>,

@@ -57,7 +57,7 @@ impl Script {
         self.repeat_command(boot, at_us);
     }
 
-    /// Adds the last command once more, as a host sends it that has not received the answer.
+    /// Adds the last command once more, like a host that has not received the answer.
     pub fn repeat_command(&mut self, boot: u32, at_us: u64) {
         if let Some((bytes, answer)) = self.last.clone() {
             self.add_bytes(boot, at_us, &bytes);

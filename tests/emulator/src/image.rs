@@ -27,8 +27,8 @@ pub struct Image {
 pub struct OtherModel<'p> {
     /// Absolute path of the folder that holds the model's artifact.
     pub artifact: &'p Path,
-    /// Cargo's target folder for the build. In the usual one, building another model and then the
-    /// checked-in one again would rebuild the crates that depend on the model twice.
+    /// Cargo's target folder for the build. In the usual target folder, this build and the next one
+    /// with the checked-in model would each rebuild the crates that depend on the model.
     pub target: &'p Path,
 }
 

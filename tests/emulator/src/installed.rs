@@ -1,4 +1,4 @@
-//! Checks whether the programs are installed that build and emulate an image.
+//! Checks whether the programs that build and emulate an image are installed.
 
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -14,7 +14,7 @@ use crate::image::Image;
 /// Target triple for which images are built: Cortex-M4F, and Cortex-M7 with a single-precision FPU.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Name of the emulator's program, which is also that of its Debian package.
+/// Name of the emulator's program, which is also the name of its Debian package.
 pub const QEMU: &str = "qemu-system-arm";
 
 /// A board that QEMU can emulate.
@@ -51,7 +51,7 @@ pub enum Uart<'f> {
     File(&'f str),
     /// The named pipes `NAME.in` (to the image) and `NAME.out` (from it) in the run's folder.
     Pipes(&'f str),
-    /// A TCP server on 127.0.0.1 at this port; the image starts without waiting for a client.
+    /// A TCP server on this port of 127.0.0.1; the image starts without waiting for a client.
     Tcp(u16),
 }
 

@@ -1,4 +1,5 @@
-//! Files of strangers: recordings of other programs, recordings of the bridge, files of codes.
+//! Files from untrusted sources: other programs' recordings, the bridge's recordings, files of
+//! codes.
 
 use std::fs;
 use std::io::Cursor;
@@ -18,7 +19,7 @@ use crate::Outcome;
 use crate::recording_files::{EdfFile, EdfSignal, GdfFile, GdfSignal, event_table};
 use crate::wire;
 
-/// Most samples that are played of a recording. A damaged header can announce many years.
+/// Largest number of samples played from a recording: a damaged header can announce many years.
 const PLAYED: usize = 500;
 
 pub(crate) fn edf_seeds() -> Vec<Vec<u8>> {
@@ -120,7 +121,7 @@ pub(crate) fn wire_recording_seeds() -> Vec<Vec<u8>> {
     vec![recorder.take()]
 }
 
-/// Reads a recording of the bridge. Its records and what is left out must not exceed the file.
+/// Reads a recording of the bridge. Records and skipped bytes together must not exceed the file.
 pub(crate) fn wire_recording(bytes: &[u8]) -> Outcome {
     let Ok(mut reader) = RecordingReader::new(bytes) else {
         return Outcome::Refused;
@@ -141,7 +142,7 @@ pub(crate) fn code_file_seeds() -> Vec<Vec<u8>> {
     [Streams::CODES, Streams::PACKED].map(wire::stream).into()
 }
 
-/// Decodes a file of codes to a file of float32. The file must have as many rows as were reported.
+/// Decodes a file of codes to a GDF file, which must have as many rows as the decoder reports.
 pub(crate) fn code_file(bytes: &[u8]) -> Outcome {
     static MODEL: LazyLock<Model> = LazyLock::new(|| Model::embedded().expect("the model"));
     static FOLDER: LazyLock<TempDir> = LazyLock::new(|| tempfile::tempdir().expect("a folder"));
@@ -179,8 +180,8 @@ pub(crate) fn dfu_seeds() -> Vec<Vec<u8>> {
         .into()
 }
 
-/// Reads a firmware image from the bytes, as they are and with a right checksum. What is read can be
-/// written and read again.
+/// Reads a firmware image from the bytes, as they are and with a correct checksum. An image that
+/// was read can be written and read again.
 pub(crate) fn dfu(bytes: &[u8]) -> Outcome {
     let accepted = Image::from_dfu(bytes).is_ok();
     let mut signed = bytes[..bytes.len().saturating_sub(4)].to_vec();

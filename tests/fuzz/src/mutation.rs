@@ -3,7 +3,7 @@
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 
-/// Bytes that are likely to break numbers in text, and lengths.
+/// Bytes that are likely to break numbers in texts, and fields with lengths.
 const SPECIAL: &[u8] = b"0189-+.,eE \0\x01\x14\x7f\x80\xff<>&\"=[]";
 
 /// Returns one of `seeds` with up to eight changes.

@@ -23,7 +23,8 @@ pub(crate) fn seeds() -> Vec<Vec<u8>> {
 }
 
 /// Uploads a model whose CRC is right, whatever its bytes are, and encodes noise and rails with it.
-/// A device that accepts it must make blocks of the permitted length; no model may stop it.
+/// A device that accepts the model must make blocks of the permitted length; no model may stop a
+/// device.
 pub(crate) fn uploaded_model(bytes: &[u8]) -> Outcome {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());

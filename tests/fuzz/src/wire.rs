@@ -97,8 +97,8 @@ fn frame<'m>(encoder: &mut Encoder, message: &impl Message<'m>) -> Vec<u8> {
     frame.expect("a message within its limits").to_vec()
 }
 
-/// Returns the bytes with a valid CRC in each frame, so that a mutation reaches what is behind the
-/// check. `direction` is that of the messages. Bytes that are no frame stay as they are.
+/// Returns the bytes with a valid CRC in each frame, so that a mutation gets past the check of the
+/// CRC. The messages have the direction `direction`. Bytes that are no frame stay as they are.
 fn sealed(bytes: &[u8], direction: u8) -> Vec<u8> {
     let crc = Crc::<u32>::new(&CRC_32_ISCSI);
     let mut sealed = vec![0];

@@ -48,7 +48,7 @@ fn check(name: &str) {
     }
     let searched = search(&target);
     println!("{name}: {searched:?}");
-    // A search whose inputs all meet with the same end would not get past the first check.
+    // A search in which all inputs end alike would not get past the target's first check.
     assert!(searched.accepted > target.inputs / 100, "{searched:?}");
     assert!(searched.refused > 0, "{searched:?}");
 }

@@ -13,8 +13,8 @@ use on_target::results::{self, Line};
 /// For each board, its name on the command line, and probe-rs's name for its microcontroller.
 const CHIPS: [(&str, &str); 2] = [("h743", "STM32H743ZITx"), ("f446", "STM32F446RETx")];
 
-/// Longest permitted time without a line of output. It must exceed the time to flash the image, and
-/// the time of the slowest vector at 16 MHz, the clock of the NUCLEO-F446RE after a reset.
+/// Time limit for the next line of output. It must exceed the time to flash the image, and the time
+/// of the slowest vector at 16 MHz, the clock of the NUCLEO-F446RE after a reset.
 const SILENCE: Duration = Duration::from_mins(3);
 
 /// Exit status if the arguments on the command line are missing or wrong.

@@ -15,7 +15,7 @@ pub(crate) struct Filtered<const N: usize, const PHASES: usize, const TAPS: usiz
     pub(crate) resampler: Resampler<PHASES, TAPS>,
     /// Expected outputs from scipy, computed in float64 and rounded to Q27.5.
     pub(crate) scipy: [i32; OUTPUTS],
-    /// Expected outputs from the PC with the same filters; those of the device must be equal.
+    /// Expected outputs from the PC with the same filters; the device must compute equal outputs.
     pub(crate) bits: [i32; OUTPUTS],
 }
 

@@ -49,8 +49,8 @@ const DIRECT_SUMS: usize = DIRECT.pooled.len();
 /// Number of outputs of all random layers together.
 pub(crate) const RESULTS: usize = LAYERS * (SUMS + WINOGRAD_SUMS + DIRECT_SUMS);
 
-/// Returns the outputs of all random layers: [`LAYERS`] times those of a fully connected layer, of
-/// a Winograd convolution and of a direct convolution.
+/// Returns the outputs of all random layers: [`LAYERS`] times the outputs of a fully connected
+/// layer, a Winograd convolution and a direct convolution.
 pub(crate) fn results() -> [i32; RESULTS] {
     let mut noise = Noise(11);
     let mut results = [0; RESULTS];

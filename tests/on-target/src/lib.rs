@@ -1,9 +1,10 @@
 //! Golden vectors that a microcontroller, emulated or on a board, checks by itself.
 //!
 //! Each [`Vector`] runs a part of the signal path on a generated input and compares the output with
-//! the expected one, which `build.rs` has written. It comes from scipy, from model-gen's batch
-//! reference or from the dumps in `docs/wire-format.md`; for parts that these do not cover, it is
-//! what the portable kernels compute on the PC. A [`Mismatch`] names the first number that differs.
+//! the expected one, which `build.rs` has written. The expected output comes from scipy, from
+//! model-gen's batch reference or from the dumps in `docs/wire-format.md`; for parts that these do
+//! not cover, the portable kernels compute it on the PC. A [`Mismatch`] names the first number that
+//! differs.
 //!
 //! ```text
 //! scipy, model-gen, docs, PC ── build.rs ──> golden.rs ──┐ expected

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// The first computed number that differs from the expected one, or a wrong number of numbers.
+/// The first computed number that differs from the expected one, or a wrong amount of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
     /// What the compared numbers are, for example "values".

@@ -55,7 +55,7 @@ pub(crate) fn check_network_sum() -> Result<(), Mismatch> {
     )
 }
 
-/// Encodes each golden window with a restarted encoder and compares the code with that of
+/// Encodes each golden window with a restarted encoder and compares the code with the code of
 /// model-gen's batch reference. The index of a mismatch counts the values of all codes up to it.
 pub(crate) fn check_windows(encoder: &mut Encoder<'static>) -> Result<(), Mismatch> {
     let mut made = 0;

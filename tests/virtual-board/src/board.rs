@@ -112,7 +112,7 @@ impl EmulatedBoard {
         }
     }
 
-    /// Makes USB's core never report that its bus is idle while `is_held`.
+    /// While `is_held` is true, makes the USB core never report that its bus is idle.
     pub(crate) fn hold_usb_while(&mut self, is_held: Arc<AtomicBool>) {
         let (address, bits) = self.chip.usb_idle_flag();
         self.cleared.push(ClearedBits {

@@ -1,4 +1,4 @@
-//! The converters that a model wants on its board.
+//! The converters that a model needs on its board.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ pub struct Converters {
 }
 
 impl Converters {
-    /// Those of the checked-in model.
+    /// Converters of the checked-in model.
     pub const EIGHT: Self = Self {
         chips: 8,
         rate_hz: 512,
@@ -34,7 +34,7 @@ impl Converters {
     /// The folder contains no model.
     ///
     /// # Panics
-    /// Never: the rates that an artifact may have are those of the converters.
+    /// Never: every rate that an artifact may have is a rate of the converters.
     pub fn of_model(folder: &Path) -> Result<Self, ArtifactError> {
         let adc = Artifact::read(folder)?.description.adc;
         let external = Rate::of_hz(adc.rate_hz).map(|(clock, _)| clock.hz());

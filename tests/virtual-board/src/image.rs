@@ -106,7 +106,7 @@ impl Image {
         &self.bytes
     }
 
-    /// Returns the address of the symbol `name`; that of a function comes without the Thumb bit.
+    /// Returns the address of the symbol `name`, without the Thumb bit if the symbol is a function.
     pub fn address(&self, name: &str) -> Option<u64> {
         let found = self.symbols.iter().find(|(symbol, _)| symbol == name);
         found.map(|(_, address)| address & !1)
@@ -200,8 +200,9 @@ pub(crate) fn loader(model: Model) -> Option<rigless::image::Image> {
     rigless::image::Image::new(Path::new("loader"), file, None).ok()
 }
 
-/// Returns an ELF file with one segment of `contents` at the address `base`, whose third word is
-/// the entry point (System V ABI, chapters 4 and 5). `machine` is the processor type, 40 for ARM.
+/// Returns an ELF file with one segment of `contents` at the address `base`. The third word of the
+/// contents is the entry point (System V ABI, chapters 4 and 5). `machine` is the processor type,
+/// 40 for ARM.
 pub fn elf(machine: u16, base: u32, contents: &[u8]) -> Vec<u8> {
     let mut file = b"\x7fELF\x01\x01\x01".to_vec();
     file.resize(16, 0);

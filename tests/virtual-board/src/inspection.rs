@@ -43,7 +43,7 @@ impl VirtualBoard {
         last.is_some_and(|place| (vectors..vectors + 16).contains(&place))
     }
 
-    /// Returns the most stack that has been in use since the last power-on or reset, in bytes: the
+    /// Returns the largest number of stack bytes in use since the last power-on or reset: the
     /// distance from the lowest overwritten word up to the stack's start.
     ///
     /// # Errors
@@ -59,7 +59,8 @@ impl VirtualBoard {
         })
     }
 
-    /// Returns whether a clock bypasses the oscillator HSE (RCC_CR, HSEBYP), as a crystal must not.
+    /// Returns whether the HSE oscillator is bypassed (RCC_CR, HSEBYP), as for a clock, not a
+    /// crystal.
     ///
     /// # Errors
     /// The emulator has ended.

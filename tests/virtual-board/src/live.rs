@@ -1,4 +1,4 @@
-//! Runs a virtual board, in real time or slower, for one host at a time at a TCP port.
+//! Runs a virtual board, in real time or slower, for one host at a time on a TCP port.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -14,8 +14,8 @@ use crate::port::Port;
 const SLICE_US: u64 = 1_000;
 
 /// Virtual time in us without SPI or port traffic after which a board counts as stopped. A board
-/// that cannot start its converters does not count as stopped, because the firmware tries again
-/// more often.
+/// that cannot start its converters does not count as stopped, because its firmware tries again
+/// more often than this.
 const IDLE_US: u64 = 10_000_000;
 
 /// Virtual time in us between two status lines on the console.
@@ -92,7 +92,7 @@ pub struct TcpPort {
 }
 
 impl TcpPort {
-    /// Listens at TCP port `port` of 127.0.0.1; 0 lets the operating system choose a free port.
+    /// Listens on TCP port `port` of 127.0.0.1; 0 lets the operating system choose a free port.
     ///
     /// # Errors
     /// The port is occupied, or listening on it is not permitted.
@@ -121,8 +121,8 @@ impl TcpPort {
     }
 
     /// Transfers bytes in both directions without blocking, and returns how many bytes the device
-    /// has sent since the last call. Those that it sends while no host is connected are lost, as on
-    /// a serial line.
+    /// has sent since the last call. Bytes that the device sends while no host is connected are
+    /// lost, as on a serial line.
     pub fn serve(&mut self, port: &Port) -> usize {
         if self.host.is_none()
             && let Ok((host, _)) = self.listener.accept()

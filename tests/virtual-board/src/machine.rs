@@ -174,8 +174,8 @@ impl VirtualBoard {
         self.chain.wires().stuck = level;
     }
 
-    /// Sets whether the USB core never reports that its bus is idle, on which the firmware waits when
-    /// it sets the core up.
+    /// Sets whether the USB core never reports an idle bus, for which the firmware waits when it
+    /// sets the core up.
     pub fn hold_usb(&self, is_held: bool) {
         self.usb_is_held.store(is_held, Ordering::Relaxed);
     }
@@ -197,8 +197,8 @@ impl VirtualBoard {
         let _ = self.requests.send(Request::Trigger(edges.collect()));
     }
 
-    /// Sets whether the host opens the USB port after each run if the device is configured; at
-    /// first it does.
+    /// Sets whether the host opens the USB port after each run if the device is configured; by
+    /// default it does.
     pub const fn keep_open(&mut self, keep_open: bool) {
         self.keep_open = keep_open;
     }

@@ -61,7 +61,7 @@ impl Observer {
     }
 
     /// Requests the words at `addresses` in the core's private address space, for example of the
-    /// NVIC. They are read before the core runs again.
+    /// NVIC. The words are read before the core runs again.
     pub(crate) fn request_words(&self, addresses: &[u64]) {
         let mut state = self.state();
         state.wanted = addresses.to_vec();

@@ -2,8 +2,8 @@
 //!
 //! The core is Synopsys's OTG controller in device mode at full speed, with FIFO access by the
 //! processor. The model follows RM0433 rev 9 chapter 57 (STM32H743) and RM0390 chapter 31
-//! (STM32F446). Where the manuals leave behaviour open, it does what driver authors have found on
-//! real chips, and a comment says so.
+//! (STM32F446). Where the manuals leave behaviour open, the model does what driver authors have
+//! found on real chips, and a comment says so.
 //!
 //! The host enumerates the device as Linux does, uses it as a CDC-ACM serial port, and checks
 //! descriptors, data toggles, lengths and response times. A test controls the host with

@@ -69,13 +69,13 @@ pub fn config(source: ClockSource) -> Config {
     config
 }
 
-/// Devices and revisions (DBGMCU_IDCODE) of the first STM32F405 and STM32F407, revision A, which
-/// does not prefetch correctly: STM32CubeF4 enables the prefetch from revision Z on. By an erratum
-/// these chips can have the device id 0x411, as OpenOCD knows (`stm32f2x.c`).
+/// Device and revision ids (DBGMCU_IDCODE) of the STM32F405 and STM32F407 in revision A, which does
+/// not prefetch correctly: STM32CubeF4 enables the prefetch from revision Z on. By an erratum these
+/// chips can have the device id 0x411, as OpenOCD knows (`stm32f2x.c`).
 const WITHOUT_PREFETCH: [(u16, u16); 2] = [(0x411, 0x1000), (0x413, 0x1000)];
 
-/// Enables the caches of the flash and, where it works, the prefetch. They hide its five wait
-/// states (RM0390 and RM0090, FLASH_ACR).
+/// Enables the caches of the flash and, where it works, the prefetch. Both hide the flash's five
+/// wait states (RM0390 and RM0090, FLASH_ACR).
 pub fn enable_flash_accelerator() {
     let id = DBGMCU.idcode().read();
     let prefetches = !WITHOUT_PREFETCH.contains(&(id.dev_id(), id.rev_id()));

@@ -5,8 +5,9 @@ use embassy_stm32::pac::{DBGMCU, RCC, SYSCFG};
 use link::ResetCause;
 
 /// Returns the cause of the last reset and clears the reset flags (RM0390 and RM0090, RCC_CSR). One
-/// reset can set several flags: one by the watchdog or by software also sets the reset pin's flag,
-/// and power-on that of the brown-out reset. The more specific flag is therefore tested first.
+/// reset can set several flags: a reset by the watchdog or by software also sets the reset pin's
+/// flag, and power-on also sets the brown-out flag. The more specific flag is therefore tested
+/// first.
 pub fn take_cause() -> ResetCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|flags| flags.set_rmvf(true));

@@ -26,7 +26,8 @@ const RATE: usize = model::ADC_RATE_HZ as usize;
 /// Amplitude of the sensorimotor rhythm of each hand area at rest, uV RMS at C3 and C4.
 const MU_UV: f64 = 4.0;
 
-/// Writes runs of 40 s as BDF+ files, one after the other from the same head. Returns their paths.
+/// Writes three runs of 40 s as BDF+ files, generated one after the other from the same head.
+/// Returns their paths.
 ///
 /// # Errors
 /// A file cannot be written, or the model has an electrode that host-sim does not know.

@@ -15,12 +15,12 @@ use super::{Trial, filter_delay_s};
 use crate::Failure;
 use crate::comparison::seconds;
 
-/// What is decided at a hop.
+/// Decision at a hop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prediction {
     /// Probability of each class.
     pub probabilities: Vec<f32>,
-    /// Index of the chosen class; `None` if none is chosen.
+    /// Index of the chosen class; `None` if no class is chosen.
     pub class: Option<usize>,
 }
 
@@ -30,8 +30,8 @@ pub(super) struct Reference {
     pub(super) predictions: Vec<Prediction>,
 }
 
-/// Returns the features that a device's pipeline computes from samples; none if it would refuse
-/// the classifier's filters.
+/// Returns the features that a device's pipeline computes from samples. Returns none if the
+/// pipeline would refuse the classifier's filters.
 pub fn features(
     samples: impl Iterator<Item = Sample>,
     mains: Mains,

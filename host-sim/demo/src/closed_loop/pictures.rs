@@ -65,7 +65,7 @@ fn chart(outcome: &Outcome) -> Lines {
         Series::new("", FAINT, Mark::ThinLine, line.to_vec())
     });
     let mut series = ends.chain(series).chain(cues).collect::<Vec<_>>();
-    // The legend lists one of the ends of trials.
+    // Label only one of the lines at the ends of trials, so that the legend lists them once.
     if let Some(end) = series.first_mut() {
         "decision of a trial".clone_into(&mut end.label);
     }

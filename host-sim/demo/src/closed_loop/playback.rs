@@ -18,8 +18,8 @@ use crate::program::{BOARD, BRIDGE, Program};
 
 /// Topic of the predictions.
 const TOPIC: &str = "/smr/neuroprediction/raw";
-/// Longest time without a line from the bridge, which reports once a second, and from the end of
-/// the recording to the bridge's end.
+/// Time limit for the next line from the bridge, which reports once a second, and for the bridge to
+/// exit after the end of the recording.
 const SILENCE: Duration = Duration::from_secs(20);
 
 /// A prediction that has arrived.
@@ -27,15 +27,16 @@ const SILENCE: Duration = Duration::from_secs(20);
 pub struct Received {
     /// Number of its hop, from 1.
     pub hop: usize,
-    /// What was decided.
+    /// Decision of the bridge at this hop.
     pub prediction: Prediction,
     /// Time from the hop's last sample to the arrival, milliseconds; means nothing unless the
     /// recording is played in real time.
     pub latency_ms: f64,
 }
 
-/// Plays a recording to its end, and moves `bar` on with each prediction that arrives. `folders` are
-/// that of the programs, and one for temporary files.
+/// Plays a recording to its end, and moves `bar` on with each prediction that arrives. `own` are
+/// the paths of recording and classifier, `programs` is the folder of the programs, and `folder`
+/// one for temporary files.
 ///
 /// # Errors
 /// A program does not start, fails or stays silent.
@@ -89,7 +90,7 @@ pub(super) async fn play(
     }
 }
 
-/// Returns the prediction in a line of the bridge; `None` if it holds another message.
+/// Returns the prediction in a line of the bridge; `None` if the line holds another message.
 fn prediction(line: &str, mains: Mains) -> Option<Received> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?;
     let line: Value = serde_json::from_str(line).ok()?;

@@ -46,7 +46,7 @@ fn shares(traces: &[Vec<f64>]) -> [f64; 3] {
     [10, 20, 30].map(|count| variances[..count].iter().sum::<f64>() / total)
 }
 
-/// Returns a mean correlation for each of `distances`, in radii of the head: that of the pairs of
+/// Returns, for each of `distances` in radii of the head, the mean correlation of all pairs of
 /// electrodes whose distance differs from it by less than 0.1.
 fn correlations<const N: usize>(
     labels: &[&str],

@@ -1,4 +1,4 @@
-//! Tests that the compressed samples of a board are those of its converters, bit for bit.
+//! Tests that the compressed samples of a board equal its converters' samples, bit for bit.
 
 use link::{BlockForm, CompressedRaw};
 use lossless::{Block, Count, Kind};
@@ -23,9 +23,9 @@ fn decode(decoder: &mut lossless::Decoder<CHANNELS>, raw: &CompressedRaw) -> Vec
     counts.expect("a sound block").to_vec()
 }
 
-/// Sizes of the frames of a run: bytes of all compressed frames, most bytes by which one is longer
-/// than its raw frame, both without the bytes that COBS adds, bytes of the longest compressed
-/// block, and number of counts.
+/// Sizes of the frames of a run: bytes of all compressed frames; most bytes by which a compressed
+/// frame exceeds its raw frame, both without the bytes that COBS adds; bytes of the longest
+/// compressed block; and number of counts.
 #[derive(Debug, Default)]
 struct Bytes {
     compressed: usize,
@@ -111,7 +111,7 @@ fn no_frame_of_compressed_samples_is_more_than_three_bytes_longer_than_its_raw_f
     });
     let bytes = compare(noise.take(1_024));
     assert_eq!(bytes.longest, 3 * CHANNELS * link::RAW_SAMPLES);
-    // Two for the fields of the message, and one where the number of the frame, which is one larger
-    // than that of the raw frame, is the first that takes another byte.
+    // Two bytes for the fields of the message. One byte where the frame's number needs a byte more
+    // than the number of the raw frame, which is one less.
     assert!(bytes.most_more <= 3, "{bytes:?}");
 }

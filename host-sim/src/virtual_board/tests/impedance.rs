@@ -55,7 +55,8 @@ fn known_impedances_are_reported_every_second_under_synthetic_eeg() {
         };
         for ohms in &found {
             let measured = f64::from(ohms[electrode].expect("not open"));
-            // The synthetic EEG itself has 0.4 uV in 1 Hz at 128 Hz: 75 ohms RMS, measured.
+            // The synthetic EEG itself has 0.4 uV in the 1 Hz around 128 Hz, like 75 ohms RMS
+            // (measured).
             let limit = 0.02 * set + 300.0;
             assert!(
                 (measured - set).abs() < limit,
@@ -139,7 +140,7 @@ fn the_filtered_eeg_hardly_changes_while_impedances_are_measured() {
         }
         println!("{ohms}: {worst:.3} uV RMS, {worst_alternating:.4} around its mean");
         assert!(worst < limit_uv, "{worst}");
-        // The tone folds to a constant; what is left is rounding.
+        // Decimation folds the excitation's tone to a constant, so only rounding is left.
         assert!(worst_alternating < 0.02, "{worst_alternating}");
     }
 }

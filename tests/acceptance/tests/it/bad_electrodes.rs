@@ -15,8 +15,8 @@ const TEST: &str = "exclusions of the recordings of eight people";
 /// measured 64.
 const MOST_PER_HOUR: f64 = 77.0;
 
-/// Nobody changed these recordings, so an exclusion is a real fault, an artefact or an error. The
-/// table was fitted to other recordings of the same people.
+/// Nobody changed these recordings, so an exclusion is a real fault, an artefact or a false alarm.
+/// The table was fitted to other recordings of the same people.
 #[test]
 fn few_electrodes_of_real_eeg_are_excluded() {
     let Some(table) = &SUBSTITUTION else {

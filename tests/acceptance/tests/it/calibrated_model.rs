@@ -15,7 +15,7 @@ use rustix::process::Signal;
 
 use crate::inputs;
 
-/// Longest wait for a condition, enough on a busy machine.
+/// Time limit for a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(2);
 
 /// Returns everything in the folder of a subject's models, hidden files too.

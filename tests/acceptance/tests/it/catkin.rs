@@ -14,7 +14,7 @@ use acceptance::ros::{Ros, TIMEOUT};
 use neuro_ros::{GET_ACQUISITION_INFO, NeuroEvent, NeuroFrame, RosMessage};
 use rustix::process::Signal;
 
-/// Longest time in which roslaunch must end its nodes after a signal.
+/// Time limit for roslaunch to end its nodes and exit after a Unix signal.
 const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 /// Options of the bridge that are not arguments of corticode.launch: `exit_at_end`, which is for
 /// scripts, and `topic_prefix`, which the argument `ns` replaces.
@@ -31,7 +31,7 @@ fn built_messages_have_the_md5_sums_that_the_bridge_publishes() {
     let workspace = CatkinWorkspace::new(folder.path().join("alone"), &packages);
     text_of(&workspace.make(&ros, None, &[&bridge_option()]));
     // Build again in the environment of the built workspace, as a user does: the build must not
-    // take the workspace's own messages for those of another workspace.
+    // mistake the workspace's own messages for another workspace's.
     text_of(&workspace.make(&ros, Some(&workspace), &["install"]));
 
     for space in ["devel", "install"] {
@@ -69,8 +69,8 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     let workspace = CatkinWorkspace::new(folder.path().join("rosneuro"), &packages);
     text_of(&workspace.make(&ros, None, &[&bridge_option()]));
 
-    // The build must refuse the project's package, because the workspace below has one of the same
-    // name, which it would hide.
+    // The build must refuse the project's package, because it would hide a package of the same name
+    // in the workspace below.
     let above = [catkin::package("rosneuro_msgs")];
     let above = CatkinWorkspace::new(folder.path().join("above"), &above);
     let refused = above.make(&ros, Some(&workspace), &[]);

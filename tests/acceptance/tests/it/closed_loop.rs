@@ -22,7 +22,7 @@ fn cues_of_a_held_out_recording_are_decided_as_offline() {
     let outcome = run(&options, folder.expect("a folder"), Some(pictures.path()));
     let outcome = outcome.unwrap_or_else(|failure| panic!("{}", failure.message));
     println!("{outcome}");
-    // Guesses are right in 10 or more of 12 trials once in 52 times.
+    // Guesses would be right in 10 or more of 12 trials in one of 52 runs.
     let [right, decided] = outcome.right_and_decided();
     assert!(right >= 10 && decided == 12, "{outcome}");
     assert_eq!(

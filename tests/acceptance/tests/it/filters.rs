@@ -1,4 +1,4 @@
-//! On real EEG, the output of the fixed-point filters equals that of scipy's floating-point filters
+//! On real EEG, the fixed-point filters and scipy's floating-point filters have equal outputs,
 //! within the ADC's rounding.
 
 use std::path::Path;
@@ -72,8 +72,8 @@ fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     assert!(largest > 50.0);
 }
 
-/// Returns scipy's filter sections, the notch before those of the band-pass. Each consists of b0,
-/// b1, b2, a0, a1 and a2, and a0 is 1.
+/// Returns scipy's filter sections: the notch, then the band-pass. Each section consists of b0, b1,
+/// b2, a0, a1 and a2, and a0 is 1.
 fn sections(reference: &Path) -> Vec<[f64; 6]> {
     let [band_pass, notch] = ["sos", "notch"].map(|name| array(reference, name));
     assert_eq!([band_pass.len(), notch.len()], [5 * 6, 2 * 3]);

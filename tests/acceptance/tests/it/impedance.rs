@@ -12,11 +12,11 @@ use acceptance::process::Process;
 use acceptance::programs::programs;
 use serde_json::Value;
 
-/// Longest wait for a condition, enough on a busy machine.
+/// Time limit for a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
-/// Starts a board with 5 kOhm at every electrode, 40 kOhm at Cz, and Pz off. Returns it with its
-/// port.
+/// Starts a board with 5 kOhm at every electrode, 40 kOhm at Cz, and Pz off. Returns the board and
+/// its port.
 fn board(folder: &Path) -> (Process, String) {
     let port = format!("tcp:127.0.0.1:{}", free_port().expect("a free port"));
     let mut board = Command::new(&programs().host_sim);

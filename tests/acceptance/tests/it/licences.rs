@@ -13,8 +13,8 @@ const MODE: ParseMode = ParseMode {
     ..ParseMode::STRICT
 };
 
-/// Folders of the two workspaces that have a deny.toml: the main one, and that of the virtual
-/// boards, on which only tests depend.
+/// Folders of the two workspaces that have a deny.toml: the main workspace, and the virtual boards'
+/// workspace, on which only tests depend.
 const WORKSPACES: [&str; 2] = [".", "tests/virtual-board"];
 
 #[test]

@@ -1,4 +1,4 @@
-//! Messages to the user have words and none of Rust's debug output: escaped quotes, enum names.
+//! Messages to the user contain none of Rust's debug output, such as escaped quotes or enum names.
 
 use std::fs;
 use std::path::{Path, PathBuf};

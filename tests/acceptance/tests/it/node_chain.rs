@@ -1,6 +1,6 @@
 //! `corticode-node` with a real roscore: it turns the frames of a rospy acquisition into the same
-//! codes, bit for bit, as host-sim does from the same samples; its services answer, and it works on
-//! after a restart of roscore or of the acquisition.
+//! codes, bit for bit, as host-sim does from the same samples; its services answer, and it
+//! continues after a restart of roscore or of the acquisition.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ use crate::inputs::synthetic;
 const SECONDS: usize = 12;
 /// Number of samples that each frame of the acquisition carries, 62.5 ms as in the paper.
 const SAMPLES: usize = 32;
-/// Longest time in which a program must end after a signal.
+/// Time limit for a program to exit after a Unix signal.
 const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// EEG that a test publishes as an acquisition: values in uV, sample by sample.

@@ -19,7 +19,7 @@ use crate::inputs::artifact;
 /// Duration of the synthetic recording in seconds.
 const SECONDS: u32 = 12;
 
-/// Longest time that the bridge may take to record a run, and to end afterwards.
+/// Time limit for the bridge to record a run, and for it to exit afterwards.
 const TIMEOUT: Duration = Duration::from_mins(2);
 
 /// Runs host-sim with `arguments` in `folder`, and returns what it printed and its exit status.
@@ -101,8 +101,8 @@ fn codes_are_those_of_run_and_microvolts_those_of_the_bridge() {
     compare_with_the_bridge(folder, "in.gdf", "encoded.codes");
 }
 
-/// Records with the bridge what `host-sim run` sends, converts the recording, and compares the
-/// decoded signal in it with that of `host-sim decode`.
+/// Records with the bridge what `host-sim run` sends, converts the recording, and compares its
+/// decoded signal with the signal that `host-sim decode` writes.
 fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
     let port = free_port().expect("a free port");
     let port = format!("tcp:127.0.0.1:{port}");

@@ -1,4 +1,4 @@
-//! Debian's ROS tools work at the master of `corticode-bridge`, without roscore.
+//! Debian's ROS tools work with the master of `corticode-bridge`, without roscore.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use acceptance::ros;
 const SECONDS: usize = 5;
 /// Number of codes that the board sends per second.
 const RATE: usize = 16;
-/// Longest wait for a program to end, enough on a busy machine.
+/// Time limit for a program to exit, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]

@@ -1,5 +1,5 @@
-//! A user gets from packed blocks the same electrode signals as the library decodes: live from a
-//! real roscore, printed, recorded, replayed, converted, and after losses.
+//! A user of packed blocks gets the electrode signals that the library decodes: live from a real
+//! roscore, printed, recorded, replayed, converted, and after losses.
 
 use std::path::Path;
 use std::time::Duration;
@@ -21,7 +21,7 @@ use crate::inputs::{artifact, synthetic};
 
 /// Duration of the EEG that the board encodes, in seconds.
 const SECONDS: usize = 8;
-/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
+/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 /// Rate of the packed code; not the default, so that the bridge must set it.
 const RATE: u8 = 3;

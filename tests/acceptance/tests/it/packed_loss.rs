@@ -1,5 +1,5 @@
 //! The packed code on a lossy link: how large the error after a lost block is, how soon the decoder
-//! recovers, and that it marks blocks until then as not sound.
+//! recovers, and that it marks all blocks before its recovery as not sound.
 #![expect(clippy::cast_precision_loss, reason = "a few thousand blocks")]
 
 use acceptance::real_data;
@@ -11,7 +11,7 @@ use pipeline::{Mains, PackedEncoder, Step};
 
 use crate::inputs::{artifact, recorded, steps};
 
-/// Number of blocks from one that is coded without prediction to the next such block.
+/// Distance, in blocks, between two blocks that are coded without prediction.
 const RESET_BLOCKS: usize = 64;
 
 /// Number of steps at the start that the tests leave out while the filters settle: 10 s.
@@ -117,8 +117,8 @@ fn a_decoder_that_starts_in_the_middle_of_a_run_heals_as_after_a_loss() {
         .iter()
         .map(|bytes| whole.decode(bytes, RATE).expect("a block").microvolts)
         .collect();
-    // For each number of blocks since the start, the mean squared errors of a decoder that starts
-    // in the middle and of one that has decoded the whole run.
+    // For each number of blocks since the start: the mean squared errors of a decoder that starts
+    // in the middle, and of a decoder that has decoded the whole run.
     let mut errors = [[0.0; 2]; 20];
     let starts = (70..BLOCKS - 70).step_by(37);
     for start in starts.filter(|block| block % RESET_BLOCKS < 40 && block % RESET_BLOCKS > 0) {

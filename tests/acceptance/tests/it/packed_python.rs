@@ -1,5 +1,5 @@
 //! The packed encoder writes the same bytes as `packed_python.py` computes from the artifact's
-//! files, and a decoder reaches the state that it computes.
+//! files, and a decoder reaches the state that the Python program computes.
 //!
 //! The Python program shares no code with the Rust implementations: it follows docs/packed.md's
 //! formulas literally.

@@ -1,5 +1,5 @@
-//! An integrator at a real roscore gets from the features of a board the predictions that the
-//! library computes from the pipeline's features, and so does who converts a recording.
+//! An integrator at a real roscore receives the predictions that the library computes from the
+//! pipeline's features. A recording of features is converted to the same predictions.
 
 use std::path::Path;
 use std::process::Command;
@@ -21,10 +21,10 @@ use crate::inputs::synthetic;
 /// Duration of the EEG, seconds: the filters settle in the first ten.
 const SECONDS: usize = 14;
 const HOPS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
-/// Longest wait for a condition, enough on a busy machine.
+/// Time limit for a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
-/// What the integrator prints of a prediction.
+/// Prediction as the integrator prints it.
 #[derive(Debug, Deserialize)]
 struct Printed {
     seq: u32,

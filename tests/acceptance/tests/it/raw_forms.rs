@@ -15,7 +15,7 @@ use crate::inputs::synthetic;
 
 /// Duration of the EEG that the board samples, in seconds.
 const SECONDS: usize = 6;
-/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
+/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 /// Smallest value of the status word `flags` in which the highest bit is set; this bit marks a
 /// filler, which replaces a lost sample.

@@ -1,5 +1,5 @@
-//! `corticode-bridge --realtime` has the scheduling that Linux permits, and says so when it does
-//! not.
+//! `corticode-bridge --realtime` gets real-time scheduling where Linux permits it, and otherwise
+//! logs why not.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -13,8 +13,8 @@ use rustix::thread::{CapabilitySet, capabilities};
 /// Priority that the bridge asks for.
 const PRIORITY: u64 = 20;
 
-/// Starts a bridge with `--realtime`, through the command `prefix`, and returns it with the line of
-/// its log that has the answer.
+/// Starts a bridge with `--realtime`, through the command `prefix`. Returns the bridge and the line
+/// of its log that states the outcome.
 fn start(prefix: &[&str]) -> (Child, String) {
     let bridge = programs().bridge.display().to_string();
     let arguments = ["--realtime", "--sink=ndjson", "--port=tcp:127.0.0.1:9"];
@@ -31,14 +31,14 @@ fn start(prefix: &[&str]) -> (Child, String) {
     (bridge, answer.expect("an answer in the log"))
 }
 
-/// Returns the scheduling policy of each thread of a process: 0 is the ordinary one, and 1 is
-/// `SCHED_FIFO`; and the priority under it.
+/// Returns the scheduling policy of each thread of a process (0: the ordinary policy, 1:
+/// `SCHED_FIFO`), and the thread's priority under that policy.
 fn schedules(process: u32) -> Vec<(u64, u64)> {
     let tasks = fs::read_dir(format!("/proc/{process}/task")).expect("the threads");
     let stat = |path: &Path| fs::read_to_string(path.join("stat")).expect("its state");
     let stats = tasks.map(|task| stat(&task.expect("a thread").path()));
     let schedule = |stat: String| {
-        // Fields 40 and 41; the second one is in parentheses, and the third one follows.
+        // Read fields 40 and 41. Field 2 is in parentheses, and the split leaves field 3 onwards.
         let (_, fields) = stat.rsplit_once(") ").expect("the name");
         let mut fields = fields.split(' ').skip(37);
         let mut field = || fields.next().and_then(|field| field.parse().ok());

@@ -12,7 +12,7 @@ use crate::inputs::{recorded, synthetic};
 
 /// Duration of the EEG that the board encodes in each test, in seconds.
 const SECONDS: u32 = 12;
-/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
+/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]

@@ -13,11 +13,11 @@ use crate::inputs::{steps, synthetic};
 
 /// Duration of the EEG that the board samples, in seconds.
 const SECONDS: usize = 8;
-/// Number of samples in each frame of `/neurodata`: those of one hop.
+/// Number of samples in each frame of `/neurodata`, which holds one hop.
 const SAMPLES: usize = HOP * ADC_RATE_HZ as usize / STEP_RATE_HZ as usize;
 /// Number of levels of a filtered step per count: 2^5, because the step has 5 fraction bits.
 const FRACTION: f64 = 32.0;
-/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
+/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
 #[test]

@@ -1,5 +1,5 @@
-//! A board that was built with one model streams with another, which the bridge gives it, also after
-//! a restart in the middle of a stream.
+//! A board that was built with one model streams with another model that the bridge uploads, even
+//! after a restart in the middle of a stream.
 
 use std::path::Path;
 use std::time::Duration;
@@ -24,11 +24,11 @@ const SECONDS: usize = 6;
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
 /// Topic of the frames that the bridge decodes from blocks.
 const DECODED: &str = "/neurodata_reconstructed";
-/// Longest wait for a condition, enough on a busy machine.
+/// Time limit for a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
-/// Writes the built-in model with another packed model, and a linear code if the board takes one,
-/// to `folder`.
+/// Writes the built-in model to `folder`, with another packed model and, if the board takes one, a
+/// linear code.
 fn write_personal(folder: &Path) -> Artifact {
     let mut artifact = inputs::artifact();
     let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &artifact.description);
@@ -40,8 +40,8 @@ fn write_personal(folder: &Path) -> Artifact {
     artifact
 }
 
-/// Returns the frames that the library decodes at once from the blocks of a board with the model,
-/// and the numbers of its codes if they are linear.
+/// Returns the frames that the library decodes at once from the packed blocks of a board with the
+/// model, and the board's dequantised codes if the model has a linear code.
 fn expected(artifact: &Artifact, packed: &PackedModel) -> [Vec<Vec<f32>>; 2] {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());

@@ -35,8 +35,8 @@ mod image {
         })
     }
 
-    /// Prints the number of instructions of the acquisition for the time steps of one hop. One step
-    /// is counted for all: the image `filters` shows that the number is the same for every signal.
+    /// Prints the number of instructions of the acquisition for the time steps of one hop. Counts
+    /// only one step: the image `filters` shows that the number is the same for every signal.
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let sample = Sample::default();

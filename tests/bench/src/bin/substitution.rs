@@ -1,5 +1,6 @@
-//! Image that counts the instructions of the substitution of bad electrodes, of each step and of
-//! each sample, and those of the features of each filled step. The documentation of the library `bench` describes the image's files.
+//! Image that counts the instructions of the substitution of bad electrodes, per step and per
+//! sample, and those of the features, per filled step. The documentation of the library `bench`
+//! describes the image's files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 

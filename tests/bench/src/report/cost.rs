@@ -1,5 +1,5 @@
 //! Cost of a model on microcontrollers: instructions of its encoder on the emulated ones, flash and
-//! RAM of the boards' images. The codes are compared with those of model-gen's batch reference.
+//! RAM of the boards' images. The codes are compared with model-gen's batch reference.
 
 mod boards;
 mod reference;

@@ -154,7 +154,7 @@ fn report(
         "inputs": inputs.names,
         "skipped": inputs.skipped,
     });
-    // The figures with limits are those of the Cortex-M4F. The kernels for the Cortex-M7 have more
+    // The limits apply to the figures of the Cortex-M4F. The kernels for the Cortex-M7 have more
     // instructions, which that processor can issue in pairs.
     for (name, figure) in json!(machines[0].figures).as_object().into_iter().flatten() {
         figures[name] = figure.clone();
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
 
     /// Returns a report on one machine whose counts `change` has altered. The last time step of a
-    /// hop takes `last` instructions, every other one 1000.
+    /// hop takes `last` instructions, each of the other steps 1000.
     fn report_of(last: u32, change: fn(&mut Counts)) -> Report {
         let mut inputs = Inputs::new();
         for name in ["silence", "noise"] {

@@ -22,8 +22,8 @@ use demo::response::Twin;
 const OURS: &str = "ours-blocks";
 /// Name of the contender (compared filter) whose instructions are compared with those of [`OURS`].
 const IDSP_DITHER: &str = "idsp-dither";
-/// Index in [`NAMES`] of our filters that run sample by sample. Their output must equal that of the
-/// contender before them, [`OURS`].
+/// Index in [`NAMES`] of our filters that run sample by sample. Their output must equal the output
+/// of the contender before them, [`OURS`].
 const SINGLES: usize = 1;
 
 /// What the image `filters` prints: for each input, the instruction tallies of all filters.
@@ -51,7 +51,7 @@ struct Contender {
     most: f64,
     /// Whether the number of instructions is the same for every input.
     constant: bool,
-    /// Number of output blocks that differ in any bit from those of the same filter on this PC.
+    /// Number of output blocks that differ in any bit from the same filter's blocks on this PC.
     different_blocks: usize,
 }
 

@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 use crate::block::{INPUTS, OUTPUTS};
 use crate::tally::Tally;
 
-/// Longest permitted time in which an image prints nothing; the longest measured one is 3 s.
+/// Time limit for an image to print its next line; the longest time measured is 3 s.
 const SILENCE: Duration = Duration::from_mins(2);
 
 /// Virtual time per instruction as a power of two, 2^10 ns; the images' counter relies on it.

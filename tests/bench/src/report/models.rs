@@ -25,16 +25,16 @@ pub(crate) fn measure_folder(folder: &Path, windows: usize) -> anyhow::Result<Re
     Report::new("model", Json::Object(figures), next)
 }
 
-/// Name of the montage that also gets a model with convolutions. Of the montages whose convolutions
-/// differ from those of the checked-in model, it is the largest.
+/// Name of the montage that also gets a model with convolutions: the largest montage for which the
+/// convolutions differ from the checked-in model's.
 const CONVOLUTIONS: &str = "ten-twenty-32";
 
 /// Seed of the random weights of every model.
 const SEED: u32 = 1;
 
 /// Returns the report on the models of all montages, or of the one named `only`. For each model, at
-/// least `windows` windows are encoded on each emulated machine. With
-/// `boards`, it includes flash and RAM of the boards' images.
+/// least `windows` windows are encoded on each emulated machine. With `boards`, it includes flash
+/// and RAM of the boards' images.
 ///
 /// # Errors
 /// No montage has the name, a montage file cannot be read, QEMU or the target is missing, or an

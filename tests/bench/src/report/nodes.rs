@@ -1,5 +1,5 @@
-//! What the benchmarks of nodes share: our programs, a ROS master, a node in rospy for comparison,
-//! and the figures of both nodes, measured at the same time.
+//! Code that the benchmarks of nodes share: our programs, a ROS master, a node in rospy for
+//! comparison, and the figures of both nodes, measured at the same time.
 
 mod amplifier;
 pub(super) mod bridge;
@@ -37,16 +37,16 @@ use super::programs::Python;
 const FOLDER: &str = "CORTICODE_PROGRAMS";
 /// Address at which a server listens on any free port of this PC.
 const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);
-/// Longest permitted time until the first code has arrived at each subscriber, on a busy machine.
+/// Time limit for the first code to arrive at each subscriber, enough on a busy machine.
 const START: Duration = Duration::from_secs(30);
 /// Warm-up before each measurement, in which connections and caches settle.
 const WARM_UP: Duration = Duration::from_secs(3);
-/// Longest time to wait after a measurement for its last codes to arrive, on a busy machine.
+/// Time limit for the last codes to arrive after a measurement, enough on a busy machine.
 const STRAGGLERS: Duration = Duration::from_secs(10);
-/// Priority of the threads that send and receive, under `SCHED_FIFO`: above that of the bridge with
-/// `--realtime`.
+/// Priority of the threads that send and receive, under `SCHED_FIFO`: higher than the priority of
+/// the bridge with `--realtime`.
 const PRIORITY: u8 = 30;
-/// Time before the end of a wait in which the thread spins, because a sleep may end that much late.
+/// Last part of a wait, in which the thread spins because a sleep may end this much too late.
 const BUSY: Duration = Duration::from_millis(2);
 
 /// Folder that contains the programs to be measured.
@@ -199,8 +199,8 @@ fn wait_until(due: Instant) {
     }
 }
 
-/// Gives this thread real-time priority where that is permitted, so that what is measured is the
-/// jitter of the nodes and not that of the measurement.
+/// Gives this thread real-time priority where that is permitted, so that the figures contain the
+/// jitter of the nodes and not the jitter of the measurement.
 fn run_before_others() {
     let Ok(priority) = ThreadPriorityValue::try_from(PRIORITY) else {
         return;
@@ -240,7 +240,7 @@ impl Nodes {
     /// # Errors
     /// A node has ended.
     async fn measure(&self, seconds: u32, sent: impl Fn() -> [Times; 2]) -> anyhow::Result<Pair> {
-        // The nodes run already, and would inherit it.
+        // Only now, because nodes started after this call would inherit the priority.
         run_before_others();
         sleep(WARM_UP).await;
         let before = self.usage()?;
@@ -296,7 +296,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// Returns a figure of our node, divided by that of the node in rospy.
+    /// Returns a figure of our node, divided by the same figure of the node in rospy.
     fn ratio(&self, figure: &dyn Fn(&Figures) -> f64) -> Option<f64> {
         Some(figure(&self.own) / figure(self.rospy.as_ref()?))
     }

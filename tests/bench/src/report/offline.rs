@@ -1,5 +1,5 @@
 //! The benchmark `offline`: speed of `host-sim encode` and `host-sim decode` on one core, as
-//! multiples of real time, and that of scipy and PyTorch doing the same.
+//! multiples of real time, and the speed of scipy and PyTorch doing the same.
 
 use std::fs;
 use std::io::BufWriter;

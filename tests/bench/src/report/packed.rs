@@ -66,7 +66,7 @@ struct Coded {
     lengths: Vec<usize>,
     blank: usize,
     misfit: usize,
-    /// Whether the decoder's state equalled that of the encoder after every block.
+    /// Whether decoder and encoder had equal states after every block.
     decoder_equal: bool,
 }
 
@@ -168,8 +168,8 @@ fn row(input: &'static str, counted: &Counted, coded: &Coded) -> Row {
     }
 }
 
-/// Builds the report; `machines` are in the order of [`MACHINES`]. The figures with limits are
-/// those of the last input (real EEG or, without it, synthetic EEG) on the Cortex-M4F.
+/// Builds the report; `machines` are in the order of [`MACHINES`]. The limits apply to the figures
+/// of the last input (real EEG or, without it, synthetic EEG) on the Cortex-M4F.
 fn report(
     inputs: &Inputs<Step>,
     machines: &[Counts],

@@ -13,7 +13,7 @@ use serde_json::{Value as Json, json};
 
 use super::checked_in::ARTIFACT;
 
-/// Names of Python interpreters, in the order of trial: the first in PATH, then Debian's.
+/// Names of Python interpreters, in the order in which they are tried: first the one in PATH.
 const INTERPRETERS: [&str; 2] = ["python3", "/usr/bin/python3"];
 
 /// A Python interpreter that can import the modules that a script needs.

@@ -1,6 +1,6 @@
 //! Scenario with all streams of an encoder at once and a bouncing trigger input: the board sends
-//! what host-sim sends, and every event of the trigger but those of a burst that overflow its
-//! queue.
+//! what host-sim sends, and every event of the trigger except those in a burst that overflow the
+//! board's queue.
 
 use emulated::board::boards;
 use emulated::compare::first_difference;

@@ -19,8 +19,7 @@ const IMAGE: &str = "on-target";
 const INSTRUCTION_SHIFT: u8 = 10;
 const TICKS_OF_10_INSTRUCTIONS: u64 = 256;
 
-/// Longest permitted time for QEMU to start, and from the result of one vector to the next, on a
-/// busy PC.
+/// Time limit for QEMU to start, and for each vector to print its result, enough on a busy PC.
 const SILENCE: Duration = Duration::from_mins(1);
 
 #[test]

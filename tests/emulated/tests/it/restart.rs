@@ -60,7 +60,7 @@ fn each_run_starts_at_window_0_and_refused_commands_change_nothing() {
         let answers: Vec<Ack> = boots.iter().flat_map(|boot| boot.acks.clone()).collect();
         let codes = boots.iter().flat_map(Boot::codes);
         let windows: Vec<u32> = codes.map(|code| code.window).collect();
-        // Windows of a run are consecutive, so a missing window would show as one run more.
+        // Windows of a run are consecutive, so a missing window would show as an additional run.
         let runs: Vec<&[u32]> = windows
             .chunk_by(|before, after| before + 1 == *after)
             .collect();

@@ -17,8 +17,8 @@ use serde_json::json;
 /// Duration of the scenario in seconds of input; a shorter input is used as a whole.
 const SECONDS: usize = 20;
 
-/// Longest permitted time from the arrival of a command until the board reads it, microseconds. It
-/// is not 0, because acquiring samples has priority over reading commands.
+/// Time limit for the board to read a command after its arrival, microseconds. It is not 0, because
+/// acquiring samples has priority over reading commands.
 const READ_WITHIN_US: u64 = 5_000;
 
 #[test]

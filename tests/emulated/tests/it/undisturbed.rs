@@ -1,4 +1,5 @@
-//! Scenario without disturbance: a board sends host-sim's codes, and the same in a second run.
+//! Scenario without disturbance: a board sends host-sim's codes, and sends them again in a second
+//! run.
 
 use emulated::board::boards;
 use emulated::compare::{count_differences, first_difference};

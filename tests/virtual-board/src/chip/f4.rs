@@ -94,7 +94,7 @@ impl F4 {
         }
     }
 
-    /// Returns the index, in the emulator's array of SPIs, of the one to which the board connects
+    /// Returns the index, in the emulator's array of SPIs, of the SPI to which the board connects
     /// the converters: SPI3 on an ironbci, SPI2 on a NUCLEO-F446RE.
     const fn spi(&self) -> usize {
         match self.model {
@@ -103,8 +103,8 @@ impl F4 {
         }
     }
 
-    /// Returns the index, in the emulator's array of serial ports, of the one to the host: UART5 on
-    /// an ironbci, USART2 on a NUCLEO-F446RE.
+    /// Returns the index, in the emulator's array of serial ports, of the port to the host: UART5
+    /// on an ironbci, USART2 on a NUCLEO-F446RE.
     const fn uart(&self) -> usize {
         match self.model {
             Model::Ironbci => 7,
@@ -137,7 +137,8 @@ impl Mcu for F4 {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
-        // At the same temperature, the board would start with the same session id.
+        // Change the temperature: otherwise every start of the board would have the same session
+        // id.
         let warmer = i32::try_from(at.0 / 1_000_000 % 1_000).unwrap_or_default();
         self.part.adc[0].set_temperature(2_500 + warmer);
         self.exti.reset_registers();

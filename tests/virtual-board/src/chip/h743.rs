@@ -122,8 +122,8 @@ impl Mcu for H743 {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
-        // The part's generator would start with the same numbers, and the board with the same
-        // session id.
+        // Reseed the random number generator: otherwise it would repeat its numbers after a reset,
+        // and the board its session id.
         self.part.rng = Rng::seeded(rng::RESET_AHB_HZ, rng::KERNEL_HZ, at.0);
         self.watchdog = Watchdog::default();
         self.otg.reset();

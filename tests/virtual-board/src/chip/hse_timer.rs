@@ -7,7 +7,7 @@ use rigless::soc::stm32h743::generated::tim17;
 use rigless::soc::{FieldSpec, Layout};
 use rigless::time::VirtualNanos;
 
-/// Registers of such a timer.
+/// Registers of a timer that can measure HSE.
 pub(crate) trait HseTimerRegisters: Layout + PartialEq {
     const STATUS: Self;
     const CAPTURED: Self;
@@ -42,7 +42,7 @@ impl HseTimerRegisters for tim11::Register {
 /// Model of the timer: a counter that runs from the first access on, without a prescaler.
 #[derive(Debug)]
 pub(crate) struct HseTimer<R> {
-    /// Frequency in Hz of the timer's clock, which is that of the core after a reset.
+    /// Frequency in Hz of the timer's clock, which equals the core's frequency after a reset.
     timer_hz: u64,
     /// Frequency in Hz of the external clock; 0 for none.
     pub(crate) hse_hz: u64,

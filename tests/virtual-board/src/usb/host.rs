@@ -107,7 +107,7 @@ pub enum Command {
     /// With true, open the serial port of a configured device: set the line coding, then DTR and
     /// RTS. With false, close it: clear DTR and RTS, then stop reading data.
     Open(bool),
-    /// With true, stop reading data from the device while the port is open; with false, go on.
+    /// With true, stop reading data from the device while the port is open; with false, continue.
     PauseReading(bool),
     /// With true, suspend the bus of a configured device by sending no more frames. With false,
     /// signal resume for 20 ms, then send frames again.
@@ -118,7 +118,7 @@ pub enum Command {
     Send(Vec<u8>),
 }
 
-/// Phase in which the host's port is; a number is the time in ns at which the phase ends.
+/// Phase of the host's port; a number is the time in ns at which the phase ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Phase {
     #[default]

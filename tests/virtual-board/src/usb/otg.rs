@@ -19,7 +19,7 @@ use super::host::UsbHost;
 use super::instance::{Instance, Slots};
 use crate::core_bus::Redirect;
 
-/// Index of the core's global interrupt among those of its address window in the emulator.
+/// Index of the core's global interrupt among the interrupts of its window in the emulator.
 const GLOBAL: usize = 0;
 
 /// The core and its host, and what they last passed to the emulator.

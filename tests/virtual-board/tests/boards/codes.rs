@@ -1,4 +1,4 @@
-//! Scenario in which a virtual board's codes must equal those of host-sim.
+//! Scenario in which a virtual board's codes must equal host-sim's.
 
 use std::time::Instant;
 
@@ -21,8 +21,8 @@ const fn codes(subject: Subject) -> usize {
 /// Number of times that the scenario inspects the DMA streams.
 const INSPECTIONS: usize = 50;
 
-/// Scenario: the codes, with substituted electrodes, equal those of host-sim bit for bit, their
-/// time stamps are 62.5 ms apart, and nothing is late or lost. DMA1 can access every buffer that it
+/// Scenario: the codes, with substituted electrodes, equal host-sim's bit for bit, their time
+/// stamps are 62.5 ms apart, and nothing is late or lost. DMA1 can access every buffer that it
 /// uses.
 pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
@@ -48,8 +48,9 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
         .codes()
         .map(|(frame, _)| frame.device_us)
         .collect();
-    // Stamps are rounded down to whole microseconds. An edge close to the next microsecond can be
-    // stamped with it, because the interrupt that reads the clock starts some cycles later.
+    // Stamps are rounded down to whole microseconds. An edge just before the next microsecond can
+    // be stamped with the latter, because the interrupt that reads the clock starts some cycles
+    // later.
     for (index, stamp) in (0..).zip(&stamps) {
         let error_us = (stamp - stamps[0]).abs_diff(index * 62_500);
         assert!(error_us <= 1, "code {index} is {error_us} us off");

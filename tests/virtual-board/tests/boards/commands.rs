@@ -11,7 +11,7 @@ use crate::session::{
     streaming,
 };
 
-/// Number of codes in which the device sends its counters at least once; it does so each second.
+/// Number of codes during which the device sends its counters, once each second, at least once.
 const A_REPORT: usize = 20;
 
 /// Number of commands that a scenario sends without pause; over the UART they take about 50 ms.
@@ -49,8 +49,9 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
     Ok(())
 }
 
-/// Scenario: the impedance of every electrode is measured: at 500 Hz and more while codes stream,
-/// without a late stage; at less, where the current is inside the EEG's band, while they do not.
+/// Scenario: the impedance of every electrode is measured. At 500 Hz and more, codes stream
+/// meanwhile and no stage is late. At lower rates no codes stream, because the current is inside
+/// the EEG's band.
 pub(crate) fn impedances_are_measured(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let measure = ToDevice::SetImpedance { on: true };
@@ -93,12 +94,12 @@ pub(crate) fn impedances_are_measured(subject: Subject) -> Result<(), BoardError
 /// Virtual time of a scenario's measurements of impedance in us: two at 250 Hz, each of 2 s.
 const IMPEDANCES_US: u64 = 4_500_000;
 
-/// Error of an impedance by the noise of the synthetic signals, in ohms: five standard deviations.
-/// Their 74 counts are 1.65 uV RMS, ten times a converter's, of which `sqrt(2 / 512)` remain, and
-/// 7.64 uV are 1 kOhm.
+/// Error in ohms that the noise of the synthetic signals causes in an impedance, as five standard
+/// deviations. The noise of 74 counts is 1.65 uV RMS, ten times a converter's. The measurement
+/// leaves `sqrt(2 / 512)` of it, and 7.64 uV correspond to 1 kOhm.
 const NOISE_OHMS: f64 = 70.0;
 
-/// Scenario: a board whose boot loader no host reaches refuses to start it.
+/// Scenario: a board refuses to start a boot loader that no host can reach.
 pub(crate) fn loader_is_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let reset = ToDevice::Reset(ResetInto::Bootloader);
@@ -106,7 +107,7 @@ pub(crate) fn loader_is_refused(subject: Subject) -> Result<(), BoardError> {
     assert_sound(&mut board)
 }
 
-/// Scenario: an image without the measurement refuses it.
+/// Scenario: an image without the measurement of impedances refuses the command for it.
 pub(crate) fn impedances_are_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let measure = ToDevice::SetImpedance { on: true };
@@ -118,8 +119,8 @@ pub(crate) fn impedances_are_refused(subject: Subject) -> Result<(), BoardError>
 /// Together, the errors damage about one command in twenty.
 const DAMAGED: u32 = 2_500;
 
-/// Scenario: a byte with a framing or noise error destroys only the command that contains it, and
-/// the device counts damaged commands. It executes no command twice, and goes on receiving.
+/// Scenario: a byte with a framing or noise error destroys only the command that contains it. The
+/// device counts damaged commands, executes no command twice, and continues to receive.
 pub(crate) fn damaged_bytes_destroy_only_their_commands(
     subject: Subject,
 ) -> Result<(), BoardError> {
@@ -162,7 +163,7 @@ pub(crate) fn damaged_bytes_destroy_only_their_commands(
     Ok(())
 }
 
-/// Longest time for an answer on an idle line, in us: the transfer of command and answer, and the
+/// Time limit for an answer on an idle line, in us: the transfer of command and answer, and the
 /// test's polling interval of 500 us. Most answers would take longer if the conversation task
 /// looked for commands only at its tick, every 20 ms.
 const ANSWER_US: u64 = 4_000;

@@ -11,11 +11,11 @@ use crate::session::{
 };
 use crate::simulation::{HOP, Repeatable};
 
-/// Longest time from a failure to the next `Hello`, in us. It covers the watchdog's 200 ms, the
+/// Time limit from a failure to the next `Hello`, in us. It covers the watchdog's 200 ms, the
 /// tolerance of its oscillator, and the start.
 const LONGEST_US: u64 = 600_000;
 
-/// Longest time from a command to the start of firmware or boot loader, in us. It covers 100 ms for
+/// Time limit from a command to the start of firmware or boot loader, in us. It covers 100 ms for
 /// the acknowledgement, the start of the clocks, and the enumeration of USB.
 const RESET_US: u64 = 1_000_000;
 
@@ -83,8 +83,8 @@ pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Resul
 }
 
 /// Asserts that the newest `Hello` reports the reset cause `cause` and that the device streams
-/// codes again, with the built-in model those of host-sim. Returns the fault that this `Hello`
-/// reports.
+/// codes again, which equal host-sim's if the model is the built-in one. Returns the fault that
+/// this `Hello` reports.
 fn assert_streams_after(
     board: &mut VirtualBoard,
     subject: Subject,
@@ -108,7 +108,7 @@ fn received_since_hello(frames: &[Frame]) -> Vec<ReceivedCode> {
 }
 
 /// Scenario: the device restarts on `Reset`, reports this as the cause, and streams again. Its
-/// session id is another one, by which a host recognises the restart.
+/// session id changes, so that a host recognises the restart.
 pub(crate) fn restarts_on_command(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;

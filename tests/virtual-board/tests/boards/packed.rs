@@ -1,4 +1,4 @@
-//! Scenarios in which packed blocks and compressed samples must equal those of host-sim.
+//! Scenarios in which packed blocks and compressed samples must equal host-sim's.
 
 use link::{AckResult, BandPass, FeatureFilters, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, ReceivedCode};
@@ -40,8 +40,7 @@ const FILTERS: ToDevice<'_> = ToDevice::SetFeatures(FeatureFilters {
 });
 
 /// Scenario: packed blocks at a rate that the host chooses and with substituted electrodes,
-/// features, and the audited planes equal those of host-sim bit for bit, and nothing is late or
-/// lost.
+/// features, and the audited planes equal host-sim's bit for bit, and nothing is late or lost.
 pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let streams = Streams::PACKED | Streams::AUDIT | Streams::FEATURES;
@@ -126,8 +125,8 @@ pub(crate) fn blocks(frames: &[Frame]) -> Vec<ReceivedCode> {
     pick(frames, block).collect()
 }
 
-/// Scenario: compressed samples, streamed together with codes, equal those of host-sim bit for bit,
-/// and nothing is late or lost.
+/// Scenario: compressed samples, streamed together with codes, equal host-sim's bit for bit, and
+/// nothing is late or lost.
 pub(crate) fn compressed_samples_equal_those_of_host_sim(
     subject: Subject,
 ) -> Result<(), BoardError> {

@@ -20,11 +20,11 @@ const CODES: usize = 48;
 const MAINS_HZ: u32 = 50;
 
 /// Scenario: the codes for another model equal those of the batch reference bit for bit, they come
-/// every 62.5 ms, to a sample, and nothing is late or lost.
+/// every 62.5 ms to within a sample, and nothing is late or lost.
 pub(crate) fn codes_equal_those_of_the_reference(subject: Subject) -> Result<(), BoardError> {
     let model = DeviceModel::new(&subject.artifact()).expect("a model for a device");
     let mut board = running(subject)?;
-    // The synthetic signals need not be those of good electrodes.
+    // The device may find the synthetic signals bad, but the reference excludes no electrode.
     let none = ExclusionPolicy {
         automatic: false,
         ..ExclusionPolicy::AUTOMATIC

@@ -6,9 +6,9 @@ use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard};
 
 use crate::images::Subject;
 
-/// Longest time from power-on until the converters run, in us. The firmware waits 1 s after
-/// power-on and 0.15 s for the reference, then writes the registers; a missing external clock adds
-/// a timeout of 0.5 s.
+/// Time limit from power-on until the converters run, in us. The firmware waits 1 s after power-on
+/// and 0.15 s for the reference, then writes the registers; a missing external clock adds a timeout
+/// of 0.5 s.
 const UP_US: u64 = 2_000_000;
 
 /// Powers on a board with the settings `setup` and the image of `subject`.

@@ -25,7 +25,7 @@ pub(crate) struct Repeatable {
     streams: Streams,
     /// Commands that the board receives before the command `Start`.
     commands: Vec<ToDevice<'static>>,
-    /// Numbers of the samples with which the run may have started: those between the command
+    /// Numbers of the samples with which the run may have started: the samples between the command
     /// `Start` and its acknowledgement.
     first: RangeInclusive<u64>,
 }

@@ -12,8 +12,8 @@ use crate::session::{
 };
 use crate::{commands, usb};
 
-/// Longest time from power-on to `Hello`, in us of device time. It covers the start of the clocks
-/// and the initialisation of the encoder's memory. The time would be 65,536 us longer if the time
+/// Time limit from power-on to `Hello`, in us of device time. It covers the start of the clocks and
+/// the initialisation of the encoder's memory. The time would be 65,536 us longer if the time
 /// driver counted a half period too many.
 const HELLO_US: u64 = 20_000;
 
@@ -62,7 +62,7 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     let has_clock = subject.model != Model::Ironbci;
     assert_eq!(board.hse_is_bypassed()?, has_clock, "HSEBYP");
     // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz
-    // on the others (docs/hardware.md). The converters run, so it must be that for samples.
+    // on the others (docs/hardware.md). The converters run, so SCLK must be set for samples.
     let burst_hz = board.sclk_hz();
     assert!(
         (10_000_000..=20_000_000).contains(&burst_hz),
@@ -104,8 +104,8 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardE
 }
 
 /// Scenario: the STM32H743 runs from the frequencies that an ST-LINK can supply, 8.33 MHz and 8 MHz
-/// with an error of 0.3 %. The error, with which USB would be out of tolerance, flags no sample:
-/// the status has the measured rate.
+/// with an error of 0.3 %. The error would put USB out of tolerance, but flags no sample: the
+/// status has the measured rate.
 pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(), BoardError> {
     let (clock_hz, core_hz) = match subject.cable {
         Cable::Usb => (8_333_333, 480_000_000),
@@ -124,7 +124,7 @@ pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(),
     for (_, code) in board.inbox().codes() {
         assert!(!code.flags.contains(Flags::ADC_STATUS_BAD));
     }
-    // In a second of its own, a slow device counts more samples.
+    // The second of a slow device is longer, so the device counts more samples in it.
     let rate = |kind: &Kind| match kind {
         Kind::Converters(converters) => Some(converters.drdy_millihertz),
         _ => None,
@@ -219,7 +219,7 @@ fn spi_interrupts(model: Model) -> [Wanted; 2] {
     }
 }
 
-/// Returns the interrupts of the port to the host: that of USB, or those of the UART and its DMA.
+/// Returns the interrupts of the port to the host: one for USB, or several for UART and DMA.
 fn port_interrupts(subject: Subject) -> &'static [Wanted] {
     match (subject.model, subject.cable) {
         (Model::H743, Cable::Usb) => &[("OTG_FS", 101, priority::CONVERSE)],
@@ -262,7 +262,7 @@ fn assert_interrupts_have_their_priorities(
     let urgent = enabled.iter().filter(|(line, level)| {
         *level <= priority::ACQUIRE && !wanted.iter().any(|(_, known, _)| known == line)
     });
-    // embassy enables the interrupts of all DMA streams, but those of unused streams never occur.
+    // embassy enables the interrupts of all DMA streams, but unused streams never interrupt.
     let unknown: Vec<_> = urgent.filter(|(line, _)| !is_inactive(*line)).collect();
     assert!(
         unknown.is_empty(),

@@ -1,4 +1,4 @@
-//! Scenarios in which the host gives a board a model.
+//! Scenarios in which the host uploads a model to a board.
 
 use std::sync::LazyLock;
 
@@ -12,8 +12,9 @@ use crate::packed::blocks;
 use crate::session::{answer, assert_sound, in_time, pick, run_frames, running, stats, worst_path};
 use crate::simulation::{HOP, Repeatable};
 
-/// Number of blocks to compare: from the default image more than there are from one block without
-/// prediction to the next; from the image that differs only in the port, those of a report.
+/// Number of blocks to compare. For the default image, there are fewer blocks from one block
+/// without prediction to the next; for the image that differs only in the port, they suffice for a
+/// report.
 const fn compared(subject: Subject) -> usize {
     match subject.cable {
         Cable::Usb => 70,
@@ -24,7 +25,7 @@ const fn compared(subject: Subject) -> usize {
 /// Number of blocks in which the device sends its counters at least once; it does so each second.
 const A_REPORT: usize = 20;
 
-/// Longest time from the answer to an announcement until the board reports the model, in us.
+/// Time limit from the answer to an announcement until the board reports the model, in us.
 const fn longest_us(subject: Subject) -> u64 {
     match subject.cable {
         Cable::Usb => 2_000_000,
@@ -69,8 +70,8 @@ fn reported(frames: &[Frame]) -> ([u8; 8], u64) {
     reports.next_back().expect("a Hello")
 }
 
-/// Scenario: blocks and codes of a board that has been given a model equal those of host-sim with
-/// this model bit for bit, and nothing is late or lost. The upload is as fast as the port.
+/// Scenario: a board to which a model was uploaded sends the same blocks and codes, bit for bit, as
+/// host-sim with this model, and nothing is late or lost. The upload is as fast as the port.
 pub(crate) fn uploaded_model_is_used(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     assert_eq!(reported(board.inbox().frames()).0, model::MODEL_ID);
@@ -100,9 +101,9 @@ pub(crate) fn uploaded_model_is_used(subject: Subject) -> Result<(), BoardError>
     assert_sound(&mut board)
 }
 
-/// Scenario: an upload is refused that is out of order, or whose bytes do not have the announced
-/// CRC. A chunk that is damaged on the line is as if it were not sent. The board goes on with the
-/// built-in model.
+/// Scenario: the board refuses an upload that is out of order, or whose bytes do not have the
+/// announced CRC. A chunk that is damaged on the line counts as not sent. The board continues with
+/// the built-in model.
 pub(crate) fn unsound_upload_is_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let (_, mut commands) = upload();

@@ -8,10 +8,10 @@ use crate::commands::ping;
 use crate::images::Subject;
 use crate::session::{assert_no_findings, converters, run_codes, stats, streaming};
 
-/// Longest time in us until the host has opened the port, with two bus resets and an enumeration.
+/// Time limit in us for the host to open the port, with two bus resets and an enumeration.
 const ENUMERATION_US: u64 = 500_000;
 
-/// Longest time from a command to its acknowledgement over USB, in us.
+/// Time limit from a command to its acknowledgement over USB, in us.
 const ANSWER_US: u64 = 200_000;
 
 /// Range of the times for which the cable is plugged in, in us, and the step between them. They end

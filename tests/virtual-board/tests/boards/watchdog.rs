@@ -23,11 +23,11 @@ const fn watchdog_us(hz: u64) -> u64 {
 /// Time in us between two checks of the tasks' progress, each of which reloads the watchdog.
 const FED_US: u64 = 62_500;
 
-/// Longest time from a reset to `Hello` in us, which includes the enumeration of USB.
+/// Time limit from a reset to `Hello` in us, which includes the enumeration of USB.
 const START_US: u64 = 500_000;
 
 /// Scenario: at both ends of the frequency range, the watchdog does not reset a healthy board, and
-/// it ends a hang by a reset after its timeout.
+/// it resets a hung board after its timeout.
 pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Result<(), BoardError> {
     for hz in range(subject.model) {
         let setup = Setup {

@@ -1,9 +1,8 @@
-//! For each file in `files/montages/`, the batch reference of a model computes the codes that numpy
-//! computes. These models have random weights; those in `signal/model` beside the built-in one are
-//! trained, and their codes equal numpy's too. The model of the paper's montage and one of the kit
-//! are built into programs: a host-sim announces the model and streams its codes, which equal those
-//! of the batch reference. It also decodes those of the paper's montage; corticode-node decodes
-//! those of the kit.
+//! For each file in `files/montages/`, the batch reference of a model with random weights computes
+//! the same codes as numpy. So do the trained models in `signal/model` other than the built-in one.
+//! Two models are built into programs, one for the paper's montage and one for the kit: host-sim
+//! announces the model and streams codes that equal the batch reference's. host-sim also decodes
+//! the codes of the paper's montage, and corticode-node those of the kit.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,8 +20,8 @@ const NUMBERS: usize = 48;
 /// Montage of the trained models in `signal/model/kit-250` and `kit-500`, which differ in the rate
 /// of the ADC.
 const KIT_MONTAGE: &str = "kit-8";
-/// Gain of the ADC in the copy of `kit-500` for which host-sim and corticode-node are built; that
-/// of all checked-in models is 24.
+/// Gain of the ADC in the copy of `kit-500` for which host-sim and corticode-node are built; all
+/// checked-in models have a gain of 24.
 const NODE_GAIN: u32 = 6;
 /// Duration of the synthetic EEG that host-sim plays, in seconds.
 const SECONDS: u64 = 6;
@@ -35,8 +34,8 @@ const BUILT_IN_MONTAGE: &str = "ten-ten-61";
 const VARIANTS: [&str; 2] = ["cyton-16", "ten-twenty-32"];
 /// Montage of models that `own_cap_page.rs` and `packed_alone.rs` build.
 const OWN_CAP: &str = "cyton-8";
-/// Montage of the trained model in `signal/model/ironbci`, whose image `cargo xtask board` runs.
-/// Its electrodes are those of the kit.
+/// Montage of the trained model in `signal/model/ironbci`, whose image `cargo xtask board` runs. It
+/// has the electrodes of the kit.
 const IRONBCI: &str = "ironbci";
 
 /// Arguments of cargo that build, for each model, the test that compares the pipeline with its
@@ -172,7 +171,7 @@ fn model(seed: u32, montage: &MontageFile) -> Artifact {
     any_model::any_artifact_for(seed, montage, Mode::Pca, NUMBERS).expect("a model")
 }
 
-/// Compares the codes of the batch reference with those of numpy on random windows.
+/// Compares the batch reference's codes with numpy's codes on random windows.
 fn compare_with_numpy(seed: u32, artifact: &Artifact) {
     if !numpy_reference::available("montages against numpy") {
         return;

@@ -1,5 +1,5 @@
-//! With models other than the checked-in one, too, the pipeline streams the codes and packed blocks
-//! of the batch references. Each model is built from an artifact, as a user builds it. Two of the
+//! With models other than the checked-in one, the pipeline streams the same codes and packed blocks
+//! as the batch references. Each model is built from an artifact, as a user builds it. Two of the
 //! models are for montages in `files/montages/`; `montages.rs` has the others.
 //!
 //! `encoder_numpy.rs` compares the reference itself with numpy for networks of every mode, padding
@@ -17,9 +17,9 @@ use artifact::{
 
 use Input::{Montage, Sized};
 
-/// Models to build (mode, padding, pool, input). Together they use every kernel, both ends of a
-/// padded window, for each optional part an encoder without it, every overlap of windows, and the
-/// ends of every parameter's range.
+/// Models to build (mode, padding, pool, input). Together they cover every kernel, both ends of a
+/// padded window, an encoder without each optional part, every overlap of windows, and both ends of
+/// every parameter's range.
 const VARIANTS: [(Mode, Padding, [usize; 3], Input); 7] = [
     (Paper, Padding::None, [2, 2, 2], Montage("ten-twenty-32")),
     (Paper, Padding::None, [4, 3, 3], Sized(Size::paper(8))),

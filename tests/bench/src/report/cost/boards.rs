@@ -74,7 +74,7 @@ fn budget(folder: &Path) -> anyhow::Result<Budget> {
     })
 }
 
-/// Returns the figures of flash and RAM; the name of each contains that of its board.
+/// Returns the figures of flash and RAM; the name of each figure contains the board's name.
 fn figures(budget: &Budget) -> anyhow::Result<Map<String, Json>> {
     let mut figures = Map::new();
     for (name, _) in BOARDS {

@@ -79,7 +79,7 @@ impl Counts {
     /// `different_networks` and `loops`.
     ///
     /// # Errors
-    /// The image has counted other time steps than those of a hop, or no shortcut.
+    /// The image has not counted exactly the time steps of a hop, or not the shortcut.
     pub(crate) fn new(machine: Machine, printed: Printed) -> anyhow::Result<Self> {
         let steps = Range::of_columns(&printed.inputs, HOP)?;
         let kernels = printed.kernels.iter();
@@ -146,7 +146,8 @@ mod tests {
 
     impl Counts {
         /// Returns counts of one input, for tests: the last time step of a hop takes `last`
-        /// instructions, every other one 1000. The shortcut takes 1600 instructions per code.
+        /// instructions, each of the other steps 1000. The shortcut takes 1600 instructions per
+        /// code.
         pub(crate) fn synthetic(last: u32) -> Self {
             let printed = format!(
                 "ram_bytes = 35000
@@ -171,8 +172,8 @@ mod tests {
     #[test]
     fn the_shortcuts_products_are_subtracted_from_every_time_step() {
         let counts = Counts::synthetic(1500);
-        // The last time step takes 1500 instructions, each other one 1000. The shortcut has an
-        // equal share in each: 200 if the hop has 8 time steps.
+        // The last time step takes 1500 instructions, each of the other steps 1000. The shortcut
+        // has an equal share in each step: 200 if the hop has 8 time steps.
         let hop = u32::try_from(HOP).expect("at most 16");
         let (all, in_step) = (1_000 * hop + 500, 1_600 / hop);
         let expected = Figures {

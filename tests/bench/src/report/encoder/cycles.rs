@@ -13,8 +13,8 @@ use serde::Serialize;
 
 use crate::report::programs;
 
-/// Cycles that every instruction outside the loops is assumed to take on a Cortex-M4: those of the
-/// slowest common instruction, a load that does not follow another load.
+/// Cycles that every instruction outside the loops is assumed to take on a Cortex-M4: as many as
+/// the slowest common instruction, a load that does not follow another load.
 pub(crate) const REST_M4: f64 = 2.0;
 /// Cycles that every instruction outside the loops is assumed to take on a Cortex-M7, although it
 /// can issue two at once.
@@ -29,7 +29,7 @@ const BRANCH_M7: u32 = 2;
 /// Names of the instructions that multiply two pairs of 16-bit numbers.
 const PRODUCTS: &[&str] = &["smlad", "smuad"];
 
-/// Cycles on one machine of one of the loops that take most of the encoder's time.
+/// Cycles, on one machine, of one of the loops in which the encoder spends most of its time.
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct LoopCycles {
     name: &'static str,
@@ -126,8 +126,8 @@ pub(crate) fn load_percent(cycles_per_code: f64, mhz: f64) -> f64 {
 }
 
 /// Returns the cycles of instructions on a Cortex-M4 by ARM's table (ARM 100166, section 3.3.1). A
-/// load or store of n words takes n + 1 cycles, but 1 if it and the instruction before it are both
-/// of a single word. Every other instruction here takes 1.
+/// load or store of n words takes n + 1 cycles, but only 1 cycle if it and the instruction before
+/// it are both of a single word. Every other instruction here takes 1 cycle.
 fn arm_table(instructions: &[String]) -> u32 {
     let mut cycles = 0;
     let mut was_single = false;

@@ -1,5 +1,5 @@
-//! Measures the noise that fixed-point arithmetic adds to a filter's output: the output minus that
-//! of the same filter in f64, its twin.
+//! Measures the noise that fixed-point arithmetic adds to a filter's output: the output minus the
+//! output of the same filter in f64, its twin.
 
 use std::f64::consts::PI;
 
@@ -88,8 +88,8 @@ fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measur
     }
 }
 
-/// Returns, for the same input counts, the output of `filter` minus that of `twin`, nV. The time in
-/// which the filters settle is left out.
+/// Returns, for the same input counts, the output of `filter` minus the output of `twin`, nV.
+/// Leaves out the time in which the filters settle.
 fn error_nv(counts: &[i32], mut twin: Twin, mut filter: impl FnMut(i32) -> i32) -> Vec<f64> {
     let nv = f64::from(model::LSB_NV) / f64::from(1 << GUARD_BITS);
     let errors = counts.iter().map(|count| {

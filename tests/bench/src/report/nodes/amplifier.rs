@@ -21,8 +21,8 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    /// Returns the frames of an amplifier of `rate_hz`: of a hop at the rate of the model's ADC,
-    /// otherwise of 1/64 s or 20 ms. Returns `None` if neither has a whole number of samples.
+    /// Returns the frames of an amplifier of `rate_hz`. At the rate of the model's ADC each lasts a
+    /// hop, otherwise 1/64 s or 20 ms. Returns `None` if neither has a whole number of samples.
     pub(super) fn new(rate_hz: u16) -> Option<Frames> {
         let step_rate = u32::from(model::STEP_RATE_HZ);
         let hops = (rate_hz == model::ADC_RATE_HZ).then_some(step_rate / HOP);
@@ -160,7 +160,8 @@ mod tests {
             let rate = u64::from(rate_hz);
             for number in 1..200_u32 {
                 let samples = u64::from(number * frames.samples);
-                // Step s is that of the sample at s / step rate, or of the next one after it.
+                // Step s belongs to the sample at s / step rate, or to the next sample after this
+                // time.
                 let step_is_in = |step: u64| (step * rate).div_ceil(128) < samples;
                 let windows = (0_u64..).take_while(|window| {
                     step_is_in(window * u64::from(HOP) + u64::from(STEPS) - 1)

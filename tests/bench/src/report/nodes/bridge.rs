@@ -93,7 +93,7 @@ async fn run(programs: &Programs, seconds: u32) -> anyhow::Result<[Part; 2]> {
     Ok([("codes", codes), ("codes and signals", both)])
 }
 
-/// Builds the report. A figure of the whole run is that of the part in which it is worse.
+/// Builds the report. A figure of the whole run comes from the part in which it is worse.
 fn report(parts: &[Part], seconds: u32) -> anyhow::Result<Report> {
     let worst = |figure: &dyn Fn(&Figures) -> f64| {
         let figures = parts.iter().map(|(_, pair)| figure(&pair.own));

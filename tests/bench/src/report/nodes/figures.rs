@@ -53,8 +53,7 @@ pub(super) struct Figures {
     interval_max_ms: f64,
     /// 99th percentile of |interval - [`HOP_MS`]| over the arrivals, ms.
     pub(super) deviation_p99_ms: f64,
-    /// Largest number of successive codes of which each came less than a quarter of a hop after the
-    /// one before it.
+    /// Largest number of successive codes that came less than a quarter of a hop apart.
     pub(super) codes_per_burst: usize,
     /// Median time from the sending of a code to its arrival, ms.
     pub(super) latency_median_ms: f64,

@@ -31,7 +31,7 @@ use crate::report::programs::{self, Python};
 
 /// Name of the program that is measured.
 const NODE: &str = "corticode-node";
-/// Topics of `corticode-node` and of the node in rospy: that of the frames, then that of the codes.
+/// Topics of `corticode-node` and of the node in rospy, each for the frames and for the codes.
 const TOPICS: [[&str; 2]; 2] = [
     ["/neurodata", "/encoded"],
     ["/rospy/neurodata", "/rospy/encoded"],

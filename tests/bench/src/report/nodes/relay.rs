@@ -1,6 +1,6 @@
 //! Forwards the bytes of host-sim to the bridge, and the codes among them to the node in rospy, and
 //! notes when each code is sent. Codes leave exactly one hop apart, within some microseconds, so
-//! that the jitter at a subscriber is that of the node.
+//! that only the node causes the jitter at a subscriber.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -17,11 +17,11 @@ use super::{run_before_others, wait_until};
 /// Time from one code to the next in real time.
 const HOP: Duration =
     Duration::from_micros(model::HOP as u64 * 1_000_000 / model::STEP_RATE_HZ as u64);
-/// Delay with which the node in rospy gets a code after the bridge.
+/// Time by which the node in rospy gets each code later than the bridge.
 const OFFSET: Duration = HOP.checked_div(2).unwrap();
 /// Delay of every code in the relay, so that even a code that host-sim sends late leaves on time.
 const RESERVE: Duration = Duration::from_millis(15);
-/// Longest permitted time until host-sim opens its port, and until each node connects.
+/// Time limit for host-sim to open its port, and for each node to connect.
 const START: Duration = Duration::from_secs(20);
 /// Time between two attempts to connect or to accept.
 const RETRY: Duration = Duration::from_millis(20);
@@ -32,14 +32,14 @@ struct Levels {
     values: Vec<i32>,
 }
 
-/// Times at which each code was sent to the bridge and to the node in rospy. Threads note them
-/// while they pass on what host-sim sends; they end when it closes its connection.
+/// Times at which each code was sent to the bridge and to the node in rospy. Threads note the times
+/// while they pass on what host-sim sends; they end when host-sim closes its connection.
 #[derive(Debug)]
 pub(super) struct Relay([SharedTimes; 2]);
 
 impl Relay {
-    /// Connects to host-sim at `port` of 127.0.0.1, accepts the bridge at the listener `bridge` and
-    /// the node in rospy at `rospy`, and starts to pass on bytes.
+    /// Connects to host-sim on port `port` of 127.0.0.1, accepts the bridge at the listener
+    /// `bridge` and the node in rospy at `rospy`, and starts to pass on bytes.
     ///
     /// # Errors
     /// A connection fails.

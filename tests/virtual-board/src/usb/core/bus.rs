@@ -21,7 +21,8 @@ impl Core {
         }
     }
 
-    /// Sets the flag for a session's start or end; `before` tells whether it was valid until now.
+    /// Sets the flag for a session's start or end; `before` tells whether a session was valid
+    /// before.
     pub(super) fn session_changed(&mut self, before: bool) {
         match (before, self.session_valid()) {
             (false, true) => self.registers.gintsts |= gintsts::SRQINT,
@@ -55,7 +56,7 @@ impl Core {
             && !self.bus.suspended
     }
 
-    /// Lets the host start or stop sending frames; their numbers go on from the last one.
+    /// Lets the host start or stop sending frames; the frame numbers continue from the last one.
     pub(crate) fn set_frames(&mut self, on: bool) {
         self.bus.first_frame = u64::from(self.frame());
         self.bus.frames_from = on.then_some(self.now);

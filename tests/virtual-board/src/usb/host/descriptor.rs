@@ -45,8 +45,8 @@ pub struct Descriptors {
     pub(super) interfaces: Vec<Interface>,
 }
 
-/// An interface in its alternate setting 0, as its descriptor and those that belong to it describe
-/// it (USB 2.0, 9.6.5).
+/// An interface in its alternate setting 0, as its own descriptor and the descriptors that belong
+/// to it describe it (USB 2.0, 9.6.5).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Interface {
     /// Number of the interface (`bInterfaceNumber`).

@@ -147,7 +147,7 @@ impl Enumeration {
                 Next::Request
             }
             Stage::Qualifier => self.after_qualifier(),
-            // Go on without the BOS descriptor, as real hosts do.
+            // Continue without the BOS descriptor, as real hosts do.
             Stage::BosHeader if data.len() < 5 => {
                 let text = format!(
                     "bcdUSB is {:#06x} and the BOS descriptor has {} bytes (USB 3.2, 9.6.2)",
