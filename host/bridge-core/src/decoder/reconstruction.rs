@@ -75,8 +75,8 @@ impl Reconstruction {
         self.frame.neuroheader.seq
     }
 
-    /// Continues the sequence numbers of `before`, the reconstruction for the device before, and
-    /// keeps its last values for fillers. The frames of both must have the same shape.
+    /// Continues the sequence numbers of `before`, the previous device's reconstruction, and keeps
+    /// its last values for fillers. The frames of both must have the same shape.
     pub fn continue_from(&mut self, before: &Reconstruction) {
         self.set_number(before.number());
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
@@ -104,8 +104,8 @@ impl Reconstruction {
         self.frame_of(window, values)
     }
 
-    /// Returns the frame that a window with the decoded values `decoded` completes; `None` if it is
-    /// missing and the user wants no fillers.
+    /// Returns the frame that a window with the decoded values `decoded` completes; `None` if no
+    /// code with the frame's steps was received and the user wants no fillers.
     fn frame_of(&mut self, window: &TimedCode, decoded: Option<Vec<f32>>) -> Option<&NeuroFrame> {
         let data = &mut self.frame.eeg.data;
         let mut words = window.words;

@@ -31,7 +31,7 @@ const QUEUE_AUDITS: usize = 4;
 /// rest of the program.
 const NICE: i32 = 10;
 
-/// Timeout for the end of the thread after it was told to stop. The thread still completes the
+/// Time limit for the thread to end after it was told to stop. The thread still completes the
 /// window that it is decoding.
 const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time between two checks of whether the thread has ended.
@@ -53,8 +53,8 @@ pub struct DecoderThread {
 /// Lengths of the thread's queues, and counts of its work as in [`DecoderCounts`].
 #[derive(Debug, Default)]
 struct Progress {
-    /// Number of queued codes and packed blocks. Placeholders for lost packed blocks count too,
-    /// those for lost codes do not.
+    /// Number of queued codes and packed blocks. Placeholders for lost packed blocks count too;
+    /// placeholders for lost codes do not.
     waiting: AtomicU64,
     decoded: AtomicU64,
     malformed: AtomicU64,

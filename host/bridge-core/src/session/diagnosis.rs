@@ -203,7 +203,8 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
         .map(|codes| codes.timeline.counts().clone())
         .unwrap_or_default();
     let ledger = &hops.ledger;
-    // What an event has counted before a run is counted again if another restart follows.
+    // The count falls if another restart follows a run that began with an event, because what is
+    // missing before that run is then counted again.
     let since = hops
         .missing()
         .saturating_sub(session.counts.missing_reported);

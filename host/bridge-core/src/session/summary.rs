@@ -73,7 +73,7 @@ pub struct PackedSummary {
 /// Numbers of predictions so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PredictionSummary {
-    /// Number of predictions, with repeated ones.
+    /// Number of predictions, including repeated ones.
     pub published: u64,
     /// Number of predictions that repeat the one before, because the features were lost or not
     /// usable.

@@ -17,8 +17,8 @@ pub struct Upload {
 }
 
 impl Upload {
-    /// Creates an upload of the model `bytes`, in the layout of `docs/wire-format.md`, from
-    /// the model with this id.
+    /// Creates an upload of `bytes`, the packed code of the model with this id, in the layout of
+    /// `docs/wire-format.md`.
     ///
     /// # Panics
     /// If the model has more than 2^32 bytes.
@@ -56,7 +56,7 @@ impl Uploading {
         }
     }
 
-    /// Returns the next command. A chunk is without its bytes; see [`Self::with_bytes`].
+    /// Returns the next command. A chunk comes without its bytes; see [`Self::with_bytes`].
     pub(crate) fn command(&self) -> ToDevice<'static> {
         match self.received {
             None => ToDevice::ModelBegin(self.upload.begin),
@@ -80,8 +80,8 @@ impl Uploading {
         ToDevice::ModelChunk(ModelChunk { offset, bytes })
     }
 
-    /// Records what the device has. If it knows no upload of this model, it has restarted or
-    /// another program has announced another model, and the upload begins again.
+    /// Records what the device reports to have. If it reports no upload of this model, it has
+    /// restarted or another program has announced another model, and the upload begins again.
     pub(crate) fn record(&mut self, received: ModelReceived) {
         self.received = (received.crc == self.upload.begin.crc).then_some(received.bytes);
     }
