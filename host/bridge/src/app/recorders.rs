@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use bridge_core::{HostTime, RecordingStart};
 use neuro_ros::{KeyValue, NeuroEvent, NeuroFrame, RosSink, Sink};
 
-/// Number of nodes from which those that do not subscribe to events are forgotten.
+/// Number of known nodes above which those without a subscription to events are forgotten.
 const MAX_CALLERS: usize = 64;
 
 /// Nodes that have called `get_info`, by their names, each with the start of the recording that it

@@ -1,5 +1,5 @@
-//! What keeps the ROS node and others from reaching each other: logged once each, and in
-//! `/diagnostics`.
+//! Faults that keep the ROS node and other nodes from reaching each other: logged once each, and
+//! reported in `/diagnostics`.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;

@@ -163,7 +163,7 @@ impl SystemRoot {
     }
 
     /// Returns the other programs that have the port open. Programs of other users are visible only
-    /// to root, except those that have locked the port, as the bridge does. At a pseudoterminal
+    /// to root, except those that have locked the port, as the bridge does. On a pseudoterminal
     /// only programs with a lock count, because the program that made it may hold both ends open.
     pub(crate) fn holders(&self, port: &Path) -> Vec<Program> {
         let Ok(target) = fs::canonicalize(port) else {

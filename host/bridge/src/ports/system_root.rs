@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-/// Folder that stands for `/`: tests read another folder than that of this machine.
+/// Folder that stands for `/`. Tests use another folder than this machine's root.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct SystemRoot(PathBuf);
 
@@ -166,7 +166,7 @@ pub(crate) struct UsbIdentity {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Likeness {
-    /// The USB descriptor is that of a board.
+    /// The USB descriptor is a board's.
     Board,
     /// An ST-LINK, which is wired to the UART of the board that it is mounted on.
     Maybe,

@@ -24,7 +24,7 @@ pub(crate) struct UsbLoader {
     transfer_size: u16,
 }
 
-/// Returns the ids of the loaders on USB. A loader that is plugged in again has another one.
+/// Returns the ids of the loaders on USB. A loader that is plugged in again has another id.
 ///
 /// # Errors
 ///
@@ -44,7 +44,7 @@ impl UsbLoader {
     /// # Errors
     ///
     /// The operating system's error; `NotFound` if the loader is gone, `InvalidData` if it is not
-    /// one of an STM32.
+    /// the loader of an STM32.
     pub(crate) fn open(id: DeviceId) -> io::Result<UsbLoader> {
         let found = devices()?.find(|device| device.id() == id);
         let device = found.ok_or(io::ErrorKind::NotFound)?.open().wait()?;

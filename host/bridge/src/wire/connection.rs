@@ -21,7 +21,7 @@ pub(crate) struct Connection {
     stuck_since: Option<Instant>,
     /// Kind of the last failure that was logged; it is logged once, however long it lasts.
     reported: Option<String>,
-    /// Whether the next opening of the port shall not be logged.
+    /// Whether to open the port next without logging it.
     silently: bool,
     /// Whether the port has sent bytes but no valid frame, as the port of another device would.
     /// Interruptions of such a port are not logged.

@@ -45,7 +45,7 @@ fn view(address: SocketAddr) -> BufReader<TcpStream> {
     reader
 }
 
-/// Reads messages until one of the topic with this number. Returns its body.
+/// Reads messages until one on the topic with the number `topic`. Returns its body.
 fn next(reader: &mut BufReader<TcpStream>, topic: u8) -> Vec<u8> {
     loop {
         let mut length = [0; 4];
@@ -58,7 +58,7 @@ fn next(reader: &mut BufReader<TcpStream>, topic: u8) -> Vec<u8> {
     }
 }
 
-/// Returns the number behind `key` in the status `outlets` of a report.
+/// Returns the value of `key` in the status `outlets` of a report.
 fn figure(report: &Value, key: &str) -> Option<u64> {
     let status = report["status"].as_array()?;
     let outlets = status
