@@ -27,7 +27,7 @@ fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     for (window, (code, expected)) in codes.iter().zip(&expected).enumerate() {
         assert_eq!(*code, expected, "window {window}");
     }
-    // A live resampler waits for the samples after the last ones, which a recording's does not.
+    // At the end, a live resampler waits for more samples; a recording's resampler does not.
     let missing = expected.len() - codes.len();
     let hop_us = 1_000_000 * model::HOP as u64 / u64::from(model::STEP_RATE_HZ);
     assert!(
@@ -87,7 +87,7 @@ fn each_hop_of_frames_has_the_prediction_of_the_pipeline_s_features() {
     let frames = 16 * 12;
     harness.receive_all(&acquisition, 1..frames);
     let made = &harness.recorder.predictions;
-    // The last frame ends with the last step of a hop but three samples.
+    // The last frame ends three samples after the last step of a hop.
     let hops = usize::try_from(frames).unwrap();
     assert_eq!(made.len(), hops);
     let mut decision = Decision::new(&classifier);
