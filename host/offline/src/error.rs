@@ -51,8 +51,8 @@ pub enum OfflineError {
     /// The name of an output cannot be used.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
-    /// An output cannot be written. The error is that of the operating system, or of the writer
-    /// that refuses a value.
+    /// An output cannot be written. The error comes from the operating system, or from the writer,
+    /// which refuses a value.
     #[error("{} cannot be written; is the disk full?", .0.display())]
     Write(PathBuf, #[source] io::Error),
     /// The format cannot hold the signal, or needs a regular file as the output.
