@@ -7,8 +7,7 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 use crate::device::Device;
 use crate::diagnostics::new_status;
 
-/// The user's choice of electrodes to exclude. The device fills excluded electrodes from the
-/// others.
+/// The user's choice of electrodes to exclude. The device fills them from the others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exclusions {
     /// Labels of electrodes that are always excluded.

@@ -47,8 +47,7 @@ pub enum Contact {
     Bad,
     /// Disconnected, above the range of 1 MOhm, or at the converter's rail.
     Open,
-    /// Below 0.1 kOhm with the series resistance: short-circuited, or the converter has no
-    /// excitation.
+    /// Below 0.1 kOhm with the series resistance: short-circuited, or without excitation.
     Implausible,
 }
 

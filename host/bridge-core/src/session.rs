@@ -49,7 +49,7 @@ pub(crate) struct Session {
     settings: Settings,
     model: Option<Arc<Model>>,
     /// Rate of the packed code that the model states, 0 (finest) to 15; `None` without a packed
-    /// code. The device is set to it unless the user chose another rate.
+    /// code. The core sets the device to this rate unless the user chose another.
     model_rate: Option<u8>,
     encoder: Encoder,
     pub(crate) commands: Commands,
@@ -297,8 +297,7 @@ impl Session {
         read: HostTime,
         effects: &mut dyn Effects,
     ) {
-        // Note the next row now: if data is missing before this message, the gap begins at that
-        // row.
+        // Note the next row now: if data is missing before this message, the gap begins there.
         let row = self.next_row(None).map(|next| next.index);
         self.handle_message(frame, read, effects);
         self.report_missing(row, read, effects);
@@ -590,7 +589,7 @@ impl Session {
     }
 
     /// Logs that the device refuses to set its packed code to `rate`: as a warning if the user
-    /// chose this rate, as information if it is the model's.
+    /// chose this rate, as information if the model states it.
     fn report_refused_rate(&self, rate: u8, result: AckResult) {
         let text = format!(
             "the device refuses the rate {rate} of the packed code: {}; it streams no packed blocks, or always at \

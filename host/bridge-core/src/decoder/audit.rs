@@ -1,5 +1,5 @@
 //! Audits: compare a device's code with the float network's code of the same window, and the
-//! window's signals with those decoded from packed blocks.
+//! window's signals with the signals decoded from packed blocks.
 
 use std::fmt;
 use std::sync::Arc;

@@ -17,7 +17,7 @@ const KEPT_BLOCKS: usize = 16;
 /// Input of the decoder: a received packed block, or a placeholder for a lost one, with its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedPackedBlock {
-    /// The received block; `None` for a placeholder, whose block was lost.
+    /// The received block; `None` for the placeholder of a lost block.
     pub block: Option<PackedBytes>,
     /// Whether this is a recording's first block, which does not continue from the block before.
     pub is_first: bool,

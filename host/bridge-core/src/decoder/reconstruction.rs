@@ -82,7 +82,7 @@ impl Reconstruction {
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// Increments the sequence number without decoding a window, whose frame nobody would receive.
+    /// Increments the sequence number without decoding a window, because nobody receives its frame.
     /// Forgets the earlier windows, so the next frame is decoded from one window alone.
     pub(crate) fn skip_frame(&mut self) {
         self.overlap.forget();

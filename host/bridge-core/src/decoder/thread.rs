@@ -38,7 +38,7 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 const POLL: Duration = Duration::from_millis(10);
 
 /// Thread that decodes codes and packed blocks, publishes the reconstructed signals and evaluates
-/// audits. A separate thread does this so that it does not delay the link.
+/// audits. A separate thread keeps this work from delaying the link.
 #[derive(Debug)]
 pub struct DecoderThread {
     work: Sender<Work>,
@@ -378,8 +378,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Audits a window: compares the device's code with that of the float network, and the window's
-    /// signals with those of its packed blocks. Counts the results.
+    /// Audits a window: compares the device's code with the float network's code, and the window's
+    /// signals with the signals of its packed blocks. Counts the results.
     fn audit(&self, window: &AuditedWindow, model: &Model) {
         let result = window.compare(model);
         if let Some(result) = result.filter(AuditResult::is_wrong) {

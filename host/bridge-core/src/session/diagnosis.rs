@@ -20,9 +20,9 @@ pub(crate) fn electrode_faults(session: &Session) -> Option<String> {
     (status.level == DiagnosticLevel::Warn).then_some(status.message)
 }
 
-/// Builds the report for `/diagnostics`: the statuses of device, loss, link and clock, and those of
-/// packed blocks and converters once the device has sent messages about them. The statuses of
-/// electrodes and deadlines are included only if new messages about them have arrived.
+/// Builds the report for `/diagnostics`: the statuses of device, loss, link and clock, and the
+/// statuses of packed blocks and converters once the device has sent messages about them. The
+/// statuses of electrodes and deadlines are included only if new messages about them have arrived.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),

@@ -171,8 +171,7 @@ impl Session {
         });
     }
 
-    /// Creates the stream of features for this device, if there is a classifier and it fits the
-    /// device.
+    /// Creates the stream of features if there is a classifier and it fits this device.
     fn set_classifying(&mut self, device: &Arc<Device>) {
         let Some(classifier) = &self.classifier else {
             return;
@@ -250,8 +249,8 @@ impl Session {
         self.settings.announced.is_in(asked) && self.commands.start_refusal().is_none()
     }
 
-    /// Returns which stream to decode, of those that the bridge asks the device for, and whether it
-    /// can be decoded. `decodable`: the bridge has the device's model.
+    /// Returns which of the requested streams to decode, and whether it can be decoded. `decodable`
+    /// is true if the bridge has the device's model.
     fn decoding(&self, decodable: bool) -> Decoding {
         let stream = DecodedStream::of(self.commands.streams());
         let has_packed = || self.model.as_ref()?.packed();
@@ -263,8 +262,7 @@ impl Session {
 
     fn set_decoding(&mut self, decoding: Decoding, effects: &mut dyn Effects) {
         if self.decoding.stream != decoding.stream {
-            // Publish the frame that waits for the next packed block before the first frame from a
-            // code.
+            // Publish the frame that waits for the next packed block before a code's first frame.
             effects.finish_blocks();
         }
         self.decoding = decoding;

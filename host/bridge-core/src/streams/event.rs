@@ -36,8 +36,7 @@ impl EventStream {
     /// stream, and returns the trigger's new level. If that time is `None`, the stamp is the time
     /// at which the event was read.
     ///
-    /// Returns `None`, and publishes nothing, for an event with an old number or of an unknown
-    /// kind.
+    /// Returns `None`, and publishes nothing, if the event's number is old or its kind unknown.
     pub(crate) fn receive(
         &mut self,
         event: Event,

@@ -33,10 +33,9 @@ pub(crate) struct FeatureStream {
     decision: Decision,
     output: NeuroOutput,
     stamps: MonotoneStamps,
-    /// Number of features that were not used, because other filters than the classifier's made
-    /// them.
+    /// Number of features that were not used: other filters than the classifier's made them.
     foreign: u64,
-    /// Number of predictions.
+    /// Number of predictions published, including repeated ones.
     published: u64,
     /// Number of hops whose features were lost or not usable.
     repeated: u64,
@@ -92,8 +91,7 @@ impl FeatureStream {
         self.decision = Decision::new(&self.classifier);
     }
 
-    /// Returns the status for `/diagnostics`, with the number of hops that had no decision of their
-    /// own.
+    /// Returns the status for `/diagnostics`, with the number of hops without a new decision.
     pub(crate) fn status(&self) -> DiagnosticStatus {
         let counts = self.timeline.counts();
         let classes = self.classifier.decision.classes.iter();

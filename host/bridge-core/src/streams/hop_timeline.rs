@@ -401,16 +401,14 @@ pub(crate) struct Continuity {
     newest_us: Option<f64>,
     /// Whether the device has restarted since the newest code, packed block or sample.
     run_ended: bool,
-    /// Two estimates of the host time of the present run's first item, microseconds: the estimate
-    /// with which the gap before the item was filled, and the newest. `None` in a recording's first
-    /// run.
+    /// Two estimates of the host time of the present run's first item, microseconds: the one with
+    /// which the gap before it was filled, and the newest. `None` in a recording's first run.
     run_us: Option<[f64; 2]>,
-    /// Duration of the last gap minus the duration of the items counted for it, microseconds. It is
+    /// Duration of the last gap less the time of the items counted for it, microseconds. It is
     /// added to the next gap, so the errors of many restarts never add up to more than half an
     /// item.
     left_over_us: f64,
-    /// `run_us` and `left_over_us` before the present run began; `None` from the run's first item
-    /// on.
+    /// `run_us` and `left_over_us` before the present run; `None` from the run's first item on.
     before: Option<(Option<[f64; 2]>, f64)>,
 }
 

@@ -1,7 +1,7 @@
 //! Counts of the received, lost and filled data of a stream.
 
-/// Counts numbered items, such as codes, as received or lost. Their sum is always the number of
-/// items that the sender made, even when the sequence numbers wrap.
+/// Counts numbered items, such as codes, as received or lost. The two counts always add up to the
+/// number of items that the sender made, even when the sequence numbers wrap.
 ///
 /// The counts depend only on the sequence numbers, not on times or rates. A gap of up to 2^31 - 1
 /// numbers is a loss; a number below the next expected number, modulo 2^32, is a replay.

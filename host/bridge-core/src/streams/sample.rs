@@ -434,7 +434,7 @@ impl CompressedSamples {
         }
     }
 
-    /// Decodes the samples of a message; `None` if samples from which it continues were lost.
+    /// Decodes the samples of a message; `None` if samples that the message continues were lost.
     ///
     /// # Errors
     ///

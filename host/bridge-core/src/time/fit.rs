@@ -12,7 +12,7 @@
 //!   leaves no points.
 //! * **Line.** Of all lines below the points, the one with the least mean distance to them is an
 //!   edge of their lower convex hull, at the middle of the points (Moon, Skelly and Towsley,
-//!   INFOCOM 1999). It is computed for all blocks, and for those of the newest 64 s and 24 s.
+//!   INFOCOM 1999). It is computed for all blocks, and for the blocks of the newest 64 s and 24 s.
 //! * **Change of rate.** The longest history gives the most exact line if the rates of the clocks
 //!   did not change. If they did, the line of a shorter history lies above it at the present. The
 //!   shorter one counts as far as it lies above the longer one by more than the spread of the
@@ -31,7 +31,7 @@ const BLOCK_US: f64 = 1e6;
 /// Least device time of a block once blocks are joined, microseconds. It is not 0, so that frames
 /// with the same device time are joined too.
 const LEAST_BLOCK_US: f64 = 1.0;
-/// Largest number of blocks.
+/// Largest number of blocks. With more, blocks are joined, or the oldest is dropped.
 const BLOCKS: usize = 128;
 /// Least number of blocks from which the drift is fitted: half a second of codes.
 const MIN_BLOCKS: usize = 8;

@@ -9,7 +9,7 @@ use link::{
 /// Number of uploads that a device may find unsound before the bridge gives up.
 const ATTEMPTS: u32 = 3;
 
-/// A model that the device is to use in place of the one it was built with.
+/// A model that the device is to use in place of its built-in model.
 #[derive(Clone, Debug)]
 pub struct Upload {
     begin: ModelBegin,
@@ -67,7 +67,7 @@ impl Uploading {
         }
     }
 
-    /// Returns `command` with the bytes of the model, if it is a chunk.
+    /// Returns `command`; a chunk gets its bytes of the model.
     pub(crate) fn with_bytes<'u>(&'u self, command: ToDevice<'u>) -> ToDevice<'u> {
         let ToDevice::ModelChunk(ModelChunk { offset, .. }) = command else {
             return command;
@@ -86,8 +86,8 @@ impl Uploading {
         self.received = (received.crc == self.upload.begin.crc).then_some(received.bytes);
     }
 
-    /// Handles the refusal of `command`, which is one of the upload. Returns whether the upload has
-    /// failed for good.
+    /// Handles the device's refusal of `command`, a command of the upload. Returns whether the
+    /// upload has failed for good.
     pub(crate) fn handle_refusal(&mut self, command: &ToDevice, result: AckResult) -> bool {
         match (command, result) {
             // The chunks arrived intact, but not as one model: two programs have sent some.

@@ -125,7 +125,7 @@ impl Run {
         errors
     }
 
-    /// Prints the errors, and checks those after the first minute.
+    /// Prints the errors, and checks the errors after the first minute.
     fn check(&self) {
         let errors = self.errors();
         let early = [(0.5, 2.0), (2.0, 15.0), (15.0, SETTLED_S)].map(|(from, until)| {

@@ -1,4 +1,4 @@
-//! Exclusion of bad electrodes: what the host asks for, and what it makes of the device's reports.
+//! Exclusion of bad electrodes: what the host asks for, and how it handles the device's reports.
 
 use bridge_core::{Exclusions, Settings};
 use link::{AckResult, Exclusion, ExclusionPolicy, Streams, ToDevice, ToHost};

@@ -1,4 +1,4 @@
-//! Impedance of the electrodes: what the host asks for, and what it makes of the measurements.
+//! Impedance of the electrodes: what the host asks for, and how it handles the measurements.
 
 use link::{AckResult, Impedance, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;

@@ -153,8 +153,7 @@ fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
                 flags: 0,
                 values: values.as_ref().map(|values| decoder.decode(values)),
             };
-            // The filler policy decides the frame of a window without a code; see the test of
-            // fillers.
+            // The filler policy decides a frame without a code; see the test of fillers.
             let source = overlap.next_hop(decoded, &mut hop).source;
             let frame = reconstruction.next_frame(&window(index, values)).unwrap();
             if source != Source::Missing {

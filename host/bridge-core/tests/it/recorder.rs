@@ -24,8 +24,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     event_stamps: EventStamps::Scalp,
 };
 
-/// Records everything that the core requests. Checks shape, sequence number and stamp of each
-/// frame.
+/// Records everything that the core requests. Checks each frame's shape, number and stamp.
 #[derive(Default)]
 pub(crate) struct Recorder {
     pub(crate) sent: Vec<u8>,
@@ -236,8 +235,7 @@ impl Harness {
         (0..count).for_each(|_| self.code(1, true));
     }
 
-    /// Advances time by 62.5 ms, in which the board makes a code with `values`, and delivers the
-    /// code.
+    /// Advances time by 62.5 ms, in which the board makes and delivers a code with `values`.
     pub(crate) fn code_of(&mut self, values: &CodeValues) {
         self.now_us += 62_500;
         let bytes = self.board.code_of(self.now_us.unsigned_abs(), values);
@@ -250,8 +248,7 @@ impl Harness {
         self.receive(&bytes);
     }
 
-    /// Makes a new report and returns its status `corticode: {part}`; `None` if it has no such
-    /// status.
+    /// Makes a new report and returns its status `corticode: {part}`; `None` if it is absent.
     pub(crate) fn status(&mut self, part: &str) -> Option<DiagnosticStatus> {
         let statuses = self.core.diagnostics(at(self.now_us)).status;
         let name = format!("corticode: {part}");

@@ -365,8 +365,7 @@ fn largest_errors(settings: Settings, ppm: [f64; 2], seconds: f64, loss: f64) ->
                 *most = most.max(((row_at_s - edge_s) / row_s).abs());
             }
         }
-        // A frame of reconstructed rows is no filler if the codes before and after a lost one share
-        // it.
+        // Left out: a lost code shares its reconstructed rows with the codes around it.
         if settings.announced != AnnouncedStream::Reconstructed {
             let is_filler = |row: i64| recording.rows[row as usize].is_none();
             let end = recording.rows.len();
