@@ -235,8 +235,7 @@ fn list_ports(options: &PortsOptions) -> Result<(), BridgeError> {
     print_report(&ports, options.json)
 }
 
-/// Checks what the bridge needs and prints the findings. Exit status 1 means that a finding is an
-/// error.
+/// Checks what the bridge needs and prints the findings. Exit status 1 means an error among them.
 fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
     let runtime = one_thread()?;
     let report = runtime.block_on(doctor::examine(options, ros));

@@ -49,7 +49,7 @@ pub(crate) enum Refusal {
 }
 
 /// Gives the calling thread real-time priority, and keeps the memory of the program in RAM. Threads
-/// that this thread starts later inherit the priority; those that run already keep their own.
+/// that this thread starts later inherit the priority; threads that run already keep their own.
 ///
 /// # Errors
 ///

@@ -43,7 +43,7 @@ const BOARDS: [(&str, &str); 2] = [
 const LOADER_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest wait for the new firmware's `Hello`.
 const RESTART_TIMEOUT: Duration = Duration::from_secs(20);
-/// Time between two attempts.
+/// Time between two attempts of [`retry`].
 const RETRY: Duration = Duration::from_millis(200);
 
 /// What an update needs of the machine: the device at its port, and the loaders on USB.
@@ -164,7 +164,7 @@ pub enum UpdateError {
          `cargo flash`", status_words(*.status)
     )]
     Refused {
-        /// What was going on.
+        /// What was going on, such as `erasing`.
         doing: &'static str,
         /// Field bStatus of the loader's answer.
         status: u8,
@@ -311,8 +311,8 @@ fn check_image(image: &Image) -> Result<FlashLayout, UpdateError> {
     Ok(flash)
 }
 
-/// Returns whether an error means that no device is at the port, or that it is silent. A port that
-/// another program uses is neither.
+/// Returns whether an error means that no device is at the port, or that the device is silent.
+/// False for a port that another program uses.
 fn is_silent(error: &BridgeError) -> bool {
     match error {
         BridgeError::Unreachable { source, .. } => matches!(

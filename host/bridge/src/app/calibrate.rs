@@ -322,7 +322,7 @@ async fn give(
     device.map(|_| ()).ok_or(BridgeError::NotGiven)
 }
 
-/// Drives the core until `is_done` says so, then stops the device. `is_done` is asked every
+/// Drives the core until `is_done` returns true, then stops the device. Calls `is_done` every
 /// [`Core::TICK`].
 ///
 /// # Errors

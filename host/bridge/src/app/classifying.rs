@@ -60,7 +60,7 @@ impl ClassifierOptions {
         }
     }
 
-    /// Reads the classifier; `None` if none is named.
+    /// Reads the classifier's file; `None` if the option names none.
     ///
     /// # Errors
     ///
@@ -71,7 +71,7 @@ impl ClassifierOptions {
     }
 }
 
-/// Reads a classifier.
+/// Reads the classifier in the file at `path`.
 ///
 /// # Errors
 ///

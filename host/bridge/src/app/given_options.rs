@@ -85,7 +85,7 @@ impl GivenOptions {
     }
 
     /// Returns `arguments` with the options `others` inserted after the names of the program and of
-    /// the subcommand. At the end they could come after `--`, where only names of files stand.
+    /// the subcommand. At the end they could come after `--`, where only file names stand.
     pub(crate) fn extend(
         &self,
         arguments: &[String],

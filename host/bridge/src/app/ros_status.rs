@@ -48,14 +48,14 @@ impl RosStatus {
         }
     }
 
-    /// Ends the tasks.
+    /// Ends the tasks that watch the node.
     pub(crate) fn stop(&self) {
         for task in &self.tasks {
             task.abort();
         }
     }
 
-    /// Returns the status for `/diagnostics`.
+    /// Returns the status for `/diagnostics`: a warning with all present faults, if there are any.
     pub(crate) fn status(&self) -> DiagnosticStatus {
         let unreachable = self.node.unreachable_publishers().into_iter();
         let unreachable =

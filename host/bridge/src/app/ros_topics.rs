@@ -303,8 +303,8 @@ impl Claim {
     /// registration; `own` is the bridge's node.
     ///
     /// A bridge that registered first withdraws only at the second check in a row that finds
-    /// another publisher. If the other one is a bridge too, it withdraws at its first check,
-    /// because it registered later; so one of the two keeps publishing.
+    /// another publisher. If the other publisher is a bridge too, that one registered later and
+    /// withdraws at its first check. So one of the two keeps publishing.
     pub(crate) fn check(&mut self, own: &str, publishers: &[String]) -> Change {
         let others = publishers.iter().filter(|node| *node != own);
         self.others = others.cloned().collect();

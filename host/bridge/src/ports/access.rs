@@ -18,7 +18,7 @@ pub(crate) enum PortAccess {
     InUse(Vec<Program>),
     /// The permissions of the port exclude this user.
     Denied(Membership),
-    /// The port cannot be opened for another reason, such as that it does not exist.
+    /// The port cannot be opened for another reason, for example because it does not exist.
     Broken(io::ErrorKind),
 }
 
@@ -155,7 +155,7 @@ pub(crate) struct Program {
 }
 
 impl SystemRoot {
-    /// Returns all programs that are running.
+    /// Returns all running programs, including those of other users.
     pub(crate) fn programs(&self) -> Vec<Program> {
         let folders = entries(&self.path("proc"));
         let pids = folders.iter().filter_map(|folder| pid_of(folder));

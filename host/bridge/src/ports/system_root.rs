@@ -141,7 +141,7 @@ pub(crate) struct SerialPort {
     /// Path of the port, such as `/dev/ttyACM0`.
     pub(crate) path: PathBuf,
     /// Link to the port whose name stays the same in whatever order devices are plugged in:
-    /// `/dev/corticode-SERIAL`, or else one in `/dev/serial/by-id`.
+    /// `/dev/corticode-SERIAL`, or else a link in `/dev/serial/by-id`.
     pub(crate) link: Option<PathBuf>,
     /// Driver of the port in the kernel, such as `cdc_acm`.
     pub(crate) driver: Option<String>,
@@ -197,7 +197,7 @@ impl SerialPort {
         name.is_some_and(|name| name.starts_with(OWN_NAME))
     }
 
-    /// Returns the serial number of the USB device.
+    /// Returns the serial number of the USB device; `None` for a port that is not on USB.
     pub(crate) fn serial(&self) -> Option<&str> {
         self.usb.as_ref()?.serial.as_deref()
     }

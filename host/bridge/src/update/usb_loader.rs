@@ -1,4 +1,4 @@
-//! Loaders on USB.
+//! Finds and opens DfuSe loaders on USB.
 
 use std::time::Duration;
 use std::{io, thread};
@@ -39,7 +39,7 @@ fn devices() -> io::Result<impl Iterator<Item = DeviceInfo>> {
 }
 
 impl UsbLoader {
-    /// Opens a loader.
+    /// Opens the loader with this id, and claims its interface with the flash.
     ///
     /// # Errors
     ///

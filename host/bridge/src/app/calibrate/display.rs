@@ -1,5 +1,4 @@
-//! What the user sees while the program listens to the device: progress, and the quality of each
-//! electrode.
+//! What the user sees while the program listens: progress, and the quality of each electrode.
 
 use artifact::Description;
 use indicatif::{ProgressBar, ProgressStyle};

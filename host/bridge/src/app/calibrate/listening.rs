@@ -31,7 +31,7 @@ pub(crate) struct Listening {
 }
 
 impl Listening {
-    /// Adds a frame of filtered steps.
+    /// Adds the usable steps of a frame. A step that cannot be used ends the present stretch.
     pub(crate) fn receive(&mut self, frame: &NeuroFrame) {
         let electrodes = usize::from(frame.eeg.info.nchannels);
         let steps = frame.eeg.data.chunks_exact(electrodes.max(1));
