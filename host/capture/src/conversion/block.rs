@@ -4,7 +4,7 @@ use bridge_core::TRI_LABELS;
 use link::Flags;
 use neuro_ros::NeuroFrame;
 
-/// Number of streams.
+/// Number of streams in [`Stream::ALL`].
 pub(crate) const STREAMS: usize = 5;
 
 /// A stream of a recording; each is written to a file of its own.
@@ -59,7 +59,6 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Returns the number of rows in the block.
     pub(crate) fn rows(&self) -> usize {
         usize::from(self.frame.eeg.info.nsamples)
     }

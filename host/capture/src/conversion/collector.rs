@@ -28,7 +28,7 @@ pub(crate) trait Listener {
     /// Receives the next rows of a stream.
     fn block(&mut self, block: Block);
 
-    /// Receives an event.
+    /// Receives the next edge of the trigger input.
     fn event(&mut self, event: TimedEvent);
 }
 
@@ -167,7 +167,7 @@ impl<L: Listener> Collector<L> {
 
     /// Passes fillers to the listener for the frames before `block` that the core skipped, because
     /// they would not have fitted into the queues of subscribers. After a restart, the times of the
-    /// fillers continue those of the run before it.
+    /// fillers continue the times of the previous run.
     fn fill_skipped(&mut self, block: &Block) {
         let place = match block.stream {
             Stream::Raw => 0,

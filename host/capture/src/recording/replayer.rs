@@ -71,7 +71,7 @@ impl<R: Read + Seek> Replayer<R> {
     ///
     /// # Errors
     ///
-    /// [`RecordingError`] if `source` is no recording, or one in which no device introduces itself.
+    /// [`RecordingError`] if `source` is not a recording, or no device introduces itself in it.
     pub fn new(source: R, pace: Pace) -> Result<Replayer<R>, RecordingError> {
         let mut replayer = Replayer {
             reader: RecordingReader::new(source)?,
@@ -367,8 +367,7 @@ impl<R: Read + Seek> Replayer<R> {
         }
     }
 
-    /// Sends a message with the replay's next sequence number, and with the device time of the
-    /// newest frame.
+    /// Sends a message with the replay's next sequence number and the newest frame's device time.
     fn send(&mut self, message: &ToHost) {
         let header = Header {
             version: VERSION,
