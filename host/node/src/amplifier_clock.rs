@@ -20,11 +20,11 @@ pub(crate) struct AmplifierClock {
     pauses: VecDeque<(u64, u64)>,
     /// Sum of all pauses before the newest sample whose time was asked for.
     before_us: u64,
-    /// Sum of all pauses.
+    /// Sum of all pauses so far.
     paused_us: u64,
     /// Device times at which the newest frame begins and ends, and its arrival.
     newest: Option<([u64; 2], HostTime)>,
-    /// Number of frames.
+    /// Number of frames observed.
     frames: i64,
 }
 
@@ -37,8 +37,9 @@ impl AmplifierClock {
         self.fit.observe(end_us, read);
     }
 
-    /// Notes that the acquisition has paused before the frame with these nominal times at its
-    /// beginning and end, which arrived at `read`. Returns the length of the pause, microseconds.
+    /// Notes that the acquisition paused before the frame that has these nominal times at its
+    /// beginning and end, and that arrived at `read`. Returns the length of the pause,
+    /// microseconds.
     pub(crate) fn pause(&mut self, start_us: u64, end_us: u64, read: HostTime) -> u64 {
         let expected_us = self.host_us(end_us + self.paused_us);
         let late_us = read

@@ -238,8 +238,7 @@ impl Source {
         self.device.is_streaming()
     }
 
-    /// Sends the device's counters, as a device does every second. Frames can come less often than
-    /// that.
+    /// Sends the device's counters, as a device does every second. Frames can come less often.
     pub fn send_stats(&mut self) {
         if self.is_streaming() {
             let now_us = self.device_us();

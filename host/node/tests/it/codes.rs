@@ -1,4 +1,4 @@
-//! Codes of the acquisition's frames are bit for bit those of host-sim.
+//! Codes of the acquisition's frames equal host-sim's codes bit for bit.
 
 use any_model::{any_classifier, any_linear_for, any_packed_of};
 use artifact::Artifact;
@@ -10,8 +10,8 @@ use pipeline::Mains;
 use crate::acquisition::Acquisition;
 use crate::harness::{Harness, START, is_filler, word};
 
-/// Encodes `seconds` of an acquisition, and asserts that the codes are those of a recording of it.
-/// Returns the harness for further checks.
+/// Encodes `seconds` of an acquisition, and asserts that the codes equal those of a recording of
+/// the same frames. Returns the harness for further checks.
 fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     let frames = seconds * u32::from(acquisition.rate_hz) / u32::from(acquisition.samples);
     let expected = acquisition.codes_of_recording(frames, Mains::Hz50);
@@ -49,7 +49,7 @@ fn codes_of_frames_at_the_rate_of_the_adc_are_those_of_a_recording() {
     }
 }
 
-/// Audits compare the codes with those that the batch reference computes with the person's model.
+/// Audits compare the codes with the batch reference's codes by the person's model.
 #[test]
 fn codes_are_those_of_the_person_s_model_also_after_a_restart_of_the_acquisition() {
     if !model::HAS_SHORTCUT || model::PACKED.is_none() {

@@ -8,7 +8,7 @@ use crate::harness::{Harness, START};
 /// Seconds after the start, and after the pause, in which the clock is not judged yet.
 const SETTLING_S: f64 = 12.0;
 
-/// A simulated amplifier, whose true rate differs from the one that it states.
+/// A simulated amplifier, whose true rate differs from the rate that it states.
 struct Amplifier {
     rate_hz: u16,
     frame_samples: u16,
