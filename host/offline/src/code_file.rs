@@ -52,7 +52,7 @@ pub enum CodeFileError {
          missing, so copy the whole file again"
     )]
     NoIntroduction,
-    /// The codes were made with another model than the one that is to decode them.
+    /// The codes were made with another model than the model that is to decode them.
     #[error(
         "its codes are those of model {file}, and {model} is to decode them; name the folder of model \
          {file} with --model"
@@ -238,7 +238,7 @@ pub(crate) struct CodeFile<R> {
     decoder: Decoder,
     substitutes: Substitutes,
     exclusions: Exclusions,
-    /// Model of the device, from its `Hello`; `None` before it.
+    /// Model of the device, from its `Hello`; `None` before the `Hello`.
     device_model: Option<ModelId>,
     announcement: Option<Announcement>,
     /// Kind of the codes that are returned; if `None`, the first code of the file determines it.

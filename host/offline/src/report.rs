@@ -30,7 +30,7 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Returns the comparison with the original; `None` without one, and if no step could be
+    /// Returns the comparison with the original; `None` without an original, or if no step could be
     /// compared.
     fn compared(&self) -> Option<&Comparison> {
         let comparison = self.decoded.comparison.as_ref();

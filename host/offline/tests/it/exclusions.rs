@@ -14,9 +14,8 @@ use crate::recording::{Fixture, labels, values};
 const ELECTRODE: usize = 7;
 const ROWS: std::ops::Range<usize> = 1_472..1_600;
 
-/// Writes the codes of the fixture without the device's reports of exclusions. Reports for this
-/// test replace two of the device's reports of quality; they come after the codes that they are
-/// about.
+/// Writes the fixture's codes without the device's reports of exclusions. Two of its reports of
+/// quality are replaced by reports for this test, after the codes that they are about.
 fn codes(fixture: &Fixture) -> std::path::PathBuf {
     fixture.encode();
     let mut reports = vec![(ROWS.end, 0), (ROWS.start, 1 << ELECTRODE)];
