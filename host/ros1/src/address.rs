@@ -27,7 +27,7 @@ pub struct AddressError {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the host name {host} does not resolve: {reason}")]
 pub struct LookupError {
-    /// The host name.
+    /// Host name that was looked up.
     pub host: Box<str>,
     /// Error message from the operating system, or that no answer came within 2.5 s.
     pub reason: Box<str>,

@@ -57,8 +57,7 @@ impl FakePublisher {
         Self::answer(api, "127.0.0.1").await
     }
 
-    /// Answers requestTopic on `api` in the background, with `host` as the host to receive messages
-    /// from.
+    /// Answers requestTopic on `api` in the background: subscribers are to connect to `host`.
     pub(crate) async fn answer(api: TcpListener, host: &'static str) -> Self {
         let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
         let port = Value::Int(listener.local_addr().unwrap().port().into());
