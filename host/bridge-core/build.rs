@@ -13,8 +13,8 @@ const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 fn main() -> ExitCode {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
     println!("cargo::rerun-if-changed=build.rs");
-    // Read the variable at run time: a script that cargo built for another checkout of the sources,
-    // in a shared target folder, has that checkout's path compiled in.
+    // Read the variable at run time, not with `env!`: in a shared target folder, cargo can run a
+    // script that it built for another checkout, and that checkout's path is compiled in.
     let package = env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
     let artifact = env::var_os(ARTIFACT).map_or_else(
         || Path::new(&package).join("../../signal/model/artifact"),

@@ -43,7 +43,7 @@ impl Core {
     /// at most 4 s of frames, so after a longer silence either the board or its port has stopped.
     pub const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
     /// Silence after which a TCP port is reopened. TCP itself detects a broken connection earlier.
-    /// An intact one may hold bytes of a suspended device, which reopening would lose.
+    /// An intact connection to a suspended device may hold bytes, which reopening would lose.
     pub const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
 
     /// Creates a core without a connection. Without a model it publishes codes but decodes none.
@@ -100,46 +100,47 @@ impl Core {
         self.session.commands.set_rate(rate);
     }
 
-    /// Sets the packed code's rate to `rate`, that of the device's model. Needed for a core that
-    /// was created without this model.
+    /// Sets the rate that the device's model uses for its packed code. Needed if the core was
+    /// created without this model.
     pub fn set_model_rate(&mut self, rate: u8) {
         self.session.set_model_rate(rate);
     }
 
-    /// Sets what the user decides about the exclusion of electrodes. The device is told when it has
-    /// introduced itself, and again after a restart.
+    /// Sets the user's choice of electrodes to exclude. The core sends it to a device when the
+    /// device has introduced itself, and again after a restart.
     pub fn set_exclusions(&mut self, exclusions: Exclusions) {
         self.session.exclusions = exclusions;
     }
 
-    /// Sets the packed model that every device is given before it streams, unless it has it. It
-    /// must be that of the model with which the core was created. A device without a slot for a
-    /// model is used as it is.
+    /// Sets the packed model to upload to every device that does not have it, before the device
+    /// streams. The upload must belong to the model with which the core was created. A device
+    /// without a slot for a model is used as it is.
     pub fn set_upload(&mut self, upload: Upload) {
         self.session.upload = Some(upload);
     }
 
-    /// Sets the classifier that decides from the stream of features. The device is given its
-    /// filters when it has introduced itself, and again after a restart.
+    /// Sets the classifier of the stream of features. The core sends the classifier's filters to a
+    /// device when the device has introduced itself, and again after a restart.
     pub fn set_classifier(&mut self, classifier: Classifier) {
         self.session.set_classifier(classifier);
     }
 
     /// Asks every device to measure the impedance of the electrodes while it streams. `series_ohms`
-    /// is the resistance in series with each electrode on the board, which reports leave out.
+    /// is the resistance in series with each electrode on the board, which reports subtract.
     pub fn measure_impedance(&mut self, series_ohms: u32) {
         self.session.measure_impedance(series_ohms);
     }
 
-    /// Does what [`Core::measure_impedance`] does, with edges of the trigger as the only stream: at
-    /// rates below 500 Hz a device measures beside no other but raw samples.
+    /// Does what [`Core::measure_impedance`] does, but asks for trigger edges as the only stream.
+    /// Below 500 Hz, a device measures impedance only if it streams no more than edges and raw
+    /// samples.
     pub fn measure_impedance_alone(&mut self, series_ohms: u32) {
         self.session.commands.stream_events_alone();
         self.session.measure_impedance(series_ohms);
     }
 
-    /// Returns why the device measures no impedance, and what the user can do, after
-    /// [`Core::measure_impedance`]; `None` if it has not refused.
+    /// After [`Core::measure_impedance`], returns why the device refuses to measure impedance, and
+    /// what the user can do; `None` if it has not refused.
     pub fn impedance_refusal(&self) -> Option<String> {
         self.session
             .commands
@@ -147,14 +148,14 @@ impl Core {
             .map(words::impedance_refusal)
     }
 
-    /// Asks every device whether it takes a packed model, and also a linear code if `with_linear`,
-    /// and starts it only if it does.
+    /// Asks every device whether it accepts a packed model, and also a linear code if
+    /// `with_linear`. A device that does not is not started.
     pub fn require_slot(&mut self, with_linear: bool) {
         self.session.commands.require_slot(with_linear);
     }
 
-    /// Returns whether the device has answered, after [`Core::require_slot`], that it takes no such
-    /// model: it has no memory for one, or not the code.
+    /// Returns whether the device has answered to [`Core::require_slot`] that it accepts no such
+    /// model, because it lacks the memory or the code.
     pub fn lacks_slot(&self) -> bool {
         self.session.commands.lacks_slot()
     }
@@ -188,9 +189,9 @@ impl Core {
         self.session.objection()
     }
 
-    /// Returns which electrodes are flat, at the rail or have much mains, such as "flat: Fz; at the
-    /// rail: C3 Cz", by the device's newest report; `None` if none is, or if [`Core::diagnostics`]
-    /// has published the report.
+    /// Returns the electrodes that the device's newest report finds flat, at the rail or disturbed
+    /// by mains, such as "flat: Fz; at the rail: C3 Cz". `None` if there are none, or if
+    /// [`Core::diagnostics`] has already published the report.
     pub fn electrode_faults(&self) -> Option<String> {
         electrode_faults(&self.session)
     }
@@ -247,8 +248,9 @@ pub trait Effects {
 
     /// Publishes an event on `/events/bus`: an edge of the trigger input, or a report about data.
     /// `row` is the row of the announced stream at which a recording must have the event, counted
-    /// from the first row that was published on its topic; `None` before a device has introduced
-    /// itself. [`RecordingStart`](crate::RecordingStart) turns it into the stamp for a recorder.
+    /// from the first row published on the stream's topic; `None` before a device has introduced
+    /// itself. [`RecordingStart`](crate::RecordingStart) turns the row into the stamp for a
+    /// recorder.
     fn publish_event(&mut self, _event: &NeuroEvent, _row: Option<u64>) {}
 
     /// Publishes the impedance of the electrodes, about every second while the device measures it.

@@ -181,8 +181,8 @@ impl LinkLog {
         self.damaged = self.damaged.saturating_add(frames.into());
     }
 
-    /// Adds `missing` items. `all_between_runs` is the sum of those, and of all before them, that
-    /// are missing between two runs of the device.
+    /// Adds `missing` items. `all_between_runs` is the running total of items missing between two
+    /// runs of the device, including any in `missing`.
     pub(crate) fn add_missing(&mut self, missing: u64, all_between_runs: u64) {
         let between_runs = all_between_runs.saturating_sub(self.all_between_runs);
         self.all_between_runs = all_between_runs;

@@ -7,7 +7,7 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 use crate::device::Device;
 use crate::diagnostics::new_status;
 
-/// What the user decides about the exclusion of electrodes, which the device fills from the others.
+/// The user's choice of electrodes to exclude. The device fills them from the others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exclusions {
     /// Labels of electrodes that are always excluded.
@@ -30,8 +30,8 @@ impl Default for Exclusions {
 }
 
 impl Exclusions {
-    /// Returns the policy for a device with the electrodes `labels`, and the labels that none of
-    /// its electrodes has. Upper and lower case are the same.
+    /// Returns the policy for a device with the electrodes `labels`, and the wanted labels that the
+    /// device does not have. Ignores case.
     pub(crate) fn policy(&self, labels: &[String]) -> (ExclusionPolicy, Vec<String>) {
         let mut unknown = Vec::new();
         let mut mask = |wanted: &[String]| {
@@ -89,7 +89,7 @@ pub(crate) fn status(report: &Exclusion, device: &Device) -> DiagnosticStatus {
     new_status("exclusion", state, values)
 }
 
-/// Returns the labels of the electrodes in a mask; an electrode without a label has its number.
+/// Returns the labels of the electrodes in a mask, or `electrode` and the index without a label.
 pub(crate) fn labels(mask: u64, labels: &[String]) -> Vec<String> {
     let electrodes = (0..64).filter(|electrode| mask >> electrode & 1 != 0);
     let label = |electrode: usize| {

@@ -11,9 +11,9 @@ use crate::diagnostics::new_status;
 
 /// Impedance below which a contact is good, in ohms: what laboratories ask for with gel.
 const GOOD_OHMS: u32 = 5_000;
-/// Impedance from which on a contact is bad, in ohms.
+/// Impedance from which a contact is bad, in ohms.
 const BAD_OHMS: u32 = 20_000;
-/// Impedance below which no electrode on skin is, in ohms.
+/// Impedance too small for an electrode on skin, in ohms.
 const IMPLAUSIBLE_OHMS: u32 = 100;
 
 /// Impedance of all electrodes in one measurement; displays as a table.
@@ -28,10 +28,10 @@ pub struct ImpedanceReport {
 pub struct ElectrodeImpedance {
     /// Label of the electrode.
     pub electrode: String,
-    /// Impedance in ohms, less the series resistance of the board that the user states; `None` if
+    /// Impedance in ohms, less the series resistance that the user states for the board; `None` if
     /// the electrode is open.
     pub ohms: Option<u32>,
-    /// What the impedance means for the signal.
+    /// Class of the contact by its impedance.
     pub contact: Contact,
 }
 
@@ -47,7 +47,7 @@ pub enum Contact {
     Bad,
     /// Disconnected, above the range of 1 MOhm, or at the converter's rail.
     Open,
-    /// Below 0.1 kOhm: short-circuited, or its converter has no excitation.
+    /// Below 0.1 kOhm with the series resistance: short-circuited, or without excitation.
     Implausible,
 }
 

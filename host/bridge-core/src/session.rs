@@ -49,7 +49,7 @@ pub(crate) struct Session {
     settings: Settings,
     model: Option<Arc<Model>>,
     /// Rate of the packed code that the model states, 0 (finest) to 15; `None` without a packed
-    /// code. The device is set to it unless the user chose another rate.
+    /// code. The core sets the device to this rate unless the user chose another.
     model_rate: Option<u8>,
     encoder: Encoder,
     pub(crate) commands: Commands,
@@ -59,7 +59,7 @@ pub(crate) struct Session {
     introduced: bool,
     codes: Option<CodeStream>,
     packed: Option<PackedStream>,
-    /// The classifier that decides from features; `None` without one.
+    /// The classifier of features; `None` if the user gave none.
     classifier: Option<Arc<Classifier>>,
     features: Option<FeatureStream>,
     side: SideStreams,
@@ -93,13 +93,13 @@ pub(crate) struct Session {
     converters: Option<ChainReport>,
     /// Electrodes without a recorded signal, according to the device's newest introduction.
     substitutes: Substitutes,
-    /// What the user decides about the exclusion of electrodes.
+    /// The user's choice of electrodes to exclude.
     pub(crate) exclusions: Exclusions,
     /// Packed model that the user wants the device to use.
     pub(crate) upload: Option<Upload>,
     /// Electrodes that the device excludes and fills; `None` before the first report of a session.
     exclusion: Option<Exclusion>,
-    /// Electrodes that are excluded by the newest event on the bus.
+    /// Bit mask of the electrodes that the newest event on the bus names as excluded.
     excluded: u64,
     logged: LoggedOnce,
     link_log: LinkLog,
@@ -122,8 +122,8 @@ struct SessionCounts {
     connections: u64,
     /// Number of detected resets of the device. A change to another device counts as a reset.
     resets: u64,
-    /// Number of codes, packed blocks and features that were not used, because they came before the
-    /// device's introduction or from a refused device, or nothing decides from features.
+    /// Number of codes, packed blocks and features that were not used: they came before the
+    /// device's introduction or from a refused device, or there is no classifier for the features.
     hops_unused: u64,
     /// Number of missing codes at the last report to `/diagnostics`.
     missing_reported: u64,
@@ -206,7 +206,7 @@ impl Session {
         }
     }
 
-    /// Sets the classifier that decides from features.
+    /// Sets the classifier of features.
     pub(crate) fn set_classifier(&mut self, classifier: Classifier) {
         let [first, second] =
             classifier
@@ -222,7 +222,7 @@ impl Session {
         self.classifier = Some(Arc::new(classifier));
     }
 
-    /// Sets the packed code's rate to `rate`, that of the device's model.
+    /// Sets the packed code's rate to `rate`, which the device's model states.
     pub(crate) fn set_model_rate(&mut self, rate: u8) {
         self.model_rate = Some(rate);
         self.commands.set_rate(rate);
@@ -297,7 +297,7 @@ impl Session {
         read: HostTime,
         effects: &mut dyn Effects,
     ) {
-        // Data that is missing before this message begins at the row that is next now.
+        // Note the next row now: if data is missing before this message, the gap begins there.
         let row = self.next_row(None).map(|next| next.index);
         self.handle_message(frame, read, effects);
         self.report_missing(row, read, effects);
@@ -397,8 +397,8 @@ impl Session {
     }
 
     /// Returns the row of the announced stream that was at the electrodes at an event, which
-    /// happened directly before ADC sample `sample`. If its time is not `is_possible`, returns the
-    /// next row.
+    /// happened directly before ADC sample `sample`. If the event's time is not `is_possible`,
+    /// returns the next row.
     fn row_of_event(&mut self, sample: u64, at: MessageTimes, is_possible: bool) -> Option<u64> {
         if !is_possible {
             return Some(self.next_row(None)?.index);
@@ -412,8 +412,8 @@ impl Session {
     }
 
     /// Returns the next row of the announced stream's topic; `None` before a device has introduced
-    /// itself. `run_us` is the host time of the present run's ADC sample 0, microseconds, if an
-    /// event of this run tells it.
+    /// itself. `run_us` is the host time of the present run's ADC sample 0, microseconds, if it is
+    /// known from an event of this run.
     fn next_row(&mut self, run_us: Option<f64>) -> Option<NextRow> {
         let (codes, packed) = (self.codes.as_mut()?, self.packed.as_mut()?);
         let rate_hz = codes.device().adc_rate_hz;
@@ -589,7 +589,7 @@ impl Session {
     }
 
     /// Logs that the device refuses to set its packed code to `rate`: as a warning if the user
-    /// chose this rate, as information if it is the model's.
+    /// chose this rate, as information if the model states it.
     fn report_refused_rate(&self, rate: u8, result: AckResult) {
         let text = format!(
             "the device refuses the rate {rate} of the packed code: {}; it streams no packed blocks, or always at \
@@ -683,9 +683,9 @@ impl Session {
         is_usable
     }
 
-    /// Publishes an event for each stretch of data that is missing in the announced stream, the one
-    /// that a recorder records. Its fillers begin at the row `row`. Losses in other streams cause
-    /// no event.
+    /// Publishes an event for each stretch of data that is missing in the announced stream, which a
+    /// recorder records. The fillers of the stretch begin at the row `row`. Losses in other streams
+    /// cause no event.
     fn report_missing(&mut self, row: Option<u64>, read: HostTime, effects: &mut dyn Effects) {
         let [codes, packed] = [
             self.codes.as_mut().map(|codes| &mut codes.timeline),
@@ -711,7 +711,7 @@ impl Session {
         self.side.bus.publish(&event, wall_ns, row, effects);
     }
 
-    /// Publishes the impedances that were measured during a run of this bridge.
+    /// Publishes impedances, but only if this bridge started the run in which they were measured.
     fn handle_impedance(&mut self, impedance: &Impedance, effects: &mut dyn Effects) {
         if !self.accepts_codes() {
             return;
@@ -729,8 +729,8 @@ impl Session {
         self.commands.measure_impedance();
     }
 
-    /// Stores which electrodes the device excludes, and publishes an event if they have changed.
-    /// Reports about a run that another program has started are of no concern.
+    /// Stores which electrodes the device excludes, and publishes an event if they have changed,
+    /// but only in a run that this bridge started.
     fn handle_exclusion(&mut self, report: Exclusion, at: MessageTimes, effects: &mut dyn Effects) {
         self.commands.exclusion_reported(report.policy);
         let Some(codes) = &self.codes else { return };

@@ -43,15 +43,15 @@ pub struct Settings {
     pub mains_hz: u8,
     /// What is published in place of a lost code, packed block, sample or step.
     pub filler: FillerPolicy,
-    /// Whether the newest steps of a window are decoded from that window alone, without the wait of
+    /// Whether the newest steps of a window are decoded from that window alone, instead of waiting
     /// one hop for the next window, which also contains them.
     pub low_latency: bool,
     /// Stream that `/acquisition/get_info` describes, and so the stream that a recorder records.
     pub announced: AnnouncedStream,
-    /// Streams that the bridge asks the device for. The bridge adds codes if neither codes nor
-    /// packed blocks are among them. With both `RAW` and `COMPRESSED_RAW`, it asks for plain
-    /// samples first, and for compressed ones if the device refuses plain ones because its port is
-    /// too slow.
+    /// Streams that the bridge asks the device for. The bridge adds codes unless packed blocks or
+    /// features are among them. With both `RAW` and `COMPRESSED_RAW`, it asks for plain samples
+    /// first, and for compressed ones if the device refuses plain ones because its port is too
+    /// slow.
     pub streams: Streams,
     /// Rate of the packed code, 0 (finest) to 15 (coarsest); `None` leaves the choice to the
     /// device.

@@ -58,12 +58,12 @@ const UDEV_RULE: &str = include_str!("../../../packaging/60-corticode.rules");
 ///
 /// Status 0 means success, 1 a failed check, 2 wrong usage, 3 that the device or ROS is not
 /// reachable, and 4 that the device refuses the request. Without a subcommand the bridge streams
-/// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
-/// answer. `update` writes new firmware to it. `record` writes everything on the wire to a file,
-/// which `replay` and `convert` read. `calibrate` fits a packed model to a person, and `impedance`
-/// shows the contacts of the electrodes.
-/// `ports` and `doctor` print the state of this machine. `master` runs a ROS master until a signal
-/// ends it. `completions` prints a shell completion script, and `man` the manual page.
+/// until a Unix signal or ROS ends it. `selftest` and `reset` send the device one request and print
+/// its answer. `update` writes new firmware to it. `record` writes everything on the wire to a
+/// file, which `replay` and `convert` read. `calibrate` fits a packed model to a person, and
+/// `impedance` shows the contacts of the electrodes. `ports` and `doctor` print the state of this
+/// machine. `master` runs a ROS master until a Unix signal ends it. `completions` prints a shell
+/// completion script, and `man` the manual page.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
     let done = read_task(&ros, arguments);
@@ -132,7 +132,8 @@ fn read_task(
     let parse = |command, arguments: &[String]| {
         GivenOptions::parse_from(command, arguments).unwrap_or_else(|error| error.exit())
     };
-    // What is missing here may be in the configuration file. With it, wrong usage is an error.
+    // Ignore errors: what is missing here may be in the configuration file. Wrong usage is an error
+    // only when the options are parsed with this file.
     let given = parse(command().ignore_errors(true), &arguments);
     let (mut path, mut others) = (None, Vec::new());
     if given.reads_config()
@@ -234,7 +235,7 @@ fn list_ports(options: &PortsOptions) -> Result<(), BridgeError> {
     print_report(&ports, options.json)
 }
 
-/// Checks what the bridge needs and prints the findings. Exit status 1 means that one is an error.
+/// Checks what the bridge needs and prints the findings. Exit status 1 means an error among them.
 fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
     let runtime = one_thread()?;
     let report = runtime.block_on(doctor::examine(options, ros));

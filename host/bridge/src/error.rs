@@ -34,7 +34,7 @@ pub enum BridgeError {
     /// The terminal driver does not support the baud rate.
     #[error("{0} cannot be used; choose another --baud")]
     Speed(String, #[source] std::io::Error),
-    /// `--port auto` finds several boards, whose serial numbers and ports this lists.
+    /// `--port auto` finds several boards; holds their serial numbers and ports.
     #[error("several Corticode boards are connected: {0}; choose one, --port auto:SERIAL")]
     SeveralBoards(String),
     /// `--model` names no valid model, or a model whose codes cannot be decoded.
@@ -45,7 +45,7 @@ pub enum BridgeError {
     /// The packed model of `--upload-model` cannot be turned into the device's integers.
     #[error("the packed model cannot be used on a device; fit it again, with `trainer packed`")]
     Upload(#[source] ModelGenError),
-    /// The model of `--upload-model` has no packed model.
+    /// The model of `--upload-model` has no packed code.
     #[error(
         "the model in {} has no packed code, so there is nothing to upload; `trainer packed` adds one, and --model \
          decodes with it as it is", .0.display()
@@ -54,7 +54,7 @@ pub enum BridgeError {
     /// `--classifier` names no classifier.
     #[error("the classifier {} cannot be used", .0.display())]
     Classifier(PathBuf, #[source] artifact::classifier::ClassifierError),
-    /// Features are asked for, but nothing decides from them.
+    /// The user asks for features, but names no classifier that uses them.
     #[error(
         "the stream features needs a classifier; name its file with --classifier (`trainer classify` writes one)"
     )]
@@ -68,7 +68,7 @@ pub enum BridgeError {
          image built with it (CORTICODE_ARTIFACT) takes personal ones"
     )]
     NothingToCalibrate(ModelId),
-    /// There are fewer good seconds than the fit shall have.
+    /// The signal has fewer good seconds than the fit needs.
     #[error(
         "{good} of {judged} s are good signal, and {wanted} s are needed: record more, or fit to fewer with \
          --seconds, to 20 at least{bad}"
@@ -83,7 +83,7 @@ pub enum BridgeError {
         /// Which electrodes were bad, and for how many seconds, after a semicolon; empty if none was.
         bad: String,
     },
-    /// A recording is of another cap.
+    /// A recording lacks too many of the model's electrodes: it is of another cap.
     #[error(
         "the recording {name} lacks {lacking} of the {electrodes} electrodes of the model, too many to interpolate; \
          name the folder of the model for this cap with --model"
@@ -91,7 +91,7 @@ pub enum BridgeError {
     OtherElectrodes {
         /// File name of the recording.
         name: String,
-        /// Number of electrodes that it lacks.
+        /// Number of the model's electrodes that the recording lacks.
         lacking: usize,
         /// Number of the model's electrodes.
         electrodes: usize,
@@ -108,7 +108,7 @@ pub enum BridgeError {
          program; use its USB port, or calibrate from a recording, with --recording"
     )]
     NoFilteredSteps,
-    /// The device takes no packed model.
+    /// The device accepts no packed model.
     #[error(
         "the device, a {0}, takes no packed model: it has no memory for one, its image has no packed code, or its \
          firmware is older than this program; use a NUCLEO-H743ZI2 or host-sim, or fit a model to a recording, with \
@@ -121,7 +121,7 @@ pub enum BridgeError {
          without --numbers, or flash an image of a model of mode shortcut or pca, and name its folder with --model"
     )]
     NoLinearMap(ModelId),
-    /// The device takes no linear code.
+    /// The device accepts no linear code.
     #[error(
         "the device, a {0}, takes no numbers of a person: it has no memory for a model, its image has no network or \
          one without a linear map, or its firmware is older than this program; calibrate without --numbers, use a \
@@ -167,7 +167,7 @@ pub enum BridgeError {
         /// Subjects that have models.
         known: Vec<String>,
     },
-    /// The folder of all models, or of those of a subject, cannot be read.
+    /// The folder of all models, or the folder of a subject's models, cannot be read.
     #[error(
         "the models in {} cannot be read; name the folder of one with --upload-model", .0.display()
     )]
@@ -240,8 +240,8 @@ pub enum BridgeError {
     /// The log file that roslaunch requested cannot be written.
     #[error("the log file {} cannot be written; check __log:= or the disk", .0.display())]
     Log(PathBuf, #[source] std::io::Error),
-    /// A file cannot be written under its name: a file with this name exists, the name is that of
-    /// the recording to read, or the operating system cannot create or complete the file.
+    /// A file cannot be written under its name: a file with this name exists, the recording to read
+    /// has this name, or the operating system cannot create or complete the file.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
     /// A recording's file cannot be written any further, because the disk is full or fails.

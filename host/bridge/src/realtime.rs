@@ -13,7 +13,7 @@ use thread_priority::{
 /// Priority under `SCHED_FIFO`, of 1 to 99: above every ordinary program, and below the threads in
 /// which Linux handles interrupts, which have 50.
 const PRIORITY: u8 = 20;
-/// What permits real-time scheduling to the members of the group `dialout`.
+/// Advice for the user: how the members of the group `dialout` get real-time scheduling.
 pub(crate) const REMEDY: &str = "sudo install -m 644 packaging/60-corticode.conf /etc/security/limits.d/ \
                                  (the Debian package has done it), join the group dialout, log in again";
 
@@ -49,7 +49,7 @@ pub(crate) enum Refusal {
 }
 
 /// Gives the calling thread real-time priority, and keeps the memory of the program in RAM. Threads
-/// that this thread starts later inherit the priority; those that run already keep their own.
+/// that this thread starts later inherit the priority; threads that run already keep their own.
 ///
 /// # Errors
 ///
@@ -79,7 +79,7 @@ fn check_memory_limit() -> Result<(), Refusal> {
 
     let may_exceed_limit =
         capabilities(None).is_ok_and(|of| of.effective.contains(CapabilitySet::IPC_LOCK));
-    // Below a limit, memory would be locked now, and an allocation would fail later.
+    // With a limit, locking memory would succeed now, and an allocation would fail later.
     if getrlimit(Resource::Memlock).current.is_some() && !may_exceed_limit {
         return Err(Refusal::MemoryLimit);
     }

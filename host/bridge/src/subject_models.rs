@@ -17,7 +17,7 @@ const NAME: &str = "corticode/models";
 /// Form of the name of a model's folder: the time in UTC, so that names are sorted by time.
 const DATE: &str = "%Y-%m-%dT%H-%M-%SZ";
 
-/// The models of all subjects, one folder for each subject, in it one folder for each model.
+/// The models of all subjects: one folder for each subject, which holds one folder for each model.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct SubjectModels {
     folder: PathBuf,
@@ -101,11 +101,11 @@ fn folders(folder: &Path) -> Result<Vec<PathBuf>, BridgeError> {
     })
 }
 
-/// Checks the name of a subject, which becomes that of a folder.
+/// Checks the name of a subject, which becomes the name of a folder.
 ///
 /// # Errors
 ///
-/// The reason, for a name that cannot be that of a visible folder.
+/// The reason why a visible folder cannot have this name.
 pub(crate) fn subject_name(text: &str) -> Result<String, String> {
     if text.is_empty() || text.starts_with('.') || text.contains(['/', '\0']) {
         return Err(
@@ -117,7 +117,7 @@ pub(crate) fn subject_name(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
-/// A folder for a model that is not there yet; it appears complete or not at all.
+/// A folder for a new model. The folder appears complete or not at all.
 #[derive(Debug)]
 pub(crate) struct NewModel {
     folder: PathBuf,
@@ -126,7 +126,7 @@ pub(crate) struct NewModel {
 }
 
 impl NewModel {
-    /// Checks that the model can be written, before there is one.
+    /// Checks that a model can be written to `folder`, before there is a model.
     ///
     /// # Errors
     ///
@@ -138,7 +138,8 @@ impl NewModel {
             _ => Path::new("."),
         };
         let unfinished = fs::create_dir_all(parent).and_then(|()| {
-            // As readable as any new folder: a service of another user may use the model.
+            // Leave access to the umask, as for any new folder: a service of another user may use
+            // the model.
             tempfile::Builder::new()
                 .prefix(".corticode-")
                 .permissions(Permissions::from_mode(0o777))
@@ -167,8 +168,8 @@ impl NewModel {
         }
     }
 
-    /// Writes the files, and then gives the folder its name. The files are on the disk before that:
-    /// otherwise a power failure could leave empty ones.
+    /// Writes the files, and then gives the folder its name. Syncs the files to the disk first:
+    /// otherwise a power failure could leave empty ones under this name.
     fn written(&self, artifact: &Artifact) -> io::Result<()> {
         artifact
             .write(self.unfinished.path())
@@ -239,7 +240,7 @@ mod tests {
             fs::write(model.join("model.toml"), "").unwrap();
         }
         fs::create_dir(folder.path().join("ada/2026-12-01")).unwrap();
-        // Its model was never finished.
+        // The model of this subject was never finished.
         fs::create_dir(folder.path().join("dan")).unwrap();
         let newest = models.newest("ada").unwrap();
         assert_eq!(newest, folder.path().join("ada/2026-11-01"));
@@ -248,7 +249,7 @@ mod tests {
             error.contains("no model of eve; it has models of ada, bob;"),
             "{error}"
         );
-        // A subject whose folder cannot be read is not one without a model.
+        // A subject whose folder cannot be read does not count as a subject without a model.
         fs::write(folder.path().join("mia"), "").unwrap();
         let error = models.newest("mia").unwrap_err();
         assert!(matches!(error, BridgeError::SubjectModels(..)), "{error}");

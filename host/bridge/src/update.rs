@@ -29,7 +29,7 @@ use crate::update::flash_layout::FlashLayout;
 use crate::update::programmer::{Loader, program};
 
 /// Names of the boards, with the flash of each as its loader describes it (sectors as in RM0433 and
-/// RM0390, embedded flash). One that differs is another chip.
+/// RM0390, embedded flash). A loader with another description belongs to another chip.
 const BOARDS: [(&str, &str); 2] = [
     ("NUCLEO-H743ZI2", "@Internal Flash/0x08000000/16*128Kg"),
     (
@@ -43,7 +43,7 @@ const BOARDS: [(&str, &str); 2] = [
 const LOADER_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest wait for the new firmware's `Hello`.
 const RESTART_TIMEOUT: Duration = Duration::from_secs(20);
-/// Time between two attempts.
+/// Time between two attempts of [`retry`].
 const RETRY: Duration = Duration::from_millis(200);
 
 /// What an update needs of the machine: the device at its port, and the loaders on USB.
@@ -54,7 +54,7 @@ pub(crate) trait Machine {
     /// Asks the device at the port for its identity.
     fn identify(&mut self) -> Result<DeviceSummary, BridgeError>;
 
-    /// Lets the device at the port start its loader.
+    /// Makes the device at the port start its loader.
     fn start_loader(&mut self) -> Result<(), BridgeError>;
 
     /// Returns the loaders on USB.
@@ -62,7 +62,7 @@ pub(crate) trait Machine {
 
     fn open(&mut self, id: Self::LoaderId) -> io::Result<Self::Loader>;
 
-    /// Returns the time since some instant.
+    /// Returns the time since a fixed instant.
     fn now(&self) -> Duration;
 
     fn sleep(&mut self, time: Duration);
@@ -77,13 +77,13 @@ pub enum UpdateError {
     /// The file cannot be read.
     #[error("{} cannot be read; name the file .dfu that `cargo fw` writes", .0.display())]
     File(PathBuf, #[source] io::Error),
-    /// The file is no sound image.
+    /// The file is not an intact image.
     #[error(
         "{} is no image for an update, and nothing was sent to the board; copy it again, or write it again \
          with `cargo fw`", .0.display()
     )]
     Image(PathBuf, #[source] DfuseError),
-    /// The image is of a board that has no known flash.
+    /// The image is for a board that this program does not know.
     #[error(
         "the image is for a {0}, which this bridge cannot update; use the bridge of the image's release"
     )]
@@ -99,7 +99,7 @@ pub enum UpdateError {
         /// Addresses of the flash.
         flash: Range<u32>,
     },
-    /// The device is another board than that of the image.
+    /// The image is for another board than the device.
     #[error(
         "the image is for a {image}, and the device is a {device}; write one for it, with `cargo fw --board`, \
          or name the right device with --port"
@@ -110,7 +110,7 @@ pub enum UpdateError {
         /// Name of the device's board.
         device: String,
     },
-    /// The chip in its loader is another one than that of the image's board.
+    /// The chip whose loader runs is not the chip of the image's board.
     #[error(
         "the image is for a {board}, and the boot loader is of another chip ({layout}); name the file for that \
          board"
@@ -164,7 +164,7 @@ pub enum UpdateError {
          `cargo flash`", status_words(*.status)
     )]
     Refused {
-        /// What was going on.
+        /// What was going on, such as `erasing`.
         doing: &'static str,
         /// Field bStatus of the loader's answer.
         status: u8,
@@ -237,14 +237,15 @@ fn status_words(status: u8) -> String {
 ///
 /// # Errors
 ///
-/// [`UpdateError`]; those of the device and its port before its reset, which changes nothing.
+/// [`UpdateError`], or an error of the device or its port before the device's reset, when nothing
+/// has changed yet.
 pub(crate) fn update<M: Machine>(
     machine: &mut M,
     image: &Image,
     bar: &ProgressBar,
 ) -> Result<DeviceSummary, BridgeError> {
     let flash = check_image(image)?;
-    // A machine without USB has no loaders; whether that matters shows later.
+    // Ignore an error: a machine without USB has no loaders. Whether that matters shows later.
     let present = machine.loaders().unwrap_or_default();
     let device = match machine.identify() {
         Ok(device) => Some(device),
@@ -274,7 +275,7 @@ pub(crate) fn update<M: Machine>(
         machine.note(&format!("a board in its boot loader: to {wanted}"));
         id
     };
-    // udev grants this user the permission to open it some time after its arrival.
+    // udev grants this user the permission to open the loader some time after it has appeared.
     let loader = retry(machine, LOADER_TIMEOUT, |machine| machine.open(id));
     let mut loader = loader.map_err(UpdateError::LoaderNotOpen)?;
     if FlashLayout::parse(loader.layout()).as_ref() != Some(&flash) {
@@ -310,8 +311,8 @@ fn check_image(image: &Image) -> Result<FlashLayout, UpdateError> {
     Ok(flash)
 }
 
-/// Returns whether an error means that no device is at the port, or that it is silent. A port that
-/// another program uses is neither.
+/// Returns whether an error means that no device is at the port, or that the device is silent.
+/// False for a port that another program uses.
 fn is_silent(error: &BridgeError) -> bool {
     match error {
         BridgeError::Unreachable { source, .. } => matches!(
@@ -342,8 +343,8 @@ fn retry<M: Machine, T, E>(
     }
 }
 
-/// Returns the loader that was not `present` before the device's reset. Its serial number does not
-/// tell: it is not that of the device, and some chips' loaders all have the same one.
+/// Returns the loader that was not `present` before the device's reset. The serial number does not
+/// tell: a loader does not have the device's, and some chips' loaders all have the same one.
 fn new_loader<M: Machine>(
     machine: &mut M,
     present: &[M::LoaderId],

@@ -44,7 +44,7 @@ pub struct Conversion {
     pub to: FileFormat,
     /// Whether existing files with the names of the new ones are replaced.
     pub force: bool,
-    /// What decides from the features in the recording; `None` writes no predictions.
+    /// Classifier of the features in the recording; `None` writes no predictions.
     pub classifier: Option<Classifier>,
 }
 
@@ -104,8 +104,8 @@ pub struct ConvertSummary {
     left_out: LeftOut,
     /// Number of missing rows without fillers, because their stream already had too many fillers.
     unfilled: u64,
-    /// Duration of the signal by its rows, and by the host's clock, seconds, of a stream in which
-    /// they differ.
+    /// For a stream in which they differ: duration of the signal by its rows, and by the host's
+    /// clock, seconds.
     differing_s: Option<(f64, f64)>,
     core: Summary,
 }
@@ -150,8 +150,8 @@ impl fmt::Display for ConvertSummary {
     }
 }
 
-/// Converts a recording in two passes. In each, `progress` gets the recording's file and the name
-/// of the pass, and returns a reader that shows how far the file is read.
+/// Converts a recording in two passes. In each pass, `progress` gets the recording's file and the
+/// name of the pass, and returns a reader that shows how far the file is read.
 ///
 /// # Errors
 ///
@@ -314,7 +314,7 @@ fn writer(
 struct Input<'a, P> {
     path: &'a Path,
     /// Length of the recording when the conversion began. What a program appends to the file later
-    /// is not read, so that both passes read the same.
+    /// is not read, so that both passes read the same bytes.
     bytes: u64,
     model: Arc<Model>,
     classifier: Option<&'a Classifier>,

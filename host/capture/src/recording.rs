@@ -141,7 +141,7 @@ pub enum RecordKind {
     Opened,
     /// The port was closed, or was lost.
     Closed,
-    /// Bytes came from the device: a frame, or what a bad line has made of one.
+    /// Bytes came from the device: a frame, or what is left of a damaged frame.
     Received,
     /// A command was sent to the device.
     Sent,

@@ -111,7 +111,7 @@ impl NeuroEvent {
     /// Bit of [`NeuroEvent::event`] that marks the end of an event, which ROS-Neuro calls OFF.
     pub const END: i32 = 0x8000;
 
-    /// Returns an event of the trigger input, still without number, time and event code.
+    /// Returns an event of the trigger input, still without sequence number, time and event code.
     pub fn on_bus() -> NeuroEvent {
         let mut event = NeuroEvent {
             version: "1".to_owned(),
@@ -165,8 +165,8 @@ impl NeuroFrame {
     /// computed.
     pub const NETWORK: &'static str = "autoencoder";
 
-    /// Creates a frame for `/encoded` that holds one code of `numbers` values, all zeros.
-    /// Transducer, filters, and smallest and largest value are those of `eeg`.
+    /// Creates a frame for `/encoded` that holds one code of `numbers` values, all zeros. Takes the
+    /// transducer, the filters, and the smallest and largest value from `eeg`.
     pub fn encoded(codes_per_second: u16, numbers: usize, eeg: NeuroDataInfo) -> NeuroFrame {
         let eeg = NeuroDataInfo {
             nsamples: 1,
@@ -224,17 +224,17 @@ impl_wire!(NeuroFrame {
 /// `rosneuro_msgs/NeuroOutput`: what a decoder predicts, one value for each class.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroOutput {
-    /// ROS header. Its `stamp` is a time of the hop, as of a frame; its `frame_id` names the flags
-    /// of the hop, such as `filler`, separated by blanks.
+    /// ROS header. Its `stamp` is the time of the hop, at the point that the stamp of a frame
+    /// refers to; its `frame_id` names the flags of the hop, such as `filler`, separated by blanks.
     pub header: Header,
     /// ROS-Neuro header; its `seq` is the sequence number of the prediction.
     pub neuroheader: NeuroHeader,
     /// Probability of each class, 0..=1; they sum to 1.
     pub softpredict: NeuroDataFloat,
-    /// 1 for the class that was chosen, 0 for the others; all 0 if none was, because the hop was
-    /// lost, its signals were unusable, or the decision's window is not full yet.
+    /// 1 for the class that was chosen, 0 for the others; all 0 if none was chosen, because the hop
+    /// was lost, its signals were unusable, or the decision's window is not full yet.
     pub hardpredict: NeuroDataInt32,
-    /// What made the prediction.
+    /// Decoder that made the prediction.
     pub decoder: NeuroDecoder,
 }
 
@@ -246,7 +246,7 @@ impl_wire!(NeuroOutput {
     decoder
 });
 
-/// `rosneuro_msgs/NeuroDecoder`: what made a prediction.
+/// `rosneuro_msgs/NeuroDecoder`: the decoder that made a prediction.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NeuroDecoder {
     /// Kind of decoder, `corticode`.

@@ -93,8 +93,8 @@ impl<M: RosMessage> RosSink<M> {
         &self.publisher
     }
 
-    /// Queues `message` for every subscriber, but another message for each subscriber for whose
-    /// name `own` returns one.
+    /// Queues `message` for every subscriber. `own` receives each subscriber's name and can return
+    /// a different message for that subscriber.
     pub fn publish_each(&mut self, message: &M, mut own: impl FnMut(&str) -> Option<M>) {
         self.body.clear();
         message.write(&mut self.body);

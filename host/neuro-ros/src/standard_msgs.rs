@@ -97,7 +97,7 @@ impl Wire for DiagnosticLevel {
 /// `rosgraph_msgs/Log`: one line of a node's log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Log {
-    /// Number and time of the line; `frame_id` is empty.
+    /// Sequence number and time of the line; `frame_id` is empty.
     pub header: Header,
     /// Severity: one of [`Log::INFO`], [`Log::WARN`] and [`Log::ERROR`], or 1 for debug messages
     /// and 16 for fatal ones.

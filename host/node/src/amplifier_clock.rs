@@ -10,26 +10,26 @@ const MAX_ERROR: i64 = 25;
 /// The amplifier's count of samples as a clock, and its fit to the arrivals of frames.
 ///
 /// A nominal time is the index of a sample divided by the rate that the acquisition states. The
-/// device time is the nominal time, and the pauses before it. All are microseconds.
+/// device time is the nominal time plus the pauses before it. All times are in microseconds.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct AmplifierClock {
     /// Fit of the device time to the host's clock.
     fit: Clock,
-    /// Pauses after the newest sample that was asked for, oldest first: the nominal time of the
-    /// first sample after the pause, and the sum of all pauses up to it.
+    /// Pauses after the newest sample whose time was asked for, oldest first: the nominal time of
+    /// the first sample after the pause, and the sum of all pauses up to it.
     pauses: VecDeque<(u64, u64)>,
-    /// Sum of all pauses before the newest sample that was asked for.
+    /// Sum of all pauses before the newest sample whose time was asked for.
     before_us: u64,
-    /// Sum of all pauses.
+    /// Sum of all pauses so far.
     paused_us: u64,
     /// Device times at which the newest frame begins and ends, and its arrival.
     newest: Option<([u64; 2], HostTime)>,
-    /// Number of frames.
+    /// Number of frames observed.
     frames: i64,
 }
 
 impl AmplifierClock {
-    /// Adds a frame to the fit, by the nominal times at its beginning and end and its arrival.
+    /// Adds a frame to the fit, by its arrival and the nominal times at its beginning and end.
     pub(crate) fn observe(&mut self, start_us: u64, end_us: u64, read: HostTime) {
         let [start_us, end_us] = [start_us, end_us].map(|us| us + self.paused_us);
         self.newest = Some(([start_us, end_us], read));
@@ -37,8 +37,9 @@ impl AmplifierClock {
         self.fit.observe(end_us, read);
     }
 
-    /// Notes that the acquisition has paused before the frame with these nominal times at its
-    /// beginning and end, which arrived at `read`. Returns the length of the pause, microseconds.
+    /// Notes that the acquisition paused before the frame that has these nominal times at its
+    /// beginning and end, and that arrived at `read`. Returns the length of the pause,
+    /// microseconds.
     pub(crate) fn pause(&mut self, start_us: u64, end_us: u64, read: HostTime) -> u64 {
         let expected_us = self.host_us(end_us + self.paused_us);
         let late_us = read
@@ -73,8 +74,8 @@ impl AmplifierClock {
     }
 
     /// Returns the host time at a device time; `None` before the first frame. Until the fit has
-    /// settled, the newest frame is placed by its own arrival: the bridge's fit leaves out a time
-    /// that is too late, and not one that is too early.
+    /// settled, the newest frame is placed by its own arrival: the bridge's fit ignores a time that
+    /// is too late, but not a time that is too early.
     pub(crate) fn host_time(&self, device_us: u64) -> Option<HostTime> {
         let ([start_us, end_us], newest) = self.newest?;
         let late_us = if device_us >= start_us && !self.fit.is_settled() {
@@ -82,8 +83,8 @@ impl AmplifierClock {
         } else {
             0
         };
-        // The error of the rate falls with each frame, and so does what is added for it: if it fell
-        // to 0 at once, the device's clock would appear to be fast at that moment.
+        // Add less with each frame, because the error of the rate falls with each frame. If the
+        // added time fell to 0 at once, the device's clock would appear to be fast at that moment.
         let since_us = i64::try_from(end_us.saturating_sub(device_us)).unwrap_or(i64::MAX);
         let early_us = since_us / MAX_ERROR / self.frames.max(1);
         let since_us = self.host_us(device_us) + late_us + early_us - newest.monotonic_us;

@@ -28,7 +28,7 @@ pub struct EncoderDevice {
     sender: Sender<Outgoing>,
     acquisition: Acquisition,
     producer: Box<Producer<EncoderMemory>>,
-    /// Memory for a model of the person, which the host gives the device.
+    /// Memory for a personal model, which the host uploads.
     slot: Box<ModelSlot>,
     /// Parameters of a run that begins with the next sample; `None` while a run continues.
     new_run: Option<Run>,
@@ -60,7 +60,7 @@ impl FrameQueue for Outgoing {
 
 impl EncoderDevice {
     /// Creates a device, which introduces itself to the host. A host tells two starts apart by
-    /// `session_id`, so it must differ from that of the previous device.
+    /// `session_id`, so it must differ from the previous device's.
     pub fn new(session_id: u32, substitutes: Substitutes, mains: Mains) -> EncoderDevice {
         let identity = Identity {
             firmware: env!("CARGO_PKG_VERSION"),

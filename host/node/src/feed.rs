@@ -205,7 +205,7 @@ impl Feed for SourceFeed {
             // An absolute deadline, because the caller drops this future at each of its ticks.
             let deadline = self.passed + STATS_PERIOD;
             let message = timeout_at(deadline, self.subscriber.recv()).await;
-            // Read the clock before the frame is encoded: this is the time at which it arrived.
+            // Read the clock before the frame is encoded: this is the frame's arrival.
             let read = HostTime::now();
             match message {
                 Ok(Some(body)) => {

@@ -10,7 +10,7 @@ use crate::refusal::Refusal;
 /// model's frequency band.
 pub(crate) const LEAST_RATE_HZ: u16 = model::STEP_RATE_HZ;
 
-/// Units that mean microvolts, in small letters. Simple publishers leave the unit empty.
+/// Units that mean microvolts, in lower case. Simple publishers leave the unit empty.
 const UNITS: [&str; 5] = ["", "uv", "µv", "μv", "microvolt"];
 
 /// Layout of an acquisition's frames, which must stay the same from frame to frame.

@@ -1,8 +1,9 @@
 //! Finds pauses of the acquisition: times in which it made no samples and lost no frame.
 //!
-//! After a standstill the next frame comes late. If it waited in a buffer, those behind it follow
-//! faster than they were made, until the buffer is empty. If the acquisition paused, they come at
-//! their normal pace and stay as late. So the arrival of the second frame tells one from the other.
+//! After a standstill the next frame comes late. If it waited in a buffer, the frames behind it
+//! follow faster than they were made, until the buffer is empty. If the acquisition paused, the
+//! frames come at their normal pace and stay as late. So the arrival of the second frame shows
+//! which it was.
 
 /// Lateness of a frame, relative to the frame before it, from which on it ends a standstill,
 /// microseconds. A busy PC delays single frames by less.
@@ -27,8 +28,8 @@ pub(crate) struct Finding {
 }
 
 impl Pauses {
-    /// Takes note of a frame that arrives at `read_us`. Its samples, and those of the lost frames
-    /// before it, last `span_us`. Both are microseconds.
+    /// Takes note of a frame that arrives at `read_us`. Its samples, and the samples of the lost
+    /// frames before it, last `span_us`. Both are microseconds.
     pub(crate) fn record(&mut self, read_us: i64, span_us: i64) -> Finding {
         let interval_us = read_us - self.newest_us.replace(read_us).unwrap_or(read_us - span_us);
         let excess_us = interval_us - span_us;

@@ -47,7 +47,7 @@ pub enum Refusal {
     /// The labels of the channels do not fit the model's montage.
     #[error(transparent)]
     Labels(#[from] MontageMapError),
-    /// The layout is not that of the first frame.
+    /// The layout differs from the layout of the first frame.
     #[error(
         "{what} changed from {expected} to {found}; restart this node and the recorder to use the new \
          layout"
@@ -73,7 +73,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// Returns the name of this kind of refusal, of which the log shows only the first.
+    /// Returns the name of this kind of refusal. The log shows only the first refusal of each kind.
     pub fn kind(&self) -> &'static str {
         match self {
             Refusal::Message(_) => "message",

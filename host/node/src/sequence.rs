@@ -18,7 +18,7 @@ pub enum Arrival {
     Repeated,
 }
 
-/// Number of the newest frame, with which that of the next frame is compared.
+/// Number of the newest frame, to compare with the number of the next frame.
 #[derive(Clone, Debug, Default)]
 pub struct Sequence {
     newest: Option<u32>,

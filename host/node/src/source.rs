@@ -117,7 +117,7 @@ impl Source {
         self.sequence.is_unnumbered()
     }
 
-    /// Returns for how long a sample waits for the resampler at most, microseconds; 0 if the
+    /// Returns the longest time that a sample waits for the resampler, microseconds; 0 if the
     /// samples need no resampling.
     pub fn delay_us(&self) -> u64 {
         self.nominal_us(self.adc.delay() as u64)
@@ -238,8 +238,7 @@ impl Source {
         self.device.is_streaming()
     }
 
-    /// Sends the device's counters, as a device does every second. Frames can come less often than
-    /// that.
+    /// Sends the device's counters, as a device does every second. Frames can come less often.
     pub fn send_stats(&mut self) {
         if self.is_streaming() {
             let now_us = self.device_us();
@@ -311,7 +310,7 @@ fn adc(layout: &Layout, map: &MontageMap) -> Result<LiveAdc, Refusal> {
     )?)
 }
 
-/// Returns the sets of the montage's electrodes that are interpolated, and that are 0.
+/// Returns the set of the montage's electrodes that are interpolated, and the set that are 0.
 fn substitutes(map: &MontageMap) -> Substitutes {
     let bits = |wanted: fn(&Origin) -> bool| {
         let origins = (0..u64::BITS).zip(map.origins());

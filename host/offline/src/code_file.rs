@@ -21,7 +21,7 @@ pub enum CodeFileError {
     /// The operating system cannot read the file.
     #[error("it cannot be read; check the path and the permissions")]
     Io(#[from] io::Error),
-    /// The path is that of a folder, a device or a pipe, which cannot be read twice.
+    /// The path names a folder, a device or a pipe, which cannot be read twice.
     #[error("it is no file, and a file of codes is read twice; write the codes to a file first")]
     NoFile,
     /// The notch filter removed this mains frequency, Hz, which the filters of this program cannot
@@ -43,7 +43,7 @@ pub enum CodeFileError {
         "it holds no code; the shortest recording that yields a code is one window long ({0} steps)"
     )]
     NoCodes(usize),
-    /// The file contains codes, but none of this kind, the kind that is to be decoded.
+    /// The file contains codes, but none of the kind to decode, which the field holds.
     #[error("it holds no {}, and {} in their place: decode these with --stream {}", .0.names().0, .0.other().names().0, .0.other().names().1)]
     OtherKind(CodeKind),
     /// The first code comes before the `Hello` and `Capabilities` of the device.
@@ -52,7 +52,7 @@ pub enum CodeFileError {
          missing, so copy the whole file again"
     )]
     NoIntroduction,
-    /// The codes were made with another model than the one that is to decode them.
+    /// The codes were made with another model than the model that is to decode them.
     #[error(
         "its codes are those of model {file}, and {model} is to decode them; name the folder of model \
          {file} with --model"
@@ -63,7 +63,8 @@ pub enum CodeFileError {
         /// Model that is to decode the codes.
         model: ModelId,
     },
-    /// The number of scales or zero points is not that of the values in a code.
+    /// The number of scales or of zero points differs from the number of values in a code, or a
+    /// scale is not a positive finite number.
     #[error(
         "it announces {scales} scales and {zero_points} zero points, and the codes of the model have \
          {numbers} numbers; it was made by a defective device"
@@ -87,8 +88,7 @@ pub enum CodeFileError {
          them with --model, or decode codes of the same file with --stream codes"
     )]
     NotPacked(ModelId),
-    /// The index of a window is not larger than that of the window before it. The field is the
-    /// index of the window before it.
+    /// The index of a window is not larger than the previous window's, which the field holds.
     #[error(
         "a second run starts after window {0}: a file holds one run, so keep runs in files of their \
          own"
@@ -238,7 +238,7 @@ pub(crate) struct CodeFile<R> {
     decoder: Decoder,
     substitutes: Substitutes,
     exclusions: Exclusions,
-    /// Model of the device, from its `Hello`; `None` before it.
+    /// Model of the device, from its `Hello`; `None` before the `Hello`.
     device_model: Option<ModelId>,
     announcement: Option<Announcement>,
     /// Kind of the codes that are returned; if `None`, the first code of the file determines it.

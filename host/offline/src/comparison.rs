@@ -83,9 +83,9 @@ pub struct Excerpt {
     pub decoded_uv: Vec<Vec<f32>>,
 }
 
-/// Comparison of a recording after the filters with the signal decoded from its codes. Steps before
-/// the filters had settled, and those without a code, are left out; so are those of an electrode
-/// that the device had excluded.
+/// Comparison of a recording after the filters with the signal decoded from its codes. Leaves out
+/// steps before the filters had settled, steps without a code, and steps of an electrode that the
+/// device had excluded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// Sums of squares, one entry for each electrode.
@@ -170,7 +170,7 @@ impl Comparing {
     /// Compares the steps of a hop. Ignores steps beyond the end of the original.
     ///
     /// # Errors
-    /// Those of [`Original::next_step`].
+    /// The errors of [`Original::next_step`].
     pub(crate) fn add(&mut self, hop: &DecodedHop) -> Result<(), OfflineError> {
         let electrodes = self.comparison.electrodes.len();
         let left_out = [Flags::SETTLING, Flags::FILLER];

@@ -100,7 +100,7 @@ impl Decoding<'_> {
     ///
     /// # Errors
     /// [`OfflineError`] if a file cannot be read or written, or [`Progress::interrupt`] was called.
-    /// A file that has the name of the output is then unchanged.
+    /// An existing file with the name of the output is then unchanged.
     pub fn decode(
         &self,
         input: &Path,
@@ -206,7 +206,7 @@ impl Decoding<'_> {
         })
     }
 
-    /// Returns the decoder of a file with packed blocks; `None` for one with codes of the network.
+    /// Returns the decoder of a file with packed blocks; `None` for codes of the network.
     fn packed_hops(&self, survey: &Survey) -> Result<Option<PackedHops>, CodeFileError> {
         if survey.kind == CodeKind::Codes {
             return Ok(None);

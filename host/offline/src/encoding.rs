@@ -78,7 +78,7 @@ impl Encoding {
     ///
     /// # Errors
     /// [`OfflineError`] if the recording cannot be read to its end, the file cannot be written, or
-    /// [`Progress::interrupt`] was called. A file that has the name of the output is then
+    /// [`Progress::interrupt`] was called. An existing file with the name of the output is then
     /// unchanged.
     pub fn encode(
         &self,

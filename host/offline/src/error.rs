@@ -23,14 +23,14 @@ pub enum OfflineError {
     /// The file of codes cannot be decoded.
     #[error("{} cannot be decoded", .0.display())]
     Codes(PathBuf, #[source] CodeFileError),
-    /// Packed blocks are wanted, and this model, with which the program was built, has no packed
-    /// code.
+    /// Packed blocks are wanted, but this program's built-in model, which the field names, has no
+    /// packed code.
     #[error(
         "model {0} has no packed code, so there are no packed blocks to write; add one with \
          `trainer packed` and build this program with that model, or write codes"
     )]
     NoPackedCode(ModelId),
-    /// Codes are wanted, and this model, with which the program was built, has no network.
+    /// Codes are wanted, but this program's built-in model, which the field names, has no network.
     #[error(
         "model {0} has no network, so there are no codes to write; write packed blocks, with \
          --stream packed"
@@ -51,8 +51,8 @@ pub enum OfflineError {
     /// The name of an output cannot be used.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
-    /// An output cannot be written. The error is that of the operating system, or of the writer
-    /// that refuses a value.
+    /// An output cannot be written. The error comes from the operating system, or from the writer,
+    /// which refuses a value.
     #[error("{} cannot be written; is the disk full?", .0.display())]
     Write(PathBuf, #[source] io::Error),
     /// The format cannot hold the signal, or needs a regular file as the output.

@@ -23,7 +23,7 @@ pub(crate) struct Stretch {
 
 impl Exclusions {
     /// Adds a report of the device: from `first_row` on, the electrodes of the mask are excluded.
-    /// Repeated reports change nothing, so that a lost one is made good by the next.
+    /// Repeated reports change nothing, so the next report makes up for a lost one.
     pub(crate) fn add(&mut self, first_row: u64, excluded: u64) {
         let last = self.0.last();
         if last.map_or(0, |last| last.excluded) != excluded {

@@ -1,9 +1,9 @@
 //! Encodes recordings to files of codes or of packed blocks, decodes these to files of signals, and
 //! measures the error of the decoded signals, without a board, a bridge or a clock.
 //!
-//! The pipeline and the link are those of the firmware, and the decoder is the bridge's, so codes
-//! and microvolts equal theirs bit for bit. The commands `host-sim encode` and `host-sim decode`
-//! run [`Encoding`] and [`Decoding`] for many files at once.
+//! The pipeline and the link are the firmware's, and the decoder is the bridge's, so codes and
+//! microvolts equal theirs bit for bit. The commands `host-sim encode` and `host-sim decode` run
+//! [`Encoding`] and [`Decoding`] for many files at once.
 //!
 //! ```text
 //! recording ──Played: virtual ADC──► Device: pipeline ──frames──► file of codes

@@ -61,7 +61,7 @@ impl Played {
 }
 
 /// Returns a sample of the model's ADC. The virtual ADC fills the channels of the longest chain of
-/// converters; those beyond the model's carry no electrode, and are left out.
+/// converters. The channels beyond the model's carry no electrode, and are left out.
 pub fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),
@@ -87,7 +87,7 @@ impl Original {
     /// filters at rest before its first sample.
     ///
     /// # Errors
-    /// Those of [`Played::open`].
+    /// The errors of [`Played::open`].
     pub(crate) fn open(path: &Path, mains: Mains, missing: Missing) -> Result<Self, OfflineError> {
         Ok(Self {
             path: path.to_owned(),

@@ -23,14 +23,14 @@ const TABLE: &str = "electrodes.csv";
 /// A decoded recording, with its name in the report.
 #[derive(Debug, Clone)]
 pub struct Entry {
-    /// Name, such as "S001/S001R11": the folder of its pictures within that of the report.
+    /// Name, such as "S001/S001R11", and folder of its pictures within the folder of the report.
     pub name: String,
     /// Result of decoding the recording's codes.
     pub decoded: Decoded,
 }
 
 impl Entry {
-    /// Returns the comparison with the original; `None` without one, and if no step could be
+    /// Returns the comparison with the original; `None` without an original, or if no step could be
     /// compared.
     fn compared(&self) -> Option<&Comparison> {
         let comparison = self.decoded.comparison.as_ref();

@@ -25,8 +25,8 @@ pub(crate) struct RowEvents {
 }
 
 impl RowEvents {
-    /// Places the events of a recording, if there is one, at the rows that show them, and an
-    /// additional event at the first row of each gap in the codes, and for the rows at which an
+    /// Places the events of a recording, if there is one, at the rows that show them. Adds an event
+    /// at the first row of each gap in the codes, and an event for each stretch of rows at which an
     /// electrode was excluded.
     pub(crate) fn new(onsets: Option<&Onsets>, survey: &Survey, description: &Description) -> Self {
         let mut events = Self::default();
@@ -73,8 +73,8 @@ impl RowEvents {
         events
     }
 
-    /// Gives each text a GDF type, because a GDF file has no texts. Counts the events of those for
-    /// which no type is left.
+    /// Gives each text a GDF type, because a GDF file has no texts. Counts the events whose text
+    /// gets no type, because none is left.
     pub(crate) fn assign_types(&mut self) {
         let mut rows = std::mem::take(&mut self.rows);
         for event in rows.iter_mut().filter(|event| event.kind.is_none()) {

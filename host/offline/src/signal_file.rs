@@ -57,7 +57,7 @@ pub(crate) struct Signal<'a> {
     pub(crate) labels: &'a [String],
     /// Rows per second, Hz.
     pub(crate) rate_hz: u32,
-    /// Number of rows that are written at a time: those of one hop.
+    /// Number of rows that are written at a time: the rows of one hop.
     pub(crate) rows_per_hop: u32,
     /// Number of rows of the whole signal.
     pub(crate) rows: u64,

@@ -11,8 +11,8 @@ use tokio::{
     time::timeout,
 };
 
-/// Longest wait for the addresses of a host name: shorter than the limit of an XML-RPC call, whose
-/// error would hide that the name does not resolve.
+/// Time limit for resolving a host name. Shorter than the limit of an XML-RPC call, so that the
+/// call fails with the resolver's error instead of a timeout.
 const LOOKUP_TIMEOUT: Duration = Duration::from_millis(2500);
 
 /// Error for a URI without a host and a port, to which no connection can be opened.
@@ -27,9 +27,9 @@ pub struct AddressError {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the host name {host} does not resolve: {reason}")]
 pub struct LookupError {
-    /// The host name.
+    /// Host name that was looked up.
     pub host: Box<str>,
-    /// What the operating system reports.
+    /// Error message from the operating system, or that no answer came within 2.5 s.
     pub reason: Box<str>,
 }
 
@@ -57,7 +57,7 @@ async fn lookup(host: &str, port: u16) -> Result<Vec<SocketAddr>, LookupError> {
     })
 }
 
-/// Returns the addresses of a host name or address, each with whether it is an address of this
+/// Resolves a host name or address. Pairs each resulting address with whether it belongs to this
 /// machine.
 ///
 /// # Errors

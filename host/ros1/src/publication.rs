@@ -87,9 +87,9 @@ impl Publication {
         }
     }
 
-    /// Queues a message body for every subscriber and returns their number. For some subscribers,
-    /// `own` returns another body from the subscriber's name. Drops a body longer than
-    /// [`MAX_MESSAGE`] and returns 0.
+    /// Queues a message body for every subscriber and returns the number of subscribers. `own`
+    /// receives a subscriber's name and can return a different body for that subscriber. If
+    /// `message` is longer than [`MAX_MESSAGE`], drops it and returns 0.
     pub(crate) fn publish(
         &self,
         message: &[u8],

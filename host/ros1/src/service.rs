@@ -19,7 +19,7 @@ use crate::{
     xmlrpc::{CallError, Value, call_ros},
 };
 
-/// Longest time between the header exchange and the length of a non-persistent client's request. A
+/// Time limit for a non-persistent client to send its request's length after the header exchange. A
 /// persistent client can be silent for any time before each call.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest time to receive the body of a request; the same limit applies to sending the response.

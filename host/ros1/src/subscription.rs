@@ -31,8 +31,9 @@ use crate::{
 const FIRST_RETRY_DELAY: Duration = Duration::from_millis(100);
 /// Longest delay before an attempt to reconnect to a publisher.
 const MAX_RETRY_DELAY: Duration = Duration::from_secs(5);
-/// Number of failures in a row after which a publisher counts as unreachable: 0.3 s after the
-/// first. A publisher that ends closes its connections before the master removes it from its list.
+/// Number of consecutive failures, within about 0.3 s, after which a publisher counts as
+/// unreachable. More than one, because a publisher that ends closes its connections before the
+/// master unlists it.
 const FAILURES_TO_REPORT: u32 = 3;
 
 /// One topic that the node subscribes to. Its links are keyed by the publishers' XML-RPC URIs.
@@ -301,8 +302,7 @@ impl PublisherLink {
         lock(&self.fault).clone()
     }
 
-    /// Notes why the publisher cannot be reached, and logs it unless it could not be reached
-    /// before.
+    /// Stores why the publisher cannot be reached. Logs the reason unless one was already stored.
     fn report(&self, topic: &str, error: &LinkError) {
         let fault = format!("{}: {error}; {}", self.uri, error.remedy());
         if lock(&self.fault).replace(fault.clone()).is_none() {
@@ -310,7 +310,7 @@ impl PublisherLink {
         }
     }
 
-    /// Logs that a publisher that could not be reached has gone.
+    /// Logs that the publisher has gone, if it was reported as unreachable before.
     fn log_end(&self, topic: &str) {
         if lock(&self.fault).take().is_some() {
             tracing::info!("the publisher of {topic} at {} has gone", self.uri);

@@ -1,5 +1,5 @@
 //! Audits: compare a device's code with the float network's code of the same window, and the
-//! window's signals with those decoded from packed blocks.
+//! window's signals with the signals decoded from packed blocks.
 
 use std::fmt;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use crate::decoder::packed::PackedReconstruction;
 use crate::device::Device;
 
 /// Limit of the RMS difference between the device's code and the float network's code, as a
-/// fraction of the RMS of the latter. Half a level is allowed in addition, for rounding. The limit
+/// fraction of the float code's RMS. Half a level is allowed in addition, for rounding. The limit
 /// is relative because the error of int8 weights and activations grows with the signal.
 ///
 /// To set the limit, the integer reference was compared with the float network on the windows of
@@ -152,8 +152,8 @@ impl AuditedWindow {
     }
 }
 
-/// Difference between the measured signals of a window and those decoded from its packed blocks.
-/// The decoded signals are those before the next block corrects them.
+/// Difference between a window's measured signals and the signals decoded from its packed blocks,
+/// before later blocks correct them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackedError {
     /// RMS difference of measured and decoded signals over steps and electrodes, microvolts.

@@ -43,7 +43,7 @@ impl Model {
         Model::read(None)
     }
 
-    /// Reads the model in `folder`, from `model.toml` and the weights; `None`: the embedded model.
+    /// Reads the model in `folder` (`model.toml` and the weights), or the embedded model if `None`.
     ///
     /// # Errors
     ///
@@ -53,7 +53,7 @@ impl Model {
         Model::new(&Model::artifact(folder)?)
     }
 
-    /// Returns the parts of the model in `folder`; `None`: of the embedded model.
+    /// Returns the parts of the model in `folder`, or of the embedded model if `None`.
     ///
     /// # Errors
     ///
@@ -113,8 +113,7 @@ impl Model {
                 own = self.id
             ));
         }
-        // A device that was given the packed model of a model without a network keeps its own
-        // network.
+        // A device keeps its own network when it is given the packed model of a model without one.
         let numbers = self.dimensions.numbers;
         let same = self.fits(device) && (numbers == 0 || device.numbers() == numbers);
         (!same).then(|| {

@@ -17,7 +17,7 @@ const KEPT_BLOCKS: usize = 16;
 /// Input of the decoder: a received packed block, or a placeholder for a lost one, with its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedPackedBlock {
-    /// The received block; `None` for a placeholder, whose block was lost.
+    /// The received block; `None` for the placeholder of a lost block.
     pub block: Option<PackedBytes>,
     /// Whether this is a recording's first block, which does not continue from the block before.
     pub is_first: bool,
@@ -88,9 +88,9 @@ impl PackedReconstruction {
         self.frame.neuroheader.seq
     }
 
-    /// Continues the frames of `before`, the reconstruction for the device before: if one of its
-    /// frames still waits for a correction, that frame comes first. The frames of both
-    /// reconstructions must have the same shape.
+    /// Continues the frames of `before`, the previous device's reconstruction. If a frame of
+    /// `before` still waits for a correction, it comes first. The frames of both must have the same
+    /// shape.
     pub fn continue_from(&mut self, before: &mut PackedReconstruction) {
         self.set_number(before.number());
         self.overlap.continue_from(&mut before.overlap);
@@ -103,8 +103,8 @@ impl PackedReconstruction {
     }
 
     /// Returns the signals of block `index` as they were before the next block corrected them,
-    /// microvolts: all electrodes of one step after those of the step before. `None` if the block
-    /// was lost or is no longer kept.
+    /// microvolts: all electrodes of the first step, then all electrodes of the next, and so on.
+    /// `None` if the block was lost or is no longer kept.
     pub(crate) fn signals(&self, index: u32) -> Option<&[f32]> {
         let kept = self.kept.iter().find(|(kept, _)| *kept == index);
         kept.map(|(_, microvolts)| microvolts.as_slice())
@@ -117,9 +117,9 @@ impl PackedReconstruction {
         self.filled_frame(hop)
     }
 
-    /// Decodes `block` and returns the frame that it completes: that of the block before, or with
-    /// low latency its own. Returns `None` if there is no block before, or if the block of the
-    /// completed frame is lost and the user wants no fillers.
+    /// Decodes `block` and returns the frame that it completes: the previous block's frame, or with
+    /// low latency the block's own. Returns `None` if there is no previous block, or if the block
+    /// of the completed frame is lost and the user wants no fillers.
     pub fn next_frame(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
         self.start_recording(block.is_first);
         let received = block.block.as_ref();
@@ -160,8 +160,8 @@ impl PackedReconstruction {
         }
     }
 
-    /// Returns the frame with the signals of `hop`, or a filler if its block is lost; `None` if it
-    /// is lost and the user wants no fillers.
+    /// Returns the frame with the signals of `hop`, or a filler if its block is lost; `None` if the
+    /// block is lost and the user wants no fillers.
     fn filled_frame(&mut self, mut hop: PackedHop<Label>) -> Option<&NeuroFrame> {
         if hop.source == PackedSource::Prediction {
             match self.filler {

@@ -75,14 +75,14 @@ impl Reconstruction {
         self.frame.neuroheader.seq
     }
 
-    /// Continues the sequence numbers of `before`, the reconstruction for the device before, and
-    /// keeps its last values for fillers. The frames of both must have the same shape.
+    /// Continues the sequence numbers of `before`, the previous device's reconstruction, and keeps
+    /// its last values for fillers. The frames of both must have the same shape.
     pub fn continue_from(&mut self, before: &Reconstruction) {
         self.set_number(before.number());
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// Increments the sequence number without decoding a window, whose frame nobody would receive.
+    /// Increments the sequence number without decoding a window, because nobody receives its frame.
     /// Forgets the earlier windows, so the next frame is decoded from one window alone.
     pub(crate) fn skip_frame(&mut self) {
         self.overlap.forget();
@@ -104,8 +104,8 @@ impl Reconstruction {
         self.frame_of(window, values)
     }
 
-    /// Returns the frame that a window with the decoded values `decoded` completes; `None` if it is
-    /// missing and the user wants no fillers.
+    /// Returns the frame that a window with the decoded values `decoded` completes; `None` if no
+    /// code with the frame's steps was received and the user wants no fillers.
     fn frame_of(&mut self, window: &TimedCode, decoded: Option<Vec<f32>>) -> Option<&NeuroFrame> {
         let data = &mut self.frame.eeg.data;
         let mut words = window.words;

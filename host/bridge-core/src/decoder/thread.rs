@@ -31,14 +31,14 @@ const QUEUE_AUDITS: usize = 4;
 /// rest of the program.
 const NICE: i32 = 10;
 
-/// Timeout for the end of the thread after it was told to stop. The thread still completes the
+/// Time limit for the thread to end after it was told to stop. The thread still completes the
 /// window that it is decoding.
 const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time between two checks of whether the thread has ended.
 const POLL: Duration = Duration::from_millis(10);
 
 /// Thread that decodes codes and packed blocks, publishes the reconstructed signals and evaluates
-/// audits. A separate thread does this so that it does not delay the link.
+/// audits. A separate thread keeps this work from delaying the link.
 #[derive(Debug)]
 pub struct DecoderThread {
     work: Sender<Work>,
@@ -53,8 +53,8 @@ pub struct DecoderThread {
 /// Lengths of the thread's queues, and counts of its work as in [`DecoderCounts`].
 #[derive(Debug, Default)]
 struct Progress {
-    /// Number of queued codes and packed blocks. Placeholders for lost packed blocks count too,
-    /// those for lost codes do not.
+    /// Number of queued codes and packed blocks. Placeholders for lost packed blocks count too;
+    /// placeholders for lost codes do not.
     waiting: AtomicU64,
     decoded: AtomicU64,
     malformed: AtomicU64,
@@ -378,8 +378,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Audits a window: compares the device's code with that of the float network, and the window's
-    /// signals with those of its packed blocks. Counts the results.
+    /// Audits a window: compares the device's code with the float network's code, and the window's
+    /// signals with the signals of its packed blocks. Counts the results.
     fn audit(&self, window: &AuditedWindow, model: &Model) {
         let result = window.compare(model);
         if let Some(result) = result.filter(AuditResult::is_wrong) {

@@ -20,8 +20,8 @@ pub(crate) struct ChainReport {
 }
 
 impl ChainReport {
-    /// Creates the report from the device's message `converters`. Of the bad frames, those that
-    /// `before` has already reported to `/diagnostics` do not count as new.
+    /// Creates the report from the device's message `converters`. Bad frames that `before` has
+    /// already reported to `/diagnostics` do not count as new.
     pub(crate) fn from_message(
         before: Option<&ChainReport>,
         converters: &Converters,
@@ -104,8 +104,8 @@ impl ChainReport {
 /// 30 passes 6 % of the mains' amplitude.
 const MAX_OSCILLATOR_PPM: f64 = 1_000.0;
 
-/// Returns a warning if the converters do not sample at the rate that was set. By the device's clock
-/// they sample at `drdy_millihertz`, by the host's at that rate less the drift.
+/// Returns a warning if the converters do not sample at the set rate, by the host's clock. Their
+/// rate by the device's clock is `drdy_millihertz`; the drift converts it to the host's clock.
 fn oscillator_warning(
     drdy_millihertz: u32,
     adc_rate_hz: u16,
@@ -158,7 +158,7 @@ mod tests {
         assert_eq!(warning(512_100, Some(0.0)), None);
         assert_eq!(warning(512_000, None), None, "the drift is not known yet");
         assert_eq!(warning(0, Some(0.0)), None, "no rate is known");
-        // The device's clock is 1 % slow, so that it counts 1 % more edges in its second.
+        // The device's clock is 1 % slow, so it counts 1 % more edges in each of its seconds.
         assert_eq!(warning(517_120, Some(10_000.0)), None);
         let text = warning(500_000, Some(0.0)).expect("a warning");
         assert!(

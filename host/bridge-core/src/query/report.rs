@@ -59,8 +59,8 @@ pub struct DrdyReport {
     pub rate_hz: Option<f64>,
     /// Sampling rate to which the converters are set, Hz.
     pub expected_hz: f64,
-    /// Deviation of `rate_hz` from `expected_hz`, parts per million of the latter; `None` if either
-    /// rate is unknown.
+    /// Deviation of `rate_hz` from `expected_hz`, parts per million of `expected_hz`; `None` if
+    /// either rate is unknown.
     pub ppm: Option<f64>,
     /// Number of DRDY edges that came too early.
     pub early: u32,

@@ -20,9 +20,9 @@ pub(crate) fn electrode_faults(session: &Session) -> Option<String> {
     (status.level == DiagnosticLevel::Warn).then_some(status.message)
 }
 
-/// Builds the report for `/diagnostics`: the statuses of device, loss, link and clock, and those of
-/// packed blocks and converters once the device has sent messages about them. The statuses of
-/// electrodes and deadlines are included only if new messages about them have arrived.
+/// Builds the report for `/diagnostics`: the statuses of device, loss, link and clock, and the
+/// statuses of packed blocks and converters once the device has sent messages about them. The
+/// statuses of electrodes and deadlines are included only if new messages about them have arrived.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),
@@ -203,7 +203,8 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
         .map(|codes| codes.timeline.counts().clone())
         .unwrap_or_default();
     let ledger = &hops.ledger;
-    // What an event has counted before a run is counted again if another restart follows.
+    // The count falls if another restart follows a run that began with an event, because what is
+    // missing before that run is then counted again.
     let since = hops
         .missing()
         .saturating_sub(session.counts.missing_reported);

@@ -25,7 +25,7 @@ impl Session {
         if known.is_some_and(|identity| identity.is_same_session(hello)) {
             return;
         }
-        // A device that was given a model introduces itself again, but has not restarted.
+        // After a model was uploaded to it, a device introduces itself again without a restart.
         if let Some(known) = &mut self.identity
             && known.is_same_start(hello)
         {
@@ -171,7 +171,7 @@ impl Session {
         });
     }
 
-    /// Decides from the features of this device, if there is a classifier and it fits the device.
+    /// Creates the stream of features if there is a classifier and it fits this device.
     fn set_classifying(&mut self, device: &Arc<Device>) {
         let Some(classifier) = &self.classifier else {
             return;
@@ -188,8 +188,9 @@ impl Session {
         }
     }
 
-    /// Checks that `device` matches the announced one. A device that takes the uploaded model after
-    /// it has refused it, or refuses it after it has used it, is the same but for the model's id.
+    /// Checks that `device` matches the announced one. The model ids may differ if either is that
+    /// of the uploaded model: a device can accept the upload after a refusal, or refuse it after
+    /// use.
     fn check_announced(&self, device: &Device) -> Result<(), DeviceError> {
         let Some(announced) = &self.announced else {
             return Ok(());
@@ -203,8 +204,8 @@ impl Session {
         announced.check_compatible(device)
     }
 
-    /// Returns the packed model that the device is to be given before it is used; `None` if the
-    /// user wants it to have none, or if it has this model, does not fit it or has refused it.
+    /// Returns the packed model to upload before the device is used; `None` if the user chose none,
+    /// or if the device already has the model, does not fit it or has refused it.
     fn due_upload(&self, device: &Device) -> Option<Upload> {
         let (upload, model) = (self.upload.as_ref()?, self.model.as_ref()?);
         let is_due =
@@ -248,8 +249,8 @@ impl Session {
         self.settings.announced.is_in(asked) && self.commands.start_refusal().is_none()
     }
 
-    /// Returns which stream to decode, of those that the bridge asks the device for, and whether it
-    /// can be decoded. `decodable`: the bridge has the device's model.
+    /// Returns which of the requested streams to decode, and whether it can be decoded. `decodable`
+    /// is true if the bridge has the device's model.
     fn decoding(&self, decodable: bool) -> Decoding {
         let stream = DecodedStream::of(self.commands.streams());
         let has_packed = || self.model.as_ref()?.packed();
@@ -261,7 +262,7 @@ impl Session {
 
     fn set_decoding(&mut self, decoding: Decoding, effects: &mut dyn Effects) {
         if self.decoding.stream != decoding.stream {
-            // A frame that waits for the next packed block comes before the first frame of a code.
+            // Publish the frame that waits for the next packed block before a code's first frame.
             effects.finish_blocks();
         }
         self.decoding = decoding;

@@ -43,8 +43,8 @@ pub struct Summary {
     /// not introduced itself or was refused, or the code's model or format is not the one that the
     /// device reported.
     pub unused: u64,
-    /// Drift: rate of the host's clock divided by that of the device's clock, minus 1, in parts per
-    /// million.
+    /// Drift: rate of the host's clock divided by the rate of the device's clock, minus 1, in parts
+    /// per million.
     pub drift_ppm: f64,
     /// Of the device's processing stages, the one with the largest ratio of worst time to deadline
     /// so far; `None` if the device reports no stages.
@@ -73,7 +73,7 @@ pub struct PackedSummary {
 /// Numbers of predictions so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PredictionSummary {
-    /// Number of predictions, with repeated ones.
+    /// Number of predictions, including repeated ones.
     pub published: u64,
     /// Number of predictions that repeat the one before, because the features were lost or not
     /// usable.

@@ -92,8 +92,8 @@ impl CodeStream {
         self.timeline.next_row([published, 1], [0, last], run_us)
     }
 
-    /// Returns the next row of `/neurodata_reconstructed`, which has had `published` frames, if
-    /// they are decoded from codes.
+    /// Returns the next row of `/neurodata_reconstructed` if it is decoded from codes. `published`
+    /// is the number of frames published on it so far.
     pub(crate) fn next_decoded_row(&mut self, published: u64, run_us: Option<f64>) -> NextRow {
         let device = self.device();
         let (rows, last) = (device.hop_steps.into(), u32::from(device.window_steps) - 1);

@@ -20,8 +20,8 @@ pub(crate) struct EventStream {
 }
 
 impl EventStream {
-    /// Accepts any number for the next event. Needed because, while no stream is active, the device
-    /// numbers events but does not send them.
+    /// Accepts any event number next: while no stream is active, the device numbers events but does
+    /// not send them.
     pub(crate) fn restart(&mut self) {
         self.ledger.expect_any();
     }
@@ -36,7 +36,7 @@ impl EventStream {
     /// stream, and returns the trigger's new level. If that time is `None`, the stamp is the time
     /// at which the event was read.
     ///
-    /// Returns `None` for an event with an old number or of an unknown kind; it is not published.
+    /// Returns `None`, and publishes nothing, if the event's number is old or its kind unknown.
     pub(crate) fn receive(
         &mut self,
         event: Event,
@@ -133,8 +133,8 @@ pub(crate) enum BusEvent {
     ElectrodesOff(Vec<String>),
     /// All electrodes have regained contact.
     ElectrodesOn,
-    /// The device excludes electrodes from its codes and fills them. Holds the labels of all of
-    /// them; none if it excludes none any more.
+    /// The device has changed the electrodes that it excludes from its codes and fills. Holds the
+    /// labels of all excluded electrodes; empty if there are none any more.
     ElectrodesExcluded(Vec<String>),
     /// The device made data that the bridge did not receive. Holds the duration, in seconds.
     DataLost(f32),

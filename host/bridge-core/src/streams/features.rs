@@ -1,4 +1,4 @@
-//! The stream of features, from which a classifier decides.
+//! The stream of features, from which a classifier computes predictions.
 
 use std::sync::Arc;
 
@@ -17,11 +17,11 @@ use crate::settings::{FillerPolicy, Settings};
 use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
-/// Flags of hops whose features say nothing about the EEG: the decision before them stays. So it
-/// does for a hop in which an electrode that a filter uses was at the rail.
+/// Flags of hops whose features say nothing about the EEG; the previous decision then stays. It
+/// also stays if an electrode that a filter uses was at the rail during the hop.
 const UNUSABLE: [Flags; 3] = [Flags::SETTLING, Flags::OVERRUN, Flags::ADC_STATUS_BAD];
 
-/// Decides from features, and publishes a prediction for each hop, also for lost ones.
+/// Classifies features, and publishes a prediction for each hop, even if the hop was lost.
 ///
 /// Sequence numbers, counts and the window of the decision continue when the device restarts.
 #[derive(Debug)]
@@ -33,24 +33,24 @@ pub(crate) struct FeatureStream {
     decision: Decision,
     output: NeuroOutput,
     stamps: MonotoneStamps,
-    /// Number of features of other filters than the classifier's, which were not used.
+    /// Number of features that were not used: other filters than the classifier's made them.
     foreign: u64,
-    /// Number of predictions.
+    /// Number of predictions published, including repeated ones.
     published: u64,
-    /// Number of hops whose features were not usable, with lost ones.
+    /// Number of hops whose features were lost or not usable.
     repeated: u64,
-    /// What has become of the newest features.
+    /// State of the newest features.
     newest: Newest,
 }
 
-/// What has become of a device's newest features.
+/// State of a device's newest features.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Newest {
-    /// None has arrived.
+    /// No features have arrived.
     Missing,
-    /// They are of other filters than the classifier's.
+    /// The features are of other filters than the classifier's.
     Foreign,
-    /// They were lost or not usable: the prediction before them was repeated.
+    /// The features were lost or not usable, so the previous prediction was repeated.
     Unusable,
     Used,
 }
@@ -91,7 +91,7 @@ impl FeatureStream {
         self.decision = Decision::new(&self.classifier);
     }
 
-    /// Returns the status for `/diagnostics`: how many hops have had no decision of their own.
+    /// Returns the status for `/diagnostics`, with the number of hops without a new decision.
     pub(crate) fn status(&self) -> DiagnosticStatus {
         let counts = self.timeline.counts();
         let classes = self.classifier.decision.classes.iter();
@@ -121,7 +121,7 @@ impl FeatureStream {
         new_status("predictions", (level, message.to_owned()), values)
     }
 
-    /// Returns the numbers for the last line of a program.
+    /// Returns the counts for the last line of a program.
     pub(crate) fn summary(&self) -> PredictionSummary {
         PredictionSummary {
             published: self.published,
@@ -130,7 +130,7 @@ impl FeatureStream {
         }
     }
 
-    /// Publishes the prediction of a hop, after repeated ones for the hops lost before it.
+    /// Publishes the prediction of a hop, after repeated predictions for the hops lost before it.
     pub(crate) fn receive(
         &mut self,
         features: &Features,
@@ -230,7 +230,7 @@ impl FeatureStream {
     }
 }
 
-/// Returns the message of a classifier, without a prediction.
+/// Returns the message for a classifier's predictions, with all probabilities 0.
 fn output(classifier: &Classifier) -> NeuroOutput {
     let [low, high] = classifier.band.hz;
     let classes = &classifier.decision.classes;

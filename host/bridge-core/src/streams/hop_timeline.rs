@@ -1,4 +1,4 @@
-//! Time and index of what a device makes of each hop: a code, a packed block, or features.
+//! Time and index of the items that a device makes, one per hop: codes, packed blocks or features.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::streams::stamps::{Decoding, FrameSteps, Reception, frame_time_ns};
 /// A restart of the device does not reset the counts.
 #[derive(Debug)]
 pub(crate) struct HopTimeline {
-    /// Name in the plural of what the stream contains, such as "codes", for the log.
+    /// Plural name of the stream's items for the log, such as "codes".
     items: &'static str,
     pub(crate) settings: Settings,
     pub(crate) device: Arc<Device>,
@@ -252,8 +252,8 @@ impl HopTimeline {
         self.continuity.record(host_us.unwrap_or(read_us), run_us);
     }
 
-    /// Records when the present run began, if the item of device time `device_us`, before which
-    /// `lost` items of this run were lost, is the first that is known.
+    /// Records when the present run began, if no item of the run is known yet. `device_us` is the
+    /// device time of its first known item, before which `lost` items of this run were lost.
     fn record_start(&mut self, device_us: u64, lost: u32) {
         if self.last_device_us.is_none() {
             self.run_us = i128::from(device_us) - i128::from(lost) * i128::from(self.hop_us());
@@ -261,7 +261,7 @@ impl HopTimeline {
     }
 
     /// Returns the number of items missing between two runs; 0 within a run. `host_us` is the host
-    /// time of the received item of the newer run, before which `lost` items of this run were lost.
+    /// time of the newer run's received item, before which `lost` items of that run were lost.
     fn missing_between_runs(
         &mut self,
         host_us: Option<f64>,
@@ -275,8 +275,8 @@ impl HopTimeline {
         std::mem::take(&mut self.unfilled)
     }
 
-    /// Counts the items that are missing before the present run; none if it has begun already. The
-    /// run's first item is at the host time `first_us`, microseconds.
+    /// Counts the items that are missing before the present run, unless the run has already begun.
+    /// The run's first item is at the host time `first_us`, microseconds.
     fn begin_run(&mut self, first_us: f64) {
         #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
         let hop_us = self.hop_us() as f64;
@@ -285,10 +285,10 @@ impl HopTimeline {
         self.unfilled += missing;
     }
 
-    /// Returns the next row of a topic with one frame for each item: `published` frames of `rows`
-    /// rows so far. The first item of a run ends with step `last`, its frame begins with step
-    /// `first`. `run_us` is the host time of the present run's ADC sample 0, microseconds, if an
-    /// event of this run tells it: it begins the run if no item has.
+    /// Returns the next row of a topic with one frame per item, which has had `published` frames of
+    /// `rows` rows. A run's first item ends with step `last`; its frame begins with step `first`.
+    /// `run_us` is the host time of the present run's ADC sample 0, microseconds, if an event of
+    /// this run shows it; the event begins the run if no item has done so.
     pub(crate) fn next_row(
         &mut self,
         [published, rows]: [u64; 2],
@@ -323,8 +323,8 @@ impl HopTimeline {
         known_us.saturating_add_signed(hops * self.hop_us())
     }
 
-    /// Returns the places of the items missing directly before the item of index `index`, at most
-    /// `max_fillers`. The item of index `index` has the device time `device_us`.
+    /// Returns the places of the items missing directly before item `index`, whose device time is
+    /// `device_us`; at most `max_fillers` places.
     fn fillers(&mut self, index: u32, gap: Gap, device_us: u64, max_fillers: u64) -> Vec<HopPlace> {
         let missing = gap.between_runs + u64::from(gap.lost);
         if missing == 0 {
@@ -388,8 +388,8 @@ impl HopTimeline {
     }
 }
 
-/// Time after the start of a run in which the fit still shows better when it began, microseconds.
-/// Later fits follow the drift of the clock, and say less about the start.
+/// Time after the start of a run during which newer fits improve the estimate of that start,
+/// microseconds. Later fits follow the drift of the clock, and say less about the start.
 const IMPROVES_US: f64 = 60e6;
 
 /// Host time of a topic's newest item: a code, packed block, features, ADC sample or filtered step.
@@ -401,20 +401,21 @@ pub(crate) struct Continuity {
     newest_us: Option<f64>,
     /// Whether the device has restarted since the newest code, packed block or sample.
     run_ended: bool,
-    /// Two estimates of the host time of the present run's first item, microseconds: the one that
-    /// was used to fill the gap before it, and the newest. `None` in a recording's first run.
+    /// Two estimates of the host time of the present run's first item, microseconds: the one with
+    /// which the gap before it was filled, and the newest. `None` in a recording's first run.
     run_us: Option<[f64; 2]>,
-    /// Duration of the last gap minus that of the items counted for it, microseconds. It is added
-    /// to the next gap, so the errors of many restarts never add up to more than half an item.
+    /// Duration of the last gap less the time of the items counted for it, microseconds. It is
+    /// added to the next gap, so the errors of many restarts never add up to more than half an
+    /// item.
     left_over_us: f64,
-    /// `run_us` and `left_over_us` before the present run began; `None` from its first item on.
+    /// `run_us` and `left_over_us` before the present run; `None` from the run's first item on.
     before: Option<(Option<[f64; 2]>, f64)>,
 }
 
 impl Continuity {
-    /// Records the host time of an item that is being published, and by the same fit that of its
-    /// run's first item, microseconds. Of a run, the first frame shows the time no better than its
-    /// delay; later ones improve the fit.
+    /// Records the host time of an item that is being published, and the host time of its run's
+    /// first item by the same fit, microseconds. A run's first frame shows the time only up to the
+    /// frame's delay; later frames improve the fit.
     pub(crate) fn record(&mut self, host_us: f64, run_us: Option<f64>) {
         self.newest_us = Some(host_us);
         self.before = None;
@@ -425,8 +426,8 @@ impl Continuity {
         }
     }
 
-    /// Records that the device has restarted: the next item belongs to another run. Takes back a
-    /// gap whose run has no item, because the gap goes on.
+    /// Records that the device has restarted: the next item belongs to another run. If the ended
+    /// run had no item, the gap before that run goes on and is taken back.
     pub(crate) fn end_run(&mut self) {
         self.run_ended = self.newest_us.is_some();
         if let Some(before) = self.before.take() {
@@ -505,7 +506,7 @@ mod tests {
         let (mut now_us, mut items) = (0.0, 0);
         for _ in 0..1000 {
             continuity.end_run();
-            // The first item is read 0.3 periods late, which the fit shows with the next one.
+            // The first item is read 0.3 periods late, which the fit shows only with the next item.
             now_us += 3.0 * 62_500.0;
             items += continuity.missing_before(now_us + 0.3 * 62_500.0, 62_500.0) + 1;
             continuity.record(now_us, Some(now_us));

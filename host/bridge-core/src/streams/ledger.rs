@@ -1,7 +1,7 @@
 //! Counts of the received, lost and filled data of a stream.
 
-/// Counts numbered items, such as codes, as received or lost. Their sum is always the number of
-/// items that the sender made, even when the sequence numbers wrap.
+/// Counts numbered items, such as codes, as received or lost. The two counts always add up to the
+/// number of items that the sender made, even when the sequence numbers wrap.
 ///
 /// The counts depend only on the sequence numbers, not on times or rates. A gap of up to 2^31 - 1
 /// numbers is a loss; a number below the next expected number, modulo 2^32, is a replay.
@@ -43,7 +43,7 @@ impl Ledger {
         self.expected = None;
     }
 
-    /// Returns the next expected number; 0 if any number is.
+    /// Returns the next expected number; 0 if any number is accepted.
     pub(crate) fn next_number(&self) -> u32 {
         self.expected.unwrap_or(0)
     }
@@ -152,9 +152,9 @@ pub(crate) struct SampleCounts {
     pub(crate) lost: u64,
     /// Number of samples that are missing because restarts interrupted the stream.
     pub(crate) between_runs: u64,
-    /// Number of samples that no published frame contains: those of a frame that was unfinished
-    /// when the stream ended, those of a gap in excess of two minutes, and, if the user wants no
-    /// fillers, all samples of a frame in which one is lost.
+    /// Number of samples that no published frame contains: samples of a frame that was unfinished
+    /// when the stream ended, samples of a gap in excess of two minutes, and, if the user wants no
+    /// fillers, all samples of a frame with a lost sample.
     pub(crate) unpublished: u64,
     /// Number of messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,

@@ -58,8 +58,8 @@ impl PackedStream {
     }
 
     /// Returns the next row of `/neurodata_reconstructed`, as [`HopTimeline::next_row`] does.
-    /// `published` is the number of frames so far, with that of the newest block, which may still
-    /// wait to be corrected by the next block.
+    /// `published` is the number of frames so far, including the newest block's frame, which may
+    /// still wait to be corrected by the next block.
     pub(crate) fn next_row(&mut self, published: u64, run_us: Option<f64>) -> NextRow {
         let hop = self.timeline.device.hop_steps;
         self.timeline

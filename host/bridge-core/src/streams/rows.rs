@@ -4,8 +4,8 @@ use neuro_ros::{NeuroFrame, Stamp};
 
 use crate::time::HostTime;
 
-/// Number of ADC samples by which an event can be behind the next row, because messages arrive in
-/// the order in which the device made them: 8 s at 512 Hz. An event further behind belongs to a run
+/// Largest number of ADC samples by which an event can lag the next row: 8 s at 512 Hz. Messages
+/// arrive in the order in which the device made them, so an event further behind belongs to a run
 /// whose start the bridge has not noticed yet.
 const MOST_BEHIND: f64 = 4096.0;
 
@@ -22,7 +22,7 @@ pub(crate) struct NextRow {
 
 impl NextRow {
     /// Returns the row at which a recording has an event that happened directly before ADC sample
-    /// `sample`, or together with it: the first one after the sample before, so within one row.
+    /// `sample`, or together with it: the first row after the previous ADC sample.
     pub(crate) fn row_of(self, sample: u64) -> u64 {
         #[expect(clippy::cast_precision_loss, reason = "below 2^53 (500,000 years)")]
         let ahead = sample as f64 - 1.0 - self.sample;
@@ -46,7 +46,7 @@ impl NextRow {
 pub struct RecordingStart {
     /// Index of the first row among all rows published on the topic.
     first_row: u64,
-    /// Time that the recorder takes for that of its first row, nanoseconds since 1970.
+    /// Time that the recorder assumes for its first row, nanoseconds since 1970.
     start_ns: i64,
     rate_hz: u16,
 }
@@ -65,8 +65,8 @@ impl RecordingStart {
         }
     }
 
-    /// Returns the stamp with which the recorder places an event at the row of index `row`; at its
-    /// first row if `row` is before that.
+    /// Returns the stamp with which the recorder places an event at row `row`, or at its own first
+    /// row if `row` comes before that.
     ///
     /// The recorder's library, libxdffileio, rounds the place down and counts rows from 0, where
     /// GDF and its readers count from 1. Half a row keeps the place when the first frame arrives up

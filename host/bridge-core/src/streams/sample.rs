@@ -40,9 +40,9 @@ pub(crate) struct SampleStream {
     holds_filler: bool,
     /// Device time of the unfinished frame's first sample, microseconds.
     first_us: i128,
-    /// Host time at which that sample was at the electrodes, microseconds, by the fit at the time;
-    /// `None` without one. The device time says nothing any more if the device restarts before the
-    /// frame is complete.
+    /// Host time at which the sample of `first_us` was at the electrodes, microseconds, by the fit
+    /// on its arrival; `None` without a fit. The device time says nothing any more if the device
+    /// restarts before the frame is complete.
     first_host_us: Option<f64>,
     /// Index, within the topic, of the next sample to publish.
     next: u64,
@@ -65,7 +65,7 @@ pub(crate) struct Samples<'a> {
     pub(crate) first: u64,
     pub(crate) flags: Flags,
     /// Values in uV, one sample after the other. Each sample has first the values of the
-    /// electrodes, then those of the spare channels.
+    /// electrodes, then the values of the spare channels.
     pub(crate) microvolts: &'a [f32],
 }
 
@@ -78,7 +78,7 @@ struct SampleTimeline {
 }
 
 impl SampleTimeline {
-    /// Returns the device time of sample `index`, microseconds, rounded towards the known sample's.
+    /// Returns the device time of sample `index`, microseconds, rounded towards the known time.
     fn device_us_at(self, index: u64) -> i128 {
         let samples = i128::from(index) - i128::from(self.index);
         i128::from(self.us) + samples * 1_000_000 / i128::from(self.rate_hz.max(1))
@@ -127,7 +127,7 @@ impl SampleStream {
     /// Starts another run. Call this when the device counts samples from 0 again. When the first
     /// sample of the new run arrives, the gap since the previous run is filled.
     pub(crate) fn restart(&mut self) {
-        // The gap before a run that an event has begun, but no sample, is counted again.
+        // If an event began the run but no sample came, the gap before the run is counted again.
         let begun = self.run_start.take().unwrap_or(0);
         self.counts.between_runs -= begun.saturating_sub(self.next);
         self.timeline = None;
@@ -183,7 +183,7 @@ impl SampleStream {
 
     /// Publishes the samples of a message, after fillers for the samples lost before them. The last
     /// sample was made at `reception.device_us`. `trigger_sample` converts the index of a sample in
-    /// this stream to that of an ADC sample, to find the trigger level.
+    /// this stream to the index of an ADC sample, to find the trigger level.
     pub(crate) fn receive(
         &mut self,
         samples: Samples<'_>,
@@ -253,8 +253,8 @@ impl SampleStream {
     }
 
     /// Returns the next row of the topic. `adc_rate_hz` is the rate of the ADC. `run_us` is the
-    /// host time of the present run's ADC sample 0, microseconds, if an event of this run tells it:
-    /// it begins the run if no sample has.
+    /// host time of the present run's ADC sample 0, microseconds, if an event of this run shows it;
+    /// the event begins the run if no sample has done so.
     pub(crate) fn next_row(&mut self, adc_rate_hz: u16, run_us: Option<f64>) -> NextRow {
         if let Some(first_us) = run_us {
             self.begin_run(first_us);
@@ -286,7 +286,7 @@ impl SampleStream {
         start
     }
 
-    /// Appends fillers for all samples before index `first`, that of the message's first sample.
+    /// Appends fillers for all samples before `first`, the index of the message's first sample.
     fn fill_gap(&mut self, first: u64, batch: &mut Batch<'_>) {
         let missing = first - self.next;
         if missing == 0 {
@@ -434,7 +434,7 @@ impl CompressedSamples {
         }
     }
 
-    /// Decodes the samples of a message; `None` if samples from which it continues were lost.
+    /// Decodes the samples of a message; `None` if samples that the message continues were lost.
     ///
     /// # Errors
     ///

@@ -83,8 +83,8 @@ impl MonotoneStamps {
 
 /// Stream decoded for `/neurodata_reconstructed`, and whether the bridge's model can decode it.
 ///
-/// The stream follows from those that the bridge asks the device for, so it changes when the device
-/// refuses one of them.
+/// The stream depends on the streams that the bridge asks the device for, so it changes when the
+/// device refuses one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Decoding {
     pub(crate) stream: DecodedStream,
@@ -141,7 +141,7 @@ impl Device {
                         Reconstruction::lookback_steps(self, low_latency)
                     }
                     (DecodedStream::Packed, true) => hop - 1,
-                    // A frame is complete when the block after its own has corrected it.
+                    // A frame is complete when the next block has corrected it.
                     (DecodedStream::Packed, false) => 2 * hop - 1,
                 };
                 self.steps_us(steps) + filters_us

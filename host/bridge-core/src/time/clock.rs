@@ -44,8 +44,8 @@ pub struct Clock {
     /// Device time and host time of the first frame, microseconds. All points are relative to them,
     /// so that they are small enough to be exact in f64.
     origin: Option<(u64, i64)>,
-    /// Device time, and host time at which a frame made then is read unless it is delayed,
-    /// microseconds: a point of the fit from before the first frame.
+    /// Point of the fit from before the first frame, microseconds: a device time, and the host time
+    /// at which a frame made then is read unless it is delayed.
     anchor: Option<(u64, i64)>,
     fit: Fit,
     /// Latest device time of all frames so far, microseconds relative to `origin`.
@@ -83,7 +83,7 @@ impl Clock {
     }
 
     /// Returns whether a new frame that was read at `read` can have this device time: not before
-    /// that of the newest frame so far, and not after `read`. False before the first observation.
+    /// the newest frame so far, and not after `read`. False before the first observation.
     pub fn admits(&self, device_us: u64, read: HostTime) -> bool {
         let is_old = |(origin, _)| difference(device_us, origin) < self.newest;
         !self.origin.is_some_and(is_old) && self.is_possible(device_us, read)
@@ -247,7 +247,7 @@ impl Clock {
         self.fit.line().drift * 1e6
     }
 
-    /// Returns whether the drift is measured: it is from about 15 s of codes on.
+    /// Returns whether the drift is measured, which takes about 15 s of codes.
     pub fn is_settled(&self) -> bool {
         self.fit.span_us() >= SETTLED_SPAN_US
     }

@@ -12,7 +12,7 @@
 //!   leaves no points.
 //! * **Line.** Of all lines below the points, the one with the least mean distance to them is an
 //!   edge of their lower convex hull, at the middle of the points (Moon, Skelly and Towsley,
-//!   INFOCOM 1999). It is computed for all blocks, and for those of the newest 64 s and 24 s.
+//!   INFOCOM 1999). It is computed for all blocks, and for the blocks of the newest 64 s and 24 s.
 //! * **Change of rate.** The longest history gives the most exact line if the rates of the clocks
 //!   did not change. If they did, the line of a shorter history lies above it at the present. The
 //!   shorter one counts as far as it lies above the longer one by more than the spread of the
@@ -28,10 +28,10 @@ use std::collections::VecDeque;
 const MAX_DRIFT: f64 = 0.04;
 /// Device time that a block spans in the long run, microseconds.
 const BLOCK_US: f64 = 1e6;
-/// Least device time of a block once blocks are joined, microseconds: also frames of one device
-/// time are joined.
+/// Least device time of a block once blocks are joined, microseconds. It is not 0, so that frames
+/// with the same device time are joined too.
 const LEAST_BLOCK_US: f64 = 1.0;
-/// Largest number of blocks.
+/// Largest number of blocks. With more, blocks are joined, or the oldest is dropped.
 const BLOCKS: usize = 128;
 /// Least number of blocks from which the drift is fitted: half a second of codes.
 const MIN_BLOCKS: usize = 8;
@@ -41,7 +41,7 @@ const SHORTER_US: [f64; 2] = [64e6, 24e6];
 /// Least device time of a history whose line sets the drift, microseconds. If the host reads every
 /// 16 ms with 4 ms of jitter, a line over 64 s shows the drift to 12 ppm, one over 24 s to 65 ppm.
 const DRIFT_SPAN_US: f64 = 64e6;
-/// Device time whose least delay is one value of the spread, microseconds.
+/// Device time over which the least delay is one value of the spread, microseconds.
 const SPREAD_SPAN_US: f64 = 4e6;
 /// Least distance of two lines that counts as a change of rate, microseconds.
 const LEAST_ALLOWANCE_US: f64 = 50.0;
@@ -69,7 +69,7 @@ impl Line {
         device * (1.0 + self.drift) + self.offset
     }
 
-    /// Returns by how much the host time of `point` is later than that of the line, microseconds.
+    /// Returns by how much the host time of `point` is later than the line's, microseconds.
     pub(crate) fn lag_us(self, point: Point) -> f64 {
         point.host - self.host_us(point.device)
     }
@@ -145,8 +145,8 @@ impl Fit {
         self.fit(point);
     }
 
-    /// Adds a block, or its point to the newest block if that is not complete. Returns whether the
-    /// points change.
+    /// Appends a block, or adds its point to the newest block if that block is not complete.
+    /// Returns whether the points change.
     fn add_block(&mut self, block: Block) -> bool {
         match self.blocks.back_mut() {
             Some(newest) if block.start - newest.start < self.block_us => {
@@ -203,7 +203,7 @@ impl Fit {
     }
 
     /// Returns the number of blocks in the device time `span_us`, at least 1; all blocks while each
-    /// frame is one.
+    /// frame is a block of its own.
     fn blocks_in(&self, span_us: f64) -> usize {
         let blocks = span_us / self.block_us;
         #[expect(
@@ -235,9 +235,9 @@ impl Fit {
         }
     }
 
-    /// Returns by how much the least delays of a few blocks differ from the mean of those before
-    /// and after them, microseconds: a value that three of four do not exceed. A change of rate
-    /// hardly changes it.
+    /// Returns the spread of the least delays, microseconds: how far the least delay of a few
+    /// blocks differs from the mean of its two neighbours, as a value that three of four
+    /// differences do not exceed. A change of rate hardly changes the spread.
     fn spread_us(&self, line: Line) -> f64 {
         let blocks = self.blocks_in(SPREAD_SPAN_US);
         let lags = self.lags(self.blocks.len() % blocks, line);

@@ -13,12 +13,12 @@
 //! The difference between the two bounds is the round-trip time less the time inside the device.
 //! Half of that difference is the uncertainty of the offset between the clocks.
 //!
-//! After a restart of the device the first code can be read much later than the others, and shows
-//! the start of the new run no better. Queries before the stream starts do: a frame that is made
-//! together with an answer is read no later than that answer and the upper bound above, unless it
-//! is delayed more than the earliest codes are. This bound is the first point of the new fit. It is
-//! too late by at most the transfer times of two round trips: the shortest before the restart, and
-//! the shortest before the start.
+//! After a restart of the device, the first code can be read much later than the others, and then
+//! says little about the start of the new run. Queries before the stream starts say more: a frame
+//! made together with an answer is read no later than that answer plus the upper bound above,
+//! unless it is delayed more than the earliest codes are. This time is the first point of the new
+//! fit. It is too late by at most the transfer times of two round trips: the shortest before the
+//! restart, and the shortest before the start.
 
 use std::collections::VecDeque;
 
@@ -52,8 +52,8 @@ pub(crate) struct RoundTrip {
 }
 
 impl RoundTrips {
-    /// Discards all round trips, because the device was reset or another one was connected. If it
-    /// `is_same_device`, keeps the bound of the time by which its stamps are late.
+    /// Discards all round trips, because the device was reset or another one was connected. If
+    /// `is_same_device`, keeps the bound of the time by which the device's stamps are late.
     pub(crate) fn restart(&mut self, is_same_device: bool) {
         let shortest = shortest(self.recent.iter()).map(|trip| trip.late_us[1]);
         self.late_before_us = shortest.or(self.late_before_us).filter(|_| is_same_device);

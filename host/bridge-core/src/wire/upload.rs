@@ -9,7 +9,7 @@ use link::{
 /// Number of uploads that a device may find unsound before the bridge gives up.
 const ATTEMPTS: u32 = 3;
 
-/// A model that the device is to use in place of the one it was built with.
+/// A model that the device is to use in place of its built-in model.
 #[derive(Clone, Debug)]
 pub struct Upload {
     begin: ModelBegin,
@@ -17,8 +17,8 @@ pub struct Upload {
 }
 
 impl Upload {
-    /// Creates an upload of the model `bytes`, in the layout of `docs/wire-format.md`, from
-    /// the model with this id.
+    /// Creates an upload of `bytes`, the packed code of the model with this id, in the layout of
+    /// `docs/wire-format.md`.
     ///
     /// # Panics
     /// If the model has more than 2^32 bytes.
@@ -56,7 +56,7 @@ impl Uploading {
         }
     }
 
-    /// Returns the next command. A chunk is without its bytes; see [`Self::with_bytes`].
+    /// Returns the next command. A chunk comes without its bytes; see [`Self::with_bytes`].
     pub(crate) fn command(&self) -> ToDevice<'static> {
         match self.received {
             None => ToDevice::ModelBegin(self.upload.begin),
@@ -67,7 +67,7 @@ impl Uploading {
         }
     }
 
-    /// Returns `command` with the bytes of the model, if it is a chunk.
+    /// Returns `command`; a chunk gets its bytes of the model.
     pub(crate) fn with_bytes<'u>(&'u self, command: ToDevice<'u>) -> ToDevice<'u> {
         let ToDevice::ModelChunk(ModelChunk { offset, .. }) = command else {
             return command;
@@ -80,14 +80,14 @@ impl Uploading {
         ToDevice::ModelChunk(ModelChunk { offset, bytes })
     }
 
-    /// Records what the device has. If it knows no upload of this model, it has restarted or
-    /// another program has announced another model, and the upload begins again.
+    /// Records what the device reports to have. If it reports no upload of this model, it has
+    /// restarted or another program has announced another model, and the upload begins again.
     pub(crate) fn record(&mut self, received: ModelReceived) {
         self.received = (received.crc == self.upload.begin.crc).then_some(received.bytes);
     }
 
-    /// Handles the refusal of `command`, which is one of the upload. Returns whether the upload has
-    /// failed for good.
+    /// Handles the device's refusal of `command`, a command of the upload. Returns whether the
+    /// upload has failed for good.
     pub(crate) fn handle_refusal(&mut self, command: &ToDevice, result: AckResult) -> bool {
         match (command, result) {
             // The chunks arrived intact, but not as one model: two programs have sent some.

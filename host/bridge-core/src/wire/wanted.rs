@@ -4,12 +4,12 @@ use link::{AckResult, Streams, ToDevice};
 
 use crate::settings::{RawForm, with_codes};
 
-/// Streams that the user wants, and those that `Start` asks the device for. After a refusal,
+/// Streams that the user wants, and the streams that `Start` asks the device for. After a refusal,
 /// `Start` asks for fewer.
 #[derive(Clone, Debug)]
 pub(crate) struct WantedStreams {
-    /// Streams that the user wants, with codes added unless packed blocks are among them. ADC
-    /// samples can be wanted in both forms; the device sends one of these forms.
+    /// Streams that the user wants, with codes added unless packed blocks or features are among
+    /// them. ADC samples can be wanted in both forms; the device sends one of these forms.
     wanted: Streams,
     /// Sets of streams to ask the device for, one after the other until it accepts one. Trial is
     /// needed because a refusal does not say which stream the device lacks.
@@ -28,7 +28,7 @@ impl WantedStreams {
         }
     }
 
-    /// Wants these streams alone, without codes and without a choice of fewer.
+    /// Wants exactly these streams: adds no codes, and does not ask for fewer after a refusal.
     pub(crate) fn alone(streams: Streams) -> WantedStreams {
         WantedStreams {
             wanted: streams,

@@ -53,7 +53,7 @@ fn golden(folder: &Path) -> Vec<AuditedWindow> {
 }
 
 /// Returns a device with the scales that model-gen would compute: scales of int8 codes cover twice
-/// the calibrated range, those of other formats cover 16 times the larger end of that range.
+/// the calibrated range, scales of other formats cover 16 times the larger end of that range.
 fn device(artifact: &Artifact) -> Device {
     let ends = |name| {
         let ends = artifact.calibration.tensor(name, &[NUMBERS]).unwrap();
@@ -82,7 +82,7 @@ fn device(artifact: &Artifact) -> Device {
     Device::clone(device)
 }
 
-/// Compares a device's code for a window with that of the float network.
+/// Compares a device's code for a window with the float network's code.
 fn judge(window: &AuditedWindow, model: &Model) -> AuditResult {
     window.compare(model).expect("a code")
 }

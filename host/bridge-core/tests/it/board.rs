@@ -65,8 +65,8 @@ pub(crate) struct Board {
     pub(crate) chip_uid: [u8; 12],
     /// Device time of the newest code, microseconds.
     pub(crate) now_us: u64,
-    /// Host time at which the board's clock was at 0, microseconds. With it, the board answers
-    /// clock queries, at once.
+    /// Host time at which the board's clock was at 0, microseconds. If it is set, the board answers
+    /// clock queries at once.
     pub(crate) zero_us: Option<i64>,
     /// Streams that the simulated firmware supports. The board refuses a `Start` with any other
     /// stream as `BadArgument`.
@@ -89,7 +89,7 @@ pub(crate) struct Board {
     pub(crate) slot: Option<(ModelBegin, Vec<u8>)>,
 }
 
-/// Length of the largest model that a board with a slot takes, bytes: it has no linear map.
+/// Length of the largest model that a board with a slot accepts, bytes: too short for a linear map.
 const LARGEST_MODEL: u32 = 10_000;
 
 /// Id of the model with which a board with a slot was built.

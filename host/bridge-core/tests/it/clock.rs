@@ -41,8 +41,9 @@ struct Run {
     seconds: f64,
 }
 
-/// How a host reads: its name; the interval, microseconds, where 0 is each code when it arrives;
-/// and the largest delay before that, microseconds. Most delays are less than a quarter of it.
+/// How a host reads: its name; the interval between reads, microseconds, where 0 reads each code
+/// when it arrives; and the largest delay of a code before that, microseconds. Most delays are less
+/// than a quarter of the largest.
 type Reads = (&'static str, f64, f64);
 
 const AT_ARRIVAL: Reads = ("at arrival", 0.0, 4_000.0);
@@ -78,8 +79,8 @@ impl Run {
     ///
     /// # Panics
     ///
-    /// Panics if a stamp is not later than the one before; in the first minute of a device without
-    /// a crystal it may be.
+    /// Panics if a stamp is not later than the one before, except in the first minute of a device
+    /// without a crystal.
     fn errors(&self) -> Errors {
         let (_, interval_us, jitter_us) = self.reads;
         let mut clock = Clock::default();
@@ -124,7 +125,7 @@ impl Run {
         errors
     }
 
-    /// Prints the errors, and checks those after the first minute.
+    /// Prints the errors, and checks the errors after the first minute.
     fn check(&self) {
         let errors = self.errors();
         let early = [(0.5, 2.0), (2.0, 15.0), (15.0, SETTLED_S)].map(|(from, until)| {

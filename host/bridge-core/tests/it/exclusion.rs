@@ -1,4 +1,4 @@
-//! Exclusion of bad electrodes: what the host asks for, and what it makes of the device's reports.
+//! Exclusion of bad electrodes: what the host asks for, and how it handles the device's reports.
 
 use bridge_core::{Exclusions, Settings};
 use link::{AckResult, Exclusion, ExclusionPolicy, Streams, ToDevice, ToHost};
@@ -114,7 +114,7 @@ fn a_change_of_the_excluded_electrodes_is_an_event_and_a_warning() {
     assert_eq!(events, expected);
 }
 
-/// A replayed recording reports the policy of its time, and refuses another one.
+/// A replayed recording reports the policy with which it was recorded, and refuses another one.
 #[test]
 fn a_refused_policy_is_not_sent_again_with_each_report() {
     let mut harness = Harness::streaming(

@@ -15,8 +15,8 @@ const FEATURES: Settings = Settings {
     ..SETTINGS
 };
 
-/// A classifier for the board's montage with a window of two hops, whose second class is as
-/// probable as the first at level 80, the energy 2^20.
+/// A classifier for the board's montage with a window of two hops. Its second class is as probable
+/// as the first at level 80, which is the energy 2^20.
 fn classifier(board: &Board) -> Classifier {
     let electrodes: Vec<String> = board.labels.split(' ').map(str::to_owned).collect();
     let class = |code, event: &str| Class {
@@ -70,7 +70,7 @@ impl Loop {
         }
     }
 
-    /// Advances time by a hop, of which the board sends the level of one filter.
+    /// Advances time by a hop, for which the board sends the level of one filter.
     fn hop(&mut self, level: u8, flags: Flags) {
         self.harness.now_us += 62_500;
         let features = Features {
@@ -138,7 +138,7 @@ fn each_hop_has_a_prediction_and_lost_or_unusable_ones_repeat_the_last() {
     bridge.hop(0, Flags::SATURATED);
     bridge.saturated = 0;
     bridge.hop(96, Flags::empty());
-    // The energy 2^19 has odds of 1/2, the mean of it and 2^22 of 2.25, and 2^22 of 4.
+    // Odds of the second class: 1/2 for the energy 2^19, 4 for 2^22, and 2.25 for their mean.
     let (low, both, high) = (1.0 / 3.0, 2.25 / 3.25, 0.8);
     let expected = [
         (0.5, None, "settling"),

@@ -1,4 +1,4 @@
-//! Impedance of the electrodes: what the host asks for, and what it makes of the measurements.
+//! Impedance of the electrodes: what the host asks for, and how it handles the measurements.
 
 use link::{AckResult, Impedance, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;
@@ -6,7 +6,7 @@ use neuro_ros::DiagnosticLevel;
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS, commands, state};
 
-/// Creates a harness whose user wants impedances, without 2.2 kOhm in series with each electrode.
+/// Creates a harness whose user wants impedances, less 2.2 kOhm in series with each electrode.
 fn measuring(board: Board) -> Harness {
     let mut harness = Harness::new(SETTINGS, board);
     harness.core.measure_impedance(2_200);
@@ -47,8 +47,8 @@ fn a_measurement_alone_streams_nothing_but_events() {
     harness.exchange();
     assert_eq!(harness.board.streams, Streams::EVENTS);
     assert_eq!(asked(&harness), 1);
-    // It runs, although it makes neither codes nor blocks: a new start would begin the measurement
-    // again.
+    // The device runs, although it makes neither codes nor blocks. A new start would begin the
+    // measurement again.
     for _ in 0..20 {
         harness.now_us += 1_000_000;
         let stats = harness.board.stats(Streams::EVENTS);

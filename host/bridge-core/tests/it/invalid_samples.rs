@@ -1,5 +1,5 @@
 //! Samples that do not match the device's capabilities, begin a new stream, were not requested, or
-//! have a device time before that of earlier samples.
+//! have an earlier device time than the samples before them.
 
 use link::{Filtered, Flags, Raw, ToHost};
 

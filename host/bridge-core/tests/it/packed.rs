@@ -205,7 +205,7 @@ fn a_device_of_another_model_is_counted_and_not_decoded() {
 }
 
 /// Returns an audited window with index `window` and `signals`, rounded to int8. `signals` are in
-/// microvolts, all electrodes of one step after those of the step before.
+/// microvolts: all electrodes of the first step, then all electrodes of the next, and so on.
 pub(crate) fn window(device: &Packed, window: u32, signals: &[f32]) -> AuditedWindow {
     let model = model();
     let electrodes = model.electrodes().len();
@@ -249,7 +249,7 @@ fn an_audit_measures_the_error_of_the_blocks_in_its_window() {
     let frames: Vec<Vec<f32>> = blocks
         .map(|block| decoder.next_frame(block).unwrap().eeg.data.clone())
         .collect();
-    // The measured signals differ from those of the blocks by 6 uV, alternately up and down.
+    // The measured signals differ from the blocks' signals by 6 uV, alternately up and down.
     let measured = |first: usize| -> Vec<f32> {
         let signals = frames[first..first + 2].concat();
         let signs = [6.0, -6.0].into_iter().cycle();
@@ -314,7 +314,7 @@ fn a_device_that_cannot_set_the_rate_streams_all_the_same() {
         packed_rate: Some(7),
         ..PACKED
     };
-    // It refuses packed blocks too, and is then asked for codes.
+    // The board refuses packed blocks too, and is then asked for codes.
     let without_packed = Streams::ALL.without(Streams::PACKED);
     let harness = Harness::connected(asked, Board::supporting(without_packed));
     assert_eq!(

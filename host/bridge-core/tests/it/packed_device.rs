@@ -39,7 +39,7 @@ pub(crate) fn flags(frames: &[NeuroFrame]) -> Vec<u16> {
     words.map(|word| u16::try_from(word).unwrap()).collect()
 }
 
-/// For each block of a run: its own signals, and those of the block before, corrected by it.
+/// For each block of a run: its signals, and the previous block's signals corrected by this block.
 type Decoded = (Vec<Vec<f32>>, Vec<Option<Vec<f32>>>);
 
 /// Decodes a run with its own decoder. `received` gives the blocks' indices, `None` for lost ones.

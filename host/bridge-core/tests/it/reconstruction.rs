@@ -81,7 +81,7 @@ fn steps_that_no_window_contains_are_filled_and_flagged() {
 
 #[test]
 fn a_frame_carries_the_flags_of_both_its_windows_and_that_of_a_missing_one() {
-    // A frame of one window alone has the flag of a larger error.
+    // A frame decoded from one window alone has the flag `HEALING`, for a larger error.
     let alone = i32::from(Flags::HEALING.bits());
     // Whether the code arrives, window, flags of the window, flags of the frame.
     let cases = [
@@ -113,8 +113,8 @@ fn a_frame_carries_the_flags_of_both_its_windows_and_that_of_a_missing_one() {
     }
 }
 
-/// The tests of `artifact::reconstruction` say which values these are: averages of windows, the newest
-/// steps with low latency, limited to full scale, and none of another stream.
+/// The tests of `artifact::reconstruction` state which values are right: averages of windows, the
+/// newest steps with low latency, limited to full scale, and no values of another stream.
 #[test]
 fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
     let artifact =
@@ -153,7 +153,7 @@ fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
                 flags: 0,
                 values: values.as_ref().map(|values| decoder.decode(values)),
             };
-            // A window without a code has a frame of its own policy; see the test of fillers.
+            // The filler policy decides a frame without a code; see the test of fillers.
             let source = overlap.next_hop(decoded, &mut hop).source;
             let frame = reconstruction.next_frame(&window(index, values)).unwrap();
             if source != Source::Missing {

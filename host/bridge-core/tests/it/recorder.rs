@@ -24,7 +24,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     event_stamps: EventStamps::Scalp,
 };
 
-/// Records everything that the core requests. Checks shape, number and stamp of every frame.
+/// Records everything that the core requests. Checks each frame's shape, number and stamp.
 #[derive(Default)]
 pub(crate) struct Recorder {
     pub(crate) sent: Vec<u8>,
@@ -96,8 +96,8 @@ impl Effects for Recorder {
     }
 }
 
-/// Checks that a frame has the shape of the first frame, the next number and a later stamp than the
-/// frame before, and records it.
+/// Checks that a frame has the shape of the first frame, the next sequence number and a later stamp
+/// than the frame before, and records it.
 fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     let shape = Shape::from_frame(frames.first().unwrap_or(frame)).unwrap();
     shape.admit(frame).unwrap();
@@ -235,7 +235,7 @@ impl Harness {
         (0..count).for_each(|_| self.code(1, true));
     }
 
-    /// Advances time by 62.5 ms, in which the board makes a code with `values`; delivers it.
+    /// Advances time by 62.5 ms, in which the board makes and delivers a code with `values`.
     pub(crate) fn code_of(&mut self, values: &CodeValues) {
         self.now_us += 62_500;
         let bytes = self.board.code_of(self.now_us.unsigned_abs(), values);
@@ -248,7 +248,7 @@ impl Harness {
         self.receive(&bytes);
     }
 
-    /// Makes a new report and returns its status `corticode: {part}`; `None` if it has none.
+    /// Makes a new report and returns its status `corticode: {part}`; `None` if it is absent.
     pub(crate) fn status(&mut self, part: &str) -> Option<DiagnosticStatus> {
         let statuses = self.core.diagnostics(at(self.now_us)).status;
         let name = format!("corticode: {part}");

@@ -29,15 +29,15 @@ const DELAY: f64 = 5.12;
 /// A recording as `rosneuro_recorder` and its library libxdffileio make it.
 #[derive(Default)]
 struct Recording {
-    /// What the bridge knows of it.
+    /// What the bridge knows of the recording.
     start: Option<RecordingStart>,
     /// The recorder's `starttime_`, seconds since 1970.
     start_s: f64,
     rate_hz: f64,
     /// For each row, the host time at which it was at the electrodes, seconds; `None` for fillers.
     rows: Vec<Option<f64>>,
-    /// For each edge, its host time, seconds, and its row by the recorder's stamp and the common
-    /// one.
+    /// For each edge: its host time, seconds, and its row by the recorder's own stamp and by the
+    /// stamp for other subscribers.
     edges: Vec<(f64, [i64; 2])>,
     /// Row of each report of missing data.
     gaps: Vec<i64>,
@@ -63,8 +63,8 @@ impl Recording {
         (onset_s * self.rate_hz) as i64 - 1
     }
 
-    /// Returns the host time at which row `row` was at the electrodes, seconds. That of a filler
-    /// follows from the nearest row that is none.
+    /// Returns the host time at which row `row` was at the electrodes, seconds. The time of a
+    /// filler follows from the nearest row that is not a filler.
     fn time_of(&self, row: i64, row_s: f64) -> Option<f64> {
         let at = |row: i64| *self.rows.get(usize::try_from(row).ok()?)?;
         let of = |away: i64| at(row + away).map(|time_s| time_s - away as f64 * row_s);
@@ -79,7 +79,7 @@ struct Tape {
     now_us: i64,
     /// Host time of device time 0 of each run of the board, seconds.
     runs_s: Vec<f64>,
-    /// Number of restarts before the newest row, and its device time, microseconds.
+    /// Number of restarts before the newest row, and that row's device time, microseconds.
     newest: (usize, i64),
     /// Host seconds per ADC sample, and per second of the microcontroller.
     sample_s: f64,
@@ -223,7 +223,7 @@ impl Rig {
     }
 
     /// Delivers a message that was made at the host time `made_s`, after 1 to 4 ms, unless it is
-    /// one of those that are lost. `None` stands for the next code.
+    /// lost; `loss` is the fraction of lost messages. `None` stands for the next code.
     fn send(&mut self, made_s: f64, message: Option<&ToHost>, loss: f64) {
         let run_s = *self.tape.runs_s.last().unwrap();
         let device_us = ((made_s - run_s) / self.tape.clock_s * 1e6) as u64;
@@ -260,7 +260,7 @@ impl Rig {
             };
             self.send(now_s, Some(&ToHost::Filtered(filtered)), loss);
         }
-        // The last step of a packed block is step 7, that of a window step 15.
+        // A packed block ends with step 7, a window with step 15.
         if sample % 32 == 28 && settings.streams.contains(Streams::PACKED) {
             let code = PackedCode {
                 block: (sample / 32) as u32,
@@ -277,7 +277,8 @@ impl Rig {
     }
 
     /// Records for `seconds`, with edges about every second. A second recording begins after half
-    /// of it. If `loss` is not 0, this part of the frames is lost, and the board restarts.
+    /// of this time. If `loss` is not 0, this fraction of the frames is lost, and the board
+    /// restarts.
     fn record(&mut self, seconds: f64, loss: f64) {
         self.core.connected(at(self.tape.now_us), &mut self.tape);
         self.receive(&[]);
@@ -318,8 +319,9 @@ impl Rig {
     }
 }
 
-/// Records `seconds` with ADC and microcontroller this fast. Returns the largest errors of edges,
-/// in rows: with the stamps for the recorder, and with those for others.
+/// Records `seconds` with clocks of ADC and microcontroller that are fast by `ppm`. Returns the
+/// largest errors of edges, in rows: with the recorder's own stamps, and with the stamps for
+/// others.
 fn largest_errors(settings: Settings, ppm: [f64; 2], seconds: f64, loss: f64) -> [f64; 2] {
     let [adc, clock] = ppm.map(|ppm| 1.0 / (1.0 + ppm * 1e-6));
     let mut board = Board::new();
@@ -363,7 +365,7 @@ fn largest_errors(settings: Settings, ppm: [f64; 2], seconds: f64, loss: f64) ->
                 *most = most.max(((row_at_s - edge_s) / row_s).abs());
             }
         }
-        // Codes before and after a lost one share its frame of reconstructed rows.
+        // Left out: a lost code shares its reconstructed rows with the codes around it.
         if settings.announced != AnnouncedStream::Reconstructed {
             let is_filler = |row: i64| recording.rows[row as usize].is_none();
             let end = recording.rows.len();
@@ -398,7 +400,7 @@ fn an_edge_is_at_most_a_row_from_its_place_after_an_hour_of_any_clock() {
             event_stamps: EventStamps::Recorder,
             ..SETTINGS
         };
-        // Clocks of ADC and microcontroller, ppm; duration, s; part of the frames that is lost.
+        // Clocks of ADC and microcontroller, ppm; duration, s; fraction of frames that are lost.
         let errors = [
             ([0.0, 0.0], 200.0, 0.0),
             ([300.0, 300.0], 200.0, 0.05),
@@ -412,8 +414,8 @@ fn an_edge_is_at_most_a_row_from_its_place_after_an_hour_of_any_clock() {
             errors.iter().all(|[error, _]| *error <= 1.0),
             "{name}: {errors:?}"
         );
-        // With an exact clock the common stamps are right to the 3.5 ms by which the first frame
-        // can come later than others, and half a row.
+        // With exact clocks, the stamps for others are right to half a row and the 3.5 ms by which
+        // the first frame can come later than other frames.
         assert!(errors[0][1] <= 2.5, "{name}: {errors:?}");
     }
 }

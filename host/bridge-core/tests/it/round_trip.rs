@@ -89,8 +89,8 @@ fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
     assert_no_round_trip(&mut harness);
 }
 
-/// Delivers `count` codes of the board, whose run began at the host time `run_us`. Each is read
-/// 4 ms after it was made, the first one of them `late_us` later still.
+/// Delivers `count` codes of the board, whose run began at the host time `run_us`. Each code is
+/// read 4 ms after it was made, the first code another `late_us` later.
 fn run_of_codes(harness: &mut Harness, run_us: i64, count: i64, mut late_us: i64) {
     let zero_us = harness.board.zero_us.unwrap();
     for hop in 1..=count {

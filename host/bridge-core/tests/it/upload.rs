@@ -206,7 +206,7 @@ fn a_device_that_refuses_the_model_after_a_restart_streams_its_own() {
     };
     assert!(![first, a, b, c].contains(&true), "{fillers:?}");
 
-    // A device with other codes is another one.
+    // A device with other codes counts as another device.
     harness.board.code_scale[0] = 0.25;
     harness.reboot(1_000_000);
     let report = harness.status("device").unwrap().message;

@@ -35,13 +35,13 @@ use crate::error::BridgeError;
 use crate::subject_models::{NewModel, SubjectModels};
 use crate::wire::connection::Connection;
 
-/// Longest wait until the device has answered the upload. It takes up to 3 s at 921,600 baud, and
-/// lost frames are sent again after 0.5 s.
+/// Longest wait until the device has answered the upload. An upload takes up to 3 s at 921,600
+/// baud, and lost frames are sent again after 0.5 s.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(30);
 /// Number of codes or packed blocks, 5 s of them, after which a device that has sent no filtered
-/// steps is taken for one that refuses them.
+/// steps counts as refusing them.
 const HOPS_WITHOUT_STEPS: u64 = 80;
-/// Interval at which the user sees how the signal is.
+/// Interval at which the user is shown the quality of the signal.
 const SHOW_INTERVAL: Duration = Duration::from_secs(1);
 /// Rates of the packed code that the summary shows.
 const RATES: [usize; 7] = [0, 2, 3, 4, 5, 6, 8];
@@ -50,8 +50,8 @@ const RATES: [usize; 7] = [0, 2, 3, 4, 5, 6, 8];
 #[derive(Debug)]
 pub(super) struct Calibrated {
     personal: PersonalModel,
-    /// Errors (PRD) of codes on the last quarter, of the person's code and of the other model, if
-    /// there is a code.
+    /// Errors (PRD) on the last quarter of the signal, of the person's code and of the other
+    /// model's code; `None` without a linear code.
     code_errors: Option<[f64; 2]>,
     id: ModelId,
     other: ModelId,
@@ -66,7 +66,7 @@ pub(super) struct Calibrated {
 /// # Errors
 ///
 /// [`BridgeError`] if there is too little good signal, the device or a file cannot be used, or the
-/// user interrupts; then nothing is written. If only the upload fails, the model stays.
+/// user interrupts; then nothing is written. If only the upload fails, the written model is kept.
 pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, BridgeError> {
     let mut shutdown = Shutdown::new()?;
     let base = Model::artifact(options.model.as_deref()).map_err(BridgeError::Model)?;
@@ -148,8 +148,8 @@ pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, B
     Ok(calibrated)
 }
 
-/// Runs `work` in another thread and shows a spinner meanwhile. When the user interrupts, the
-/// program ends without its result.
+/// Runs `work` in another thread and shows a spinner meanwhile. If the user interrupts, returns an
+/// error without waiting for the result.
 async fn working<T: Send + 'static>(
     what: &'static str,
     work: impl FnOnce() -> Result<T, BridgeError> + Send + 'static,
@@ -211,7 +211,7 @@ fn read(
     Ok((GoodSignal::select(&tracks, labels), names))
 }
 
-/// Listens to the device until it has sent `wanted` seconds of good signal, and stops it.
+/// Listens to the device until it has sent `wanted` seconds of good signal, then stops it.
 async fn listen(
     options: &CalibrateOptions,
     base: &Artifact,
@@ -232,7 +232,8 @@ async fn listen(
     let mut display = Display::new(&base.description, wanted);
     let mut shown = Instant::now();
     let mut signal = GoodSignal::default();
-    // Judging the whole signal takes longer and longer; meanwhile the port must be read.
+    // Judge in another thread: judging the whole signal takes longer and longer, and meanwhile the
+    // port must be read.
     let mut judging: Option<Receiver<GoodSignal>> = None;
     let mut judged = 0;
     let ended = run(&mut driver, &mut port, shutdown, |core, port| {
@@ -290,7 +291,7 @@ async fn listen(
     ended.map(|()| signal)
 }
 
-/// Gives the device the model, so that it is in use until the device restarts.
+/// Uploads the model to the device, which uses it until the device restarts.
 async fn give(
     at: &PortOptions,
     artifact: &Artifact,
@@ -321,12 +322,12 @@ async fn give(
     device.map(|_| ()).ok_or(BridgeError::NotGiven)
 }
 
-/// Drives the core until `is_done` says so, then stops the device. `is_done` is asked every
+/// Drives the core until `is_done` returns true, then stops the device. Calls `is_done` every
 /// [`Core::TICK`].
 ///
 /// # Errors
 ///
-/// [`BridgeError::Interrupted`], the error of `is_done`, or that of the port.
+/// [`BridgeError::Interrupted`], the error of `is_done`, or an error of the port.
 async fn run(
     driver: &mut Driver<Connection>,
     port: &mut Port,
@@ -352,7 +353,7 @@ async fn run(
     }
 }
 
-/// What the core wants: bytes for the device, and the device's filtered steps.
+/// Effects of the core that are used here: bytes for the device, and filtered steps.
 #[derive(Default)]
 struct Port {
     outgoing: Vec<u8>,
@@ -421,7 +422,7 @@ fn network_card(
     }
 }
 
-/// Returns, for an error message, what was bad; nothing if nothing was.
+/// Returns in words, for an error message, which electrodes were bad; empty if none was.
 fn bad_words(signal: &GoodSignal, labels: &[String]) -> String {
     let bad = signal.bad_seconds.iter().zip(labels);
     let bad = bad.filter(|(seconds, _)| **seconds > 0);
@@ -447,8 +448,8 @@ fn warn_about_bad(signal: &GoodSignal, labels: &[String]) {
 }
 
 impl Calibrated {
-    /// Warns if the person's model has a larger error than the other one. A weighted model has one
-    /// by intention.
+    /// Warns if the person's model has a larger error than the other model. Does not compare the
+    /// packed error of a weighted model, which is larger by intention.
     fn warn_if_worse(&self) {
         let is_weighted = self.personal.model.description.weight.is_some();
         let rate = usize::from(self.personal.model.description.rate);

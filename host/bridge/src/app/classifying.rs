@@ -60,7 +60,7 @@ impl ClassifierOptions {
         }
     }
 
-    /// Reads the classifier; `None` if none is named.
+    /// Reads the classifier's file; `None` if the option names none.
     ///
     /// # Errors
     ///
@@ -71,7 +71,7 @@ impl ClassifierOptions {
     }
 }
 
-/// Reads a classifier.
+/// Reads the classifier in the file at `path`.
 ///
 /// # Errors
 ///
@@ -81,7 +81,7 @@ pub(crate) fn read_classifier(path: &Path) -> Result<Classifier, BridgeError> {
 }
 
 impl PredictionOptions {
-    /// Returns how `classifier` publishes its predictions.
+    /// Combines `classifier` with the window and the topic that these options set.
     pub fn classifying(&self, mut classifier: Classifier) -> Classifying {
         if let Some(seconds) = self.prediction_window {
             let hops_per_s = f64::from(classifier.step_rate_hz) / f64::from(classifier.hop_steps);

@@ -145,7 +145,7 @@ fn expected_type(option: &Arg) -> &'static str {
     }
 }
 
-/// Checks that the option accepts the value in `argument`; the error says what is wrong with it.
+/// Checks that the option accepts the value in `argument`; the error says why it does not.
 fn check(option: &Arg, argument: &str) -> Result<(), String> {
     let command = Command::new("config").arg(option.clone().required(false));
     let parsed = command.try_get_matches_from(["config", argument]);

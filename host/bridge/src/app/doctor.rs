@@ -64,15 +64,15 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     let free = disk.map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize));
     checks.push(check_disk(free.ok()));
     if options.realtime.realtime {
-        // In a thread of its own, which ends with the priority that it is granted.
+        // Ask in a separate thread, because a granted priority then ends with this thread.
         let granted = std::thread::spawn(realtime::request).join();
         checks.extend(granted.ok().map(check_realtime));
     }
     Report::new(checks)
 }
 
-/// Returns the place of the port, and its address if the port exists. For `auto`, the port is that
-/// of the board.
+/// Returns the place of the port, and its address if the port exists. `auto` stands for the port of
+/// the board.
 fn locate(address: &PortAddress, root: &SystemRoot) -> (PortPlace, Option<PortAddress>) {
     let path = match address {
         PortAddress::Tcp(_) => {

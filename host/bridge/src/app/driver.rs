@@ -1,4 +1,4 @@
-//! Drives the state machine [`Core`] at a port, for every subcommand that streams.
+//! Drives the state machine [`Core`] on a port, for every subcommand that streams.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ const SILENCE: Duration = Duration::from_secs(5);
 /// Longest wait at the end until the device has stopped.
 pub(crate) const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// What a program does for its core: the effects, of which those for the device go to a port.
+/// Effects that a program carries out for its core. Bytes for the device go to a port.
 pub(crate) trait PortEffects: Effects {
     /// Returns the bytes for the device that the port has not accepted yet.
     fn outgoing(&mut self) -> &mut Vec<u8>;
@@ -54,7 +54,7 @@ impl<F: Feed> Driver<F> {
     ///
     /// # Errors
     ///
-    /// Those of [`Feed::next_event`].
+    /// The errors of [`Feed::next_event`].
     pub(crate) async fn next(
         &mut self,
         effects: &mut impl PortEffects,

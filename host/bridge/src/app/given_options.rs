@@ -7,8 +7,8 @@ use clap::{Arg, ArgMatches, Command, Error};
 
 use crate::app::command_line::{CONFIG, SinkKind};
 
-/// The options that the command line and the environment set. Those from the parameter server and
-/// the configuration file are not among them.
+/// The options that the command line and the environment set, without the options from the
+/// parameter server and the configuration file.
 #[derive(Debug)]
 pub(crate) struct GivenOptions {
     /// Parsed options of the subcommand, or of the bridge if there is no subcommand.
@@ -85,7 +85,7 @@ impl GivenOptions {
     }
 
     /// Returns `arguments` with the options `others` inserted after the names of the program and of
-    /// the subcommand. At the end they could come after `--`, where only names of files stand.
+    /// the subcommand. At the end they could come after `--`, where only file names stand.
     pub(crate) fn extend(
         &self,
         arguments: &[String],

@@ -100,7 +100,7 @@ pub(super) async fn show(options: ImpedanceOptions) -> Result<(), BridgeError> {
     Ok(())
 }
 
-/// What the core wants: bytes for the device, and its measurements, shown to the user.
+/// Effects of the core that are used here: bytes for the device, and measurements for the user.
 struct View {
     outgoing: Vec<u8>,
     json: bool,
@@ -175,7 +175,7 @@ fn painted(report: &ImpedanceReport) -> String {
     })
 }
 
-/// Largest impedance that the picture shows, in kilohms; open electrodes have it.
+/// Largest impedance that the picture shows, in kilohms; open electrodes are drawn with it.
 const PICTURE_KOHM: f64 = 50.0;
 
 /// Draws the electrodes whose labels have a place in the 10-20 system.

@@ -36,7 +36,7 @@ fn parse_address(text: &str) -> Result<SocketAddr, String> {
     })
 }
 
-/// Runs the master until it is ended by a signal, or by a call of its method `shutdown`.
+/// Runs the master until a Unix signal or a call of its method `shutdown` ends it.
 ///
 /// # Errors
 ///

@@ -33,7 +33,7 @@ pub fn to_flags(arguments: Vec<String>, known: &[String]) -> Result<Vec<String>,
 /// # Errors
 ///
 /// [`BridgeError::UnknownParameter`] if no option has the name of a parameter, and
-/// [`BridgeError::ParameterType`] if its value cannot be that of an option.
+/// [`BridgeError::ParameterType`] if no option can have its value.
 pub async fn read(
     ros: &NodeOptions,
     master_uri: &str,

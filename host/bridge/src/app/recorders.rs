@@ -6,11 +6,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use bridge_core::{HostTime, RecordingStart};
 use neuro_ros::{KeyValue, NeuroEvent, NeuroFrame, RosSink, Sink};
 
-/// Number of nodes from which those that do not subscribe to events are forgotten.
+/// Number of known nodes above which those without a subscription to events are forgotten.
 const MAX_CALLERS: usize = 64;
 
-/// Nodes that have called `get_info`, by their names, each with the start of the recording that it
-/// makes if it is a recorder; `None` from the call until the next frame.
+/// Nodes that have called `get_info`, by their names. Each has the start of its recording, if it is
+/// a recorder, or `None` from the call until the next frame.
 ///
 /// `rosneuro_recorder` calls `get_info` once, and takes the next frame as its first one. Viewers
 /// and filters call it too, which has no effect, because they do not subscribe to events.

@@ -132,7 +132,7 @@ fn command_name(command: AcquisitionCommand) -> &'static str {
     }
 }
 
-/// Namespace of topics and services: that of ROS (`ROS_NAMESPACE` or `__ns:=`), extended or
+/// Namespace of topics and services: ROS's namespace (`ROS_NAMESPACE` or `__ns:=`), extended or
 /// replaced by `--topic-prefix`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Namespace {

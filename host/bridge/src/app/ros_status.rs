@@ -1,5 +1,5 @@
-//! What keeps the ROS node and others from reaching each other: logged once each, and in
-//! `/diagnostics`.
+//! Faults that keep the ROS node and other nodes from reaching each other: logged once each, and
+//! reported in `/diagnostics`.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -48,14 +48,14 @@ impl RosStatus {
         }
     }
 
-    /// Ends the tasks.
+    /// Ends the tasks that watch the node.
     pub(crate) fn stop(&self) {
         for task in &self.tasks {
             task.abort();
         }
     }
 
-    /// Returns the status for `/diagnostics`.
+    /// Returns the status for `/diagnostics`: a warning with all present faults, if there are any.
     pub(crate) fn status(&self) -> DiagnosticStatus {
         let unreachable = self.node.unreachable_publishers().into_iter();
         let unreachable =

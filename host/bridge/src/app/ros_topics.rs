@@ -26,7 +26,7 @@ pub(crate) struct RosTopics {
 /// A topic of NeuroFrames, which the bridge must be the only one to publish.
 #[derive(Debug)]
 struct FrameTopic {
-    /// Nodes that wait for the next frame of this topic; `None` if it is not the announced one.
+    /// Nodes that wait for the next frame of this topic; `None` if this is not the announced topic.
     recorders: Option<Arc<Recorders>>,
     /// Full name of the topic, after ROS's remapping.
     name: String,
@@ -54,7 +54,7 @@ impl RosTopics {
     }
 
     /// Adds a topic of frames with a queue of `queue` messages for each subscriber. If it is the
-    /// announced one, its frames are noted in `recorders`. Does not advertise it;
+    /// announced topic, its frames are noted in `recorders`. Does not advertise it;
     /// [`RosTopics::check`] does.
     pub(crate) fn frames(
         &self,
@@ -278,8 +278,8 @@ pub(crate) struct Claim {
     published: bool,
     /// Other nodes that published the topic at the last check.
     others: Vec<String>,
-    /// Number of checks in a row that contradict the present state: while the bridge publishes,
-    /// those that found another publisher; while it does not, those that found none.
+    /// Number of checks in a row that contradict the present state: checks that found another
+    /// publisher while the bridge publishes, or checks that found none while it does not.
     checks: u32,
     /// Whether any check so far has found another publisher.
     contested: bool,
@@ -303,8 +303,8 @@ impl Claim {
     /// registration; `own` is the bridge's node.
     ///
     /// A bridge that registered first withdraws only at the second check in a row that finds
-    /// another publisher. If the other one is a bridge too, it withdraws at its first check,
-    /// because it registered later; so one of the two keeps publishing.
+    /// another publisher. If the other publisher is a bridge too, that one registered later and
+    /// withdraws at its first check. So one of the two keeps publishing.
     pub(crate) fn check(&mut self, own: &str, publishers: &[String]) -> Change {
         let others = publishers.iter().filter(|node| *node != own);
         self.others = others.cloned().collect();

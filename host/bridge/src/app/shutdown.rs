@@ -7,11 +7,11 @@ use neuro_ros::ros1::Node;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 
-/// Time after the first signal from which another signal ends the process at once. A closing
+/// Time after the first Unix signal from which another one ends the process at once. A closing
 /// terminal sends several signals within this time; a later one is from a user who will not wait.
 const FORCE_EXIT_AFTER: Duration = Duration::from_millis(500);
 
-/// Collects requests to shut down from signals, the ROS master and the service `~quit`.
+/// Collects requests to shut down from Unix signals, the ROS master and the service `~quit`.
 #[derive(Debug)]
 pub(crate) struct Shutdown {
     reason_sender: UnboundedSender<&'static str>,

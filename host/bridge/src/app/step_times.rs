@@ -5,14 +5,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use neuro_ros::{NeuroFrame, Sink, SinkError};
 
-/// Places of the three words of the device time among the eight status words.
+/// Indices of the three words of the device time among the eight status words.
 const TIME_WORDS: std::ops::Range<usize> = 3..6;
 
 /// Sink of reconstructed frames that states the device time of each step. On the topic, all steps
-/// of a frame have that of the last step of the window or packed block that completes the frame.
+/// of a frame have the device time of the last step of the window or packed block that completes
+/// the frame.
 pub(crate) struct StepTimes<S> {
     sink: S,
-    /// Number of steps from a frame's first step to the last one of its window.
+    /// Number of steps from a frame's first step to the last step of its window.
     lookback: Arc<AtomicU32>,
     frame: NeuroFrame,
 }

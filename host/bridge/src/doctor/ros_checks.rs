@@ -35,7 +35,7 @@ pub(crate) struct MasterState {
 #[derive(Clone, Debug)]
 pub(crate) struct OwnHost {
     pub(crate) name: String,
-    /// Addresses of the host, each with whether it is this machine's; or why there are none.
+    /// Addresses of the host, each with whether it is this machine's; or why the host has none.
     pub(crate) addresses: Result<Vec<(IpAddr, bool)>, String>,
 }
 
@@ -101,7 +101,7 @@ pub(crate) fn check_ros(facts: &RosFacts) -> Vec<Check> {
 }
 
 /// Checks whether other nodes can connect to the host that the bridge gives them. `master_is_here`
-/// is that of [`RosFacts`].
+/// is as in [`RosFacts`].
 pub(crate) fn check_own_host(own_host: Option<&OwnHost>, master_is_here: Option<bool>) -> Check {
     const NAME: &str = "own address";
     const SET_IP: &str = "unset ROS_HOSTNAME; export ROS_IP=$(hostname -I | cut -d' ' -f1)";

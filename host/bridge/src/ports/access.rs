@@ -18,7 +18,7 @@ pub(crate) enum PortAccess {
     InUse(Vec<Program>),
     /// The permissions of the port exclude this user.
     Denied(Membership),
-    /// The port cannot be opened for another reason, such as that it does not exist.
+    /// The port cannot be opened for another reason, for example because it does not exist.
     Broken(io::ErrorKind),
 }
 
@@ -155,7 +155,7 @@ pub(crate) struct Program {
 }
 
 impl SystemRoot {
-    /// Returns all programs that are running.
+    /// Returns all running programs, including those of other users.
     pub(crate) fn programs(&self) -> Vec<Program> {
         let folders = entries(&self.path("proc"));
         let pids = folders.iter().filter_map(|folder| pid_of(folder));
@@ -163,7 +163,7 @@ impl SystemRoot {
     }
 
     /// Returns the other programs that have the port open. Programs of other users are visible only
-    /// to root, except those that have locked the port, as the bridge does. At a pseudoterminal
+    /// to root, except those that have locked the port, as the bridge does. On a pseudoterminal
     /// only programs with a lock count, because the program that made it may hold both ends open.
     pub(crate) fn holders(&self, port: &Path) -> Vec<Program> {
         let Ok(target) = fs::canonicalize(port) else {

@@ -42,7 +42,7 @@ impl SimulatedMachine {
         for folder in [CONTROLLER, "sys/class/tty", "dev/serial/by-id", "proc"] {
             fs::create_dir_all(machine.path(folder)).unwrap();
         }
-        // The USB controller's own hub has ids too, which the search must not take for a device's.
+        // The USB controller's own hub has ids too, which the search must not take for a board's.
         machine.write(&format!("{CONTROLLER}/idVendor"), "1d6b\n");
         machine.write(&format!("{CONTROLLER}/idProduct"), "0002\n");
         machine

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-/// Folder that stands for `/`: tests read another folder than that of this machine.
+/// Folder that stands for `/`. Tests use another folder than this machine's root.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct SystemRoot(PathBuf);
 
@@ -141,7 +141,7 @@ pub(crate) struct SerialPort {
     /// Path of the port, such as `/dev/ttyACM0`.
     pub(crate) path: PathBuf,
     /// Link to the port whose name stays the same in whatever order devices are plugged in:
-    /// `/dev/corticode-SERIAL`, or else one in `/dev/serial/by-id`.
+    /// `/dev/corticode-SERIAL`, or else a link in `/dev/serial/by-id`.
     pub(crate) link: Option<PathBuf>,
     /// Driver of the port in the kernel, such as `cdc_acm`.
     pub(crate) driver: Option<String>,
@@ -166,7 +166,7 @@ pub(crate) struct UsbIdentity {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Likeness {
-    /// The USB descriptor is that of a board.
+    /// The USB descriptor is a board's.
     Board,
     /// An ST-LINK, which is wired to the UART of the board that it is mounted on.
     Maybe,
@@ -197,7 +197,7 @@ impl SerialPort {
         name.is_some_and(|name| name.starts_with(OWN_NAME))
     }
 
-    /// Returns the serial number of the USB device.
+    /// Returns the serial number of the USB device; `None` for a port that is not on USB.
     pub(crate) fn serial(&self) -> Option<&str> {
         self.usb.as_ref()?.serial.as_deref()
     }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// Most sectors of a layout; the chips of the boards have 16 at most.
+/// Largest number of sectors in a layout; the chips of the boards have 16 at most.
 const MAX_SECTORS: usize = 4096;
 
 /// Sectors of a flash, by their addresses, ascending and without gaps; there is at least one.

@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 use crate::update::UpdateError;
 use crate::update::flash_layout::FlashLayout;
 
-/// A loader in a chip's ROM, with the time that passes for it.
+/// A loader in a chip's ROM, and the clock by which to wait for it.
 pub(crate) trait Loader {
     /// Sends a request of the DFU class with its data.
     fn send(&mut self, request: u8, value: u16, data: &[u8]) -> io::Result<()>;
@@ -18,7 +18,7 @@ pub(crate) trait Loader {
     /// Sends a request of the DFU class, and returns at most `length` bytes of its answer.
     fn receive(&mut self, request: u8, value: u16, length: u16) -> io::Result<Vec<u8>>;
 
-    /// Waits, as the loader has asked for.
+    /// Waits for the time that the loader has asked for.
     fn sleep(&mut self, time: Duration);
 
     /// Returns the loader's description of its flash.
@@ -44,7 +44,7 @@ pub(crate) const ERROR: u8 = 10;
 /// First byte of DfuSe's commands, which a download to block 0 carries (AN3156, section 5).
 pub(crate) const SET_ADDRESS: u8 = 0x21;
 pub(crate) const ERASE: u8 = 0x41;
-/// Block at the address that was set.
+/// Number of the block at the address that was set.
 const FIRST_BLOCK: u16 = 2;
 
 /// Bytes that the STM32H743 programs at once: a flash word of 256 bits (RM0433, embedded flash).
@@ -52,8 +52,8 @@ pub(crate) const FLASH_WORD: usize = 32;
 /// Content of erased flash.
 pub(crate) const ERASED: u8 = 0xFF;
 
-/// Longest time for one command, of which the erasing of a sector takes the longest: some seconds by
-/// the chips' data sheets.
+/// Time limit for one command. Erasing a sector takes the longest: some seconds by the chips' data
+/// sheets.
 const COMMAND_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Erases the sectors that an image takes, writes it, compares it, and lets the loader start it.
@@ -115,7 +115,7 @@ pub(crate) fn program(
 
 struct Programmer<'l, L> {
     loader: &'l mut L,
-    /// What is going on, for an error.
+    /// What the programmer is doing, for error messages.
     doing: &'static str,
 }
 
@@ -179,7 +179,7 @@ impl<L: Loader> Programmer<'_, L> {
         self.send(DNLOAD, block, data)?;
         let mut waited = Duration::ZERO;
         loop {
-            // The first of these requests starts the command.
+            // The first of these status requests makes the loader start the command.
             let StatusReport { code, wait, state } = self.status()?;
             match state {
                 DOWNLOAD_IDLE => return Ok(()),

@@ -29,7 +29,7 @@ pub(super) enum Runs {
     Loader,
 }
 
-/// The chip of a board, and what a test breaks of it.
+/// The chip of a board, and the faults that a test gives it.
 pub(super) struct Chip {
     pub(super) runs: Runs,
     pub(super) flash: Vec<u8>,
@@ -41,7 +41,7 @@ pub(super) struct Chip {
     pub(super) refuses: Option<(u8, u8)>,
     /// Address of a byte that is programmed wrongly.
     pub(super) defect: Option<u32>,
-    /// Whether the request that lets the loader leave fails on its way back.
+    /// Whether the answer is lost when the loader leaves.
     pub(super) leaves_silently: bool,
     pub(super) layout: &'static str,
     transfer_size: u16,
@@ -204,9 +204,9 @@ pub(super) struct SimulatedBoard {
     pub(super) chip: Rc<RefCell<Chip>>,
     /// Ids of the loaders of other boards.
     pub(super) others: Vec<u32>,
-    /// Whether the loader is at a cable.
+    /// Whether a USB cable connects the loader.
     pub(super) has_cable: bool,
-    /// How often opening the loader fails, until udev has given the right to.
+    /// Number of times that opening the loader fails, before udev permits it.
     pub(super) denials: u32,
     pub(super) notes: Vec<String>,
     /// Number of resets into the loader.

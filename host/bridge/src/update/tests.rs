@@ -8,8 +8,8 @@ use crate::update::programmer::{CLEAR_STATUS, DNLOAD, ERASE, ERASED, Loader as _
 use crate::update::simulated_board::{Runs, SimulatedBoard};
 use crate::update::{UpdateError, update};
 
-/// Name, flash, and size of a transfer of both boards. The chips' loaders are said to describe their
-/// flash so.
+/// Name, flash and transfer size of both boards. The flash is as the chips' loaders are said to
+/// describe it.
 const H743: (&str, &str, u16) = (
     "NUCLEO-H743ZI2",
     "@Internal Flash   /0x08000000/16*128Kg",
@@ -33,7 +33,7 @@ fn image(board: &str, version: u8, length: u32) -> Image {
     }
 }
 
-/// Returns a board that runs version 1, and version 2, of `length` bytes, for it.
+/// Returns a board that runs version 1, and an image of version 2 for it of `length` bytes.
 fn board(
     (name, layout, transfer_size): (&str, &'static str, u16),
     length: u32,
@@ -62,7 +62,8 @@ fn failure(board: &mut SimulatedBoard, image: &Image, status: u8) -> UpdateError
 
 #[test]
 fn an_image_is_written_compared_and_started_on_both_boards() {
-    // Three of 128 KiB, of which one byte; two of 16 KiB, of which a part of a block.
+    // Erases three sectors of 128 KiB, of which the last gets one byte, and two of 16 KiB, of which
+    // the last gets a part of a block.
     for (kind, length, erased) in [(H743, 262_145, 393_216), (F446, 20_011, 32_768)] {
         let (mut board, new) = board(kind, length);
         let before = board.chip.borrow().flash.clone();
@@ -99,12 +100,12 @@ fn an_update_that_loses_power_anywhere_starts_nothing_half_and_is_repeated() {
     let mut breaks = 0;
     for requests in (0..).step_by(7) {
         let (mut board, new) = board(F446, 20_011);
-        // The update resets the board; `Chip` counts from there.
+        // The update resets the board into its loader; `Chip` counts requests from this reset.
         board.reset_into_loader();
         board.chip.borrow_mut().requests_left = requests;
         match run(&mut board, &new) {
             Ok(_) => break,
-            // Without power, `started` panics if the flash starts a part of an image.
+            // After the loss of power, `started` panics if the flash starts a part of an image.
             Err(BridgeError::Update(UpdateError::Lost { .. })) => breaks += 1,
             other => panic!("{other:?}"),
         }
@@ -134,7 +135,7 @@ fn an_update_goes_on_with_a_loader_that_was_left_in_the_middle() {
         (Runs::Loader, true)
     );
     drop(chip);
-    // A program has ended between a command and its status.
+    // Leave the loader as a program does that ends between a command and its status.
     board.send(DNLOAD, 0, &[]).unwrap_err();
     board.send(CLEAR_STATUS, 0, &[]).unwrap();
     board.send(DNLOAD, 0, &[ERASE, 0, 0, 0, 8]).unwrap();

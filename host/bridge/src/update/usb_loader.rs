@@ -1,4 +1,4 @@
-//! Loaders on USB.
+//! Finds and opens DfuSe loaders on USB.
 
 use std::time::Duration;
 use std::{io, thread};
@@ -24,7 +24,7 @@ pub(crate) struct UsbLoader {
     transfer_size: u16,
 }
 
-/// Returns the ids of the loaders on USB. A loader that is plugged in again has another one.
+/// Returns the ids of the loaders on USB. A loader that is plugged in again has another id.
 ///
 /// # Errors
 ///
@@ -39,12 +39,12 @@ fn devices() -> io::Result<impl Iterator<Item = DeviceInfo>> {
 }
 
 impl UsbLoader {
-    /// Opens a loader.
+    /// Opens the loader with this id, and claims its interface with the flash.
     ///
     /// # Errors
     ///
     /// The operating system's error; `NotFound` if the loader is gone, `InvalidData` if it is not
-    /// one of an STM32.
+    /// the loader of an STM32.
     pub(crate) fn open(id: DeviceId) -> io::Result<UsbLoader> {
         let found = devices()?.find(|device| device.id() == id);
         let device = found.ok_or(io::ErrorKind::NotFound)?.open().wait()?;

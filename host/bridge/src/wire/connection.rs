@@ -17,11 +17,11 @@ use crate::wire::port::{PORT_TIMEOUT, Port, PortAddress, Transfer};
 pub(crate) struct Connection {
     opener: PortOpener,
     state: State,
-    /// Since when the device has accepted none of the outgoing bytes; `None` if none wait.
+    /// Since when the device has accepted none of the outgoing bytes; `None` if no bytes wait.
     stuck_since: Option<Instant>,
     /// Kind of the last failure that was logged; it is logged once, however long it lasts.
     reported: Option<String>,
-    /// Whether the next opening of the port shall not be logged.
+    /// Whether to open the port next without logging it.
     silently: bool,
     /// Whether the port has sent bytes but no valid frame, as the port of another device would.
     /// Interruptions of such a port are not logged.
@@ -219,7 +219,7 @@ pub trait Feed {
     ///
     /// # Errors
     ///
-    /// [`BridgeError`] if waiting is of no use, such as for an address that is not a port.
+    /// [`BridgeError`] if the device can never connect, such as for an address that is not a port.
     fn next_event(
         &mut self,
         buffer: &mut [u8],

@@ -75,8 +75,8 @@ impl PortOpener {
     ///
     /// # Errors
     ///
-    /// Those of [`Port::open`]; `NotFound` if the board is absent, and [`OpenError::Ambiguous`] if
-    /// there are several.
+    /// The errors of [`Port::open`]; `NotFound` if the board is absent, and
+    /// [`OpenError::Ambiguous`] if there are several.
     pub(crate) async fn open(&mut self) -> Result<Port, OpenError> {
         let Some(finder) = &mut self.finder else {
             return Ok(Port::open(&self.address, self.baud).await?);

@@ -127,7 +127,7 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
             "it is neither a serial port nor a pseudoterminal",
         ));
     }
-    // Lock the port, because two bridges at one port would each read only some of the bytes. The
+    // Lock the port, because two bridges on one port would each read only some of the bytes. The
     // lock ends with this program. TIOCEXCL, in contrast, would stay set as long as another
     // program, such as host-sim, holds the terminal open.
     rustix::fs::flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(

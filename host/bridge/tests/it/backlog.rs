@@ -42,7 +42,7 @@ fn join<T>(thread: JoinHandle<T>, bridge: &Bridge) -> T {
     thread.join().unwrap()
 }
 
-/// Starts a board at a TCP port, which sends `codes` codes as fast as the host reads them and then
+/// Starts a board on a TCP port, which sends `codes` codes as fast as the host reads them and then
 /// closes the connection. Returns the port.
 fn fast_board(codes: u32) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -133,7 +133,7 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
         assert!(checked >= times_us.len() - 1, "{stream}: {checked}");
         assert!(worst <= 1.1, "{stream}: {worst} rows");
         assert!((0..table.rows.len()).any(|row| table.is_filler(row)));
-        // In every row, the time that its values tell agrees with the row's index.
+        // In every row, the time that the values encode agrees with the row's index.
         let mut at_start = None;
         for row in 0..table.rows.len() {
             let Some(tick) = tick_of(&table, stream, row) else {

@@ -1,4 +1,4 @@
-//! A simulated board at a TCP port or a pseudoterminal, which runs in real time.
+//! A simulated board on a TCP port or a pseudoterminal, which runs in real time.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -39,7 +39,7 @@ pub(crate) struct Controls {
     received: Mutex<Vec<ToDevice<'static>>>,
 }
 
-/// A simulated board at a port, run by a thread.
+/// A simulated board on a port, run by a thread.
 pub(crate) struct Device {
     pub(crate) port: String,
     pub(crate) controls: Arc<Controls>,
@@ -47,7 +47,7 @@ pub(crate) struct Device {
 }
 
 impl Device {
-    /// Runs the board at a free TCP port.
+    /// Runs the board on a free TCP port.
     pub(crate) fn tcp(board: Board) -> Device {
         let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
         let port = format!("tcp:{}", listener.local_addr().unwrap());
@@ -59,7 +59,7 @@ impl Device {
         })
     }
 
-    /// Runs the board at a pseudoterminal whose name changes with every connection. The symbolic
+    /// Runs the board on a pseudoterminal whose name changes with every connection. The symbolic
     /// link `path` leads to the current pseudoterminal.
     pub(crate) fn pty(board: Board, path: &Path) -> Device {
         let port = path.display().to_string();
@@ -96,7 +96,7 @@ impl Device {
                 if shared.hang_up.load(Relaxed) {
                     line = None;
                     // Remove the symbolic link, because another program may be given a
-                    // pseudoterminal with this name; and then tell the test that it is gone.
+                    // pseudoterminal with this name. Then tell the test that the link is gone.
                     link.as_ref().map(std::fs::remove_file);
                     shared.hang_up.store(false, Relaxed);
                 }

@@ -18,7 +18,7 @@ use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, TIMEOUT};
 
-/// A ROS master, a board at a TCP port, and the node `recorder`.
+/// A ROS master, a board on a TCP port, and the node `recorder`.
 pub(crate) struct Graph {
     pub(crate) master: Master,
     pub(crate) device: Device,

@@ -151,7 +151,7 @@ fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
     let device = Device::pty(board, &link);
     plug(&machine, 2, "ttyACM3", BOARD, &link);
     machine.plug(3, "ttyACM0", OTHER, None);
-    // The device prints its serial number in small letters, USB reports it in capital letters.
+    // The device prints its serial number in lower case, USB reports it in upper case.
     let auto = format!("auto:{}", BOARD.serial.to_lowercase());
     for task in ["selftest", "reset"] {
         let output = bridge_on(&machine, &[task, "--port", &auto]).output();

@@ -45,7 +45,7 @@ fn view(address: SocketAddr) -> BufReader<TcpStream> {
     reader
 }
 
-/// Reads messages until one of the topic with this number. Returns its body.
+/// Reads messages until one on the topic with the number `topic`. Returns its body.
 fn next(reader: &mut BufReader<TcpStream>, topic: u8) -> Vec<u8> {
     loop {
         let mut length = [0; 4];
@@ -58,7 +58,7 @@ fn next(reader: &mut BufReader<TcpStream>, topic: u8) -> Vec<u8> {
     }
 }
 
-/// Returns the number behind `key` in the status `outlets` of a report.
+/// Returns the value of `key` in the status `outlets` of a report.
 fn figure(report: &Value, key: &str) -> Option<u64> {
     let status = report["status"].as_array()?;
     let outlets = status
@@ -98,7 +98,7 @@ fn every_outlet_has_the_same_frames_and_is_named_in_diagnostics_and_the_last_lin
             break;
         }
     }
-    // The loop has closed the pipe: the page goes on, and shows that the other outlet has ended.
+    // The loop's end has closed the pipe. The page goes on, and shows that the other outlet ended.
     let ended = "ndjson receives nothing any more";
     loop {
         let report = DiagnosticArray::from_bytes(&next(&mut page, 5)).unwrap();

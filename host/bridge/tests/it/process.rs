@@ -80,7 +80,7 @@ impl Bridge {
     /// Starts the bridge with a limit on the length of files, 32 blocks of 512 or 1024 bytes, which
     /// simulates a full disk.
     pub(crate) fn start_on_full_disk(arguments: &[&str], stdout: Stdio) -> Bridge {
-        // Without the `trap` the kernel would end the program by a signal.
+        // Without the `trap`, the kernel would kill the program with SIGXFSZ.
         let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
         let mut command = Command::new("sh");
         command
@@ -144,7 +144,7 @@ impl Bridge {
         log
     }
 
-    /// Sends a signal, upon which the bridge must exit with status 0. Returns its output on stderr.
+    /// Sends a Unix signal, which must end the bridge with status 0. Returns its output on stderr.
     #[track_caller]
     pub(crate) fn end(self, signal: Signal) -> String {
         self.signal(signal);
@@ -165,7 +165,7 @@ pub(crate) fn free_address() -> SocketAddr {
     listener.local_addr().unwrap()
 }
 
-/// Listens at a free TCP port and passes each client to `serve`, in a thread. Returns the port.
+/// Listens on a free TCP port and passes each client to `serve`, in a thread. Returns the port.
 pub(crate) fn serve(mut serve: impl FnMut(std::net::TcpStream) + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = format!("tcp:{}", listener.local_addr().unwrap());

@@ -80,7 +80,7 @@ async fn each_recorder_gets_an_event_at_its_own_place_and_others_at_its_time() {
     }
     let (_, _, events) = record(&graph, "viewer", false).await;
     let apart_ns = events[2].1 - events[0].1;
-    // 20 edges of the device's time are 0.4 s.
+    // Events 0 and 2 are 20 codes apart, which take 0.4 s.
     assert!(
         (300_000_000..500_000_000).contains(&apart_ns),
         "{apart_ns} ns"

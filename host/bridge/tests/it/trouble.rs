@@ -52,7 +52,7 @@ pub(crate) fn stranger(lines: u32) -> String {
     })
 }
 
-/// Runs a bridge at `port` for `time`, and returns its log.
+/// Runs a bridge on `port` for `time`, and returns its log.
 fn log_of(port: &str, time: Duration) -> String {
     let null = open("/dev/null");
     let bridge = Bridge::start_into(null, &["--port", port, "--sink", "ndjson"]);

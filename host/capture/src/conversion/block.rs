@@ -4,7 +4,7 @@ use bridge_core::TRI_LABELS;
 use link::Flags;
 use neuro_ros::NeuroFrame;
 
-/// Number of streams.
+/// Number of streams in [`Stream::ALL`].
 pub(crate) const STREAMS: usize = 5;
 
 /// A stream of a recording; each is written to a file of its own.
@@ -59,7 +59,6 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Returns the number of rows in the block.
     pub(crate) fn rows(&self) -> usize {
         usize::from(self.frame.eeg.info.nsamples)
     }
@@ -77,7 +76,7 @@ impl Block {
         row.saturating_mul(1_000_000) / i64::from(self.frame.sr.max(1))
     }
 
-    /// Returns the values of row `row`: those of the electrodes, then those of spare channels.
+    /// Returns the values of row `row`: the electrodes first, then spare channels.
     pub(crate) fn values(&self, row: usize) -> impl Iterator<Item = f32> {
         let of = |data: &'_ [f32], width: u16| {
             let width = usize::from(width);
@@ -97,8 +96,8 @@ impl Block {
         words.unwrap_or(&[0; TRI_LABELS.len()])
     }
 
-    /// Turns all rows into fillers, which repeat the values of the last row. Times and index become
-    /// those of `rows` rows later.
+    /// Turns all rows into fillers, which repeat the values of the last row. Moves the times and
+    /// the index on by `rows` rows.
     pub(crate) fn become_filler(&mut self, rows: u64) {
         let period = u64::from(self.frame.sr.max(1));
         let later_us = i64::try_from(rows.saturating_mul(1_000_000) / period).unwrap_or(i64::MAX);

@@ -28,7 +28,7 @@ pub(crate) trait Listener {
     /// Receives the next rows of a stream.
     fn block(&mut self, block: Block);
 
-    /// Receives an event.
+    /// Receives the next edge of the trigger input.
     fn event(&mut self, event: TimedEvent);
 }
 
@@ -52,9 +52,9 @@ pub(crate) struct Collector<L> {
     newest: [Option<Block>; 2],
     /// Time from the first record to the newest one, seconds.
     pub(crate) elapsed_s: u64,
-    /// Number of rows that each stream has so far and that are no fillers.
+    /// Number of rows of each stream so far, without fillers.
     received: [u64; STREAMS],
-    /// Number of fillers, in rows, that each stream has so far.
+    /// Number of fillers of each stream so far, in rows.
     fillers: [u64; STREAMS],
     /// Number of missing rows without fillers, because their stream already had too many fillers.
     pub(crate) unfilled: u64,
@@ -153,8 +153,8 @@ impl<L: Listener> Collector<L> {
     /// used. The limit exists because a damaged recording can miss more data than a disk holds.
     fn take_fillers(&mut self, block: &Block, count: u64) -> u64 {
         let seconds = self.elapsed_s.saturating_add(SPARE_S).min(MAX_FILLERS_S);
-        // A device whose time is not the host's, such as a simulated one, can send more signal than
-        // time passes; the rows that it has sent tell how much.
+        // A device that does not keep the host's time, such as a simulated one, can send more
+        // signal than time passes. The rows that it has sent show how much.
         let most = seconds * u64::from(block.frame.sr) + self.received[block.stream as usize];
         let rows = (block.rows() as u64).max(1);
         let fillers = &mut self.fillers[block.stream as usize];
@@ -167,7 +167,7 @@ impl<L: Listener> Collector<L> {
 
     /// Passes fillers to the listener for the frames before `block` that the core skipped, because
     /// they would not have fitted into the queues of subscribers. After a restart, the times of the
-    /// fillers continue those of the run before it.
+    /// fillers continue the times of the previous run.
     fn fill_skipped(&mut self, block: &Block) {
         let place = match block.stream {
             Stream::Raw => 0,
@@ -322,8 +322,8 @@ impl<L: Listener> Effects for Collector<L> {
     }
 }
 
-/// Returns a prediction as a row: the probability of each class, and the code of the chosen one or
-/// 0.
+/// Returns a prediction as a row: the probability of each class, and the code of the chosen class
+/// or 0.
 fn prediction_frame(device: &Device, prediction: &NeuroOutput, words: TriWords) -> NeuroFrame {
     let soft = &prediction.softpredict;
     let codes = &prediction.decoder.classes;

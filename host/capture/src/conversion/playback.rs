@@ -17,21 +17,21 @@ const TICK_US: i64 = 100_000;
 /// timeouts are shorter, so ticks in the rest of a longer pause would change nothing.
 const MAX_TICKS_US: i64 = 120_000_000;
 
-/// Command number that the core never uses, because it counts its commands from 0.
+/// Sequence number that no command of the core has, because the core counts from 0.
 const NOT_SENT: u32 = u32::MAX;
 
 /// Plays the records of a recording to a core.
 ///
-/// The core sends commands as the bridge did while it recorded, but their numbers can differ: a
-/// newer bridge may ask for more. So each recorded acknowledgement is passed to the core with the
-/// number of the core's own command of the same kind, or, if it has sent none, with a number that
-/// it does not use.
+/// The core sends commands as the bridge did while it recorded, but their sequence numbers can
+/// differ: a newer bridge may ask for more. So each recorded acknowledgement is passed to the core
+/// with the number of the core's own command of the same kind, or, if it has sent none, with a
+/// number that it does not use.
 pub(crate) struct Playback<L> {
     pub(crate) core: Core,
     pub(crate) collector: Collector<L>,
-    /// Commands in the recording so far, by their number.
+    /// Commands in the recording so far, by their sequence number.
     recorded: HashMap<u32, ToDevice<'static>>,
-    /// Newest command of each kind that the core has sent, with its number in front.
+    /// Newest command of each kind that the core has sent, after its sequence number.
     own: Vec<(u32, ToDevice<'static>)>,
     from_device: Decoder<MAX_FRAME>,
     from_host: Decoder<MAX_FRAME>,

@@ -24,7 +24,7 @@ pub(crate) struct StreamFile<'a> {
 }
 
 impl StreamFile<'_> {
-    /// Returns the labels of the values in a row: those of the electrodes, then of spare channels.
+    /// Returns the labels of the values in a row: the electrodes first, then spare channels.
     pub(crate) fn labels(&self) -> impl Iterator<Item = &String> {
         let eeg = self.first.eeg.info.labels.iter();
         eeg.chain(&self.first.exg.info.labels)
@@ -136,9 +136,9 @@ fn seconds(units: i64, digits: u32) -> String {
     )
 }
 
-/// Status words that are signals of a GDF or BDF file: index in [`TRI_LABELS`], and label. Readers
-/// of these formats take every other signal for EEG, such as MNE, which knows these two labels as
-/// those of digital channels. The others follow from the number of a row, or are in CSV and NPZ.
+/// Status words that a GDF or BDF file holds as signals: index in [`TRI_LABELS`], and label.
+/// Readers such as MNE know these two labels as digital channels, and take every other signal for
+/// EEG. The other words follow from the number of a row, or are in CSV and NPZ.
 const WORD_SIGNALS: [(usize, &str); 2] = [(7, "trigger"), (0, "status")];
 
 /// Writes a GDF or BDF file, with one of the format's records for each block of rows. Two status

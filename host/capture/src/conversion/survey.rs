@@ -120,7 +120,7 @@ impl StreamSurvey {
         row.min(self.rows.saturating_add(MAX_AFTER_END_S * self.rate_hz()))
     }
 
-    /// Returns the number of rows per second.
+    /// Returns the number of rows per second; 1 if the stream has no rows.
     fn rate_hz(&self) -> u64 {
         self.first
             .as_ref()

@@ -71,8 +71,8 @@ impl Introduction {
     }
 }
 
-/// The commands of the recorded host so far, by number: for a `Start` the streams that it asks for,
-/// for every other command `None`.
+/// The commands of the recorded host so far, by sequence number: for a `Start` the streams that it
+/// asks for, for every other command `None`.
 #[derive(Debug, Default)]
 pub(crate) struct RecordedStarts(HashMap<u32, Option<Streams>>);
 

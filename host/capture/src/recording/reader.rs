@@ -1,4 +1,4 @@
-//! Reads recordings, also damaged ones.
+//! Reads recordings, even damaged ones.
 
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 
@@ -25,7 +25,7 @@ const MAX_STEP_BACK_US: i64 = 10_000_000;
 pub struct RecordingReader<R> {
     source: R,
     header: FileHeader,
-    /// Bytes from the file. Those before `position` have been used.
+    /// Bytes from the file. The bytes before `position` have been used.
     buffer: Vec<u8>,
     position: usize,
     at_end: bool,

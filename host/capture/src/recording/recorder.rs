@@ -81,7 +81,7 @@ impl Recorder {
         std::mem::take(&mut self.unwritten)
     }
 
-    /// Returns the number of bytes recorded so far, with those of the header.
+    /// Returns the number of bytes recorded so far, including the header.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }

@@ -71,7 +71,7 @@ impl<R: Read + Seek> Replayer<R> {
     ///
     /// # Errors
     ///
-    /// [`RecordingError`] if `source` is no recording, or one in which no device introduces itself.
+    /// [`RecordingError`] if `source` is not a recording, or no device introduces itself in it.
     pub fn new(source: R, pace: Pace) -> Result<Replayer<R>, RecordingError> {
         let mut replayer = Replayer {
             reader: RecordingReader::new(source)?,
@@ -199,7 +199,7 @@ impl<R: Read + Seek> Replayer<R> {
             | ToDevice::ModelChunk(_)
             | ToDevice::ModelEnd => AckResult::NotSupported,
             ToDevice::SetFeatures(_) => {
-                // Recorded features name the filters that they come from.
+                // Accept any filters: recorded features name the filters that they come from.
                 if self.recorded_streams.contains(Streams::FEATURES) {
                     AckResult::Done
                 } else {
@@ -305,7 +305,7 @@ impl<R: Read + Seek> Replayer<R> {
     }
 
     fn pass_on_frame(&mut self, frame: &Frame<ToHost>, payload: &[u8]) {
-        // A gap in the recorded numbers becomes a gap in the numbers that the replay sends.
+        // A gap in the recorded sequence numbers becomes a gap in those that the replay sends.
         let Header {
             seq,
             device_time_us,
@@ -316,8 +316,8 @@ impl<R: Read + Seek> Replayer<R> {
             Some(before) if !is_hello => seq.wrapping_sub(before).wrapping_sub(1),
             _ => 0,
         };
-        // A lower number than before is no gap: the device restarted and its `Hello` was lost, or
-        // the recorded device was itself a replay.
+        // A lower sequence number than before is no gap: the device restarted and its `Hello` was
+        // lost, or the recorded device was itself a replay.
         if gap < u32::MAX / 2 {
             self.seq = self.seq.wrapping_add(gap);
         }
@@ -367,7 +367,7 @@ impl<R: Read + Seek> Replayer<R> {
         }
     }
 
-    /// Sends a message with the replay's next number, and with the device time of the newest frame.
+    /// Sends a message with the replay's next sequence number and the newest frame's device time.
     fn send(&mut self, message: &ToHost) {
         let header = Header {
             version: VERSION,

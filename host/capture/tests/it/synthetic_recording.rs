@@ -26,7 +26,7 @@ pub(crate) struct Rig {
     /// Host time of the first ADC sample since the board's start, microseconds.
     start_us: i64,
     streams: Streams,
-    /// Device time that passes in a unit of host time: 1 for a board, more for a simulated one.
+    /// Device time that passes per unit of host time: 1 for a real board, more for a simulated one.
     speed: i64,
     random: u64,
     loss_percent: u64,

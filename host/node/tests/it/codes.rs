@@ -1,4 +1,4 @@
-//! Codes of the acquisition's frames are bit for bit those of host-sim.
+//! Codes of the acquisition's frames equal host-sim's codes bit for bit.
 
 use any_model::{any_classifier, any_linear_for, any_packed_of};
 use artifact::Artifact;
@@ -10,8 +10,8 @@ use pipeline::Mains;
 use crate::acquisition::Acquisition;
 use crate::harness::{Harness, START, is_filler, word};
 
-/// Encodes `seconds` of an acquisition, and asserts that the codes are those of a recording of it.
-/// Returns the harness for further checks.
+/// Encodes `seconds` of an acquisition, and asserts that the codes equal those of a recording of
+/// the same frames. Returns the harness for further checks.
 fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     let frames = seconds * u32::from(acquisition.rate_hz) / u32::from(acquisition.samples);
     let expected = acquisition.codes_of_recording(frames, Mains::Hz50);
@@ -27,7 +27,7 @@ fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     for (window, (code, expected)) in codes.iter().zip(&expected).enumerate() {
         assert_eq!(*code, expected, "window {window}");
     }
-    // A live resampler waits for the samples after the last ones, which a recording's does not.
+    // At the end, a live resampler waits for more samples; a recording's resampler does not.
     let missing = expected.len() - codes.len();
     let hop_us = 1_000_000 * model::HOP as u64 / u64::from(model::STEP_RATE_HZ);
     assert!(
@@ -49,7 +49,7 @@ fn codes_of_frames_at_the_rate_of_the_adc_are_those_of_a_recording() {
     }
 }
 
-/// Audits compare the codes with those that the batch reference computes with the person's model.
+/// Audits compare the codes with the batch reference's codes by the person's model.
 #[test]
 fn codes_are_those_of_the_person_s_model_also_after_a_restart_of_the_acquisition() {
     if !model::HAS_SHORTCUT || model::PACKED.is_none() {
@@ -87,7 +87,7 @@ fn each_hop_of_frames_has_the_prediction_of_the_pipeline_s_features() {
     let frames = 16 * 12;
     harness.receive_all(&acquisition, 1..frames);
     let made = &harness.recorder.predictions;
-    // The last frame ends with the last step of a hop but three samples.
+    // The last frame ends three samples after the last step of a hop.
     let hops = usize::try_from(frames).unwrap();
     assert_eq!(made.len(), hops);
     let mut decision = Decision::new(&classifier);

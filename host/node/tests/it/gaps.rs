@@ -52,8 +52,8 @@ fn lose_frames(acquisition: &Acquisition) {
     let loss = harness.status("corticode: loss");
     assert_eq!(loss.level, DiagnosticLevel::Warn, "{}", loss.message);
     assert_eq!(harness.source.counts().lost, 5);
-    // Up to the gap, all codes are those of a recording without a gap, but for the code before the
-    // fillers if the resampler's filter reaches from its end into the gap.
+    // Up to the gap, all codes equal those of a recording without a gap. The code before the
+    // fillers is an exception if the resampler's filter reaches from the code's end into the gap.
     let same = first - i32::from(harness.source.delay_us() > 0);
     let expected = acquisition.codes_of_recording(40, Mains::Hz50);
     let frames = harness.recorder.encoded.iter().zip(&expected);

@@ -23,7 +23,7 @@ pub(crate) struct Recorder {
     sent: Vec<u8>,
     /// The model with which the device must encode.
     model: Arc<Model>,
-    /// Number of codes that were compared with those of the model.
+    /// Number of codes that were compared with the model's codes.
     pub(crate) audits: usize,
     pub(crate) announced: Vec<Announcement>,
     pub(crate) encoded: Vec<NeuroFrame>,
@@ -67,12 +67,12 @@ impl Harness {
         Harness::with_classifier(first, None)
     }
 
-    /// As [`Self::new`], for a core that decides with a classifier.
+    /// Like [`Self::new`], for a core with a classifier.
     pub(crate) fn with_classifier(first: &NeuroFrame, classifier: Option<Classifier>) -> Harness {
         Harness::with(first, classifier, None)
     }
 
-    /// As [`Self::new`], for a core that gives the device the model of a person.
+    /// Like [`Self::new`], for a core that uploads a person's model to the device.
     pub(crate) fn with_person(first: &NeuroFrame, person: &Artifact) -> Harness {
         Harness::with(first, None, Some(person))
     }

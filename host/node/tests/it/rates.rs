@@ -1,4 +1,4 @@
-//! Stamps of acquisitions whose true rate is not the one that they state.
+//! Stamps of acquisitions whose true rate differs from the rate that they state.
 
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 
@@ -8,7 +8,7 @@ use crate::harness::{Harness, START};
 /// Seconds after the start, and after the pause, in which the clock is not judged yet.
 const SETTLING_S: f64 = 12.0;
 
-/// A simulated amplifier, whose true rate differs from the one that it states.
+/// A simulated amplifier, whose true rate differs from the rate that it states.
 struct Amplifier {
     rate_hz: u16,
     frame_samples: u16,
@@ -57,7 +57,7 @@ fn stamps_follow_the_true_rate_within_a_millisecond() {
         println!(
             "{rate_hz:6} {frame_samples:6} {rate_error_ppm:10.0} {pause_s:8.1} | {drift_ppm:9.1} {p99:7.3} {max:7.3}"
         );
-        // The drift is that of a sample's duration, the inverse of the rate.
+        // The drift is the error of a sample's duration, which is the inverse of the rate.
         let expected_ppm = (1.0 / (1.0 + rate_error_ppm * 1e-6) - 1.0) * 1e6;
         assert!((drift_ppm - expected_ppm).abs() < 50.0, "{clock:?}");
         let is_warning = clock.level == DiagnosticLevel::Warn;

@@ -45,8 +45,8 @@ const ABILITIES: Abilities = Abilities {
     impedance: false,
 };
 
-/// A device that streams codes or packed blocks from its first sample on. Its frames are those of a
-/// board, without the status of the converters.
+/// A device that streams codes or packed blocks from its first sample on. Its frames equal a
+/// board's, but for the missing status of the converters.
 #[derive(Debug)]
 pub(super) struct Device {
     session: Session<'static>,

@@ -13,7 +13,7 @@ use super::{Signal, SignalFile, SignalFormat};
 /// Range of an EDF file, uV: 16 bits of 0.1 uV.
 const EDF_RANGE_UV: [f64; 2] = [-3_276.8, 3_276.7];
 
-/// Bit of the type of the event that ends a stretch (GDF 2.20).
+/// Bit of an event's type that marks the end of the event (GDF 2.20).
 const GDF_END: u16 = 0x8000;
 
 /// Writes one record for each hop to an EDF or BDF file.

@@ -89,7 +89,7 @@ fn the_chosen_kind_is_decoded_or_the_first_one_and_the_other_is_named() {
             "--stream packed"
         };
         assert!(warning.contains(other), "{warning}");
-        // The signal must be that of a file which holds only this kind.
+        // The signal must equal the signal of a file which holds only this kind.
         let input = fixture.path(&format!("{alone}.codes"));
         let alone = fixture.path(&format!("{alone}-alone{}.gdf", kind.is_some()));
         let expected = decode(&model, &input, &alone, None).expect("decoded");

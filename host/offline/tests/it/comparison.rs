@@ -1,4 +1,4 @@
-//! The reported error of each electrode equals that of the written file against the filtered
+//! The reported error of each electrode equals the error of the written file against the filtered
 //! recording.
 
 use offline::{ElectrodeOrigin, SignalFormat};

@@ -10,12 +10,12 @@ use recordings::{Event, EventLabel, Recording};
 use crate::comparison::filtered;
 use crate::recording::{Fixture, labels, values};
 
-/// Electrode that is excluded, and the rows at which it is.
+/// Excluded electrode, and the rows at which it is excluded.
 const ELECTRODE: usize = 7;
 const ROWS: std::ops::Range<usize> = 1_472..1_600;
 
-/// Writes the codes of the fixture without the device's reports of the exclusion, and with reports
-/// in place of two of its reports of quality, after the codes that they are about.
+/// Writes the fixture's codes without the device's reports of exclusions. Two of its reports of
+/// quality are replaced by reports for this test, after the codes that they are about.
 fn codes(fixture: &Fixture) -> std::path::PathBuf {
     fixture.encode();
     let mut reports = vec![(ROWS.end, 0), (ROWS.start, 1 << ELECTRODE)];

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-/// Kind of a registration. Its number is the index of the register of this kind.
+/// Kind of a registration. Its discriminant is the index of the kind's register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Publisher,
@@ -34,7 +34,7 @@ struct NodeEntry {
 #[derive(Debug, Default)]
 pub(super) struct Registrations {
     nodes: HashMap<String, NodeEntry>,
-    /// The register of each [`Kind`], with the kind's number as index.
+    /// The register of each [`Kind`], indexed by the kind's discriminant.
     registers: [Register; 4],
     /// Maps a service name to its provider: (node name, service URI).
     service_uris: HashMap<String, (String, String)>,

@@ -44,8 +44,8 @@ impl Publisher {
         self.publication.publish(message, |_| None)
     }
 
-    /// Queues one message body for every subscriber, as [`Publisher::publish`] does, but another
-    /// one for each subscriber for whose name `own` returns one.
+    /// Queues a message body for every subscriber, as [`Publisher::publish`] does. `own` receives
+    /// each subscriber's name and can return a different body for that subscriber.
     pub fn publish_each(&self, message: &[u8], own: impl FnMut(&str) -> Option<Vec<u8>>) -> u32 {
         self.publication.publish(message, own)
     }

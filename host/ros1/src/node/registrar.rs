@@ -155,9 +155,10 @@ impl Registrar {
             .ok_or_else(|| CallFailure::Shape.of(&self.master_uri, method))
     }
 
-    /// Marks what the master does not list as not registered. A master that restarts during the
-    /// calls of [`Registrar::sync`] knows only what was registered after its restart. If another
-    /// node takes a service over and leaves, the master does not give it back.
+    /// Marks every key that the master does not list as not registered. A master that restarts
+    /// during the calls of [`Registrar::sync`] knows only what was registered after its restart. If
+    /// another node takes over a service and leaves, the master does not return the service to this
+    /// node.
     async fn find_lost(&self) {
         if lock(&self.graph).registered.is_empty() {
             return;

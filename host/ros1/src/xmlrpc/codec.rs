@@ -124,8 +124,8 @@ pub enum DecodeError {
         /// Tag or text that the document has at this place.
         found: String,
     },
-    /// The text of an `<int>` is not a 32-bit integer, that of a `<double>` not a number, or that
-    /// of a `<boolean>` neither 0 nor 1; holds what it should be, and the text.
+    /// The text of an `<int>` is not a 32-bit integer, the text of a `<double>` is not a number, or
+    /// the text of a `<boolean>` is neither 0 nor 1. Holds the expected form and the text.
     #[error("not {}: '{}'", .0, .1.escape_debug())]
     Scalar(&'static str, String),
     /// Arrays and structs are nested deeper than 64 levels.
@@ -278,7 +278,7 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Reads a closing tag. The XML reader has checked that its name is that of the opening tag.
+    /// Reads a closing tag. The XML reader has checked that it matches the opening tag.
     fn close(&mut self) -> Result<(), DecodeError> {
         match self.next_tag()? {
             Token::Close => Ok(()),
@@ -348,8 +348,8 @@ impl<'a> Document<'a> {
         Ok(value)
     }
 
-    /// Reads the text up to the closing tag, which must be `what`, and converts it without the
-    /// white space around it.
+    /// Reads the text up to the closing tag, trims it and converts it with `parse`. `what` is the
+    /// expected form, for the error message.
     fn scalar(
         &mut self,
         what: &'static str,

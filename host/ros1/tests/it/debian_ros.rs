@@ -28,7 +28,7 @@ pub(crate) fn installed(test: &str) -> bool {
     false
 }
 
-/// Prepares a command for a ROS program that uses the master at `port`. `PATH` selects Debian's
+/// Prepares a command for a ROS program that uses the master on `port`. `PATH` selects Debian's
 /// Python.
 pub(crate) fn command(program: &str, port: u16) -> Command {
     let home = concat!(env!("CARGO_TARGET_TMPDIR"), "/ros");
@@ -95,7 +95,7 @@ impl Drop for RosMaster {
 }
 
 impl RosMaster {
-    /// Starts `rosmaster` or `roscore` at a free port and waits until the master answers.
+    /// Starts `rosmaster` or `roscore` on a free port and waits until the master answers.
     pub(crate) async fn start(program: &str) -> Self {
         let port = free_port();
         let mut command = command(program, port);

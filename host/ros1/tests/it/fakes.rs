@@ -57,7 +57,7 @@ impl FakePublisher {
         Self::answer(api, "127.0.0.1").await
     }
 
-    /// Answers requestTopic at `api` in the background: messages come from `host`.
+    /// Answers requestTopic on `api` in the background: subscribers are to connect to `host`.
     pub(crate) async fn answer(api: TcpListener, host: &'static str) -> Self {
         let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
         let port = Value::Int(listener.local_addr().unwrap().port().into());
@@ -90,7 +90,7 @@ impl FakePublisher {
     }
 }
 
-/// Registers a publisher of `topic` whose XML-RPC server is at `uri`, whether there is one or not.
+/// Registers a publisher of `topic` with the XML-RPC URI `uri`, where no server needs to run.
 pub(crate) async fn register(topic: &str, uri: &str, master: &Master) {
     let arguments = ["/fake", topic, "std_msgs/String", uri].map(Value::from);
     let registered = call_ros(master.uri(), "registerPublisher", &arguments).await;

@@ -182,7 +182,7 @@ pub(crate) fn free_port() -> u16 {
     }
 }
 
-/// Returns the URI of a master at `port` on loopback.
+/// Returns the URI of a master on `port` of the loopback address.
 pub(crate) fn uri(port: u16) -> String {
     format!("http://127.0.0.1:{port}/")
 }

@@ -1,4 +1,4 @@
-//! A log that keeps its lines.
+//! Collects log events, so that tests can count them.
 
 use std::{cell::RefCell, fmt::Debug};
 
@@ -12,20 +12,20 @@ thread_local! {
     static LINES: RefCell<Vec<(Level, String)>> = RefCell::default();
 }
 
-/// The lines of the log from the present thread, from the level of information on.
+/// The log events of the current thread since [`Log::start`], at level INFO and above.
 pub(crate) struct Log;
 
 impl Log {
     pub(crate) fn start() -> Self {
-        // One collector for all threads: tracing remembers for each line whether any collector
-        // wants it, and collectors that come and go with the tests would race for that. Setting it
-        // fails if another test has set it.
+        // One collector serves all threads: tracing caches for each call site whether any collector
+        // wants its events, and collectors that come and go with the tests would race for this
+        // cache. Setting the collector fails if another test has already set it.
         let _ = tracing::subscriber::set_global_default(Collector);
         LINES.take();
         Self
     }
 
-    /// Returns the number of lines of this level that contain `part`.
+    /// Returns the number of events of this level whose message contains `part`.
     #[expect(clippy::unused_self, reason = "there are lines only after the start")]
     pub(crate) fn count(&self, level: Level, part: &str) -> usize {
         LINES.with_borrow(|lines| {
@@ -39,7 +39,7 @@ impl Log {
 
 struct Collector;
 
-/// The message of an event.
+/// Visitor that extracts the message of an event.
 #[derive(Default)]
 struct Message(String);
 

@@ -267,7 +267,7 @@ async fn subscribers_that_come_and_go_cost_a_steady_one_nothing_and_log_no_fault
         let mut guest = node.subscribe("/chat", &STRING, 4).await.unwrap();
         expect_text(&mut guest, &text).await;
         expect_text(&mut steady, &text).await;
-        // Every second guest leaves without a word.
+        // Every second node disconnects without unregistering.
         if round % 2 == 0 {
             node.shutdown().await;
         }
@@ -300,7 +300,7 @@ async fn random_bytes_on_every_port_leave_node_and_master_working() {
     let (master, node) = (talker.master.uri(), talker.node.uri());
     let tcpros = talker.address().await;
     let ports = [host_and_port(master), host_and_port(node), &tcpros];
-    // Pseudo-random bytes from Knuth's MMIX generator, so that every run has the same.
+    // Pseudo-random bytes from Knuth's MMIX generator, so that every run sends the same bytes.
     let mut state = 1_u64;
     let mut noise = || {
         state = state

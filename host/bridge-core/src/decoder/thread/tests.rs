@@ -149,7 +149,7 @@ fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_
     assert_eq!(numbers(&count), (1..=5000).collect::<Vec<u32>>());
 }
 
-/// Returns a packed block with the given bytes, or for `None` the placeholder for a lost one. To
+/// Returns a packed block with the given bytes, or with `None` the placeholder for a lost block. To
 /// make each frame recognisable, its stamp is `index` nanoseconds after 1970.
 fn block(index: u32, bytes: Option<Vec<u8>>, is_first: bool) -> TimedPackedBlock {
     TimedPackedBlock {

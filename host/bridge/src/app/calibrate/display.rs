@@ -1,4 +1,4 @@
-//! What the user sees while the device is listened to: progress, and the quality of each electrode.
+//! What the user sees while the program listens: progress, and the quality of each electrode.
 
 use artifact::Description;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -6,7 +6,7 @@ use packed_fit::GoodSignal;
 
 use crate::app::calibrate::listening::Listening;
 
-/// Number of seconds between two lines in the log of a user without a terminal.
+/// Number of seconds between two lines in the log if there is no terminal.
 const LOG_INTERVAL: usize = 10;
 
 /// A progress bar, and below it the scalp grid with the RMS of each electrode. Without a terminal,

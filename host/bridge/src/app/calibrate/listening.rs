@@ -5,7 +5,7 @@ use neuro_ros::{NeuroFrame, TRI_LABELS};
 use packed_fit::Track;
 use packed_fit::innovation::SECOND;
 
-/// Flags of steps that are missing or not those of the electrodes, with words for the user.
+/// Flags of steps that are missing or do not show the electrodes' signals, with words for the user.
 const UNUSABLE: [(Flags, &str); 4] = [
     (Flags::FILLER, "missing"),
     (Flags::SETTLING, "while filters settle"),
@@ -17,7 +17,7 @@ const UNUSABLE: [(Flags, &str); 4] = [
 #[expect(clippy::cast_precision_loss, reason = "128 is exact")]
 const SECOND_STEPS: f64 = SECOND as f64;
 
-/// Collects filtered steps in stretches in which none is missing.
+/// Collects filtered steps in stretches without a gap.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Listening {
     pub(crate) stretches: Vec<Track>,
@@ -31,7 +31,7 @@ pub(crate) struct Listening {
 }
 
 impl Listening {
-    /// Adds a frame of filtered steps.
+    /// Adds the usable steps of a frame. A step that cannot be used ends the present stretch.
     pub(crate) fn receive(&mut self, frame: &NeuroFrame) {
         let electrodes = usize::from(frame.eeg.info.nchannels);
         let steps = frame.eeg.data.chunks_exact(electrodes.max(1));
@@ -63,8 +63,8 @@ impl Listening {
         seconds.sum()
     }
 
-    /// Returns in words how many seconds cannot be used, and why, after a semicolon; nothing if all
-    /// can.
+    /// Returns in words how many seconds cannot be used, and why, after a semicolon; empty if all
+    /// can be used.
     pub(crate) fn unusable_words(&self) -> String {
         let reasons = UNUSABLE.iter().zip(self.unusable);
         let reasons = reasons.filter(|(_, steps)| *steps > 0);
@@ -78,7 +78,7 @@ impl Listening {
         format!("; not usable: {}", words.join(", "))
     }
 
-    /// Returns the RMS of each electrode over the newest second, uV; nothing before the first one.
+    /// Returns the RMS of each electrode over the newest second, uV; empty before the first step.
     pub(crate) fn newest_rms_uv(&self) -> Vec<f64> {
         let Some(stretch) = self.stretches.last() else {
             return Vec::new();
