@@ -11,11 +11,13 @@ pub const BAND_SECTIONS: usize = 2;
 
 /// Number of levels for each doubling of a power: one level is 0.376 dB.
 pub const LEVELS_PER_OCTAVE: u32 = 8;
-/// Level of the power 1. Level 0 is a power of 2^10 or less, level 255 one of 2^41.9 or more.
+/// Level of a power of 1 before saturation. Level 0 stands for a power of 2^10 or less, level 255
+/// for a power of 2^41.9 or more.
 pub const LEVEL_OF_ONE: i32 = -80;
 
-/// Section `y0 = gain (x0 - x2) + a1 y1 + a2 y2` of a band-pass: [`Section::BandPass`] as the only
-/// type, so that the code of no other type is needed.
+/// Section `y0 = gain (x0 - x2) + a1 y1 + a2 y2` of a band-pass. It is the same as
+/// [`Section::BandPass`], but a program that uses only this type contains no code for other
+/// sections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BandPass {
     /// Factor of the input term `x0 - x2`.
@@ -37,10 +39,10 @@ impl BandPass {
     }
 }
 
-/// Filters and energies of `N` signals, which share one band-pass.
+/// Filter states and energies of `N` signals, which share one band-pass.
 ///
-/// The energies are of a part of the signals, from one call of [`Self::take_levels`] to the next.
-/// The time of a call does not depend on the signals.
+/// The energies cover the samples since the last call of [`Self::take_levels`]. The execution time
+/// of a call does not depend on the samples.
 #[derive(Clone, Debug)]
 pub struct BandPower<const N: usize> {
     states: [CascadeState<BAND_SECTIONS>; N],
@@ -55,8 +57,9 @@ impl<const N: usize> BandPower<N> {
         energies: [0; N],
     };
 
-    /// Filters `B` consecutive samples of the first `signals` signals, and adds their squares to the
-    /// energies. Blocks of other lengths yield the same levels with more instructions.
+    /// Filters `B` consecutive samples of the first `signals` signals, and adds the squares of the
+    /// filtered samples to the energies. The block length affects only the number of instructions,
+    /// not the levels.
     ///
     /// Overflow wraps: see [`Cascade`].
     #[inline]

@@ -4,9 +4,9 @@ use crate::section::{Fractions, Section, SectionState};
 
 /// Coefficients of `N` sections in series, at most [`MAX_SECTIONS`], which all channels share.
 ///
-/// Overflow wraps. To exclude it, the largest input times the L1 norm of the impulse response must
-/// stay below 2^31, for the responses from the input to each section's output and to each number
-/// that a section multiplies. model-gen proves this for the cascades that it generates.
+/// Overflow wraps. To exclude overflow, the largest input times the L1 norm of the impulse response
+/// must stay below 2^31, for the responses from the input to each section's output and to each
+/// number that a section multiplies. model-gen proves this for the cascades that it generates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cascade<const N: usize> {
     /// Sections in the order in which the signal passes them.
@@ -22,7 +22,7 @@ pub struct CascadeState<const N: usize> {
 }
 
 impl<const N: usize> CascadeState<N> {
-    /// State that an input of zeros leads to in the long run.
+    /// State after a long input of zeros.
     pub const REST: Self = Self {
         x1: 0,
         x2: 0,
@@ -30,7 +30,7 @@ impl<const N: usize> CascadeState<N> {
     };
 }
 
-/// Largest number of sections in a cascade; up to this number, their code is unrolled by hand.
+/// Largest number of sections in a cascade; the code for this many sections is unrolled by hand.
 pub const MAX_SECTIONS: usize = 12;
 
 impl<const N: usize> Cascade<N> {

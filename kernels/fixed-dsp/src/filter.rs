@@ -1,5 +1,5 @@
-//! The interface of all filters: those with coefficients that are known at run time, and those with
-//! coefficients compiled into the code.
+//! The interface of all filters: filters whose coefficients are known at run time only, and filters
+//! with coefficients compiled into the code.
 
 use core::marker::PhantomData;
 
@@ -18,7 +18,7 @@ pub const BLOCK: usize = 4;
 pub trait Filter {
     /// Memory of the filter for one channel.
     type State: Copy;
-    /// State that an input of zeros leads to in the long run.
+    /// State after a long input of zeros.
     const REST: Self::State;
 
     /// Filters one sample of one channel.

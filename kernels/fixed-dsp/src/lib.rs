@@ -1,4 +1,4 @@
-//! Fixed-point filters and resamplers for many channels; nothing about EEG.
+//! Fixed-point filters and resamplers for many channels, independent of EEG.
 //!
 //! Cascades of second-order IIR sections with exact rounding-error feedback, and polyphase FIR
 //! resamplers. The crate is `no_std`. Samples are filtered with integers only, so the output bits

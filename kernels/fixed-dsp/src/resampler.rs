@@ -4,9 +4,9 @@
 /// A polyphase FIR filter: output rate = input rate * `PHASES` / `down`, in lowest terms.
 ///
 /// The underlying low-pass has `PHASES * TAPS` taps at `PHASES` times the input rate; each output
-/// needs `TAPS` of them. Output `m` is the signal at time `m * down / PHASES`, counted in input
-/// samples from the first one. It is computed from the input samples up to that time; its phase is
-/// the time since the newest of them.
+/// needs `TAPS` of these taps. Output `m` is the signal at time `m * down / PHASES`, counted in
+/// input samples from the first one. The output is computed from the input samples up to that time;
+/// its phase is the time since the newest input sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resampler<const PHASES: usize, const TAPS: usize> {
     /// Number of input samples for every `PHASES` output samples; at least `PHASES`.

@@ -4,9 +4,10 @@ use crate::{accumulator::Accumulator, coefficient::Coefficient};
 
 /// One second-order section: its type, which fixes the zeros exactly, and its coefficients.
 ///
-/// In all types, feedback is added, `y0 = .. + a1 y1 + a2 y2`, so `a1` and `a2` are the negatives
-/// of those in a denominator written `1 + a1 z^-1 + a2 z^-2`. The rounding error of each output is
-/// added to the next output. `x1` and `y1` are one sample old, `x2` and `y2` two samples.
+/// In all types, feedback is added, `y0 = .. + a1 y1 + a2 y2`, so `a1` and `a2` have the opposite
+/// sign of the coefficients in a denominator written `1 + a1 z^-1 + a2 z^-2`. The rounding error of
+/// each output is added to the next output. `x1` and `y1` are one sample old, `x2` and `y2` two
+/// samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Section {
     /// `y0 = x0 + x2 - y2 + a1 (y1 - x1) + (1 - b0) (2 y2 - x0 - x2)`: zeros on the unit circle,
@@ -44,7 +45,8 @@ pub enum Section {
     },
 }
 
-/// Memory of one section for one channel; its past inputs are the outputs of the section before.
+/// Memory of one section for one channel. The section's past inputs are not stored here, because
+/// they are the past outputs of the section before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub(crate) struct SectionState {
@@ -57,8 +59,7 @@ pub(crate) struct SectionState {
 }
 
 impl SectionState {
-    /// State that an input of zeros leads to in the long run, with the rounding error at its mean,
-    /// 0.5.
+    /// State after a long input of zeros, with the rounding error at its mean, 0.5.
     ///
     /// If the rounding error started at 0, it would step to its mean, and the high-pass sections
     /// would turn this step into a transient of up to 0.03 uV (computed for the checked-in model).
@@ -95,8 +96,8 @@ impl Section {
     /// noise shaping, so a constant input has no bias). Overflow wraps: the caller must prove that
     /// outputs and all multiplied numbers stay below 2^31. Intermediate sums may wrap without harm.
     ///
-    /// From `self`, only the type and the integer parts are read. Where they are constants, their
-    /// products become additions and shifts.
+    /// From `self`, only the type and the integer parts are read. Where the integer parts are
+    /// constants, their products become additions and shifts.
     #[inline(always)]
     pub(crate) fn apply_block<const B: usize>(
         &self,

@@ -17,9 +17,10 @@ const MAX_OUTPUTS: usize = 65_536;
 /// A 3x3x3 convolution over (time, row, column), stride 1, unpadded, followed by a max-pool of any
 /// shape.
 ///
-/// It is for networks whose pool does not fit the tiles of [`Winograd`](crate::Winograd), or whose
-/// transformed numbers do not fit 16 bits. With 16 input and 32 output channels it takes 9,870
-/// instructions per output position; Winograd takes 3,900 (simulated, Cortex-M4).
+/// This convolution is for networks whose pool does not fit the tiles of
+/// [`Winograd`](crate::Winograd), or whose transformed numbers do not fit 16 bits. With 16 input
+/// and 32 output channels it takes 9,870 instructions per output position; Winograd takes 3,900
+/// (simulated, Cortex-M4).
 ///
 /// Inputs have 16 bits. Each output sums 27 products for each input channel; the sum must fit 32
 /// bits.
@@ -37,8 +38,8 @@ pub struct Direct<'w, const PAIRS: usize, const COLUMNS: usize> {
 }
 
 impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
-    /// Returns the shape of an input plane: that of the outputs before the pool, plus the two rows
-    /// and two columns by which an unpadded convolution shrinks a plane.
+    /// Returns the shape of an input plane: the shape of the outputs before the pool, plus the two
+    /// rows and two columns by which an unpadded convolution shrinks a plane.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: self.pooled.rows * self.pool[0] + 2,
@@ -200,7 +201,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
     }
 }
 
-/// Runs [`Direct::convolve_max_pool`] with octets that the processor has.
+/// Runs [`Direct::convolve_max_pool`] with the octets that the processor supports.
 #[cfg(not(smlad))]
 impl<const PAIRS: usize, const COLUMNS: usize> Kernel
     for (&Direct<'_, PAIRS, COLUMNS>, [&[Pair]; 3], &mut [i32])

@@ -235,7 +235,7 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     }
 }
 
-/// Runs [`InputConv::convolve`] with octets that the processor has.
+/// Runs [`InputConv::convolve`] with the octets that the processor supports.
 #[cfg(not(smlad))]
 impl<const COLUMNS: usize> Kernel
     for (

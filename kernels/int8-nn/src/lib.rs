@@ -1,4 +1,4 @@
-//! Int8 neural-network kernels for Cortex-M4 and M7; nothing about one particular network.
+//! Int8 neural-network kernels for Cortex-M4 and M7, independent of any particular network.
 //!
 //! A three-dimensional convolution over (time, row, column) is computed one time step ("plane") at
 //! a time. In a stream, each plane is thus computed once, and little work is left after the last
@@ -25,8 +25,8 @@
 //!
 //! On a Cortex-M4 or M7 the inner loops are assembler (`dot/cortex_m/`, `linear/cortex_m.rs`,
 //! `winograd/cortex_m.rs`), each with a portable equivalent. `cargo xtask bench encoder` checks
-//! that both produce the same codes. On a PC, the same kernels are compiled for AVX2 and for any
-//! processor, and `octet.rs` selects one at run time.
+//! that both produce the same codes. On a PC, the same kernels are compiled both for AVX2 and for
+//! any processor, and `octet.rs` selects one at run time.
 //!
 //! ```
 //! use int8_nn::{Linear, Pair, requantise, saturate_i8};

@@ -30,7 +30,7 @@ const MAX_OUTPUTS: usize = 65_536;
 /// the bias, and the product of each plane is added when the plane arrives.
 ///
 /// Two 8-bit weights share a 16-bit number `256 * odd + even`, where `odd` is the weight of an odd
-/// output and `even` that of the even output before it. Products with the whole number sum to
+/// output and `even` the weight of the even output before it. Products with the whole number sum to
 /// `256 * odd sum + even sum`, products with its low byte to the even sum; a subtraction yields the
 /// odd sum. So the odd weights need not be unpacked, and each weight takes 8 bits of memory.
 #[derive(Clone, Copy, Debug)]
@@ -69,7 +69,7 @@ impl Linear<'_> {
     }
 
     /// Adds `weights * inputs` to the accumulators, wrapping. The products of each output must sum
-    /// to a magnitude below 2^23, as they do if no input is above 255.
+    /// to a magnitude below 2^23, as they do if all inputs are at most 255 in magnitude.
     ///
     /// # Panics
     /// If a slice is shorter than the matrix requires, or [`Self::is_consistent`] is false.
@@ -81,8 +81,9 @@ impl Linear<'_> {
         );
     }
 
-    /// Does what [`Self::accumulate`] does, but where that panics, it changes nothing and returns
-    /// false. It is for callers whose matrix is not known at compile time.
+    /// Does what [`Self::accumulate`] does and returns true. Where `accumulate` would panic,
+    /// changes nothing and returns false. This is for callers whose matrix is not known at compile
+    /// time.
     #[inline]
     pub fn try_accumulate(&self, inputs: &[Pair], accumulators: &mut [i32]) -> bool {
         let (Some(inputs), Some(accumulators)) = (
@@ -131,7 +132,7 @@ impl Linear<'_> {
             return Pair::ZERO;
         }
         let shared = self.weights.get(weight_index(self.inputs, pair, output));
-        // The low byte is the even weight; without it, the high byte is the odd one.
+        // The low byte is the even weight; after its subtraction, the high byte is the odd weight.
         let weight = |shared: i16| {
             let even = i16::from(shared.to_le_bytes()[0].cast_signed());
             if output.is_multiple_of(2) {
@@ -143,9 +144,9 @@ impl Linear<'_> {
         Pair::new(shared.map_or([0; 2], |shared| shared.get().map(weight)))
     }
 
-    /// Copies the weights from input `from` to all outputs into `packed`, the packed weights of a
-    /// matrix from `inputs` pairs of inputs to as many outputs, as those of its input `to`. Inputs
-    /// outside a matrix have no weights: nothing is copied.
+    /// Copies the weights of this matrix's input `from` over the weights of input `to` in `packed`,
+    /// the packed weights of a matrix with `inputs` pairs of inputs and the same number of outputs.
+    /// If either input is outside its matrix, nothing is copied.
     pub fn copy_input(&self, from: usize, packed: &mut [Pair], inputs: usize, to: usize) {
         if from / 2 >= self.inputs || to / 2 >= inputs {
             return;

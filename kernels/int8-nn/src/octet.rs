@@ -49,8 +49,8 @@ pub(crate) trait Octet: Copy {
 /// A computation that [`run`] can execute with any implementation of octets.
 #[cfg(not(smlad))]
 pub(crate) trait Kernel {
-    /// Runs the computation. Everything it calls down to the octets must be `inline(always)`,
-    /// because only inlined code is compiled with the instructions of the implementation.
+    /// Runs the computation. All functions from here down to the octets must be `inline(always)`,
+    /// because only inlined code is compiled for the instruction set of the implementation.
     fn run<O: Octet>(self);
 }
 

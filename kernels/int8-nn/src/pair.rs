@@ -45,7 +45,7 @@ impl Pair {
     #[inline]
     #[expect(clippy::cast_sign_loss, reason = "the bits are kept")]
     pub const fn with(self, index: usize, number: i16) -> Self {
-        // Not by an array: an index that is known only when this runs would put it on the stack.
+        // Not through an array: an index known only at run time would put the array on the stack.
         let shift = if index == 0 { 0 } else { 16 };
         Self(self.0 & !(0xffff << shift) | (number as u16 as u32) << shift)
     }
@@ -66,8 +66,8 @@ impl Pair {
         Self(self.0 << 2)
     }
 
-    /// Returns `sum` plus the product of the first numbers and that of the second numbers (SMLAD);
-    /// wraps.
+    /// Returns `sum` plus the product of the first numbers and the product of the second numbers
+    /// (SMLAD); wraps.
     #[inline(always)]
     pub fn multiply_add(self, other: Self, sum: i32) -> i32 {
         #[cfg(smlad)]
@@ -129,7 +129,7 @@ macro_rules! lane_wise {
 impl core::ops::Add for Pair {
     type Output = Self;
 
-    /// Adds each number of `other` to the one at the same place in `self`, wrapping.
+    /// Adds each number of `other` to the number at the same place in `self`, wrapping.
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         #[cfg(smlad)]
@@ -142,7 +142,7 @@ impl core::ops::Add for Pair {
 impl core::ops::Sub for Pair {
     type Output = Self;
 
-    /// Subtracts each number of `other` from the one at the same place in `self`, wrapping.
+    /// Subtracts each number of `other` from the number at the same place in `self`, wrapping.
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         #[cfg(smlad)]

@@ -12,8 +12,9 @@ pub fn requantise(accumulator: i32, multiplier: i32) -> i32 {
 /// Returns the sum of two requantised accumulators, rounded once at the end (two `SMLAL` on a
 /// Cortex-M).
 ///
-/// The result wraps only where it is 2^31: if all four arguments are -2^31, or three of them are
-/// and the fourth is -2^31 + 1. The caller must exclude this by a proof about the accumulators.
+/// The result wraps only if it would be 2^31: if all four arguments are -2^31, or if three
+/// arguments are -2^31 and the fourth is -2^31 + 1. The caller must exclude this by a proof about
+/// the accumulators.
 #[inline]
 pub fn requantise_sum(a: i32, a_multiplier: i32, b: i32, b_multiplier: i32) -> i32 {
     let sum = i64::from(a) * i64::from(a_multiplier);

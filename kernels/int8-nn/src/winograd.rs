@@ -72,8 +72,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Number of columns of tiles; each tile has four columns of outputs.
     const TILE_COLUMNS: usize = (COLUMNS - 2) / TILE[1];
 
-    /// Returns the shape of an input plane: that of the outputs of all tiles, plus the two rows and
-    /// two columns by which an unpadded convolution shrinks a plane.
+    /// Returns the shape of an input plane: the shape of the outputs of all tiles, plus the two
+    /// rows and two columns by which an unpadded convolution shrinks a plane.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: TILE[0] * self.tile_rows + 2,
@@ -98,7 +98,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     }
 
     /// Returns the number of pairs in the transformed weights of `outputs` output channels. Their
-    /// order is `[pair of outputs][product]`, and within a product that of `weight_index` in `dot`.
+    /// order is `[pair of outputs][product]`; `weight_index` in `dot` defines the order within a
+    /// product.
     pub const fn weights_len(outputs: usize) -> usize {
         outputs * 3 * PRODUCTS * PAIRS
     }
@@ -230,7 +231,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     }
 }
 
-/// Runs [`Winograd::transform`] with octets that the processor has.
+/// Runs [`Winograd::transform`] with the octets that the processor supports.
 #[cfg(not(smlad))]
 impl<const PAIRS: usize, const COLUMNS: usize> Kernel
     for (&Winograd<'_, PAIRS, COLUMNS>, &[Pair], &mut [Pair])
@@ -262,7 +263,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Kernel
     }
 }
 
-/// Runs [`Winograd::convolve_max_pool`] with octets that the processor has.
+/// Runs [`Winograd::convolve_max_pool`] with the octets that the processor supports.
 #[cfg(not(smlad))]
 impl<const PAIRS: usize, const COLUMNS: usize> Kernel
     for (&Winograd<'_, PAIRS, COLUMNS>, [&[Pair]; 3], &mut [i32])

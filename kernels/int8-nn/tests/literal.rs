@@ -71,8 +71,8 @@ fn convolved(
     sum
 }
 
-/// A convolution with a max-pool, and as many input planes as one pool needs: two more than it has
-/// steps.
+/// A convolution with a max-pool, and as many input planes as one pool needs: two more than the
+/// pool has steps.
 #[derive(Clone, Debug)]
 struct Case {
     /// Steps, rows and columns of the max-pool.
@@ -162,7 +162,7 @@ impl Case {
     }
 }
 
-/// Asserts that Winograd's pooled sums equal those of plain loops.
+/// Asserts that Winograd's pooled sums equal the sums of plain loops.
 fn compare<const COLUMNS: usize>(case: &Case) -> Result<(), TestCaseError> {
     let outputs = case.pooled.channels;
     let mut weights = vec![Pair::ZERO; Winograd::<PAIRS, COLUMNS>::weights_len(outputs)];
@@ -189,7 +189,7 @@ fn compare<const COLUMNS: usize>(case: &Case) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Asserts that the direct kernel's pooled sums equal those of plain loops.
+/// Asserts that the direct kernel's pooled sums equal the sums of plain loops.
 fn compare_direct<const PAIRS: usize, const COLUMNS: usize>(
     case: &Case,
 ) -> Result<(), TestCaseError> {
@@ -302,7 +302,7 @@ proptest! {
             let expected: i32 = (0..16 * eights - missing).map(product).sum();
             prop_assert_eq!(sum, 11 + expected);
         }
-        // The same weights, with input 3 in place of input 12 as well.
+        // The same matrix, but input 12 gets the weights of input 3.
         let mut copied = packed.clone();
         layer.copy_input(3, &mut copied, pairs, 12);
         let copied = Linear { weights: &copied, ..layer };

@@ -1,4 +1,4 @@
-//! What encoder and decoder both remember of one channel's earlier counts.
+//! State of one channel, which encoder and decoder both derive from the channel's earlier counts.
 
 use crate::rice;
 
@@ -16,15 +16,15 @@ pub(crate) struct Channel {
 pub(crate) struct Past {
     /// Newest count, |x| <= 2^23.
     pub(crate) x: i32,
-    /// Newest count minus the one before it, |d1| <= 2^24.
+    /// Newest count minus the count before it, |d1| <= 2^24.
     d1: i32,
-    /// Newest difference `d1` minus the one before it, |d2| <= 2^25.
+    /// Newest difference `d1` minus the difference before it, |d2| <= 2^25.
     d2: i32,
 }
 
 impl Channel {
-    /// Memory of a channel before its first block, all zeros: an image clears it instead of copying
-    /// it from flash. The first block, a key block, sets the order.
+    /// Memory of a channel before its first block. All fields are zero, so that a static with this
+    /// value takes no flash. The first block, a key block, sets the order.
     pub(crate) const NEW: Self = Self {
         past: Past { x: 0, d1: 0, d2: 0 },
         mean: 0,
@@ -41,16 +41,16 @@ impl Channel {
     pub(crate) fn start_key(&mut self, first: i32, order: Order, k: u32) {
         self.past = Past::after(first);
         self.order = order;
-        // 1.5 * 2^k, a typical mean of values for which k is right, in the unit of `mean`, 1/16.
+        // 1.5 * 2^k, a typical mean of values for which k is optimal, times 16 as in `mean`.
         self.mean = 24 << k;
     }
 
-    /// Updates the mean with a block that has `codes` folded differences whose sum is `sum`: at
-    /// most 8 codes and a sum of at most 2^30.
+    /// Updates the mean with the folded differences of a block: `codes` differences, at most 8,
+    /// whose sum is `sum`, at most 2^30.
     #[inline]
     pub(crate) fn observe(&mut self, sum: u32, codes: u32) {
-        // The mean stays below 2^32: blocks of c codes, with sums of at most c * 2^27, let it
-        // approach at most 16 * 2^27.
+        // `mean` stays below 2^32: a block of c codes adds at most c * 2^27, so that `mean`
+        // approaches at most 16 * 2^27.
         self.mean = self.mean.wrapping_sub((self.mean >> 4).wrapping_mul(codes));
         self.mean = self.mean.saturating_add(sum);
     }
@@ -72,7 +72,8 @@ impl Past {
         [x, d1, d2, d3]
     }
 
-    /// Returns the next count if its difference of this order will be 0; wraps.
+    /// Returns the prediction of the next count: the count whose difference of this order is 0.
+    /// Wraps.
     pub(crate) fn predicted(&self, order: Order) -> i32 {
         let Self { x, d1, d2 } = *self;
         match order {
@@ -85,8 +86,8 @@ impl Past {
 }
 
 /// How often differences are taken before a count is coded: 0 codes the count itself, 1 its
-/// difference from the previous count, 2 the difference of two such differences, and 3 the
-/// difference of two of those.
+/// difference from the previous count, 2 the difference of two order-1 differences, and 3 the
+/// difference of two order-2 differences.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Order {
     Zero,
@@ -96,7 +97,7 @@ pub(crate) enum Order {
 }
 
 impl Order {
-    /// All orders, at the index that equals their number.
+    /// All orders, each at the index that equals its number.
     pub(crate) const ALL: [Self; 4] = [Self::Zero, Self::One, Self::Two, Self::Three];
 
     /// Returns the order whose number is in the two lowest bits of `bits`.

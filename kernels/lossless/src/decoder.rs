@@ -16,15 +16,15 @@ pub struct Decoder<const CHANNELS: usize> {
 }
 
 impl<const CHANNELS: usize> Decoder<CHANNELS> {
-    /// Decoder that has no past, so its first block must be one that needs none.
+    /// A decoder that has decoded nothing: its first block must not be [`Kind::Continuing`].
     pub const NEW: Self = Self {
         past: [Channel::NEW; CHANNELS],
         known: 0,
         counts: [[[0; 3]; CHANNELS]; MAX_SAMPLES],
     };
 
-    /// Forgets the past, so that the next block must be one that needs none. Call this when a block
-    /// is missing.
+    /// Forgets the past: the next block must not be [`Kind::Continuing`]. Call this when a block is
+    /// missing.
     pub const fn forget(&mut self) {
         self.known = 0;
     }
@@ -34,12 +34,12 @@ impl<const CHANNELS: usize> Decoder<CHANNELS> {
         self.known > 0
     }
 
-    /// Returns the counts of a block of `channels` channels: all counts of the first sample, then
-    /// those of the next sample.
+    /// Returns the counts of a block of `channels` channels: the counts of all channels in the
+    /// first sample, then in the next sample, and so on.
     ///
     /// # Errors
     /// If the block is damaged, or continues from blocks that this decoder has not decoded. The
-    /// past is then forgotten.
+    /// decoder then forgets the past.
     pub fn decode(&mut self, channels: usize, block: &Block) -> Result<&[Count], DecodeError> {
         let known = core::mem::take(&mut self.known);
         let is_sized = (1..=MAX_SAMPLES).contains(&block.samples);
@@ -156,7 +156,8 @@ fn decode_channel<'c>(
     Ok(())
 }
 
-/// Reason why a block was refused. After any error, the decoder needs a block that needs no past.
+/// Reason why a block was refused. After any error, the next block must not be
+/// [`Kind::Continuing`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
     /// The block continues from blocks that were not decoded or had another number of channels.

@@ -15,14 +15,14 @@ pub struct Encoder {
     pub key_blocks: u16,
 }
 
-/// What an encoder remembers of `CHANNELS` channels between blocks.
+/// State of an encoder for `CHANNELS` channels between blocks.
 #[derive(Clone, Debug)]
 pub struct EncoderState<const CHANNELS: usize> {
     channels: [Channel; CHANNELS],
     /// For each channel and order, the sum of absolute differences in key blocks, in which older
     /// blocks count less.
     sizes: [[u32; 4]; CHANNELS],
-    /// Number of blocks before the next key block; 0 if the next block is one.
+    /// Number of blocks before the next key block; 0 if the next block is a key block.
     until_key: u16,
 }
 
@@ -149,8 +149,8 @@ fn put_codes<const ORDER: usize>(
 fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) -> (Order, u32) {
     let mut past = Past::after(first);
     let mut block = [0_u32; 4];
-    // Each block adds at most 7 * 2^26. With all earlier blocks, which fade, a size is at most 4
-    // times as much: below 2^32.
+    // Each block adds at most 7 * 2^26 to a size, and earlier blocks fade by a quarter with each
+    // block. So a size is at most 4 times as large, below 2^32.
     for size in &mut *sizes {
         *size -= *size >> 2;
     }
@@ -169,8 +169,8 @@ fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) 
             best = order;
         }
     }
-    // A folded difference is about twice the absolute one, and there are 7, so the mean is 2/7 of
-    // the sum; 1/4 + 1/32 is close.
+    // A folded difference is about twice the absolute difference, and a block has 7, so the mean is
+    // 2/7 of the sum; 1/4 + 1/32 is close.
     let sum = block[best as usize];
     let mean = (sum >> 2) + (sum >> 5);
     (best, (mean | 1).ilog2().min(rice::MAX_K))

@@ -12,8 +12,8 @@
 //! `docs/wire-format.md` has the format bit by bit.
 //!
 //! Each channel costs a bounded number of instructions whatever the counts. [`Encoder::encode`]
-//! does not allocate, divide or panic. [`Decoder::decode`] refuses a damaged block, or one whose
-//! past it lacks, and never panics.
+//! does not allocate, divide or panic. [`Decoder::decode`] refuses a block that is damaged or
+//! continues from blocks that it has not decoded, and never panics.
 //!
 //! ```
 //! use lossless::{Decoder, Encoder, EncoderState, MAX_SAMPLES};

@@ -9,9 +9,9 @@ use crate::tables::{ESCAPE, FREQUENCY_BITS, Frequencies, MAGNITUDES, Tables};
 /// Largest number of ones at the start of an Elias gamma code, because magnitudes are below 2^16.
 const MAX_GAMMA_BITS: u32 = 15;
 
-/// First frequencies of the three symbols that can start a block, and the end of the last one's.
-/// The symbols mean: announced rate, predicted; announced rate, reset; another rate, after which
-/// four bits with the rate and one bit for a reset follow.
+/// First frequency of each of the three symbols that can start a block, then the end of the last
+/// symbol's frequencies. Symbol 0 means: announced rate, predicted. Symbol 1: announced rate,
+/// reset. Symbol 2: another rate; four bits with the rate and one bit for a reset follow.
 const START_SYMBOLS: [u16; 4] = [0, 30_720, 32_256, 32_768];
 
 /// Rate and kind of a block, which its first bits state.
@@ -24,7 +24,7 @@ pub struct Header {
 }
 
 /// Writes a block. `announced` is the rate that the decoder expects; a block with another rate
-/// takes 10 bits more.
+/// takes up to 11 bits more.
 ///
 /// Returns the length of the block in bytes. If it is larger than `bytes`, the block did not fit,
 /// and the content of `bytes` is useless.
@@ -109,7 +109,8 @@ pub struct BlockReader<'b> {
 }
 
 impl<'b> BlockReader<'b> {
-    /// Reads the header of a block. `announced` must be the rate that [`write_block`] got.
+    /// Reads the header of a block. `announced` must be the rate that was passed to
+    /// [`write_block`].
     ///
     /// # Errors
     /// If the last byte is 0, which no encoder sends, or the header is invalid.

@@ -11,18 +11,18 @@ const LAST_LEVEL: i32 = 63;
 /// Amount that a magnitude of 1 adds to the [`Activity`].
 const ONE: u32 = 1024;
 
-/// With each coefficient, the [`Activity`] loses 1 / 2^5 of itself.
+/// Each coefficient reduces the [`Activity`] by 1 / 2^5 of its value.
 const DECAY_BITS: u32 = 5;
 
-/// Sum of the magnitudes of a block's earlier coefficients, in which older ones count less; below
-/// 2^19. If it is above the expected sum, tables of larger magnitudes are used, so that
-/// probabilities adapt to a loud block.
+/// Sum of the magnitudes of a block's earlier coefficients, in which older coefficients count less;
+/// below 2^19. If the activity is above the expected activity, tables for larger magnitudes are
+/// used, so that probabilities adapt to a loud block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Activity(u32);
 
 impl Activity {
-    /// The activity before the first coefficient of a block: the value that it approaches if all
-    /// magnitudes are 1/4.
+    /// The activity before the first coefficient of a block: the value that the activity approaches
+    /// if magnitudes are 1/4 on average.
     pub(crate) const START: Self = Self(8 * ONE);
 
     /// Returns the activity after a coefficient with this magnitude.
@@ -37,7 +37,7 @@ impl Activity {
 pub struct Context {
     /// Expected magnitude as a level of a logarithmic scale, 0..[`LEVELS`].
     level: u8,
-    /// 2^35 divided by the expected activity, which replaces a division by it.
+    /// 2^35 divided by the expected activity; multiplication by this number replaces a division.
     inverse: u32,
 }
 
@@ -48,8 +48,8 @@ impl Context {
         inverse: 0,
     };
 
-    /// Returns the level, 0..[`LEVELS`], whose table codes the coefficient: the expected level,
-    /// plus a number that the ratio of actual to expected activity determines.
+    /// Returns the level, 0..[`LEVELS`], whose table codes the coefficient: the expected level plus
+    /// an offset, which depends on the ratio of actual to expected activity.
     #[inline(always)]
     pub(crate) fn table_level(self, activity: Activity) -> usize {
         let eighths = (u64::from(activity.0) * u64::from(self.inverse)) >> 32;
@@ -62,7 +62,7 @@ impl Context {
 /// Writes the contexts of a block's coefficients for a rate.
 ///
 /// `levels` are the trained levels of the mean magnitudes at rate 4, 0..[`LEVELS`]. If the slices
-/// differ in length, the longer one's rest is ignored.
+/// differ in length, the rest of the longer slice is ignored.
 pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
     // `expected` is the expected activity times 16.
     let mut expected = Activity::START.0 << 4;
@@ -100,7 +100,7 @@ const RECIPROCALS: [u16; 128] = {
     reciprocals
 };
 
-/// Number of levels that is added for a ratio of actual to expected activity:
+/// Offset of the level for each ratio of actual to expected activity:
 /// `round(0.55 * ln((i + 1/2) / 8) / LR)`, where `i` is eight times the ratio, rounded down, and
 /// `LR = ln(8000) / 55`.
 const LEVEL_OF_RATIO: [i8; 64] = [
@@ -122,7 +122,7 @@ const EXPECTED_STEP: [u32; LEVELS] = [
 
 const _: () = assert!(LAST_LEVEL as usize + 1 == LEVELS);
 
-/// A magnitude, and which table of probabilities codes it.
+/// A magnitude and the table of probabilities that codes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Symbol {
     /// Quantiser whose table is used, 0 or 1.
@@ -181,7 +181,7 @@ impl Place {
         context.table_level(self.activity)
     }
 
-    /// Moves on to the next coefficient; `magnitude` is that of the current one.
+    /// Advances past the current coefficient, which has this magnitude, to the next one.
     #[inline(always)]
     pub(crate) fn advance(&mut self, magnitude: Magnitude) {
         self.activity = self.activity.after(magnitude.value.into());

@@ -1,7 +1,7 @@
 //! Blocks of predicted transform coefficients in few bits, in integers only.
 //!
-//! A linear transform turns a block of a signal into coefficients, and a linear predictor computes
-//! what the previous block says about them. This crate codes the difference: it chooses the
+//! A linear transform turns a block of a signal into coefficients, and a linear predictor estimates
+//! the coefficients from the previous block. This crate codes the difference: it chooses the
 //! magnitudes ([`quantise`]), writes and reads them ([`write_block`], [`BlockReader`]), and
 //! computes the state from which both sides predict the next block ([`update_state`]). The matrices
 //! of transform and predictor belong to the caller.
@@ -12,8 +12,8 @@
 //!             prediction <-- update_state +                            prediction <-- update_state
 //! ```
 //!
-//! The coder of a block knows nothing of earlier blocks, so that each block parses alone. One set
-//! of tables serves every [`Rate`]. docs/packed.md has the format.
+//! The range coder of a block depends on no earlier block, so that each block can be parsed alone.
+//! One set of tables serves every [`Rate`]. docs/packed.md has the format.
 //!
 //! ```
 //! use packed::{BlockReader, Context, Header, Magnitude, Malformed, Rate, Tables};
@@ -70,12 +70,13 @@ pub use trellis::{MAX_COEFFICIENTS, Survivors, quantise};
 
 /// Number of coefficients at the end of a block that are probes, if errors are weighted.
 ///
-/// The rows of a weighted transform are not orthonormal, so the energy that it does not represent
-/// is not that of the block minus that of the coefficients. Probes are orthogonal directions
-/// without signal: the energy in them, times `2^PROBE_SHIFT`, estimates it.
+/// The rows of a weighted transform are not orthonormal, so the energy that the coefficients do not
+/// represent is not the block's energy minus the coefficients' energy. Probes are orthogonal
+/// directions without signal: their energy, times `2^PROBE_SHIFT`, estimates the energy that is not
+/// represented.
 pub const PROBES: usize = 8;
 
-/// Ratio of the energy that is not represented to the mean energy of the probes, as a left shift.
+/// Ratio of the energy that is not represented to the sum of the probes' energies, as a left shift.
 pub const PROBE_SHIFT: u32 = 5;
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use crate::rate::Rate;
 
-/// State of the quantiser before a coefficient, 0..4; 0 before the first one of a block.
+/// State of the quantiser before a coefficient, 0..4; 0 before the first coefficient of a block.
 ///
 /// There are two quantisers: points of quantiser 0 are even multiples of the step, points of
 /// quantiser 1 are odd multiples and 0. States 0 and 1 use quantiser 0, states 2 and 3 quantiser 1,
@@ -51,7 +51,7 @@ impl Magnitude {
 /// state of encoder and decoder.
 ///
 /// `state` holds the prediction before the call and the new state after it. If the slices differ in
-/// length, the longer one's rest is ignored.
+/// length, the rest of the longer slice is ignored.
 pub fn update_state(magnitudes: &[Magnitude], rate: Rate, state: &mut [i16]) {
     let mut quantiser = State::START;
     for (magnitude, state) in magnitudes.iter().zip(state) {

@@ -2,7 +2,7 @@
 
 use crate::tables::{FREQUENCY_BITS, Frequencies, MAGNITUDES};
 
-/// Smallest size of the range between two symbols; below it, a byte is moved out.
+/// Smallest size of the range between two symbols; below it, a byte is written.
 const LEAST_RANGE: u32 = 1 << 24;
 
 /// Writes symbols as one long number (Martin 1979), most significant byte first.
@@ -15,9 +15,9 @@ pub(crate) struct RangeEncoder<'b> {
     low: u32,
     range: u32,
     bytes: &'b mut [u8],
-    /// Number of bytes so far, including those that did not fit.
+    /// Number of bytes so far, including bytes that did not fit.
     length: usize,
-    /// Number of bytes up to and including the last one that is not 0.
+    /// Number of bytes up to and including the last byte that is not 0.
     significant: usize,
     /// Number of bytes 0xff at the end of the number; a carry would turn them into 0.
     trailing_ones: usize,
@@ -58,9 +58,10 @@ impl<'b> RangeEncoder<'b> {
         self.put(Frequencies { start, count: 1 }, 1);
     }
 
-    /// Writes the rest of the number. Several numbers decode to the same symbols; of those with the
-    /// most zero bytes at the end, the smallest is taken. These zero bytes are not written, because
-    /// the decoder reads zeros after the last byte. A block of likely zeros therefore has no bytes.
+    /// Writes the rest of the number. Several numbers decode to the same symbols; among the numbers
+    /// with the most zero bytes at the end, the smallest is taken. These zero bytes are not
+    /// written, because the decoder reads zeros after the last byte. A block of zeros, if its
+    /// tables make zeros likely, therefore has no bytes.
     ///
     /// Returns the length in bytes. It is larger than the buffer if the bytes did not fit.
     pub(crate) fn finish(mut self) -> usize {
@@ -70,7 +71,7 @@ impl<'b> RangeEncoder<'b> {
         );
         let rounded_up = |zeros: u32| (low + (1 << zeros) - 1) >> zeros << zeros;
         // In one block of five, the range contains a number that ends in four zero bytes. In every
-        // block it contains one that ends in three, as the range is at least 2^24.
+        // block it contains a number that ends in three, as the range is at least 2^24.
         let number = if rounded_up(32) < end {
             rounded_up(32)
         } else {
@@ -153,7 +154,7 @@ impl<'b> RangeDecoder<'b> {
     }
 
     /// Reads the next symbol. `starts` are the first frequencies of the symbols, ascending from 0;
-    /// those of the last symbol end at 2^15.
+    /// the frequencies of the last symbol end at 2^15.
     pub(crate) fn symbol(&mut self, starts: &[u16; MAGNITUDES]) -> usize {
         let unit = self.range >> FREQUENCY_BITS;
         let frequency = (self.offset / unit).min((1 << FREQUENCY_BITS) - 1);
@@ -201,7 +202,8 @@ mod tests {
     use super::*;
 
     /// Writes symbols whose ranges all contain one half, so that the bytes are 0x7f, 0xff, 0xff ..,
-    /// and then one above it, whose carry makes them 0x80, 0, 0 .. Returns the length.
+    /// and then a symbol above one half, whose carry turns the bytes into 0x80, 0, 0 .. Returns the
+    /// length.
     fn write_one_half(symbols: usize, bytes: &mut [u8]) -> usize {
         let mut encoder = RangeEncoder::new(bytes);
         for _ in 0..symbols {

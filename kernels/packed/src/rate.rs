@@ -9,7 +9,7 @@ pub const RATES: usize = 16;
 pub struct Rate(u8);
 
 impl Rate {
-    /// The coarsest rate.
+    /// The coarsest rate, 15.
     pub const COARSEST: Self = Self(15);
 
     /// The rate for which the levels of mean magnitudes are stated, 4.
@@ -71,7 +71,7 @@ impl Rate {
     }
 
     /// Converts `magnitude`, below 2^17, from units of a coefficient to 1/256 of a step, rounded
-    /// down; the result is below 2^22.
+    /// down; if the step is not a power of two, the result can be 1 too large. It is below 2^22.
     pub(crate) fn in_steps(self, magnitude: u32) -> i32 {
         let reciprocal = Self::RECIPROCALS[usize::from(self.0) % RATES];
         #[expect(clippy::cast_possible_truncation, reason = "below 2^17 * 2^31 / 2^26")]

@@ -26,8 +26,8 @@ pub type Costs = [[[u8; MAGNITUDES]; LEVELS]; 2];
 #[derive(Clone, Copy, Debug)]
 pub struct Tables<'t> {
     /// First frequency of each magnitude, ascending from 0. The frequencies of a magnitude end
-    /// where those of the next one begin; the last one's end at 2^15. Every magnitude has at least
-    /// one.
+    /// where the next magnitude's begin, or at 2^15 for the last magnitude. Every magnitude has at
+    /// least one frequency.
     pub starts: &'t Starts,
     /// Length of each magnitude's code in 1/16 bit, including the sign, but without the Elias gamma
     /// code of large magnitudes.

@@ -15,15 +15,15 @@ const UNREACHED: i32 = 1 << 29;
 pub const MAX_COEFFICIENTS: usize = 256;
 
 /// Which path survived in each state after a coefficient, two bits for each state: bit 0 is set if
-/// it came from the second of the two states that lead there, bit 1 if it chose magnitude 0 over a
-/// larger even one.
+/// the path came from the second of the two states that lead there, bit 1 if the path chose
+/// magnitude 0 over a larger even magnitude.
 pub type Survivors = u8;
 
 /// Chooses the magnitudes of a block by the Viterbi algorithm: those with the smallest sum of
 /// squared errors and of bits, where a bit costs 0.3 squared steps.
 ///
 /// For each coefficient, the candidates of a quantiser are its points on both sides of the value,
-/// and 0 if the lower one has magnitude 1. The Elias gamma code of magnitudes from 15 on is left
+/// and 0 if the lower point has magnitude 1. The Elias gamma code of magnitudes from 15 on is left
 /// out, because it is nearly the same for all candidates. `residual` is coefficient minus
 /// prediction, below 2^17 in magnitude; `survivors` is scratch memory. All slices must have the
 /// same length, at most [`MAX_COEFFICIENTS`].
@@ -81,7 +81,8 @@ fn lower_magnitude(value: i32, quantiser: i32) -> i32 {
 struct Candidates {
     even: Candidate,
     odd: Candidate,
-    /// Squared error of magnitude 0 if it can replace `even`, otherwise more than every cost.
+    /// Squared error of magnitude 0 if it can replace `even`, otherwise more than the cost of every
+    /// path.
     zero_error: i32,
 }
 
@@ -100,7 +101,7 @@ impl Candidates {
     fn new(value: i32, quantiser: i32) -> Self {
         let lower = lower_magnitude(value, quantiser);
         let candidate = |magnitude: i32| {
-            // For magnitude 0 of quantiser 1 this error is wrong; `zero_error` has the right one.
+            // For magnitude 0 of quantiser 1 this error is wrong; `zero_error` has the right error.
             let error = value - ((2 * magnitude - quantiser) << 8);
             Candidate {
                 symbol: magnitude.clamp(0, ESCAPE.into()).cast_unsigned(),

@@ -159,7 +159,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
                 let read_back = &mut bring_up.read_backs[chip];
                 self.read_part(chip, &mut read_back.read, run).await?;
                 // Only the comparison after a chip's last range is complete; it overwrites the
-                // earlier ones.
+                // earlier, incomplete comparisons.
                 *read_back = ReadBack::new(&settings.image(chip), read_back.read);
                 if part + 1 < PARTS * CHIPS {
                     Stage::ReadBack(part + 1)

@@ -2,7 +2,7 @@
 
 use embedded_hal_async::spi::SpiBus;
 
-/// Kind of transfer; each kind has its own limit of SCLK.
+/// Kind of transfer; each kind has its own limit on SCLK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Speed {
     /// Opcodes and registers: at most 105 kHz, because of the read-back resistors of a daisy chain.

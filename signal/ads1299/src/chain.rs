@@ -207,7 +207,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         }
     }
 
-    /// Clocks `bytes` out of the selected chips.
+    /// Selects `chips`, clocks `bytes` out of them and deselects them.
     async fn burst(&mut self, chips: Range<usize>, bytes: &mut [u8]) -> Result<(), Error> {
         self.select(chips.clone(), true)?;
         let result = self.transfer(bytes).await;
@@ -228,7 +228,6 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(())
     }
 
-    /// Sends an opcode to all chips.
     pub(crate) async fn command_all(
         &mut self,
         opcode: u8,

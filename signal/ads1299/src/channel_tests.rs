@@ -26,8 +26,8 @@ pub struct SquareWaveTest {
 /// Gain error, offset and noise of a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelResult {
-    /// Ratio of the measured to the expected amplitude, minus 1; -1 without a square wave, 0
-    /// if the input is shorted: not measured.
+    /// Ratio of the measured to the expected amplitude, minus 1; -1 without a square wave; 0 if the
+    /// input is shorted, because the gain is not measured then.
     pub gain_error: f32,
     /// Mean of the samples, or of the square wave's two levels, in microvolts at the input.
     pub offset_uv: f32,
@@ -209,8 +209,8 @@ impl Statistics {
     }
 }
 
-/// Returns the standard deviation in counts, to 1/65536 count. Uses the integer square root,
-/// because `core` has no square root for floats.
+/// Returns the standard deviation in counts, with a resolution of 1/65536 count. Uses the integer
+/// square root, because `core` has no square root for floats.
 #[expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,

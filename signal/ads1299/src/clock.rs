@@ -1,7 +1,7 @@
 //! Master clock of the ADS1299 chips.
 
-/// Master clock, an oscillator whose clock all chips share. All times of the chips are multiples of
-/// the clock's period, tCLK.
+/// Master clock, which all chips of a chain share. All times of the chips are multiples of the
+/// clock's period, tCLK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
     hz: u32,
@@ -23,8 +23,8 @@ impl Clock {
     };
 
     /// Slowest clock that the data sheet permits: a period of 666 ns (section 7.6). The driver
-    /// computes its delays for this clock, so they are long enough for any permitted clock. So a
-    /// chain whose clock is not the configured one still answers, and
+    /// computes its delays for this clock, so they are long enough for any permitted clock. A chain
+    /// whose clock differs from the configured clock therefore still answers, and
     /// [`ReadyMeter`](crate::ready::ReadyMeter) reports the wrong rate.
     pub(crate) const SLOWEST: Self = Self::crystal(1_501_502);
 

@@ -26,11 +26,12 @@ const SPAN: usize = CHIP_BYTES + 1;
 
 /// Decodes a stream of frames: finds the chips' alignment and checks each chip.
 ///
-/// The first frame with a valid chip after chip 0 decides the [`Alignment`]: the one in which more
-/// chips have a status that starts with 1100. Chip 1 alone is sufficient: read with the wrong
-/// alignment, its first four bits are 100x or x110. In later frames a chip whose status does not
-/// start with 1100 is only reported as bad. The alignment changes only after four consecutive
-/// frames in which every chip fits the other alignment, which no fault of a single chip can cause.
+/// The first frame with a valid chip after chip 0 decides the [`Alignment`]: it becomes the
+/// alignment in which more chips have a status that starts with 1100. Chip 1 alone is sufficient:
+/// read with the wrong alignment, its first four bits are 100x or x110. In later frames a chip
+/// whose status does not start with 1100 is only reported as bad. The alignment changes only after
+/// four consecutive frames in which every chip fits the other alignment, which no fault of a single
+/// chip can cause.
 #[derive(Clone, Debug)]
 pub struct Decoder<const CHIPS: usize> {
     /// Alignment of the stream; `None` until a frame has a valid chip after chip 0.

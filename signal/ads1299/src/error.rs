@@ -17,14 +17,14 @@ pub enum Error {
     TooFast(Speed, TooFast),
     /// One of the microcontroller's pins could not be driven.
     Pin(Pin, digital::ErrorKind),
-    /// A chip's ID is not that of an eight-channel ADS1299.
+    /// A chip does not have the ID of an eight-channel ADS1299.
     WrongId {
         /// Index of the chip; chip 0 is wired to MISO.
         chip: u8,
         /// ID byte that the chip returned.
         read: u8,
     },
-    /// A register holds another value than the one written.
+    /// A register does not hold the value that was written.
     NotKept {
         /// Index of the chip; chip 0 is wired to MISO.
         chip: u8,

@@ -11,9 +11,9 @@ use crate::sampler::Sampler;
 use crate::settings::{Settings, Wiring};
 
 impl Settings {
-    /// Returns the number of bytes that switch the excitation of `chips` chips on: SDATAC, RDATAC
-    /// and two registers, for all chips at once or for each of the cascaded ones, and one register
-    /// more for each chip with another mask than the first.
+    /// Returns the number of bytes that switch on the excitation of `chips` chips: SDATAC, RDATAC
+    /// and two register writes, once for a daisy chain or for each cascaded chip, and one more
+    /// register write for each chip whose mask differs from the mask of chip 0.
     pub(crate) fn excitation_bytes(self, chips: usize) -> usize {
         let mask = |chip| self.image(chip).0[Register::LOFF_SENSP.index()];
         let others = (1..chips).filter(|chip| mask(*chip) != mask(0)).count();
@@ -27,12 +27,12 @@ impl Settings {
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
     /// Writes the registers of the excitation while the chips convert: SDATAC, WREG, RDATAC. Only
-    /// samples that end meanwhile are lost, because CONFIG1 keeps its value and so the filters go
-    /// on. SCLK stays that of bursts, which writes permit.
+    /// samples that end meanwhile are lost: CONFIG1 keeps its value, so the filters continue. SCLK
+    /// stays at the frequency of bursts, which is not too fast for writes.
     async fn write_excitation(&mut self, settings: Settings) -> Result<(), Error> {
         self.command_all(opcode::SDATAC, settings).await?;
         let written = self.write_excitation_registers(settings).await;
-        // The chips must send samples again after a failure too.
+        // Send RDATAC after a failure too, so that the chips send samples again.
         written.and(self.command_all(opcode::RDATAC, settings).await)
     }
 
@@ -61,17 +61,18 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES: usize>
     Sampler<Spi, Line, Delay, CHIPS, BYTES>
 {
-    /// Sets [`Settings::excited`], also in a chain that converts.
+    /// Sets [`Settings::excited`], also while the chain converts.
     ///
-    /// Registers are not read back, which would take longer than a sample: a chip that ignores the
-    /// command shows electrodes without impedance.
+    /// Registers are not read back, because this would take longer than a sample. If a chip ignores
+    /// the command, its electrodes read nearly 0 ohms.
     ///
     /// # Errors
     /// The bus or a pin fails. Some chips can be excited then, so all channels count as excited
     /// until a later call succeeds.
     ///
     /// # Timing
-    /// Call it between two samples, [`Settings::excitation_bytes`] before the next one.
+    /// Call it between two samples, with enough time before the next sample for all
+    /// [`Settings::excitation_bytes`].
     pub async fn set_excitation(&mut self, channels: u8) -> Result<(), Error> {
         let settings = Settings {
             excited: channels,

@@ -1,4 +1,4 @@
-//! Values of all registers of a chip: those to write, or those read back.
+//! Values of all registers of a chip, to be written or as read back.
 
 use crate::decoder::CHANNELS;
 use crate::error::Error;
@@ -36,7 +36,7 @@ impl Settings {
         set(Register::BIAS_SENSP, all_inputs(has_bias));
         let excited = self.excited_channels();
         if is_eeg && excited > 0 {
-            // 8, or the number of electrodes of the chip if it has fewer.
+            // Number of electrodes at this chip and at the chips after it.
             let electrodes = usize::from(excited).saturating_sub(CHANNELS * chip);
             let spare = CHANNELS.saturating_sub(electrodes);
             set(Register::LOFF, LOFF_EXCITATION);
@@ -70,7 +70,7 @@ pub struct ReadBack {
     pub read: Image,
     /// Registers that differ, one bit each; the bit number is the address.
     pub differing: u32,
-    /// True if the ID is that of an eight-channel ADS1299.
+    /// True if the chip has the ID of an eight-channel ADS1299.
     pub id_fits: bool,
 }
 

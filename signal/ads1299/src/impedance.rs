@@ -12,13 +12,15 @@ pub(crate) const AMPERES: f64 = 6e-9;
 /// for the fundamental, times `(sin(pi / 4) / (pi / 4))^3`, 0.73, for the chip's sinc filter of
 /// third order. Together `64 sqrt(2) / pi^4`, 0.929.
 ///
-/// Sampled, all odd harmonics fall on the fundamental. The third one changes the amplitude by up to
-/// 1.3 %, all of them by up to 1.5 %, depending on when the square wave changes between two
-/// samples. The data sheet does not state that phase; this is the mean over all of them.
+/// In the samples, all odd harmonics alias to the fundamental. The third harmonic changes the
+/// amplitude by up to 1.3 %, all harmonics together by up to 1.5 %, depending on the phase at which
+/// the square wave changes between two samples. The data sheet does not state this phase; the
+/// constant is the mean over all phases.
 pub(crate) const FUNDAMENTAL: f64 = 64.0 * SQRT_2 / (PI * PI * PI * PI);
 
-/// Samples after a restart that are not measured: the chips' filter settles in three, and the
-/// differences need two. A multiple of four, so that every measurement starts at the same phase.
+/// Number of samples after a restart that are not measured: the chips' filter settles in three
+/// samples, and the differences need two earlier samples. A multiple of four, so that every
+/// measurement starts at the same phase.
 const LEAD: u32 = 8;
 
 /// Measures the impedance of `N` electrodes once a second from all samples of that second.
@@ -56,11 +58,12 @@ const LEAD: u32 = 8;
 /// ```
 #[derive(Clone, Debug)]
 pub struct ImpedanceMeter<const N: usize> {
-    /// Number of samples since the restart, or [`LEAD`] and those of this measurement.
+    /// Number of samples since the restart; in later measurements, [`LEAD`] plus the number of
+    /// samples of this measurement.
     age: u32,
-    /// Samples of a measurement.
+    /// Number of samples in a measurement.
     samples: u32,
-    /// Ohms of a magnitude of 1.
+    /// Ohms per unit of `sqrt(I^2 + Q^2)`.
     scale: f32,
     /// The newest samples with even and with odd number, in counts.
     newest: [[i32; N]; 2],
@@ -72,11 +75,11 @@ pub struct ImpedanceMeter<const N: usize> {
 
 impl<const N: usize> ImpedanceMeter<N> {
     /// Reading of an electrode that cannot be measured: above [`Self::MAX_OHMS`], or with a sample
-    /// at the converter's rail. So reads a disconnected electrode.
+    /// at the converter's rail. A disconnected electrode has this reading.
     pub const OPEN: u32 = u32::MAX;
 
-    /// Largest reading but for [`Self::OPEN`], in ohms. At 128 Hz the capacitance of a cable, some
-    /// 100 pF, is 12 Mohm in parallel.
+    /// Largest reading except [`Self::OPEN`], in ohms. At 128 Hz the capacitance of a cable, some
+    /// 100 pF, is 12 Mohm in parallel, which lowers this reading by only 0.3 %.
     pub const MAX_OHMS: u32 = 1_000_000;
 
     /// Creates a measurement for a chain with these settings.
@@ -95,7 +98,8 @@ impl<const N: usize> ImpedanceMeter<N> {
         }
     }
 
-    /// Starts the measurement again. Call it for a sample without excitation, and when samples are missing.
+    /// Restarts the measurement. Call this for a sample without excitation, and when samples are
+    /// missing.
     pub const fn restart(&mut self) {
         self.age = 0;
         self.sums = [[0; N]; 2];
@@ -107,8 +111,8 @@ impl<const N: usize> ImpedanceMeter<N> {
         self.samples
     }
 
-    /// Adds a sample, in counts, |count| <= 2^23, one for each electrode. Returns the impedances in
-    /// ohms, at most [`Self::MAX_OHMS`] or [`Self::OPEN`], if it is the last of a measurement.
+    /// Adds a sample: one count for each electrode, |count| <= 2^23. If the sample is the last of a
+    /// measurement, returns the impedances in ohms: at most [`Self::MAX_OHMS`], or [`Self::OPEN`].
     pub fn observe(&mut self, counts: &[i32]) -> Option<[u32; N]> {
         let (parity, is_second) = (self.age as usize & 1, self.age & 2 != 0);
         let is_measured = self.age >= LEAD;
@@ -154,11 +158,11 @@ impl<const N: usize> ImpedanceMeter<N> {
     }
 }
 
-/// Largest positive count; the rails are this and one below its negative.
+/// Largest positive count; the rails are this count and -2^23.
 const MAX_COUNT: i32 = (1 << 23) - 1;
 
-/// Returns the samples in a measurement: those of a second, or of two if that is no multiple of
-/// four.
+/// Returns the number of samples in a measurement: the samples of one second, or of two seconds if
+/// one second is no multiple of four samples.
 const fn samples(settings: Settings) -> u32 {
     let hz = settings.rate.millihertz(settings.clock) / 1000;
     if hz.is_multiple_of(4) { hz } else { 2 * hz }

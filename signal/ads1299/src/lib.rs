@@ -36,8 +36,8 @@
 //!
 //! Section, table and figure numbers refer to the data sheet, Texas Instruments SBAS499C.
 //! Registers, commands and their times, power-up, bit order and the noise at gains 1 and 2 were
-//! compared with copies of pages of its revisions A and C. Not compared were the section numbers
-//! 9.4.x and 9.5.x, and values whose comments say so. **This driver is untried on a real chip; it
+//! compared with copies of pages of its revisions A and C. The section numbers 9.4.x and 9.5.x were
+//! not compared, nor were values whose comments say so. **This driver is untried on a real chip; it
 //! runs on the simulated chain.**
 #![no_std]
 #![forbid(unsafe_code)]

@@ -58,11 +58,11 @@ pub enum SelfTestFault {
 
 /// Typical noise of a channel with shorted input, in microvolts rms at the input.
 ///
-/// The values at gain 1, by rate, are those of the data sheet's table 1 (section 8.1). The table's
-/// values at gain 2 are 0.53 times those (0.50 times at 16 kHz). At gain 24 the data sheet's front
-/// page states 1 uV peak to peak in 70 Hz. With a peak-to-peak value of 6.6 times the rms, that is
-/// 0.14 times the noise at gain 1 and 250 Hz. The gains in between follow `sqrt(1 / gain^2 +
-/// 0.13^2)`, which matches the factors at gains 2 and 24.
+/// The values at gain 1, by rate, are taken from the data sheet's table 1 (section 8.1). The
+/// table's values at gain 2 are 0.53 times the values at gain 1 (0.50 times at 16 kHz). At gain 24
+/// the data sheet's front page states 1 uV peak to peak in 70 Hz. With a peak-to-peak value of 6.6
+/// times the rms, that is 0.14 times the noise at gain 1 and 250 Hz. The gains in between follow
+/// `sqrt(1 / gain^2 + 0.13^2)`, which matches the factors at gains 2 and 24.
 pub const fn typical_noise_uv(gain: Gain, rate: Rate) -> f32 {
     let at_gain_one = [21.70, 6.93, 4.33, 3.06, 2.17, 1.53, 1.08][rate as usize];
     let of_gain = [1.0, 0.53, 0.282, 0.211, 0.180, 0.154, 0.137][gain as usize];

@@ -146,8 +146,8 @@ impl ReadyMeter {
         self.check_within(self.clock.tolerance_ppm() + STAMPS_PPM)
     }
 
-    /// Like [`Self::check`], for a deviation of `ppm` and of the resolution of two stamps, which is
-    /// 16 ppm over 64 periods at 512 Hz.
+    /// Like [`Self::check`], but permits a deviation of `ppm` plus the resolution of two time
+    /// stamps, which is 16 ppm over 64 periods at 512 Hz.
     fn check_within(&self, ppm: u32) -> Result<u32, RateError> {
         let chip = self.chip;
         let measured = self.millihertz().ok_or(RateError::NotMeasured { chip })?;
@@ -227,18 +227,18 @@ impl core::error::Error for RateError {}
 /// NUCLEO board.
 const STAMPS_PPM: u32 = 10_000;
 
-/// Deviation of the rate, in ppm, up to which it is an error of one of the two clocks: the samples
-/// are right, and the rate is reported to the host, which knows the true time. A chip that has lost
-/// its registers has half or twice the rate, or another ratio.
+/// Largest deviation of the rate, in ppm, that is attributed to one of the two clocks: the samples
+/// are then valid, and the rate is reported to the host, which knows the true time. A chip that has
+/// lost its registers has half or twice the rate, or another ratio.
 const CLOCKS_PPM: u32 = 50_000;
 
 /// Number of consecutive periods per rate check: 1/8 s at 512 Hz. Stamps of 1 us resolution measure
 /// the rate over this time to 16 ppm; an interrupt delayed by 50 us adds 400 ppm.
 const PERIODS: u32 = 64;
 
-/// Checks DRDY's edges while a chain converts. Reports an early edge at once, a smaller deviation
-/// of the rate after [`PERIODS`] periods if no clock explains it, and a gap as the number of samples
-/// that were not read.
+/// Checks DRDY's edges while a chain converts. Reports an early edge at once, a rate that is off by
+/// more than [`CLOCKS_PPM`] after [`PERIODS`] periods, and a gap as the number of samples that were
+/// not read.
 #[derive(Clone, Debug)]
 pub(crate) struct RateWatch {
     clock: Clock,
@@ -313,12 +313,12 @@ mod tests {
             })
         };
         // 1953 us is 512.03 Hz, 2000 us is 500 Hz, the rate of another oscillator; 2200 us is 455
-        // Hz, which is no oscillator's. Of the 128 slow periods, the first 56 pass before the next
-        // rate check.
+        // Hz, which no oscillator explains. Of the 128 slow periods, the first 56 pass before the
+        // next rate check.
         assert_eq!(flagged(1953, 128), 0);
         assert_eq!(flagged(2000, 72), 0);
         assert_eq!(flagged(2200, 128), 128 - 56);
-        // The edges before the next rate check are flagged.
+        // The edges up to the next rate check are still flagged.
         assert_eq!(flagged(1953, 128), 56);
     }
 

@@ -91,7 +91,7 @@ impl Register {
 }
 
 impl fmt::Display for Register {
-    /// Writes the register's name in the data sheet.
+    /// Writes the register's name as in the data sheet.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         const NAMES: [&str; Register::COUNT] = [
             "ID",

@@ -99,7 +99,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// Waits for the next sample; [`Sampler::counts`] then returns its counts.
     ///
     /// # Timing
-    /// That of [`Sampler::read`]. A stage of a bring-up may run first; it fits between two samples.
+    /// As [`Sampler::read`]. A stage of a bring-up may run first; a stage fits between two samples.
     pub async fn next(&mut self, drdy: &mut impl Drdy) -> (Reading<CHIPS>, DrdyEdge) {
         // If a sample is already due, no stage runs, because a stage would delay the sample.
         if drdy.now_us() < self.due_us {
@@ -136,7 +136,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// brought up; call it before every [`Self::next`].
     ///
     /// # Timing
-    /// That of [`Sampler::set_excitation`]; it fits between two samples.
+    /// As [`Sampler::set_excitation`], which fits between two samples.
     #[cfg(any(test, feature = "impedance"))]
     pub async fn switch_excitation(&mut self, channels: u8, drdy: &mut impl Drdy) {
         if self.sampler.settings().excited == channels || self.attempt.is_some() {

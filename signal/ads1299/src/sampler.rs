@@ -87,7 +87,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// Like [`Self::start`], but waits 1 s for VCAP1, because the supplies may have just come on.
     ///
     /// # Errors
-    /// Those of [`Self::start`].
+    /// As [`Self::start`].
     pub async fn start_cold(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
         let mut bring_up = BringUp::from_power(COLD_US);
         self.finish(&mut bring_up, &mut progress).await

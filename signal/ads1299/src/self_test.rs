@@ -78,7 +78,7 @@ impl<const CHIPS: usize> SelfTest<CHIPS> {
         &self.report
     }
 
-    /// Compares each chip's registers as read back with those that `settings` gives, and notes the
+    /// Compares each chip's registers as read back with the values for `settings`, and notes the
     /// first difference in the report.
     fn record_registers(&mut self, read_backs: &[ReadBack; CHIPS], settings: Settings) {
         for (chip, (report, back)) in self.report.chips.iter_mut().zip(read_backs).enumerate() {
@@ -128,8 +128,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// 3. measure all channels with shorted inputs;
     /// 4. write the previous settings and read them back.
     ///
-    /// The report names a broken chip, and the other chips are tested unless it blocks their
-    /// frames. Without DRDY the test stops.
+    /// The report names a broken chip, and the other chips are tested unless the broken chip blocks
+    /// their frames. Without DRDY the test stops.
     ///
     /// `progress` is called for every sample and at least every 20 ms in between, except while the
     /// test waits for the first edge of DRDY.

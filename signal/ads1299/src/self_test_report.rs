@@ -28,13 +28,13 @@ pub struct SelfTestReport<const CHIPS: usize> {
 pub struct ChipReport {
     /// ID that the chip returned; the right one is [`ID`](crate::register::ID).
     pub id: u8,
-    /// Number of registers that differ from the values written, 0 to 24, in the stage with the
-    /// most.
+    /// Number of registers that differ from the values written, 0 to 24, in the stage with the most
+    /// differences.
     pub differing: u8,
     /// Error of a wrong ID, or of the first register that differs.
     pub fault: Option<Error>,
-    /// Number of frames in which the chip's data were damaged or repeated; they are left out of the
-    /// measurements.
+    /// Number of frames in which the chip's data were damaged or repeated; these frames are left
+    /// out of the measurements.
     pub bad_frames: u32,
 }
 

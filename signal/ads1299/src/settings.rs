@@ -3,7 +3,7 @@
 
 use crate::clock::Clock;
 
-/// Settings of a chain; all of its chips and channels have the same.
+/// Settings of a chain, the same for all of its chips and channels.
 ///
 /// While the channels convert their electrodes, the pin SRB1 connects one reference electrode to
 /// the negative inputs of all channels. The bias amplifier of chip 0 drives the subject to
@@ -37,10 +37,12 @@ pub struct Settings {
 /// Connection of the chips' data outputs to MISO. For a single chip, both are the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wiring {
-    /// DOUT of chip k + 1 at DAISY_IN of chip k, DOUT of chip 0 at MISO: one burst with all chips
-    /// selected reads a sample. The other DOUTs reach MISO through resistors, for read-back.
+    /// DOUT of chip k + 1 is wired to DAISY_IN of chip k, and DOUT of chip 0 to MISO: one burst
+    /// with all chips selected reads a sample. The other DOUTs reach MISO through resistors, for
+    /// read-back.
     Daisy,
-    /// Every DOUT at MISO: a burst for each chip, which is the only one selected.
+    /// Every DOUT is wired to MISO: each chip is read in its own burst, with no other chip
+    /// selected.
     Cascaded,
 }
 
@@ -77,13 +79,12 @@ impl Settings {
 }
 
 impl Settings {
-    /// Returns [`Self::excited`].
     #[cfg(any(test, feature = "impedance"))]
     pub(crate) const fn excited_channels(self) -> u8 {
         self.excited
     }
 
-    /// Returns 0: images that cannot excite electrodes save the flash of the field.
+    /// Returns 0: without the feature `impedance` the field does not exist, which saves flash.
     #[cfg(not(any(test, feature = "impedance")))]
     #[expect(clippy::unused_self, reason = "the other variant reads it")]
     pub(crate) const fn excited_channels(self) -> u8 {

@@ -33,8 +33,8 @@ pub use board::Event;
 pub use options::{Deliver, Electrodes, Fault, Options};
 pub use wires::{SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady};
 
-/// A simulated chain; clones refer to the same chain. Its supplies come on when it is created
-/// ([`Simulation::power_off`] switches them off).
+/// A simulated chain; clones refer to the same chain. The supplies come on when the chain is
+/// created ([`Simulation::power_off`] switches them off).
 #[derive(Clone, Debug)]
 pub struct Simulation<const CHIPS: usize>(SharedBoard<CHIPS>);
 
@@ -84,7 +84,8 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().next_ns()
     }
 
-    /// Advances the virtual time by `us` microseconds, with all conversions that end in it.
+    /// Advances the virtual time by `us` microseconds, and performs all conversions that end in
+    /// this time.
     pub fn pass_us(&self, us: u64) {
         let mut board = self.board();
         let then = board.now_ns + us * 1000;
@@ -143,7 +144,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     }
 
     /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on
-    /// MISO. With an SCLK that is too fast for the read-back resistors, it is damaged.
+    /// MISO. With an SCLK that is too fast for the read-back resistors, the byte is damaged.
     pub fn transfer_at(&self, end_ns: u64, sclk_hz: u32, mosi: u8) -> u8 {
         self.board().clock_byte(mosi, end_ns, sclk_hz)
     }

@@ -29,10 +29,11 @@ pub struct AcquiredSample {
     pub drdy_us: u64,
     /// Faults of this sample.
     pub marks: Marks,
-    /// Faults of the samples between the previous queued sample and this one, which found no room
-    /// in the queue; an overrun is one of these faults. No faults if no sample was lost.
+    /// Faults of the samples between the previous queued sample and this one, which were lost
+    /// because the queue was full, including the overrun; no faults if no sample was lost.
     pub lost: Marks,
-    /// True if the current flows from which the impedance of the electrodes is measured.
+    /// True if the excitation current flows, from which the impedance of the electrodes is
+    /// measured.
     pub excited: bool,
 }
 
@@ -65,7 +66,7 @@ pub struct Counts {
     pub clipped: u32,
 }
 
-/// Faults of a sample or a window that are detected outside the acquisition.
+/// Faults of a sample or a window that [`pipeline::Acquisition`] does not detect.
 #[expect(
     clippy::struct_excessive_bools,
     reason = "each of them can be true with any other"
@@ -137,8 +138,8 @@ impl WindowMarks {
         self.hops[0] = self.hops[0].union(marks);
     }
 
-    /// Returns the faults that have occurred so far in the newest hop, including those of the step
-    /// that is not yet complete.
+    /// Returns the faults that have occurred so far in the newest hop, including the faults of the
+    /// step that is not yet complete.
     pub(crate) const fn newest_hop(&self) -> Marks {
         self.hops[0]
     }

@@ -1,4 +1,5 @@
-//! What a session needs from its board: identity, abilities, and the orders it carries out.
+//! What a session needs from its board: identity, abilities, and the orders that the board carries
+//! out.
 
 use link::{ExclusionPolicy, ResetCause, ResetInto, Streams};
 use pipeline::{Mains, Rate};
@@ -56,8 +57,8 @@ impl Abilities {
 /// Parameters of a run, which lasts from one `Start` to the next `Start` or `Stop`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Run {
-    /// Number of the run since boot, from 1; wraps. Distinguishes outputs of this run from those of
-    /// an earlier run that are still queued.
+    /// Number of the run since boot, from 1; wraps. Distinguishes outputs of this run from outputs
+    /// of an earlier run that are still queued.
     pub number: u32,
     /// Mains frequency, which the notch filter removes.
     pub mains: Mains,
@@ -79,7 +80,7 @@ impl Run {
 pub enum Order {
     /// Start this run; its first sample has index 0.
     Start(Run),
-    /// Stop streaming and discard samples until the next start, and measure no impedance.
+    /// Stop streaming and measuring impedances, and discard samples until the next start.
     Stop,
     /// Test the converters; report the result with
     /// [`Session::send_self_test`](crate::Session::send_self_test).

@@ -80,8 +80,8 @@ const fn channel_fault(fault: Option<SelfTestFault>) -> ChannelFault {
 /// Number of converters in the chain.
 pub const CHIPS: usize = model::CHANNELS / CHANNELS;
 
-/// Settings of the chain: the model's. The driver reads every register back before the chain runs,
-/// so the samples of a running chain have this rate, and their counts this scale.
+/// Settings of the chain, taken from the model. The driver reads every register back before the
+/// chain runs, so a running chain has this rate and this gain.
 pub const CONVERTER_SETTINGS: Settings = {
     let rate_hz = model::ADC_RATE_HZ as u32;
     let (clock, rate) = if model::HAS_INTERNAL_CLOCK {
@@ -105,8 +105,8 @@ pub const CONVERTER_SETTINGS: Settings = {
     }
 };
 
-/// [`Settings::excited`] of the chain while the impedance of the electrodes is measured: all
-/// channels with an electrode, the first ones.
+/// [`Settings::excited`] of the chain while the impedance of the electrodes is measured: the number
+/// of channels with an electrode, which are the first ones.
 pub const EXCITED: u8 = narrow(model::ELECTRODES);
 
 /// Gain of every channel.

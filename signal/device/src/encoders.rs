@@ -9,10 +9,10 @@ use model::{
 };
 use pipeline::{Code, EncoderMemory, PackedCode, PackedMemory, Rate, Step};
 
-/// The encoders that a device has. An image contains the weights of these encoders only.
+/// The encoders that a device has. A firmware image contains the weights of these encoders only.
 ///
-/// The implementing types are the encoders' memories. A board keeps its memory in a `static`, which
-/// takes no flash because it is all zeros at first.
+/// An implementing type holds the state and scratch memory of the encoders. A board keeps it in a
+/// `static`, which takes no flash because it is initially all zeros.
 pub trait Encoders {
     /// Streams that these encoders feed.
     const STREAMS: Streams;
@@ -21,11 +21,11 @@ pub trait Encoders {
     fn restart(&mut self);
 
     /// Encodes a step with the network; returns a code if the step completes a window. The network
-    /// is `uploaded`, or the built-in one without it.
+    /// is `uploaded`, or the built-in network if that is `None`.
     fn encode_window(&mut self, step: &Step, uploaded: Option<&Network<'_>>) -> Option<Code>;
 
     /// Encodes a step with the packed code; returns a block at `rate` if the step completes a hop.
-    /// The model is `uploaded`, or the built-in one without it.
+    /// The model is `uploaded`, or the built-in model if that is `None`.
     fn encode_block(
         &mut self,
         step: &Step,

@@ -7,7 +7,7 @@ use model::{ADC_RATE_HZ, ELECTRODES};
 use crate::acquired_sample::{AcquiredSample, Marks};
 use crate::converters::CONVERTER_SETTINGS;
 
-/// Impedance of each electrode in one measurement; [`link::Impedance`] is the one on the wire.
+/// Impedance of each electrode in one measurement; [`link::Impedance`] is its form on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Impedance {
     /// Impedances, in the order of the montage: ohms, least significant byte first, or
@@ -16,7 +16,7 @@ pub struct Impedance {
 }
 
 impl Impedance {
-    /// Returns the message for the host.
+    /// Builds the wire message, which borrows the impedances.
     pub(crate) const fn message(&self) -> link::Impedance<'_> {
         link::Impedance {
             ohms: self.ohms.as_flattened(),
@@ -26,12 +26,12 @@ impl Impedance {
 
 const _: () = assert!(link::Impedance::OPEN == ImpedanceMeter::<ELECTRODES>::OPEN);
 
-/// Whether this image measures impedances.
+/// Whether this firmware image can measure impedances.
 pub(crate) const HAS_IMPEDANCE: bool = cfg!(any(test, feature = "impedance"));
 
-/// Returns whether the excitation, at a quarter of the ADC's rate, is inside the band of some of
-/// `streams`. From 500 Hz on the band-pass removes it, below it only unfiltered samples can stream
-/// beside it: who measures then does so before a session.
+/// Returns whether the excitation, at a quarter of the ADC's rate, falls into the band of any of
+/// `streams`. At ADC rates from 500 Hz on, the band-pass removes it. At lower rates, only
+/// unfiltered streams can run during a measurement, so impedances are measured before a session.
 pub(crate) const fn spoils(streams: Streams) -> bool {
     spoils_at(ADC_RATE_HZ, streams)
 }
@@ -51,8 +51,9 @@ pub(crate) struct ImpedanceMeasurement(ImpedanceMeter<ELECTRODES>);
 impl ImpedanceMeasurement {
     pub(crate) const NEW: Self = Self(ImpedanceMeter::new(CONVERTER_SETTINGS));
 
-    /// Adds a sample. Returns the impedances if a measurement is complete. A lost sample, one of a
-    /// bad chip, whose counts repeat, and one without excitation end a measurement without a result.
+    /// Adds a sample. Returns the impedances if a measurement is complete. A measurement ends
+    /// without a result at a lost sample, at a sample of a bad chip, whose counts repeat, and at a
+    /// sample without excitation.
     pub(crate) fn observe(&mut self, acquired: &AcquiredSample) -> Option<Impedance> {
         if !acquired.excited {
             self.0.restart();

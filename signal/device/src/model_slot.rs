@@ -17,8 +17,8 @@ const LAYOUT: u32 = 2;
 /// Numbers of pairs in the packed weights of the analysis and of the prediction.
 const ANALYSIS_PAIRS: usize = PACKED_INPUT_PAIRS * PACKED_COEFFICIENTS / 2;
 const PREDICTION_PAIRS: usize = PACKED_COEFFICIENTS * PACKED_COEFFICIENTS / 4;
-/// Electrodes, steps of a block, pairs of input values and coefficients of this image's packed
-/// model.
+/// Numbers of electrodes, steps of a block, pairs of input values and coefficients in the built-in
+/// packed model.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "at most 64 electrodes, 64 steps, 256 coefficients"
@@ -29,9 +29,10 @@ const SHAPE: [u16; 4] = [
     PACKED_INPUT_PAIRS as u16,
     PACKED_COEFFICIENTS as u16,
 ];
-/// Largest magnitude of the energy of a misfit, so that no sum with it overflows.
+/// Largest magnitude of `misfit_energy`, so that no sum with it overflows.
 const MAX_MISFIT: i64 = 1 << 48;
-/// Steps of a window, pairs of electrodes, numbers and format of this image's codes.
+/// Numbers of steps of a window, pairs of electrodes and values of a code in the built-in model,
+/// and the format of its codes.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "at most 32 steps, 32 pairs, 256 numbers"
@@ -47,8 +48,8 @@ const LINEAR_SHAPE: [u16; 4] = [
     },
 ];
 
-/// An uploaded model, byte for byte as `docs/wire-format.md` lays it out. `model_gen` writes it. An
-/// image whose network has no shortcut has no memory for a linear code.
+/// An uploaded model in the byte layout of `docs/wire-format.md`, as `model_gen` writes it. A
+/// firmware image whose network has no shortcut has no memory for a linear code.
 #[derive(Clone, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 struct Content {
@@ -78,7 +79,7 @@ struct PackedContent {
     reset_levels: [u8; PACKED_COEFFICIENTS],
 }
 
-/// The linear code of an upload, which takes the place of the whole network.
+/// The linear code of an upload, which replaces the whole network.
 #[derive(Clone, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 struct LinearContent {
@@ -89,7 +90,7 @@ struct LinearContent {
     weights: [[Pair; SHORTCUT_PAIRS]; SHORTCUT_STEPS],
 }
 
-/// Scale and zero point of each number of a code, with which a host dequantises it.
+/// Scale and zero point of each value of a code, with which a host dequantises the code.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 pub(crate) struct CodeScales {
@@ -98,7 +99,7 @@ pub(crate) struct CodeScales {
 }
 
 impl CodeScales {
-    /// Scales of the codes that the built-in network makes.
+    /// Scales of the codes that the built-in network computes.
     pub(crate) const BUILT_IN: &Self = &Self {
         scale: CODE_SCALE,
         zero_point: CODE_ZERO_POINT,
@@ -110,12 +111,12 @@ const _: () = assert!(
     "an uploaded model is used as the host has sent it: least significant bytes first"
 );
 
-/// Memory for one uploaded model: a packed model, or this and a linear code. A board can create it
-/// in place: all of its bytes are 0 while it is empty (`FromZeros`).
+/// Memory for one uploaded model: a packed model, alone or with a linear code. A board can create
+/// the slot in place: all bytes of an empty slot are 0 (`FromZeros`).
 ///
-/// Chunks arrive in order. Damaged, missing and repeated ones change nothing that was received, and
-/// a model is used only when its length, its CRC and its numbers are right. Its encoder cannot
-/// panic whatever the weights are: their sums wrap.
+/// Chunks must arrive in order. A chunk after a missing one is refused, and a repeated chunk
+/// changes nothing. A model is used only if its length, its CRC and its numbers are right. Whatever
+/// its weights are, the encoder cannot panic, because sums wrap.
 #[derive(Clone, Debug, FromZeros)]
 pub struct ModelSlot {
     content: Content,
@@ -129,11 +130,11 @@ pub struct ModelSlot {
     is_complete: bool,
 }
 
-/// What has become of a command about an uploaded model.
+/// Outcome of a command about an uploaded model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UploadOutcome {
     pub(crate) result: AckResult,
-    /// What the slot holds of the announced model.
+    /// How much of the announced model the slot holds.
     pub(crate) received: ModelReceived,
     /// The model in the slot, if it can be used.
     pub(crate) model: Option<UploadedModel>,
@@ -143,19 +144,19 @@ pub(crate) struct UploadOutcome {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UploadedModel {
     pub(crate) id: [u8; 8],
-    /// Scales of the codes that the device makes with this model. `None` if it has no linear code
-    /// and its network is not that of the device, so that a host with this model could not decode
-    /// the codes.
+    /// Scales of the codes that the device computes while it uses this model. `None` if the model
+    /// has no linear code and its network is not the device's: a host with this model could then
+    /// not decode the codes.
     pub(crate) code_scales: Option<CodeScales>,
 }
 
 /// The numbers of an uploaded model that the encoders need.
 #[derive(Clone, Copy, Debug)]
 pub struct UploadedWeights<'m> {
-    /// The packed model.
+    /// Matrices, factors, levels and tables of the packed model.
     pub packed: Packed<'m>,
-    /// The network that makes the codes; `None`: the built-in one. Of an uploaded one only the
-    /// shortcut contributes.
+    /// The network that computes the codes; `None` for the built-in network. In an uploaded network
+    /// only the shortcut contributes.
     pub network: Option<Network<'m>>,
 }
 
@@ -165,7 +166,7 @@ impl ModelSlot {
         Self::new_zeroed()
     }
 
-    /// Returns the announcement of the model that the slot has, or is receiving.
+    /// Returns the announcement of the model that the slot holds or is receiving.
     const fn announced(&self) -> ModelBegin {
         ModelBegin {
             id: self.id,
@@ -180,9 +181,9 @@ impl ModelSlot {
         self.is_complete = false;
     }
 
-    /// Announces a model. If it is the one whose upload has begun, or that the slot holds, what was
-    /// received stays; otherwise the slot is emptied. `abilities`: the streams that the device has; a
-    /// model is refused if it would change none of them.
+    /// Announces a model. If the slot holds this model, or has begun to receive it, the received
+    /// bytes are kept; otherwise the slot is emptied. `abilities` are the streams that the device
+    /// has; a model is refused if it would change none of them.
     pub(crate) fn begin(&mut self, begin: ModelBegin, abilities: Streams) -> UploadOutcome {
         const PACKED_ALONE: usize = size_of::<PackedContent>();
         let bytes = usize::try_from(begin.bytes).unwrap_or(usize::MAX);
@@ -203,7 +204,7 @@ impl ModelSlot {
         self.outcome(AckResult::Done)
     }
 
-    /// Stores a chunk that begins where the received bytes end, or before.
+    /// Stores a chunk that begins where the received bytes end, or before that.
     pub(crate) fn store(&mut self, chunk: ModelChunk<'_>) -> UploadOutcome {
         let ModelChunk { offset, bytes } = chunk;
         let first = usize::try_from(offset).unwrap_or(usize::MAX);
@@ -261,7 +262,8 @@ impl ModelSlot {
     pub fn weights(&self) -> Option<UploadedWeights<'_>> {
         let content = &self.content.packed;
         let packed = PACKED.as_ref().filter(|_| self.is_complete)?;
-        // The shapes are those of the image's model. A slice that does not fit is not multiplied.
+        // The shapes equal the shapes of the built-in model. A slice that does not fit is not
+        // multiplied.
         let weights = |first: usize, inputs: usize| {
             let range = first * PACKED_COEFFICIENTS / 2..(first + inputs) * PACKED_COEFFICIENTS / 2;
             content.analysis.get(range).unwrap_or_default()
@@ -306,7 +308,7 @@ impl Content {
     }
 
     /// Returns whether the first `bytes` bytes have this CRC, and are a model with which an encoder
-    /// neither overflows nor divides a range that is empty.
+    /// neither overflows nor divides an empty range.
     fn is_sound(&self, bytes: u32, crc: u32) -> bool {
         let content = usize::try_from(bytes)
             .ok()
@@ -334,8 +336,8 @@ impl PackedContent {
 }
 
 impl LinearContent {
-    /// Returns whether the code is for this image's input and code. No weight or factor can
-    /// overflow a sum: of 32 steps of 64 inputs, it is below 2^26.
+    /// Returns whether the linear code fits the input and the code format of the built-in model. No
+    /// weight or factor can overflow a sum: over 32 steps of 64 inputs, a sum is below 2^26.
     fn is_sound(&self) -> bool {
         let is_scale = |scale: &f32| scale.is_finite() && *scale > 0.0;
         self.shape == LINEAR_SHAPE

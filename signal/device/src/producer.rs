@@ -18,8 +18,8 @@ use crate::model_slot::UploadedWeights;
 /// Produces codes, and the other streams that the host requested, from acquired samples.
 ///
 /// If a step is missing because a queue was full, the producer encodes the previous step again, at
-/// the time of the missing one. The index of a window or block therefore still determines its time.
-/// Codes and blocks that contain a repeated step are marked with an overrun.
+/// the time of the missing step. The index of a window or block therefore still determines its
+/// time. Codes and blocks that contain a repeated step are marked with an overrun.
 ///
 /// An [`Output`] borrows its content from the producer. An encoder runs only if the host has
 /// requested its stream.
@@ -34,11 +34,11 @@ pub struct Producer<E> {
     /// Computes band powers with the filters that the host has set.
     features: FeatureExtractor,
     quality: SignalQuality,
-    /// Measures electrodes while the host wants it; empty in an image without the feature.
+    /// Measures impedances while the host requests it; empty without the feature `impedance`.
     impedance: [ImpedanceMeasurement; HAS_IMPEDANCE as usize],
     /// Finds and fills bad electrodes; empty for a model without a table.
     substitution: [Substitution; SUBSTITUTION.is_some() as usize],
-    /// What the host has decided about the exclusion of electrodes.
+    /// The host's policy for the exclusion of electrodes.
     policy: ExclusionPolicy,
     /// Newest change of the excluded electrodes; `None` before the first step of a run.
     exclusion: Option<ExclusionChange>,
@@ -116,7 +116,7 @@ pub enum Payload<'p> {
 }
 
 impl Payload<'_> {
-    /// Returns whether this is what a device makes of a hop: a code, a packed block or features.
+    /// Returns whether this is the result of a hop: a code, a packed block or features.
     #[inline]
     pub const fn is_of_hop(&self) -> bool {
         matches!(
@@ -132,13 +132,13 @@ impl Payload<'_> {
 pub struct CapturedEvent {
     /// Input and direction of the edge.
     pub kind: EventKind,
-    /// Number of the event since boot; wraps.
+    /// Sequence number of the event since boot; wraps.
     pub number: u32,
     /// Device time of the edge, microseconds.
     pub at_us: u64,
 }
 
-/// From which step on which electrodes are excluded.
+/// The excluded electrodes, and the first step from which on they are excluded.
 #[derive(Clone, Copy, Debug)]
 struct ExclusionChange {
     first_step: u64,
@@ -176,7 +176,7 @@ impl<E: Encoders> Producer<E> {
         self.rate = rate;
     }
 
-    /// Makes features with these filters from the next step on.
+    /// Computes features with these filters from the next step on.
     pub fn set_filters(&mut self, filters: FeatureFilters) {
         self.features.set_filters(filters);
     }
@@ -187,7 +187,7 @@ impl<E: Encoders> Producer<E> {
     }
 
     /// Returns the number of electrode values that were clipped to int8 since boot, in the steps
-    /// that the encoders got: an excluded electrode counts only if its prediction is clipped.
+    /// that the encoders received: an excluded electrode counts only if its prediction is clipped.
     /// Wraps.
     pub const fn clipped(&self) -> u32 {
         self.clipped
@@ -198,8 +198,8 @@ impl<E: Encoders> Producer<E> {
         self.process_with(None, acquired, emit);
     }
 
-    /// Does what [`Self::process`] does, but makes packed blocks, and codes if it has a network,
-    /// with the model `uploaded`, if there is one. All samples of a run need the same model.
+    /// Does what [`Self::process`] does. If there is a model `uploaded`, encodes packed blocks with
+    /// it, and codes too if it has a network. All samples of a run need the same model.
     pub fn process_with(
         &mut self,
         uploaded: Option<&UploadedWeights<'_>>,
@@ -240,7 +240,8 @@ impl<E: Encoders> Producer<E> {
     }
 
     /// Encodes the newest step again for each step that is missing before the step of `acquired`.
-    /// Marks all of them with the faults of the lost samples, which can belong to any of them.
+    /// Marks all repeated steps with the faults of the lost samples, which can belong to any of
+    /// these steps.
     fn repeat_missing_steps(
         &mut self,
         uploaded: Option<&UploadedWeights<'_>>,
@@ -318,7 +319,7 @@ impl<E: Encoders> Producer<E> {
     }
 
     /// Encodes a step and emits the results that are due. Not inlined, because two places call it,
-    /// and an image should contain the encoders only once.
+    /// and a firmware image should contain the encoders only once.
     #[inline(never)]
     fn encode(
         &mut self,

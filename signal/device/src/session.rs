@@ -39,8 +39,8 @@ pub struct Session<'i> {
     /// Filters that the host has set and [`Self::take_filters`] has not returned yet.
     filters: Option<FeatureFilters>,
     decoder: Decoder<MAX_FRAME>,
-    /// Counters that the session itself counts; [`Self::stats`] adds those of acquisition, sender
-    /// and decoder.
+    /// Counters that the session itself counts; [`Self::stats`] adds the counters of acquisition,
+    /// sender and decoder.
     stats: Stats,
 }
 
@@ -167,8 +167,8 @@ impl<'i> Session<'i> {
     }
 
     /// Returns the filters that the host has set since the last call, for
-    /// [`Producer::set_filters`](crate::Producer::set_filters). Call this after
-    /// [`Self::receive`]. They are no [`Order`], because they take 600 bytes.
+    /// [`Producer::set_filters`](crate::Producer::set_filters). Call this after [`Self::receive`].
+    /// Filters are not an [`Order`], because they take 600 bytes.
     pub fn take_filters(&mut self) -> Option<FeatureFilters> {
         self.filters.take()
     }
@@ -198,7 +198,7 @@ impl<'i> Session<'i> {
             }
             ToDevice::Reset(into) => return self.reset(into),
             ToDevice::SetRate { rate } => return self.set_rate(rate),
-            // `receive` has handled filters in range.
+            // `receive` has already handled filters in range, so these are out of range.
             ToDevice::SetFeatures(_) => return (AckResult::BadArgument, None),
             ToDevice::SetImpedance { on } => return self.set_impedance(on),
             ToDevice::SetExclusion(_) if model::SUBSTITUTION.is_none() => {
@@ -372,7 +372,8 @@ impl<'i> Session<'i> {
     }
 
     /// Stores the status of the converters, which every later answer to `Identify` contains. Also
-    /// sends it at once if a run is active, or if its fault differs from that of the last status.
+    /// sends it at once if a run is active, or if its fault differs from the fault in the last
+    /// status.
     pub fn update_converters(
         &mut self,
         converters: Converters,

@@ -15,15 +15,15 @@ pub const MAX_EXPONENT: u8 = 8;
 
 /// Output of the encoder for one window, as on the wire.
 ///
-/// `pipeline::Code` is the encoder's own type, with an array of the model's length. This one
+/// `pipeline::Code` is the encoder's own type, with an array of the model's length. This type
 /// borrows the bytes of a frame, for hosts that talk to devices with any model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Code<'a> {
     /// First 8 bytes of the SHA-256 over the model; only the decoder of that model can read the
     /// values.
     pub model_id: [u8; 8],
-    /// Index of the window since `Start`, wraps at 2^32. Increases by one with every code made,
-    /// dropped ones included.
+    /// Index of the window since `Start`, wraps at 2^32. Increases by one with every code produced,
+    /// including codes that are dropped.
     pub window: u32,
     /// Index since `Start` of the ADC sample that yielded the window's first step.
     pub first_sample: u64,
@@ -42,13 +42,13 @@ pub struct Code<'a> {
     pub values: CodeValues<'a>,
 }
 
-/// The values of a code, in one of three formats; borrowed bytes, where `pipeline::CodeValues` owns
-/// an array of the model's length.
+/// The values of a code, in one of three formats. They are borrowed bytes, whereas
+/// `pipeline::CodeValues` owns an array of the model's length.
 ///
 /// In every format `z = (level - code_zero_point) * code_scale`, with zero points and scales from
 /// [`Capabilities`](crate::Capabilities) and the [levels](Self::levels) of the code. On the wire:
-/// one byte with the format's number, the exponent in the format that has one, then the values up
-/// to the end of the message; none of them is a varint. There are as many values as scales in
+/// one byte with the format's number, the exponent if the format has one, then the values up to the
+/// end of the message; none of them is a varint. There are as many values as scales in
 /// `Capabilities`, at most [`MAX_NUMBERS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CodeValues<'a> {
@@ -115,7 +115,7 @@ impl<'a> CodeValues<'a> {
         }
     }
 
-    /// Returns the number of values.
+    /// Returns the number of values, not of bytes.
     pub const fn len(&self) -> usize {
         self.bytes.len() / self.width()
     }
@@ -144,13 +144,13 @@ impl<'a> CodeValues<'a> {
         })
     }
 
-    /// Returns the values as on the wire.
+    /// Returns the values as on the wire, without the exponent.
     pub const fn bytes(&self) -> &'a [u8] {
         self.bytes
     }
 
     /// Returns these values with the bytes that follow the fields of a message; `None` if the bytes
-    /// end within a value, or hold fewer than `least` or too many values.
+    /// end within a value, or hold fewer than `least` or more than [`MAX_NUMBERS`] values.
     pub(crate) fn with_bytes(self, bytes: &'a [u8], least: usize) -> Option<CodeValues<'a>> {
         let values = CodeValues { bytes, ..self };
         let whole = bytes.len().is_multiple_of(values.width());
@@ -177,8 +177,9 @@ fn exponent<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> 
 byte_enum! {
     /// Format of a device's codes; one byte on the wire.
     ///
-    /// `model::CodeFormat` is the device's own type: it has only the formats that the device can
-    /// make, and a host has no `model`. `artifact::CodeFormat` is the name in the trained file.
+    /// `model::CodeFormat` is the device's own type: it has only the formats that a device can
+    /// produce, and a host does not link `model`. `artifact::CodeFormat` is the format's name in
+    /// the files of a trained model.
     pub enum CodeFormat {
         /// 0: each byte is a level; see [`CodeValues::int8`].
         Int8 = 0,
@@ -216,8 +217,8 @@ impl fmt::Display for CodeFormat {
 
 /// A window as the encoder read it, with the code it produced; sent every ten seconds if requested.
 ///
-/// A host that has the model recomputes the code and checks that the device computes the same one.
-/// The header's time is that of the window's [`Code`].
+/// A host that has the model recomputes the code and checks that the device has computed the same
+/// code. The header holds the time of the window's [`Code`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Audit<'a> {
     /// First 8 bytes of the SHA-256 over the model.
@@ -239,12 +240,12 @@ pub const MAX_RATE: u8 = 15;
 /// One block of the packed code, for one hop of steps; sent if requested.
 ///
 /// Block `n` covers the steps from `n` times [`hop_steps`](crate::Capabilities::hop_steps) on;
-/// blocks do not overlap. The header's time is that of the block's last step. The model is that of
-/// [`Hello`](crate::Hello). `docs/packed.md` has the format of the bytes.
+/// blocks do not overlap. The header holds the time of the block's last step. The model is the
+/// model that [`Hello`](crate::Hello) names. `docs/packed.md` has the format of the bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PackedCode<'a> {
-    /// Index of the block since `Start`, wraps at 2^32. Increases by one with every block made,
-    /// dropped ones included.
+    /// Index of the block since `Start`, wraps at 2^32. Increases by one with every block produced,
+    /// including blocks that are dropped.
     pub block: u32,
     /// Quantiser rate of the stream, 0 (finest) to [`MAX_RATE`], which a decoder needs to read the
     /// bytes. A block can be coarser than the stream; its bytes then state its own rate.
@@ -256,7 +257,7 @@ pub struct PackedCode<'a> {
     pub clipped: u16,
     /// ADC channels that reached the converter's rail inside the block; bit n is channel n.
     pub saturated: u64,
-    /// Bytes of the block; none if all its coefficients are 0 and the range coder takes zeros as
+    /// Bytes of the block; none if all its magnitudes are 0 and the model's tables make zeros
     /// likely. Serde skips them, because the frame carries them after the message's fields.
     #[serde(skip)]
     pub bytes: &'a [u8],

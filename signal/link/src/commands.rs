@@ -15,20 +15,20 @@ pub struct Start {
     pub mains_hz: u8,
 }
 
-/// What the host decides about the exclusion of bad electrodes: argument of `SetExclusion`. In both
+/// The host's decisions about the exclusion of bad electrodes: argument of `SetExclusion`. In both
 /// bit sets, bit n is electrode n of [`Capabilities::labels`](crate::Capabilities::labels).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExclusionPolicy {
     /// Electrodes that are always excluded.
     pub always: u64,
-    /// Electrodes that are never excluded, but for those in `always`.
+    /// Electrodes that are never excluded, except electrodes in `always`.
     pub never: u64,
     /// Whether the device itself finds bad electrodes and excludes them.
     pub automatic: bool,
 }
 
 impl ExclusionPolicy {
-    /// Policy of a device until its host sets another: it finds bad electrodes itself.
+    /// Policy of a device until its host sets another: the device finds bad electrodes itself.
     pub const AUTOMATIC: Self = Self {
         always: 0,
         never: 0,
@@ -112,8 +112,8 @@ byte_enum! {
 
 /// Answer to `SyncTime`, sent before the `Ack` of that command.
 ///
-/// The answer carries two of the four times of a round trip. Its header has the third, when the
-/// answer was made; the host records the fourth, when the answer arrived.
+/// The answer carries two of the four times of a round trip. Its header has the third, the time of
+/// the answer itself; the host records the fourth, the arrival of the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClockReading {
     /// The host's time, repeated from the command, microseconds.

@@ -96,7 +96,7 @@ byte_enum! {
         Offset = 3,
         /// 4: the noise is too large.
         Noisy = 4,
-        /// 5: the noise is smaller than that of a working converter.
+        /// 5: the noise is smaller than the noise of a working converter.
         Silent = 5,
         _ => "Any other: a fault newer than this host.",
     }

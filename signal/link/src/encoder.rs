@@ -124,7 +124,7 @@ impl Encoder {
 struct FrameWriter<'b> {
     encoder: CobsEncoder<'b>,
     digest: Digest<'static, u32>,
-    /// Number of bytes that the body may still grow by, the four of the CRC included.
+    /// Number of bytes that the body may still grow by, the four bytes of the CRC included.
     room: usize,
 }
 

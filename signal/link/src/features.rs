@@ -11,7 +11,7 @@ pub const MAX_FEATURES: usize = 8;
 /// computation, and the ranges that a device checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FeatureFilters<'a> {
-    /// Number that every [`Features`] with these filters repeats.
+    /// Identifier of the filters, which every [`Features`] computed with them repeats.
     pub id: u32,
     /// First section of the band-pass.
     pub first: BandPass,
@@ -27,24 +27,24 @@ pub struct FeatureFilters<'a> {
 /// Coefficients of a section `y0 = gain (x0 - x2) + a1 y1 + a2 y2` at the step rate, Q32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BandPass {
-    /// Factor of the input term.
+    /// Factor of the input term `x0 - x2`.
     pub gain: i64,
-    /// Factor of the previous output.
+    /// Factor of the previous output, `y1`.
     pub a1: i64,
-    /// Factor of the output before the previous one.
+    /// Factor of the output before the previous one, `y2`.
     pub a2: i64,
 }
 
 /// Band powers of one hop; sent if requested, once the host has set filters.
 ///
 /// Hop `n` consists of the steps from `n` times [`hop_steps`](crate::Capabilities::hop_steps) on.
-/// The header's time is that of the hop's last step.
+/// The header holds the time of the hop's last step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Features<'a> {
     /// [`FeatureFilters::id`] of the filters.
     pub id: u32,
-    /// Index of the hop since `Start`, wraps at 2^32. Increases by one with every hop, dropped ones
-    /// included.
+    /// Index of the hop since `Start`, wraps at 2^32. Increases by one with every hop, including
+    /// hops whose message is dropped.
     pub hop: u32,
     /// Faults and conditions of the hop. [`Flags::SETTLING`] also marks the first second after a
     /// start or new filters, in which the band-pass settles.

@@ -24,17 +24,17 @@ bit_set! {
         const OVERRUN = 5;
         /// Bit 6: at least one value of the code was clipped ([`crate::Code::clipped_values`]).
         const CODE_CLIPPED = 6;
-        /// Bit 7: the model does not represent the packed block well: an electrode without contact,
-        /// or a cap that is not the model's.
+        /// Bit 7: the model does not represent the packed block well, for example because an
+        /// electrode has no contact or the cap is not the model's.
         const MISFIT = 7;
         /// Bit 8: the packed block was too long and has no content; the host predicts its signals.
         const BLANK = 8;
         /// Bit 9: at least one electrode was excluded, and its values were filled from the others;
-        /// [`Exclusion`](crate::Exclusion) names it.
+        /// [`Exclusion`](crate::Exclusion) names the electrodes.
         const SUBSTITUTED = 9;
-        /// Bit 14: a loss nearby makes the error of decoded signals larger. Packed blocks were lost
-        /// before this one, and the state of the host's decoder still differs from the device's; or
-        /// a code whose window contains the steps is missing. Never set on the wire.
+        /// Bit 14: decoded signals have a larger error because of a loss. Either packed blocks
+        /// before this block were lost, and the state of the host's decoder still differs from the
+        /// device's, or a code whose window contains the steps is missing. Never set on the wire.
         const HEALING = 14;
         /// Bit 15: the bridge inserted this code or packed block in place of a lost one. Never set
         /// on the wire.

@@ -8,8 +8,8 @@ use crate::message::Message;
 /// Version number of the layout of frame and header.
 pub const VERSION: u8 = 1;
 
-/// Length of the longest body (header, message and CRC, before COBS), bytes. The longest body of
-/// the largest model is that of an `Audit`, a window's int8 planes with its code: 5157 bytes (test
+/// Length of the longest body (header, message and CRC, before COBS), bytes. With the largest
+/// model, the longest body is an `Audit`, a window's int8 planes with its code: 5157 bytes (test
 /// `samples_windows_and_self_tests_fit_a_frame`).
 pub const MAX_BODY: usize = 5376;
 
@@ -26,8 +26,9 @@ pub const fn frame_bytes(body: usize) -> usize {
 pub struct Header {
     /// [`VERSION`] of the sender; the first byte of every frame's body.
     pub version: u8,
-    /// Number of the frame in its direction since boot; wraps at 2^32. A frame that is made and
-    /// then dropped uses up a number too, so the gaps in `seq` are exactly the lost frames.
+    /// Sequence number of the frame in its direction since boot; wraps at 2^32. A frame that is
+    /// numbered and then dropped uses up a number too, so the gaps in `seq` are exactly the lost
+    /// frames.
     pub seq: u32,
     /// Sender's monotonic clock, microseconds since boot, range 0 to 2^64 - 1. A host sends 0,
     /// because no device reads its clock. In messages from a device it is the time of

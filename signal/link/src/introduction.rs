@@ -99,7 +99,7 @@ pub struct Capabilities<'a> {
 }
 
 /// Electrodes whose samples are a substitute, because the recording that the device plays lacks
-/// them; sent between `Hello` and `Capabilities`, and not by a device that measures all electrodes.
+/// them. Sent between `Hello` and `Capabilities`, except by a device that measures all electrodes.
 ///
 /// In both bit sets, bit n is electrode n of
 /// [`Capabilities::labels`](crate::Capabilities::labels).
@@ -119,7 +119,7 @@ impl Substitutes {
     };
 
     /// Formats the electrodes of both sets by their labels, such as "interpolated: F1 F2; zero:
-    /// Cz". `labels` are those of [`Capabilities::labels`](crate::Capabilities::labels).
+    /// Cz". `labels` are the labels in [`Capabilities::labels`](crate::Capabilities::labels).
     pub fn named<'a>(
         self,
         labels: impl Iterator<Item = &'a str> + Clone,

@@ -26,8 +26,8 @@ pub trait Message<'a>: Serialize + Deserialize<'a> {
         &[]
     }
 
-    /// Returns a decoded message with the bytes that follow its fields; `None` if the message does
-    /// not end with such bytes.
+    /// Returns a decoded message with the bytes that follow its fields; `None` if the message
+    /// cannot have these bytes.
     fn with_tail(self, tail: &'a [u8]) -> Option<Self> {
         tail.is_empty().then_some(self)
     }
@@ -85,7 +85,7 @@ pub enum ToHost<'a> {
     PackedCode(PackedCode<'a>),
     /// 17: electrodes that are excluded from codes and filled from the others.
     Exclusion(Exclusion),
-    /// 18: what the device has of an announced model; the answer to each command of an upload.
+    /// 18: how much of an announced model the device has; the answer to each command of an upload.
     ModelReceived(ModelReceived),
     /// 19: band powers of a hop.
     Features(Features<'a>),
@@ -164,9 +164,9 @@ pub enum ToDevice<'a> {
     /// 8: set which electrodes are excluded, from the next half second on; kept until the device
     /// restarts. Refused with `NotSupported` by a device whose model cannot fill electrodes.
     SetExclusion(ExclusionPolicy),
-    /// 9: announce a packed model, which takes the place of the one in use when it is complete;
-    /// refused with `Busy` while any stream runs, and with `NotSupported` by a device without a
-    /// model slot. Until then, the device uses the model that it was built with.
+    /// 9: announce a packed model, which replaces the model in use at `ModelEnd`. Until then, the
+    /// device uses the model that it was built with. Refused with `Busy` while any stream runs, and
+    /// with `NotSupported` by a device without a model slot.
     ModelBegin(ModelBegin),
     /// 10: a part of the announced model; refused with `BadArgument` if bytes before it are
     /// missing.
@@ -175,14 +175,15 @@ pub enum ToDevice<'a> {
     /// 11: use the announced model from now on, until the device restarts. The device introduces
     /// itself again, with the model's id. Answered with `Failed` if the model is not sound.
     ModelEnd,
-    /// 12: make features with these filters from the next step on, at any time; they are kept until
-    /// the device restarts. Filters out of range are refused with `BadArgument`.
+    /// 12: compute features with these filters from the next step on, at any time; the filters are
+    /// kept until the device restarts. Filters out of range are refused with `BadArgument`.
     SetFeatures(FeatureFilters<'a>),
-    /// 13: measure the impedance of the electrodes from the next sample on, or no longer; `Stop` ends
-    /// it. [`ToHost::Impedance`] carries the results. Refused with `NotSupported` by a device that
-    /// cannot, and with `Busy` at ADC rates below 500 Hz while filtered streams run.
+    /// 13: start or end the measurement of the electrodes' impedance with the next sample; `Stop`
+    /// ends it too. [`ToHost::Impedance`] carries the results. Refused with `NotSupported` by a
+    /// device that cannot measure it, and with `Busy` at ADC rates below 500 Hz while filtered
+    /// streams run.
     SetImpedance {
-        /// Whether to measure.
+        /// True to start the measurement, false to end it.
         on: bool,
     },
 }

@@ -14,11 +14,11 @@ use crate::commands::{ExclusionPolicy, Streams};
 pub struct Stats {
     /// Streams that are running; empty on an idle device.
     pub streams: Streams,
-    /// Index of the next window that will yield a code: the number of codes made since `Start`.
+    /// Index of the next window that will yield a code: the number of codes produced since `Start`.
     pub next_window: u32,
-    /// Codes made since boot, dropped ones included.
+    /// Codes produced since boot, including codes that were dropped.
     pub codes_made: u32,
-    /// Frames that were made, numbered and then dropped because the host did not read them.
+    /// Frames that were numbered and then dropped, because the host did not read them in time.
     pub frames_dropped: u32,
     /// ADC samples that were read.
     pub samples: u64,
@@ -42,8 +42,8 @@ pub const MAX_ELECTRODES: usize = 64;
 
 /// Signal quality of each electrode over one second; sent every second while streaming.
 ///
-/// `pipeline::Quality` is the device's own type, with as many electrodes as its model. This one has
-/// room for any model, because a host reads devices with any model.
+/// `pipeline::Quality` is the device's own type, with as many electrodes as its model. This type
+/// has room for any model, because a host reads devices with any model.
 ///
 /// Seconds are counted from `Start`; a second that `Stop` interrupts is not reported.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -78,7 +78,7 @@ pub struct ElectrodeQuality {
 /// Impedance of each electrode; sent about every second while the device streams and measures it
 /// (`SetImpedance`), every two seconds at an ADC rate of 250 Hz.
 ///
-/// The header's time is that of the last sample of the measurement.
+/// The header holds the time of the last sample of the measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Impedance<'a> {
     /// Impedance of each electrode, in the order of
@@ -99,7 +99,7 @@ impl Impedance<'_> {
         ohms.map(|bytes| Some(u32::from_le_bytes(*bytes)).filter(|ohms| *ohms != Self::OPEN))
     }
 
-    /// Returns whether the bytes are those of 1 to [`MAX_ELECTRODES`] electrodes.
+    /// Returns whether the bytes are the impedances of 1 to [`MAX_ELECTRODES`] electrodes.
     pub(crate) const fn is_list(bytes: &[u8]) -> bool {
         let (electrodes, rest) = bytes.as_chunks::<4>();
         rest.is_empty() && !electrodes.is_empty() && electrodes.len() <= MAX_ELECTRODES
@@ -164,8 +164,8 @@ impl fmt::Display for Stage {
 }
 
 /// Electrodes that the device excludes from its codes, because they are bad or because the host
-/// excludes them; it fills their values from the others. Sent when they change, before the first
-/// code or packed block that contains the change, and every second while streaming.
+/// excludes them; the device fills their values from the others. Sent when they change, before the
+/// first code or packed block that contains the change, and every second while streaming.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Exclusion {
     /// Index since `Start` of the step from which on these electrodes are excluded.
@@ -173,6 +173,6 @@ pub struct Exclusion {
     /// Excluded electrodes; bit n is electrode n of
     /// [`Capabilities::labels`](crate::Capabilities::labels).
     pub excluded: u64,
-    /// What the host has decided.
+    /// The host's policy; [`ExclusionPolicy::AUTOMATIC`] until the host sets another.
     pub policy: ExclusionPolicy,
 }

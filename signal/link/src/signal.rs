@@ -20,7 +20,7 @@ pub const VALUE_BYTES: usize = 4;
 
 /// Consecutive unfiltered ADC samples of all channels; sent if requested.
 ///
-/// The header's time is that of the last sample's DRDY edge.
+/// The header holds the time of the last sample's DRDY edge.
 ///
 /// ```
 /// # use link::{Flags, Raw};
@@ -41,8 +41,8 @@ pub struct Raw<'a> {
     pub channels: u8,
     /// Faults of the samples in this frame: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
     pub flags: Flags,
-    /// All counts of the first sample in the order of the channels, then those of the next sample;
-    /// 24 bits each in two's complement, least significant byte first.
+    /// All counts of the first sample in the order of the channels, then the counts of the next
+    /// sample; 24 bits each in two's complement, least significant byte first.
     #[serde(borrow, serialize_with = "serialize_bytes")]
     pub counts: &'a [u8],
 }
@@ -61,7 +61,7 @@ impl Raw<'_> {
 /// Consecutive filtered steps of all electrodes at the encoder's step rate, before quantisation;
 /// sent if requested.
 ///
-/// The header's time is that of the last step.
+/// The header holds the time of the last step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Filtered<'a> {
     /// Index of the first step, counted from `Start`. The next frame's index is this index plus the
@@ -74,8 +74,8 @@ pub struct Filtered<'a> {
     /// Faults of the samples from which these steps were computed: `ADC_STATUS_BAD`, `LEAD_OFF`,
     /// `OVERRUN`, `SATURATED`, `SETTLING`.
     pub flags: Flags,
-    /// All values of the first step in the order of the electrodes, then those of the next step; 32
-    /// bits each in two's complement, least significant byte first.
+    /// All values of the first step in the order of the electrodes, then the values of the next
+    /// step; 32 bits each in two's complement, least significant byte first.
     #[serde(borrow, serialize_with = "serialize_bytes")]
     pub values: &'a [u8],
 }
@@ -90,7 +90,7 @@ impl Filtered<'_> {
 
 /// The samples of a [`Raw`], compressed without loss; sent if requested.
 ///
-/// The header's time is that of the last sample's DRDY edge. `docs/wire-format.md` has the format
+/// The header holds the time of the last sample's DRDY edge. `docs/wire-format.md` has the format
 /// of the bytes, which never take more than the 3 bytes for each count that a `Raw` takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CompressedRaw<'a> {
@@ -101,7 +101,7 @@ pub struct CompressedRaw<'a> {
     pub channels: u8,
     /// Faults of the samples in this frame: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
     pub flags: Flags,
-    /// Form of the bytes, and what a host must know in order to decode them.
+    /// How `bytes` is encoded, which determines what a host must know to decode it.
     pub form: BlockForm,
     /// Number of samples, 1 to [`RAW_SAMPLES`].
     pub samples: u8,
@@ -125,14 +125,14 @@ byte_enum! {
 
 /// An edge at one of the device's inputs; sent if requested.
 ///
-/// The header's time is that of the edge itself, at the resolution of the device's clock, so that
+/// The header holds the time of the edge itself, at the resolution of the device's clock, so that
 /// an experiment's trigger can be placed between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Event {
     /// Input and direction of the edge.
     pub kind: EventKind,
-    /// Number of the event, counted since boot over all kinds; wraps. A gap means that events were
-    /// lost.
+    /// Sequence number of the event, counted since boot over all kinds; wraps. A gap means that
+    /// events were lost.
     pub number: u32,
     /// Index since `Start` of the first ADC sample whose DRDY edge was at or after the event.
     pub sample: u64,

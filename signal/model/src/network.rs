@@ -135,8 +135,8 @@ impl<'w> Network<'w> {
         sum.value()
     }
 
-    /// Returns true if there is no network, or the hop is a multiple of the pool's steps and the
-    /// kernels fit the shapes, so that no kernel can panic. Asserted at compile time for the
+    /// Returns true if the hop suits the window and the pool, and the kernels of the existing
+    /// layers fit the shapes, so that no kernel can panic. Asserted at compile time for the
     /// built-in network. The numbers of weights need no check, because the types of the fields fix
     /// them.
     pub const fn is_consistent(&self) -> bool {

@@ -30,9 +30,10 @@ pub struct Packed<'w> {
     pub input_multiplier: i32,
     /// Largest magnitude of an input value; larger ones are clipped.
     pub input_limit: i32,
-    /// Energy of the inputs that a block's coefficients may lack before the block counts as a
+    /// Energy of the inputs that the coefficients may fail to represent before a block counts as a
     /// misfit, in squares of input values; the encoder adds an allowance for rounding errors.
-    /// Negative if errors are weighted: then the last coefficients are probes for this energy.
+    /// Negative if errors are weighted: then the last coefficients are probes, which measure this
+    /// energy.
     pub misfit_energy: i64,
     /// Quantiser rate until the host sets another, 0 (finest) to 15.
     pub rate: u8,

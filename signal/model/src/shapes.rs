@@ -70,16 +70,16 @@ pub const POOLED_STEPS: usize = if HAS_CONVOLUTIONS {
 };
 /// Largest number of windows that contain the same time step.
 pub const OPEN_WINDOWS: usize = STEPS / HOP;
-/// Whether the model has a network. Without one, it has the packed code alone, and its codes have
-/// no values.
+/// Whether the model has a network. Without a network, it has the packed code alone, and its codes
+/// have no values.
 pub const HAS_NETWORK: bool = HAS_CONVOLUTIONS || HAS_SHORTCUT;
 /// Number of matrices of the linear shortcut: one for each time step of a window, or 0 without a
 /// shortcut.
 pub const SHORTCUT_STEPS: usize = if HAS_SHORTCUT { STEPS } else { 0 };
-/// Number of pairs of electrodes in a time step; zeros fill it up to a multiple of eight.
+/// Number of pairs of electrodes in a time step, padded with zeros to a multiple of eight.
 pub const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
-/// Number of outputs of a matrix with one output for each electrode; unused ones fill it up to a
-/// multiple of four.
+/// Number of outputs of a matrix with one output for each electrode, padded with unused outputs to
+/// a multiple of four.
 pub const ELECTRODE_OUTPUTS: usize = ELECTRODES.next_multiple_of(4);
 
 const fn smaller(a: usize, b: usize) -> usize {

@@ -7,7 +7,7 @@ use crate::checksum::Checksum;
 use crate::constants::ELECTRODES;
 use crate::shapes::{ELECTRODE_OUTPUTS, ELECTRODE_PAIRS};
 
-/// The prediction of each electrode from all others, and how far it is usually off.
+/// The prediction of each electrode from all others, and the typical error of the prediction.
 #[derive(Clone, Copy, Debug)]
 pub struct Substitution<'w> {
     /// Matrix from the electrodes of a step, [`ELECTRODE_PAIRS`] pairs, to their predictions,

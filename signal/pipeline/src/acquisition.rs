@@ -41,8 +41,8 @@ impl Acquisition {
     /// Processes one sample. Returns a step if one is due with this sample: at 512 Hz, with the
     /// first sample and with every fourth sample after it.
     ///
-    /// Not inlined, so that the filters are compiled for speed: a caller in an image is compiled
-    /// for size.
+    /// Not inlined, so that the filters are compiled for speed: a caller in a firmware image is
+    /// compiled for size.
     #[inline(never)]
     pub fn process_sample(&mut self, sample: &Sample) -> Option<Step> {
         self.saturated |= sample.channels_at_rail();
@@ -83,13 +83,13 @@ const _: () = assert!(
     "the time between two samples must be below 2^16 us"
 );
 
-/// Acquisition, substitution of the electrodes that it finds bad, and encoder in one, for programs
-/// that do not run them at different priorities. Its codes are those of a device whose host decides
-/// nothing about the exclusion of electrodes.
+/// Acquisition, substitution of bad electrodes and encoder in one, for programs that do not run
+/// them at different priorities. The codes equal the codes of a device with
+/// [`ExclusionPolicy::AUTOMATIC`].
 #[derive(Clone, Debug)]
 pub struct Pipeline {
     acquisition: Acquisition,
-    /// Empty for a model without a table.
+    /// Empty if the model has no table of substitutions.
     substitution: [Substitution; SUBSTITUTION.is_some() as usize],
     encoder: Encoder<'static>,
 }
@@ -108,8 +108,8 @@ impl Pipeline {
         }
     }
 
-    /// Processes one sample. Returns a code if the sample completes a window: the first with the
-    /// sample of step 15, then one for every hop.
+    /// Processes one sample. Returns a code if the sample completes a window: the first code with
+    /// the sample of step 15, counted from 0, then one code for every hop.
     #[inline]
     pub fn encode_sample(&mut self, sample: &Sample) -> Option<Code> {
         for substitution in &mut self.substitution {

@@ -3,8 +3,9 @@
 use int8_nn::saturate_i8;
 use model::{CODE, CodeFormat};
 
-/// The code of one window as the encoder makes it (`link::Code` is the one on the wire), with its
-/// position in the stream and the window's status: clipped values, channels at the rail, settling.
+/// The code of one window as the encoder returns it (`link::Code` is its form on the wire), with
+/// its position in the stream and the window's status: clipped values, channels at the rail,
+/// settling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
     /// Index of the window in the run, from 0; wraps.
@@ -40,7 +41,8 @@ pub enum CodeValues {
     Int8([i8; CODE]),
     /// Levels divided by 2^exponent, rounded half up and saturated to 8 bits.
     Int8Exponent {
-        /// Smallest exponent of 0..=8 with which no value is clipped, or 8 if there is none.
+        /// Smallest exponent of 0..=8 with which no value is clipped, or 8 if every exponent clips
+        /// a value.
         exponent: u8,
         /// Rounded levels, -128..=127.
         values: [i8; CODE],
@@ -54,8 +56,8 @@ impl CodeValues {
     pub const MAX_BYTES: usize = if CODE > 0 {
         CodeFormat::Int16.bytes()
     } else {
-        // Without a network a code has no values, but in this format it still has the exponent's
-        // byte.
+        // Without a network a code has no values, but in this format the byte of the exponent
+        // remains.
         CodeFormat::Int8Exponent.bytes()
     };
 
@@ -108,8 +110,8 @@ impl CodeValues {
         }
     }
 
-    /// Returns the stored integers, widened to 16 bits. Those of the format `Int8Exponent` are
-    /// still to be multiplied by 2^[`exponent`](Self::exponent).
+    /// Returns the stored integers, widened to 16 bits. In the format `Int8Exponent`, the levels
+    /// are these integers times 2^[`exponent`](Self::exponent).
     pub fn integers(&self) -> [i16; CODE] {
         match self {
             Self::Int8(values) | Self::Int8Exponent { values, .. } => values.map(i16::from),
@@ -154,7 +156,7 @@ fn write(buffer: &mut [u8], bytes: &[u8]) -> usize {
 }
 
 /// Returns the smallest exponent with which every rounded level fits 8 bits, or the largest
-/// exponent if there is none. A level that fits with one exponent fits with every larger one, so
+/// exponent if none suffices. A level that fits with one exponent fits with every larger one, so
 /// the result is the number of exponents that are too small.
 #[inline]
 fn exponent(levels: &[i32; CODE]) -> u8 {

@@ -18,8 +18,8 @@ use crate::sample::{Plane, Step};
 /// The half of the pipeline that runs at the step rate.
 ///
 /// Each plane of the convolutions is computed once, as soon as its inputs exist, and is used for
-/// all windows that contain it. The codes equal those of a batch encoder over each window bit for
-/// bit, because the hop is a multiple of the pool's steps.
+/// all windows that contain it. The codes equal the codes of a batch encoder over each window bit
+/// for bit, because the hop is a multiple of the pool's steps.
 ///
 /// Where a pooled plane belongs to several windows, its products for all but the oldest window are
 /// deferred to the next step. With at most two windows and without padded steps, all steps then
@@ -44,7 +44,7 @@ impl Default for Encoder<'static> {
 }
 
 impl<'w> Encoder<'w> {
-    /// Creates an encoder with `network` instead of the built-in one, whose shape it must have; see
+    /// Creates an encoder with `network`, which must have the shape of the built-in network; see
     /// [`Network::is_consistent`].
     pub const fn with_network(network: &'w Network<'w>) -> Self {
         Self {
@@ -65,7 +65,7 @@ impl<'w> Encoder<'w> {
 }
 
 /// State and scratch memory of an [`Encoder`], about 16 KB: place it in a static, not on a stack.
-/// All of it is initially zero, so that it takes no flash. Its own `encode_step` uses the built-in
+/// All of it is initially zero, so that it takes no flash. [`Self::encode_step`] uses the built-in
 /// network.
 #[derive(Clone, Debug)]
 pub struct EncoderMemory {
@@ -100,8 +100,8 @@ impl EncoderMemory {
         self.encode_step_with(step, &NETWORK)
     }
 
-    /// Encodes the next step with `network`, whose shape must be that of the built-in one; returns
-    /// a code if the step completes a window. All steps of a stream need the same network.
+    /// Encodes the next step with `network`, which must have the shape of the built-in network;
+    /// returns a code if the step completes a window. All steps of a stream need the same network.
     pub fn encode_step_with(&mut self, step: &Step, network: &Network<'_>) -> Option<Code> {
         let index = self.steps;
         self.steps += 1;
@@ -145,7 +145,7 @@ impl EncoderMemory {
     }
 }
 
-/// Returns the electrodes of a plane in pairs, in the order of the montage, filled up with zeros.
+/// Returns the electrodes of a plane in pairs, in the order of the montage, padded with zeros.
 #[inline]
 fn gather(plane: &Plane) -> [Pair; ELECTRODE_PAIRS] {
     // Every index is on the grid; `get` avoids a panic path that the compiler cannot exclude.

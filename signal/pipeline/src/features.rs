@@ -1,4 +1,4 @@
-//! Band powers of spatially filtered electrodes: what a decoder of the host decides from.
+//! Band powers of spatially filtered electrodes: the inputs of a decoder on the host.
 
 use fixed_dsp::{BAND_SECTIONS, BandPass, BandPower};
 use int8_nn::{Linear, Pair};
@@ -14,11 +14,11 @@ pub const MAX_FEATURES: usize = 8;
 /// electrodes stays below 2^23, as [`Linear::accumulate`] requires.
 pub const LARGEST_ROW: u32 = 2_047;
 
-/// Largest magnitude of a coefficient, Q32: 4.0, twice that of any stable section.
+/// Largest magnitude of a coefficient, Q32: 4.0, twice the limit for a stable section.
 const LARGEST_COEFFICIENT: u64 = 1 << 34;
 
-/// Number of hops, 1 s of them, that are marked as settling after a start or new filters: the
-/// band-pass starts at rest.
+/// Number of hops in 1 s, which are marked as settling after a start or a change of filters,
+/// because the band-pass starts at rest.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "at most as many as steps per second"
@@ -41,12 +41,12 @@ pub struct FeatureFilters {
     band: [BandPass; BAND_SECTIONS],
     /// Number of filters, at most [`MAX_FEATURES`].
     filters: u8,
-    /// Weights of all filters, packed for [`Linear`]; 0 for those beyond the number of filters.
+    /// Weights of all filters, packed for [`Linear`]; 0 beyond the number of filters.
     weights: [Pair; WEIGHT_PAIRS],
 }
 
 impl FeatureFilters {
-    /// No filters: an extractor with them returns no features.
+    /// No filters: the extractor returns no features.
     pub const NONE: Self = Self {
         id: 0,
         band: [BandPass::from_q32([0; 3]); BAND_SECTIONS],
@@ -56,10 +56,11 @@ impl FeatureFilters {
 
     /// Creates filters; `None` if an argument is out of range.
     ///
-    /// * `id`: number that the features repeat, so that the host knows whose they are.
-    /// * `sections`: the band-pass at the step rate as two [`BandPass`] sections: gain, a1, a2
-    ///   of each, Q32, at most 4.0. The host proves that no value of the filtered signals leaves 32
-    ///   bits; with any other coefficients, they wrap.
+    /// * `id`: identifier that the features repeat, so that the host knows which filters they come
+    ///   from.
+    /// * `sections`: the band-pass at the step rate as two [`BandPass`] sections: gain, a1, a2 of
+    ///   each, Q32, at most 4.0 in magnitude. The host must prove that no value of the filtered
+    ///   signals exceeds 32 bits; otherwise values wrap.
     /// * `weights`: for each filter, the weight of each electrode of the montage, int8 as bytes. 1
     ///   to [`MAX_FEATURES`] filters; no weight is -128, and the magnitudes of a filter sum to
     ///   2,047 at most.
@@ -115,15 +116,15 @@ impl FeatureFilters {
 /// The band powers of one hop, with their position in the run and their status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Features {
-    /// Number that the host has given the filters.
+    /// Identifier that the host has given the filters.
     pub id: u32,
     /// Index of the hop in the run, from 0; wraps. Hop `n` consists of the steps from `n * HOP` on.
     pub hop: u32,
-    /// Time from the ADC sample that completed the hop to its last step, microseconds; see
+    /// Time from the ADC sample that completed the hop to the hop's last step, microseconds; see
     /// [`Step::offset_us`].
     pub offset_us: u16,
-    /// ADC channels that were at the rail in the hop, or between the step before it and its first
-    /// step; bit n is channel n.
+    /// ADC channels that were at the rail in the hop, or between the step before the hop and the
+    /// hop's first step; bit n is channel n.
     pub saturated: u64,
     /// True if the filters of the device or the band-pass had not settled at the hop's first step.
     pub settling: bool,
@@ -144,9 +145,9 @@ impl Features {
 
 /// Computes [`Features`], one for each hop of steps.
 ///
-/// A hop takes the same number of instructions, whatever the signals are. Every fourth step takes
-/// the band-pass more, and the last one also the logarithms; `cargo xtask bench substitution`
-/// counts them.
+/// A hop takes the same number of instructions, whatever the signals are. Every fourth step also
+/// runs the band-pass, and the last step of a hop also computes the logarithms. The instructions
+/// are counted by `cargo xtask bench substitution`.
 #[derive(Clone, Debug)]
 pub struct FeatureExtractor {
     filters: FeatureFilters,
@@ -188,9 +189,9 @@ impl FeatureExtractor {
         self.settling_hops = SETTLING_HOPS;
     }
 
-    /// Uses these filters from the next step on. The hop under way, and the hops of the second
-    /// after it, in which the band-pass settles, are marked as settling. The same filters again
-    /// change nothing.
+    /// Uses these filters from the next step on. The current hop and the hops of the following
+    /// second, in which the band-pass settles, are marked as settling. Setting the same filters
+    /// again changes nothing.
     pub fn set_filters(&mut self, filters: FeatureFilters) {
         if filters != self.filters {
             self.filters = filters;
@@ -209,7 +210,7 @@ impl FeatureExtractor {
         let place = usize::from(self.steps) % BLOCK;
         let signals = &mut self.block[place];
         *signals = [0; MAX_FEATURES];
-        // The matrix has its constant size, so that the product is never left out.
+        // Always returns true, because the matrix has a constant size.
         write_quarters(&step.electrodes, &mut self.inputs);
         let _ = (self.filters.matrix()).try_accumulate(&self.inputs, signals);
         let filters = usize::from(self.filters.filters);

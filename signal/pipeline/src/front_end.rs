@@ -172,8 +172,8 @@ mod tests {
             .filter_map(|sample| Some(sample_by_sample.filter_sample(sample)?.0))
             .collect();
         assert_eq!(expected.len(), samples.len());
-        // Blocks end at an output. If one is due every 3 samples: blocks of 3; every 4: of 4; every
-        // 9: of 4, 4 and 1; every 7: of 4 and 3.
+        // A block ends at each output. With an output every 3, 4, 9 or 7 samples, the blocks
+        // between two outputs have 3, 4, 4 + 4 + 1 or 4 + 3 samples.
         for down in [3, 4, 9, 7] {
             let resampler = Resampler::every(down);
             let mut front_end = FrontEnd::new(Mains::Hz60, &resampler);

@@ -10,9 +10,9 @@
 //!                                                   int8, band-pass  one per hop, band powers
 //! ```
 //!
-//! [`Pipeline`] combines [`Acquisition`], [`Substitution`] and [`Encoder`]; firmware runs the first
-//! at another priority than the others. [`SignalQuality`] reports the state of each electrode once
-//! a second, for human readers; it is not part of the path to the code.
+//! [`Pipeline`] combines [`Acquisition`], [`Substitution`] and [`Encoder`]; firmware runs
+//! [`Acquisition`] at a different priority from the other two. [`SignalQuality`] reports the state
+//! of each electrode once a second, for human readers; it is not part of the path to the code.
 //!
 //! The crate is pure and synchronous. The path to the code uses integers only, so the same samples
 //! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal,

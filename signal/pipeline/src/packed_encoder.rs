@@ -8,10 +8,10 @@ use crate::sample::Step;
 
 /// Encodes each hop's steps as a block that is predicted from the block before it.
 ///
-/// The products of the analysis are added as the steps arrive, and the prediction is made with the
-/// first step of a block, so that only quantiser and range coder are left after the last step.
+/// The products of the analysis are added as the steps arrive, and the prediction is computed with
+/// the first step of a block, so that only quantiser and range coder are left after the last step.
 ///
-/// Without a packed model it returns no blocks, and its memory is a few bytes.
+/// Without a packed model the encoder returns no blocks and takes only a few bytes of memory.
 #[derive(Clone, Debug)]
 pub struct PackedEncoder {
     memory: PackedMemory,
@@ -47,8 +47,9 @@ impl PackedEncoder {
         self.rate = rate;
     }
 
-    /// Returns the coefficients that a decoder has after it has read all blocks. Call it before the
-    /// next block's first step, which replaces them by their prediction.
+    /// Returns the coefficients that a decoder has after it has read all blocks so far. Call this
+    /// before the next block's first step, which replaces the coefficients by the prediction of the
+    /// next ones.
     pub fn state(&self) -> &[i16] {
         &self.memory.state
     }
@@ -79,13 +80,13 @@ pub const MAX_PACKED_BYTES: usize = 118;
 pub struct PackedCode {
     /// Index of the block in the run, from 0; wraps. Block `n` covers the steps from `n * HOP` on.
     pub block: u32,
-    /// Time from the ADC sample that completed the block to its last step, microseconds; see
-    /// [`Step::offset_us`](crate::Step::offset_us).
+    /// Time from the ADC sample that completed the block to the block's last step, microseconds;
+    /// see [`Step::offset_us`](crate::Step::offset_us).
     pub offset_us: u16,
     /// Number of electrode values of the block that were clipped to the range of the inputs.
     pub clipped: u16,
-    /// ADC channels that were at the rail in the block, or between the step before it and its first
-    /// step; bit n is channel n.
+    /// ADC channels that were at the rail in the block, or between the step before the block and
+    /// the block's first step; bit n is channel n.
     pub saturated: u64,
     /// True if the filters had not settled at the block's first step.
     pub settling: bool,
@@ -94,8 +95,8 @@ pub struct PackedCode {
     pub rate: u8,
     /// True if the block has no prediction, so that a decoder can start with it.
     pub is_reset: bool,
-    /// True if the model does not represent the block well: an electrode without contact, or a cap
-    /// that is not the model's.
+    /// True if the model does not represent the block well, for example because an electrode has no
+    /// contact or the cap is not the model's.
     pub is_misfit: bool,
     /// True if the block was too long at two rates: all its magnitudes are 0, and a decoder shows
     /// the prediction.
@@ -316,8 +317,8 @@ impl PackedMemory {
     }
 
     /// Stores coefficients minus prediction as the residual, and returns the part of the inputs'
-    /// energy that the coefficients do not represent. A weighted model, whose `misfit_energy` is
-    /// negative, has probes that estimate it.
+    /// energy that the coefficients do not represent. In a weighted model, whose `misfit_energy` is
+    /// negative, probes estimate this energy.
     #[inline(never)]
     fn take_residual(&mut self, packed: &Packed<'_>) -> i64 {
         let mut energy = self.energy;

@@ -17,7 +17,7 @@ use crate::sample::{Sample, Step};
 pub const FLAT_BELOW_UV: f32 = 0.49;
 
 /// Signal quality of all electrodes within one second, as the device measures it; `link::Quality`
-/// is the one on the wire.
+/// is its form on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
     /// Index in the run, from 0, of the first sample of the second that the report covers.
@@ -47,10 +47,10 @@ pub struct ElectrodeQuality {
 
 /// Measures the signal quality of each electrode and reports it once a second.
 ///
-/// It is not part of the path to the code. The owner of an [`Acquisition`] passes each sample to
-/// [`Self::observe`], with the step that the sample completed, possibly later and at a lower
-/// priority. The figures are for human readers and are computed in f32. Pass each sample exactly
-/// once: a missing sample lengthens its second and lowers the mains figures of that second.
+/// The measurement is not part of the path to the code. The owner of an [`Acquisition`] passes each
+/// sample to [`Self::observe`], with the step that the sample completed, possibly later and at a
+/// lower priority. The figures are for human readers and are computed in f32. Pass each sample
+/// exactly once: a missing sample lengthens its second and lowers the mains figures of that second.
 ///
 /// # Timing
 /// For each electrode, a sample takes three comparisons and two multiply-adds, a step three

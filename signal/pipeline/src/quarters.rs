@@ -5,7 +5,8 @@ use model::{ELECTRODE_PAIRS, GUARD_BITS, LSB_NV};
 
 use crate::front_end::Electrodes;
 
-/// One value for each electrode, in quarters of a microvolt, then zeros: whole pairs of a matrix.
+/// One value for each electrode, in quarters of a microvolt, padded with zeros to the inputs of a
+/// matrix.
 pub(crate) type Quarters = [i16; 2 * ELECTRODE_PAIRS];
 
 /// Number of bits of a value: -4,096..=4,095 quarters of a microvolt, which is -1,024 to 1,023.75
@@ -36,8 +37,8 @@ const FROM_QUARTERS: i64 = (UNIT_NV / FILTERED_NV * 256.0 + 0.5) as i64;
 /// Returns a function that converts a filtered electrode to quarters of a microvolt, saturated.
 #[inline]
 fn to_quarters() -> impl Fn(i32) -> i16 {
-    // The compiler replaces a multiplication by a known constant by several instructions; this one
-    // is a single SMMULR.
+    // The compiler would replace a multiplication by a known constant by several instructions. A
+    // factor hidden from it takes a single SMMULR.
     let factor = core::hint::black_box(TO_QUARTERS);
     move |x| saturated(requantise(x, factor))
 }
@@ -52,14 +53,14 @@ pub(crate) fn quarters(electrodes: &Electrodes) -> Quarters {
     quarters
 }
 
-/// Returns a value in quarters of a microvolt as a filtered electrode, counts in Q27.5. The largest
-/// value is 1 mV, which fits.
+/// Converts a value in quarters of a microvolt to a filtered electrode, counts in Q27.5. The
+/// largest value, 1 mV, fits 32 bits.
 #[expect(clippy::cast_possible_truncation, reason = "as the comment states")]
 pub(crate) fn filtered(quarters: i16) -> i32 {
     ((i64::from(quarters) * FROM_QUARTERS + 128) >> 8) as i32
 }
 
-/// Writes filtered electrodes in quarters of a microvolt, saturated, as a matrix takes them. Pairs
+/// Writes filtered electrodes in quarters of a microvolt, saturated, as inputs of a matrix. Pairs
 /// beyond the electrodes are unchanged.
 #[inline]
 pub(crate) fn write_quarters(electrodes: &Electrodes, pairs: &mut [Pair; ELECTRODE_PAIRS]) {
@@ -73,7 +74,7 @@ pub(crate) fn write_quarters(electrodes: &Electrodes, pairs: &mut [Pair; ELECTRO
     }
 }
 
-/// Returns the values as pairs, as a matrix takes them.
+/// Returns the values as pairs, the inputs of a matrix.
 #[inline]
 pub(crate) fn pairs(quarters: &Quarters) -> [Pair; ELECTRODE_PAIRS] {
     core::array::from_fn(|pair| Pair::new([quarters[2 * pair], quarters[2 * pair + 1]]))

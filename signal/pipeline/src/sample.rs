@@ -65,7 +65,7 @@ pub struct Step {
     pub plane: Plane,
     /// Number of electrodes whose int8 value was clipped.
     pub clipped: u16,
-    /// ADC channels that were at the rail in a sample after the previous step's, up to and
+    /// ADC channels that were at the rail in a sample after the previous step's sample, up to and
     /// including this step's sample; bit n is channel n.
     pub saturated: u64,
     /// True if the filters have not settled yet after the start.
@@ -117,7 +117,7 @@ pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
     (plane, clipped)
 }
 
-/// Quantises one filtered electrode; returns whether it was clipped, too.
+/// Quantises one filtered electrode; also returns whether the value was clipped.
 #[inline]
 fn quantise_electrode(x: i32) -> (i8, bool) {
     let level = requantise(x, INPUT_MULTIPLIER);

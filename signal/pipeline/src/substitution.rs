@@ -37,8 +37,8 @@ const _: () = assert!(ELECTRODES <= 64, "a mask of electrodes has 64 bits");
 /// Electrodes as a mask; bit n is electrode n of the montage.
 type ElectrodeMask = u64;
 
-/// What the host decides about the exclusion of electrodes. `link` has this type a second time, for
-/// the wire: the pipeline knows no link.
+/// The host's decisions about the exclusion of electrodes. `link` defines this type again, for the
+/// wire, because this crate does not depend on `link`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExclusionPolicy {
     /// Electrodes that are always excluded.
@@ -50,7 +50,7 @@ pub struct ExclusionPolicy {
 }
 
 impl ExclusionPolicy {
-    /// The device finds bad electrodes, and the host excludes and protects none.
+    /// The device finds bad electrodes, and the host excludes and protects no electrode.
     pub const AUTOMATIC: Self = Self {
         always: 0,
         never: 0,
@@ -131,8 +131,9 @@ impl Substitution {
         }
     }
 
-    /// Judges the electrodes at the end of a window, and begins the next window. While the filters
-    /// settle, their transient would look like a fault of every electrode.
+    /// Judges the electrodes at the end of a window, and begins the next window. Skips the
+    /// judgement while the filters settle, because their transient looks like a fault of every
+    /// electrode.
     fn end_window(&mut self, policy: ExclusionPolicy, table: &Table<'_>) {
         if policy.automatic && !self.settling {
             let excluded = self.fill.excluded();
@@ -150,7 +151,7 @@ impl Substitution {
         self.settling = false;
     }
 
-    /// Excludes electrodes that are bad.
+    /// Excludes bad electrodes, as many as [`MAX_EXCLUDED`] permits.
     fn exclude(&mut self, bad: ElectrodeMask, table: &Table<'_>) {
         let excluded = self.fill.excluded();
         if bad & !excluded != 0 && (excluded.count_ones() as usize) < MAX_EXCLUDED {

@@ -1,7 +1,8 @@
 //! The streaming packed encoder writes the same blocks as a reference that computes each block at
-//! once, in plain loops. The model is the built-in one, or the one that `CORTICODE_ARTIFACT` names.
+//! once, in plain loops. The model is the built-in model, or the model that `CORTICODE_ARTIFACT`
+//! names.
 //!
-//! Quantiser and range coder are those of the crate `packed`, which
+//! Quantiser and range coder come from the crate `packed`, which
 //! `tests/acceptance/tests/it/packed_python.rs` compares with Python.
 
 use std::sync::LazyLock;
@@ -169,7 +170,7 @@ struct Seen {
     coarser: usize,
 }
 
-/// Asserts that every block of a stream, and the state after it, equals that of the reference.
+/// Asserts that encoder and reference agree on every block of a stream and on the state after it.
 /// Returns the numbers of blank, misfit and coarser blocks.
 fn assert_equal_on(steps: &[Step], rate: Rate) -> Seen {
     let mut encoder = PackedEncoder::new();
@@ -262,8 +263,8 @@ fn noise(seed: u32) -> impl FnMut() -> i32 {
 #[test]
 fn noise_of_any_size_has_the_references_blocks_among_them_coarser_and_blank_ones() {
     let mut seen = Seen::default();
-    // Full scale of the input is 2^24 counts in Q27.5; 2 mV, where input values are clipped, is
-    // about 2^21.5.
+    // In Q27.5, full scale of the input is 2^28, and 2 mV, where input values are clipped, is about
+    // 2^21.5.
     for shift in [3, 8, 9, 10, 11, 13, 15] {
         let mut next = noise(shift);
         let signal: Vec<i32> = (0..20 * HOP * ELECTRODES)
@@ -294,8 +295,7 @@ fn one_electrode_with_noise_is_a_misfit_from_the_size_that_the_model_permits() {
         assert_equal_on(&steps(20 * HOP, on_one), Rate::MIDDLE).misfit
     };
     let by_size: Vec<usize> = (4..20).rev().map(misfits).collect();
-    // The limits are those of the built-in model; another model is only compared with the
-    // reference.
+    // The limits hold for the built-in model; another model is only compared with the reference.
     if is_built_in() {
         assert!(by_size.is_sorted(), "{by_size:?}");
         assert_eq!((by_size[0], by_size[15]), (0, 20), "{by_size:?}");

@@ -1,5 +1,5 @@
 //! Tests that sections of every type follow their difference equations in f64, and that a
-//! coefficient split into integer and fraction equals the whole one.
+//! coefficient split into integer and fraction equals the unsplit coefficient.
 
 use fixed_dsp::{Cascade, CascadeState, Coefficient, Filter, Section};
 use proptest::prelude::*;
@@ -45,7 +45,7 @@ fn polynomials(section: &Section) -> ([f64; 3], [f64; 2]) {
     }
 }
 
-/// Returns the distance from the origin of the section's outer pole.
+/// Returns the radius of the section's outer pole: its distance from the origin.
 fn outer_pole(section: &Section) -> f64 {
     let [a1, a2] = polynomials(section).1;
     let discriminant = a1 * a1 / 4.0 + a2;

@@ -1,4 +1,4 @@
-//! Compares the filters with float references and with exact ones.
+//! Compares the filters with floating-point and with exact integer references.
 #![forbid(unsafe_code)]
 
 mod float_twin;

@@ -1,5 +1,5 @@
 //! Tests that filtering in blocks, by single samples and with compiled coefficients all return the
-//! same bits: those of the exact sum with unsplit coefficients.
+//! same bits as the exact sum with unsplit coefficients.
 
 use fixed_dsp::{BLOCK, Cascade, CascadeState, Coefficient, Compiled, Design, Filter, Section};
 use proptest::prelude::*;

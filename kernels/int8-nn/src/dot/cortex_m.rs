@@ -2,8 +2,8 @@
 //!
 //! There are two schedules (orders of instructions) with the same results. `grouped` loads several
 //! registers at a time, which takes the fewest cycles on a Cortex-M4. `interleaved` (feature
-//! `cortex-m7`) alternates loads and products, because a Cortex-M7 can issue one of each together.
-//! The cycles were predicted by llvm-mca, not measured.
+//! `cortex-m7`) alternates loads and products, because a Cortex-M7 can issue a load and a product
+//! together. The cycles were predicted by llvm-mca, not measured.
 #![expect(
     unsafe_code,
     reason = "LLVM does not generate SMLAD from Rust, and the loop needs every register"
@@ -102,7 +102,7 @@ use interleaved::{dots_1x14, dots_3x8, dots_9x24};
 use super::{OUTPUTS, POSITIONS};
 use crate::pair::Pair;
 
-/// Arguments of a kernel, which gets their address and copies them to its stack.
+/// Arguments of a kernel, which receives the address of this struct and copies it to its stack.
 #[repr(C)]
 struct Arguments<const SEGMENTS: usize> {
     /// For each segment, pointer to the first input of the next position.
@@ -145,7 +145,7 @@ pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
     // SAFETY: `arguments` points to the `Arguments` above, which lives until this function returns;
     // the kernel only reads it. The pointers in it come from slices that are borrowed until this
     // function returns, and only the kernel uses them. The match selects a kernel for this number
-    // of segments. A position reads WIDTH inputs of each segment, STRIDE after those of the
+    // of segments. A position reads WIDTH inputs of each segment, STRIDE after the inputs of the
     // previous position; a block reads OUTPUTS * SEGMENTS * WIDTH weights and writes POSITIONS *
     // OUTPUTS sums. `super::dots` has cut the slices to the number of blocks in `sums`, which is
     // not 0 and a whole number of iterations. A pair is an aligned word, as LDRD and LDM require.

@@ -34,9 +34,9 @@ pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [
 /// instructions.
 ///
 /// r0: sum of products with the packed weights of the first pair of outputs; r1: sum of products
-/// with their low bytes, the weights of the even output; r2, r3: as r0, r1, for the second pair;
-/// r4-r7: packed weights; r8-r9: inputs; r10: low bytes of the weights; r11: next input; r12: next
-/// weights; lr: end of the inputs.
+/// with the low bytes of these weights, which belong to the even output; r2, r3: as r0, r1, for the
+/// second pair; r4-r7: packed weights; r8-r9: inputs; r10: low bytes of the weights; r11: next
+/// input; r12: next weights; lr: end of the inputs.
 #[unsafe(naked)]
 unsafe extern "C" fn quads(
     weights: *const Pair,

@@ -21,8 +21,8 @@ pub(super) fn keep_largest(
 ) {
     // SAFETY: both pointers come from slices that are borrowed until `tiles_of_pair` returns, and
     // only that function uses them. There are 1 to POSITIONS tiles, so their sums are in the first
-    // OUTPUTS * tiles words of each product. The last address used in `windows` is that of the last
-    // tile's second window and second output, which is the last number of the slice.
+    // OUTPUTS * tiles words of each product. The last address used in `windows` is the address of
+    // the last tile's second window and second output, which is the last number of the slice.
     // `Winograd::is_consistent`, which `convolve_max_pool` asserts, makes all byte offsets fit 32
     // bits.
     unsafe {

@@ -9,7 +9,7 @@ use crate::{
 
 /// Numbers of rows and columns of outputs in a tile.
 pub(super) const TILE: [usize; 2] = [2, 4];
-/// Numbers of rows and columns in a transformed tile: each is larger by two than that of outputs.
+/// Numbers of rows and columns in a transformed tile: each is two more than in a tile of outputs.
 pub(super) const TRANSFORMED_TILE: [usize; 2] = [4, 6];
 /// Number of products that a tile takes for each pair of channels and time step: 24. A direct
 /// convolution needs 72, nine for each of the eight outputs.

@@ -95,7 +95,7 @@ proptest! {
             needs_key &= block.kind == Kind::Continuing;
             let expected = if needs_key { Err(DecodeError::NoKey) } else { Ok(()) };
             prop_assert_eq!(decode(&mut decoder, block), expected);
-            // At most 16 blocks after the lost one, a key block must have come.
+            // At most 16 blocks after the lost block, a key block must have come.
             prop_assert!(!needs_key || index < lost + 16);
         }
     }
@@ -203,7 +203,8 @@ fn python_writes_and_reads_the_same_bytes() {
 }
 
 /// Encodes stretches of samples in blocks of 8 with `kernels/lossless/tests/reference.py`, which
-/// also checks that they decode. Returns kind and bytes of each block; `None` if Python is missing.
+/// also checks that the blocks decode. Returns kind and bytes of each block; `None` if Python is
+/// missing.
 fn encode_in_python(stretches: &[Vec<Row>], key_blocks: u16) -> Option<Vec<(u8, Vec<u8>)>> {
     let mut input = format!("{CHANNELS} {key_blocks}\n");
     for stretch in stretches {

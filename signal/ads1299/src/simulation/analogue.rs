@@ -64,7 +64,7 @@ pub(super) fn convert(
 ) -> [i32; CHANNELS] {
     let currents = chip.register(Register::LOFF_SENSP);
     let off = contacts.off & currents;
-    // Without excitation the lead-off current is a direct one.
+    // Without excitation the lead-off current is a direct current.
     let excitation = excitation(chip, conversion);
     let reference = chip.reference(conversion.now_ns);
     core::array::from_fn(|channel| {
@@ -82,7 +82,8 @@ pub(super) fn convert(
             // Inputs that the simulation lacks are treated as shorted.
             0.0
         } else if off >> channel & 1 != 0 {
-            // The lead-off current drives an open input to the rail, an alternating one to both.
+            // A direct lead-off current drives an open input to one rail, an alternating current to
+            // both rails in turn.
             VREF * excitation.unwrap_or(1.0)
         } else {
             let is_excited = currents >> channel & 1 != 0;
@@ -138,8 +139,8 @@ fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
 }
 
 /// Returns the excitation after the third-order sinc filter, as a fraction of its magnitude; `None`
-/// if LOFF does not select it. It repeats every four samples, at a phase that depends on when the
-/// conversions were started.
+/// if LOFF does not select it. The excitation repeats every four samples, at a phase that depends
+/// on when the conversions were started.
 #[expect(clippy::cast_precision_loss, reason = "less than 2^17")]
 fn excitation(chip: &Chip, conversion: Conversion) -> Option<f64> {
     if chip.register(Register::LOFF) != LOFF_EXCITATION {
@@ -149,7 +150,7 @@ fn excitation(chip: &Chip, conversion: Conversion) -> Option<f64> {
     let half = 2 * period;
     let since = (conversion.cycles % half) as f64 / period as f64;
     let up = (conversion.cycles / half).is_multiple_of(2);
-    // Before the newest change, `since` periods ago, there was another one two periods earlier.
+    // The newest change was `since` periods ago, and the change before it two periods earlier.
     let level = 1.0 + 2.0 * step_response(since) - 2.0 * step_response(since + 2.0);
     Some(if up { level } else { -level })
 }

@@ -54,14 +54,14 @@ pub(super) struct Board<const CHIPS: usize> {
     next: Option<u64>,
     /// End of the next conversion, in nanoseconds; `u64::MAX` if there is none.
     next_ns: u64,
-    /// Number of bytes clocked since the last conversion; of cascaded chips, since the last
-    /// selection.
+    /// Number of bytes clocked since the last conversion; with cascaded chips, since the last
+    /// change of a chip select.
     clocked: usize,
     /// Bits that the chain sends for the current sample; built when its first byte is transferred.
     burst: Option<Burst>,
     /// Cached result of [`Self::ignores_null_bytes`]; `None` if it must be computed again.
     is_deaf: Option<bool>,
-    /// Number of falling edges of DRDY, without those that a fault suppressed.
+    /// Number of falling edges of DRDY, without edges that a fault suppressed.
     pub(super) edges: u64,
     pub(super) violations: u32,
     pub(super) events: Vec<(u64, Event)>,
@@ -163,8 +163,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.convert_at(converts.then_some(settled));
     }
 
-    /// Executes an opcode that a chip has received. START and STOP count at chip 0, whose DRDY is
-    /// wired.
+    /// Executes an opcode that a chip has received. START and STOP take effect at chip 0 only,
+    /// because only its DRDY is wired.
     fn execute(&mut self, index: usize, code: u8) {
         match (index, code) {
             (0, opcode::START | opcode::STOP) => {

@@ -99,7 +99,8 @@ impl Chip {
         };
     }
 
-    /// Switches the supply on: the chip accepts no command before `awake_ns`, and only a reset then.
+    /// Switches the supply on: the chip accepts no command before `awake_ns`, and then only SDATAC
+    /// and RESET until a reset.
     pub(super) fn power_on(&mut self, awake_ns: u64) {
         self.reset(awake_ns);
         self.was_reset = false;
@@ -181,7 +182,8 @@ impl Chip {
         }
     }
 
-    /// Returns whether a zero byte has no effect: the chip expects an opcode, and zero is none.
+    /// Returns whether a zero byte has no effect: the chip expects an opcode, and 0 is not an
+    /// opcode.
     pub(super) fn ignores_null_bytes(&self, moment: Moment) -> bool {
         let waits = self.state == State::Opcode && self.pending.is_none();
         waits && (self.continuous || self.is_dead()) && moment.now_ns >= self.awake_ns

@@ -17,7 +17,8 @@ const LOW: f64 = 0.3;
 /// Steps of the integration in half a period of SCLK.
 const STEPS: u32 = 200;
 
-/// Voltages of MISO and of the other chips' DOUTs, which hang on it through their resistors.
+/// Voltages of MISO and of the other chips' DOUTs, which are connected to MISO through their
+/// resistors.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Miso {
     volts: f64,
@@ -32,8 +33,8 @@ impl Miso {
     }
 
     /// Transfers a byte that one chip drives through `ohms`, with `others` more chips at MISO, and
-    /// returns what the microcontroller reads. It samples in the middle of a bit (SPI mode 1). A
-    /// level between the thresholds reads as the wrong bit.
+    /// returns what the microcontroller reads. The microcontroller samples in the middle of a bit
+    /// (SPI mode 1). A level between the thresholds reads as the wrong bit.
     pub(super) fn read(&mut self, byte: u8, ohms: f64, others: f64, sclk_hz: u32) -> u8 {
         let half_period = 0.5 / f64::from(sclk_hz);
         (0..8).rev().fold(0, |read, bit| {

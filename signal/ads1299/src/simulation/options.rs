@@ -20,7 +20,7 @@ pub struct Options {
     /// Spacing of the chips' parts in a frame, with or without a don't-care bit between two chips.
     pub alignment: Alignment,
     /// Resistor between MISO and the DOUT of each chip after chip 0 in a daisy chain, in ohms;
-    /// `None` if there is none, and only chip 0 can be read.
+    /// `None` without resistors: then only chip 0 can be read.
     pub read_back_ohms: Option<u32>,
     /// Seed of the pseudo-random noise of all channels.
     pub seed: u64,
@@ -90,7 +90,7 @@ pub enum Fault {
     MissedReady,
     /// Sends these four bits in place of 1100 at the start of its status word.
     WrongNibble(u8),
-    /// Delays its data, and those of the chips after it, by one bit.
+    /// Delays its data, and the data of the chips after it, by one bit.
     ShiftedBit,
     /// Ignores writes to this register.
     Forgets(Register),

@@ -24,9 +24,9 @@ const ALL: u8 = 8;
 
 type Meter = ImpedanceMeter<CHANNELS>;
 
-/// Returns the amplitude of `hz` in the samples of a square wave of 1 and -1, whose period is four
-/// samples and which changes `phase` periods after a sample. Computed without the driver's
-/// formulas: a sinc filter of third order is three moving averages over one period.
+/// Returns the amplitude of the fundamental in the samples of a square wave of 1 and -1, whose
+/// period is four samples and which changes `phase` sample periods after a sample. Computed without
+/// the driver's formulas: a sinc filter of third order is three moving averages over one period.
 fn sampled_amplitude(phase: f64) -> f64 {
     const FINE: usize = 256;
     let square = |n: usize| {
@@ -112,7 +112,7 @@ fn excited(
     (bench, Meter::new(settings))
 }
 
-/// Returns the next measurement.
+/// Reads samples until a measurement is complete, and returns its impedances in ohms.
 fn measure(bench: &mut Bench<1, { frame_bytes(1) }>, meter: &mut Meter) -> [u32; CHANNELS] {
     loop {
         let reading = bench.next();
@@ -156,7 +156,7 @@ fn the_gain_does_not_change_an_impedance_and_an_electrode_without_any_reads_near
         let (mut bench, mut meter) = excited(512, gain, 0, Box::new(|_, _| ()));
         bench.simulation.set_impedance(0, 0, 0.0);
         let found = measure(&mut bench, &mut meter);
-        // The noise of 1 Hz: at gain 1 some 25 times that at gain 24.
+        // Noise in a bandwidth of 1 Hz: at gain 1 it is some 7 times as large as at gain 24.
         assert!(found[0] < 100, "{gain:?}: {found:?}");
         assert!(found[4].abs_diff(20_000) < 500, "{gain:?}: {found:?}");
     }
@@ -198,7 +198,7 @@ fn a_restart_measures_whole_seconds_again() {
 fn the_excitation_is_switched_between_two_samples_without_losing_one() {
     for (wiring, channels) in [
         (Wiring::Cascaded, 61),
-        // Six chips without electrodes get masks of their own.
+        // Six chips have fewer than eight electrodes and get masks of their own.
         (Wiring::Daisy, 17),
         (Wiring::Daisy, 61),
     ] {
@@ -251,7 +251,8 @@ fn switch_and_lose_none(wiring: Wiring, channels: u8) {
         assert_eq!(is_excited, expected, "{sample}: {counts:?}");
     }
     assert_eq!(simulation.violations(), 0);
-    // A supply that fails loses the registers; they are written again with the excitation.
+    // When the supply fails, the chips lose their registers, which are then written again with the
+    // excitation.
     finish(chain.switch_excitation(channels, &mut drdy)).unwrap();
     simulation.power_off();
     for _ in 0..10 {

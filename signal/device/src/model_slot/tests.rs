@@ -190,13 +190,13 @@ enum Act {
     Begin {
         other: bool,
     },
-    /// Sends chunks of this length from where the device is on, moved by `skip` bytes.
+    /// Sends chunks of this length from the end of the received bytes on, moved by `skip` bytes.
     Chunks {
         count: usize,
         length: usize,
         skip: i64,
     },
-    /// Sends a chunk that the device has, with other bytes in it.
+    /// Sends a chunk that the device already has, with different bytes.
     RepeatDamaged {
         back: u32,
     },
@@ -309,7 +309,8 @@ proptest! {
     }
 }
 
-/// Returns the byte `at` of a model replaced, as a host without checks might send it.
+/// Returns a model with the bytes from `at` on replaced by `new`, as a host without checks might
+/// send it.
 fn with_bytes(bytes: &[u8], at: usize, new: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     bytes[at..at + new.len()].copy_from_slice(new);
@@ -365,8 +366,8 @@ fn a_model_of_another_layout_or_shape_or_with_numbers_out_of_range_is_refused() 
     assert_eq!(slot.end().result, AckResult::BadArgument);
 }
 
-/// Returns a random linear code beside a random packed model, for the input of the built-in model,
-/// and their upload; `None` if this image takes none.
+/// Returns a model with a random linear code and a random packed code, for the input of the
+/// built-in model, and its upload; `None` if this image takes no linear code.
 fn another_linear() -> Option<(Artifact, Vec<u8>)> {
     let (packed, _) = another().filter(|_| HAS_SHORTCUT)?;
     let artifact = any_linear_for(8, &built_in()?).expect("a model");

@@ -77,7 +77,7 @@ impl Device {
         (order, result)
     }
 
-    /// Starts a run with these streams.
+    /// Starts a run with these streams, and returns the run that the board is ordered to start.
     fn run(&mut self, streams: Streams) -> Run {
         match self.execute(start(streams)) {
             (Some(Order::Start(run)), AckResult::Done) => run,
@@ -247,7 +247,7 @@ fn resets_and_rates_are_ordered_also_during_a_run() {
     }
 }
 
-/// A run goes on, because features name the filters that they come from.
+/// New filters do not end the run, because features name the filters that they come from.
 #[test]
 fn filters_in_range_are_taken_at_any_time_and_others_change_nothing() {
     let mut device = Device::new(EVERYTHING);
@@ -496,7 +496,7 @@ fn an_uploaded_model_is_introduced_by_its_id_and_streams_what_its_host_can_decod
             "{parts:?}"
         );
         assert_eq!(end, &["received", "hello", "capabilities", "ack"]);
-        // With an empty model a host asks whether there is a slot, which changes nothing.
+        // A host announces an empty model to ask whether there is a slot; this changes nothing.
         let question = ToDevice::ModelBegin(ModelBegin::default());
         assert_eq!(device.execute(question), (None, AckResult::BadArgument));
         device.deliver(ToDevice::Identify);
@@ -514,7 +514,8 @@ fn an_uploaded_model_is_introduced_by_its_id_and_streams_what_its_host_can_decod
             assert_eq!(device.execute(start(stream)).1, codes);
         }
         device.execute(ToDevice::Stop);
-        // The model is replaced: until the next one is whole, the device uses the built-in one.
+        // Announcing another model replaces this one: until its upload is complete, the device uses
+        // the built-in model.
         let begin = ToDevice::ModelBegin(ModelBegin {
             id: [1; 8],
             bytes: u32::try_from(bytes.len()).unwrap(),
@@ -606,7 +607,7 @@ fn a_measurement_of_impedances_lasts_until_stop() {
         device.execute(measure(true)),
         done(Order::SetImpedance(true))
     );
-    // Without a run, `Stop` ends it by an order of its own, and only once.
+    // Without a run, `Stop` ends the measurement by a separate order, and only once.
     assert_eq!(
         device.execute(ToDevice::Stop),
         done(Order::SetImpedance(false))

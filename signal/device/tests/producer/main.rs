@@ -100,8 +100,9 @@ fn filters() -> FeatureFilters {
     FeatureFilters::new(7, [[1 << 32, 0, 0]; 2], &weights).expect("a filter in range")
 }
 
-/// Returns the outputs of a new producer for `samples`. It excludes no electrode, whatever the
-/// signal, and its reports of that are left out: a model without a table makes none.
+/// Returns the outputs of a new producer for `samples`. Automatic exclusion is off, so that no
+/// electrode is excluded whatever the signal, and exclusion reports are left out, because a model
+/// without a table sends none.
 fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output<'static>> {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     producer.set_filters(filters());
@@ -193,7 +194,8 @@ fn a_run_produces_exactly_the_requested_streams() {
     assert!(kinds(Streams::ALL).len() > 5);
 }
 
-/// Features have the marks of their own hop, and the number and time of its last step.
+/// Features have the faults of their own hop, the id of the filters, and the time of the hop's last
+/// step.
 #[test]
 fn a_lost_sample_marks_the_features_of_its_hop_alone() {
     let samples_per_hop = HOP as u64 * PER_STEP;
@@ -452,8 +454,8 @@ fn an_event_that_waits_for_its_sample_is_kept_if_it_happened_in_the_new_run() {
 }
 
 /// An electrode that reaches the rail is excluded with that very step: the report comes before the
-/// first output without it, and filtered steps stay as measured. `packed_alone.rs` runs this test
-/// with a model that has a table.
+/// first output that excludes the electrode, and filtered steps stay as measured. `packed_alone.rs`
+/// runs this test with a model that has a table.
 #[test]
 fn a_railed_electrode_is_reported_and_filled() {
     if SUBSTITUTION.is_none() {

@@ -53,8 +53,8 @@ fn a_run_makes_the_blocks_of_the_packed_encoder_at_the_time_of_their_last_steps(
 
 #[test]
 fn exactly_the_blocks_with_a_lost_sample_have_its_faults_and_their_number_stays_right() {
-    // Lost are a sample of block 1, and the samples from the third step of block 2 to the first
-    // step of block 4.
+    // A sample of block 1 is lost, and so are the samples from the third step of block 2 to the
+    // first step of block 4.
     let lost: Vec<u64> = [PER_BLOCK + 3]
         .into_iter()
         .chain(2 * PER_BLOCK + 2 * PER_STEP..4 * PER_BLOCK + PER_STEP)

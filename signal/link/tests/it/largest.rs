@@ -222,8 +222,8 @@ fn samples_windows_and_self_tests_fit_a_frame() {
 
 #[test]
 fn a_body_of_the_maximum_length_fits_the_longest_frame() {
-    // COBS adds most to a body without zeros. The only zero in this body is the number of `Hello`,
-    // unless the CRC has one by chance.
+    // COBS lengthens a body without zeros the most. The only zero in this body is the message
+    // number of `Hello`, unless the CRC contains a zero by chance.
     let text = "x".repeat(MAX_BODY);
     let mut frame = [0; MAX_FRAME];
     let mut longest = 0;

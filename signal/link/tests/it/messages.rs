@@ -45,7 +45,7 @@ fn features() -> ToHost<'static> {
     })
 }
 
-/// 4.2 kOhm, and an electrode that is off.
+/// Impedances of two electrodes: 4.2 kOhm, and a disconnected electrode.
 fn impedance() -> ToHost<'static> {
     ToHost::Impedance(Impedance {
         ohms: &[0x68, 0x10, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF],
@@ -309,7 +309,8 @@ fn compressed_key() -> ToHost<'static> {
     })
 }
 
-/// Block of the eight samples after those of [`compressed_key`], with a jump in the second channel.
+/// Block of the eight samples after the samples of [`compressed_key`], with a jump in the second
+/// channel.
 fn compressed_continuing() -> ToHost<'static> {
     ToHost::CompressedRaw(CompressedRaw {
         first_sample: 9_664,
@@ -324,7 +325,7 @@ fn compressed_continuing() -> ToHost<'static> {
     })
 }
 
-/// What a host decides that always excludes electrode 3 and never electrode 60.
+/// Policy of a host that always excludes electrode 3 and never excludes electrode 60.
 pub(crate) const POLICY: ExclusionPolicy = ExclusionPolicy {
     always: 1 << 3,
     never: 1 << 60,

@@ -36,8 +36,8 @@ pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {
     )
 }
 
-/// Returns a message of the same kind with these contents and numbers.
-/// Bytes of an enum and bits of a set can be ones that this version does not name.
+/// Returns a message of the same kind with these contents and numbers. Bytes of enums and bits of
+/// sets can be unknown to this version.
 fn with_contents(
     mut message: ToHost<'static>,
     bytes: &'static [u8],
@@ -144,7 +144,7 @@ fn with_contents(
     message
 }
 
-/// Returns the bytes of as many impedances as there are, at least one.
+/// Returns the whole impedances in `bytes`, at most [`MAX_ELECTRODES`], or one if there is none.
 fn ohms(bytes: &'static [u8]) -> &'static [u8] {
     let length = bytes.len().min(4 * MAX_ELECTRODES) / 4 * 4;
     if length > 0 {
@@ -154,7 +154,7 @@ fn ohms(bytes: &'static [u8]) -> &'static [u8] {
     }
 }
 
-/// Gives each count another value.
+/// Gives each count a different value.
 fn set_counts(stats: &mut Stats, word: u32) {
     let turned = |bits| word.rotate_left(bits);
     stats.next_window = word;

@@ -40,7 +40,7 @@ fn frame<'m, M: Message<'m>>(seq: u32, device_time_us: u64, message: &M) -> Vec<
         .to_vec()
 }
 
-/// Checks that the dump `name` is the frame of `message`, and that the frame is decoded to it.
+/// Checks that the dump `name` is the frame of `message`, and that the frame decodes to `message`.
 fn check<'d, M: Message<'d> + PartialEq + core::fmt::Debug>(
     decoder: &'d mut Decoder,
     (name, (seq, device_time_us), message): (&str, (u32, u64), M),

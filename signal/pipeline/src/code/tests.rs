@@ -19,14 +19,14 @@ fn encoded(format: CodeFormat, levels: &[i32; CODE]) -> (CodeValues, u8) {
     CodeValues::from_levels(format, |j| levels[j])
 }
 
-/// Returns the levels of a code: zeros, then those in `last`.
+/// Returns the levels of a code: zeros, then the levels in `last`.
 fn levels(last: &[i32]) -> [i32; CODE] {
     let mut levels = [0; CODE];
     levels[CODE - last.len()..].copy_from_slice(last);
     levels
 }
 
-/// Levels of every magnitude, from 0 to far beyond 16 bits.
+/// Draws levels of every magnitude, from 0 to far beyond 16 bits.
 fn any_levels() -> impl Strategy<Value = [i32; CODE]> {
     (0..=20_u32, prop::collection::vec(any::<i32>(), CODE)).prop_map(|(bits, levels)| {
         let levels: Vec<i32> = levels

@@ -112,9 +112,9 @@ impl Convolutions {
         conv1.pair_up(&framed, self.input.advance());
     }
 
-    /// Computes plane `plane` of the second convolution, where plane 0 is that of steps 0 to 4. The
-    /// last plane of a pool completes a pooled plane, whose products are then added to the windows
-    /// that contain it.
+    /// Computes plane `plane` of the second convolution, where plane 0 is computed from steps 0 to
+    /// 4. The last plane of a pool completes a pooled plane, whose products are then added to the
+    /// windows that contain it.
     #[inline]
     fn convolve(
         &mut self,

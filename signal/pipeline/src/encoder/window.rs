@@ -45,8 +45,8 @@ impl OpenWindow {
         }
     }
 
-    /// Adds a time step's clipped values and channels at the rail to those of the window, and keeps
-    /// the offset of the newest step.
+    /// Adds a time step's clipped values and channels at the rail to the window's, and keeps the
+    /// offset of the newest step.
     #[inline]
     pub(super) fn add_events(&mut self, step: &Step) {
         self.clipped = self.clipped.saturating_add(step.clipped);

@@ -1,4 +1,4 @@
-//! Features against the same computation in f64, and what filters are refused.
+//! Compares features with the same computation in f64, and tests which filters are refused.
 
 use std::vec::Vec;
 
@@ -6,8 +6,8 @@ use model::{GUARD_BITS, LSB_NV};
 
 use super::*;
 
-/// `butter(2, [8, 30], 'bandpass', fs=128)` of scipy 1.15 as two sections, each with the root of
-/// the gain 0.162_8.
+/// `butter(2, [8, 30], 'bandpass', fs=128)` of scipy 1.15 as two sections, each with the square
+/// root of the gain 0.1628.
 const BAND: [[f64; 3]; 2] = [
     [
         0.403_467_658_652_6,
@@ -43,7 +43,8 @@ fn filters() -> FeatureFilters {
     FeatureFilters::new(7, q32(BAND), &bytes(&rows())).expect("filters in range")
 }
 
-/// Microvolts of an electrode: 10 Hz, which moves over the head, and slow waves outside the band.
+/// Microvolts of an electrode: a 10 Hz wave that moves over the head, and slow waves outside the
+/// band.
 #[expect(clippy::cast_precision_loss, reason = "some thousands")]
 fn microvolts(electrode: usize, n: usize) -> f64 {
     let (phase, t) = (electrode as f64 / 9.0, n as f64 / 128.0);
@@ -61,7 +62,7 @@ fn step(n: usize) -> Step {
     }
 }
 
-/// The levels of every hop in f64.
+/// Returns the levels of every hop, computed in f64.
 fn expected(steps: usize) -> Vec<[f64; 2]> {
     let mut signals = rows().map(|row| {
         let sample = |n| {
@@ -130,7 +131,7 @@ fn without_filters_there_are_no_features_and_the_hops_count_on() {
     assert_eq!(made.map(|features| features.hop), Some(0));
 }
 
-/// A run after another one yields the features of a first run: no state is left.
+/// After a restart, the same steps yield the same features as in the first run.
 #[test]
 fn a_restart_forgets_the_run_before() {
     let run = |extractor: &mut FeatureExtractor| -> Vec<_> {

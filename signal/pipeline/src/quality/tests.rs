@@ -11,7 +11,7 @@ fn counts_per_uv() -> f64 {
     1000.0 / f64::from(LSB_NV)
 }
 
-/// Returns sample `n` of the signal `uv(electrode, seconds)` in microvolts, rounded to counts.
+/// Returns sample `n` of the signal `uv(electrode, seconds)`, converted from microvolts to counts.
 fn sample(n: u32, uv: impl Fn(usize, f64) -> f64) -> Sample {
     let t = f64::from(n) / f64::from(ADC_RATE_HZ);
     let mut sample = Sample::default();

@@ -60,20 +60,19 @@ impl Evidence {
         steps: 0,
     };
 
-    /// Starts the next window in place. The mains frequency is `mains`. The first sample sets the
-    /// ranges.
+    /// Starts the next window in place, with the mains frequency `mains`. The ranges are not
+    /// cleared, because the first sample sets them.
     pub(super) fn restart(&mut self, mains: Mains) {
         self.electrodes = [Sums::ZERO; ELECTRODES];
         (self.samples, self.steps) = (0, 0);
         (self.railed, self.mains) = (0, mains);
     }
 
-    /// Returns the mains frequency.
     pub(super) const fn mains(&self) -> Mains {
         self.mains
     }
 
-    /// Adds a sample.
+    /// Extends the ranges of all electrodes by a sample.
     pub(super) fn add_sample(&mut self, sample: &Sample) {
         let ranges = self.ranges.iter_mut().zip(&sample.counts);
         if self.samples == 0 {
@@ -103,7 +102,8 @@ impl Evidence {
         for (sums, (&measured, &predicted)) in self.electrodes.iter_mut().zip(values) {
             sums.add_energies(measured.into(), predicted.into());
         }
-        // In a loop of its own: the sums of both together exceed a microcontroller's registers.
+        // In a separate loop, because the sums of both loops would exceed a microcontroller's
+        // registers.
         for (sums, &measured) in self.electrodes.iter_mut().zip(measured) {
             sums.add_mains(measured.into(), weights);
         }
@@ -112,7 +112,8 @@ impl Evidence {
     /// Returns the electrodes whose samples had a peak-to-peak range below [`FLAT_BELOW_UV`] in the
     /// window.
     pub(super) fn flat(&self) -> ElectrodeMask {
-        // Steps that repeat a lost one have no samples.
+        // Steps that repeat a lost step come without samples, so that there can be too few to
+        // judge.
         if usize::from(self.samples) < WINDOW {
             return 0;
         }
@@ -144,14 +145,15 @@ impl Sums {
         }
     }
 
-    /// Returns whether the mains frequency has more than [`MAINS_ABOVE`] and more than half of the
-    /// measured energy. With the sum T over N steps, its RMS is sqrt(2) |T| / (2^10 N).
+    /// Returns whether the RMS at the mains frequency is above [`MAINS_ABOVE`], and its energy more
+    /// than half of the measured energy. With the sum T over N steps, this RMS is
+    /// sqrt(2) |T| / (2^10 N).
     pub(super) fn is_tonal(&self) -> bool {
         let [re, im] = self.mains.map(|part| u64::from(part.unsigned_abs()));
         let squares = re * re + im * im;
         let steps = WINDOW as u64;
         let limit = ((MAINS_ABOVE * steps) << 10).pow(2) / 2;
-        // 2 N rms^2 > energy
+        // Twice the energy at the mains frequency, 2 N rms^2, must exceed the measured energy.
         squares > limit && squares / (steps << 18) > u64::from(self.measured)
     }
 }

@@ -12,35 +12,34 @@ pub(super) const SWEEPS: usize = 8;
 /// Fractional bits of the table's weights.
 const WEIGHT_BITS: u32 = 7;
 
-/// Number of pairs with one number for each excluded electrode.
+/// Number of pairs that hold one value for each slot.
 const SLOT_PAIRS: usize = MAX_EXCLUDED / 2;
 /// Number of pairs of inputs of the matrix from all slots: a multiple of 8, as [`Linear`] requires.
 const SLOT_INPUTS: usize = SLOT_PAIRS.next_multiple_of(8);
 
-/// One number for each excluded electrode, and zeros.
+/// One value for each slot, padded with zeros to [`SLOT_INPUTS`] pairs.
 type Slots = [Pair; SLOT_INPUTS];
 
 /// The excluded electrodes, and their weights in the prediction of every electrode.
 ///
 /// The electrodes are predicted in two parts: a product of the whole table with the measured
 /// electrodes, in which excluded ones are 0, and the products of the excluded electrodes' weights
-/// with their own predictions. The latter depend on each other, and follow by sweeps (Gauss-Seidel)
-/// that start at 0.
+/// with their own predictions. The predictions of excluded electrodes depend on each other: sweeps
+/// (Gauss-Seidel) compute them, starting at 0.
 #[derive(Clone, Debug)]
 pub(super) struct Fill {
     excluded: ElectrodeMask,
-    /// The number of the excluded electrode in each slot, counted from 1, or [`FREE`].
+    /// The excluded electrode in each slot, counted from 1, or [`FREE`].
     slots: [u8; MAX_EXCLUDED],
-    /// Weights from the electrodes of all slots to every electrode, packed for [`Linear`]. Those of
-    /// a free slot have no effect, because its number is 0.
+    /// Weights from the electrodes of all slots to every electrode, packed for [`Linear`]. Weights
+    /// of a free slot have no effect, because the slot's value is 0.
     weights: [Pair; SLOT_INPUTS * ELECTRODE_OUTPUTS / 2],
-    /// For each slot, the weights from the electrodes of all slots to its electrode; 0 for a free
-    /// slot.
+    /// For each slot, the weights from the electrodes of all slots to this slot's electrode; 0 for
+    /// a free slot.
     among_slots: [[Pair; SLOT_PAIRS]; MAX_EXCLUDED],
 }
 
-/// Number in a free slot. It is 0, so that an image clears the initial state instead of copying it
-/// from flash.
+/// Content of a free slot. It is 0, so that the initial state, all zeros, takes no flash.
 const FREE: u8 = 0;
 
 const _: () = assert!(
@@ -57,7 +56,6 @@ impl Fill {
         among_slots: [[Pair::ZERO; SLOT_PAIRS]; MAX_EXCLUDED],
     };
 
-    /// Returns the excluded electrodes.
     pub(super) const fn excluded(&self) -> ElectrodeMask {
         self.excluded
     }
@@ -85,8 +83,8 @@ impl Fill {
         self.gather_weights();
     }
 
-    /// Excludes electrodes as [`Self::exclude`] does. If there are too few free slots, the
-    /// exclusion of other electrodes ends.
+    /// Excludes electrodes as [`Self::exclude`] does. If there are too few free slots, readmits
+    /// other electrodes first.
     pub(super) fn exclude_first(&mut self, electrodes: ElectrodeMask, table: &Table<'_>) {
         while (self.excluded | electrodes).count_ones() as usize > MAX_EXCLUDED
             && let others = self.excluded & !electrodes
@@ -110,7 +108,7 @@ impl Fill {
         self.excluded &= !electrodes;
     }
 
-    /// Gathers the weights among the slots.
+    /// Copies the weights between the electrodes of the slots to `among_slots`.
     fn gather_weights(&mut self) {
         let matrix = matrix(&self.weights);
         for (index, weights) in self.indices().into_iter().zip(&mut self.among_slots) {
@@ -142,7 +140,8 @@ impl Fill {
         for (predicted, &sum) in predicted.iter_mut().zip(&sums[..ELECTRODES]) {
             *predicted = saturated(sum >> WEIGHT_BITS);
         }
-        // The last sweep's value, which one more product would change.
+        // Excluded electrodes keep the value of the last sweep; the product above would be one
+        // more.
         for (slot, electrode) in self.indices().into_iter().enumerate() {
             if let Some(predicted) = predicted.get_mut(electrode) {
                 *predicted = values[slot / 2].get()[slot % 2];
@@ -170,7 +169,7 @@ impl Fill {
         slots
     }
 
-    /// Predicts the electrodes of two slots, one after the other, from those of all slots. A
+    /// Predicts the electrodes of two slots, one after the other, from the values of all slots. A
     /// constant index keeps the values in registers, which saves a third of the sweeps'
     /// instructions.
     #[inline]
@@ -200,6 +199,6 @@ const fn matrix(weights: &[Pair]) -> Linear<'_> {
 
 /// Half of the weights' scale: a sum that starts here is rounded half up when it is shifted.
 ///
-/// No table makes the sums overflow: those of the table stay below 2^23, and so do those of
+/// No table makes the sums overflow: the sums of the table stay below 2^23, and so do the sums of
 /// [`MAX_EXCLUDED`] values times 127.
 const HALF: i32 = 1 << (WEIGHT_BITS - 1);

@@ -7,30 +7,31 @@ use model::{ELECTRODES, STEP_RATE_HZ};
 use super::evidence::{Evidence, Sums};
 use super::{ElectrodeMask, MAX_EXCLUDED, Table, WINDOW};
 
-/// Innovation energy that excludes an electrode, in units of its typical energy; at most
-/// [`MOST_USUAL`]. Added to it is the energy of the prediction, because a larger signal is
-/// predicted with a larger error.
+/// Innovation energy that excludes an electrode, in units of its typical innovation energy; limited
+/// to [`MOST_USUAL`]. The energy of the prediction is added to this limit, because a larger signal
+/// is predicted with a larger error.
 const EXCLUDING: u64 = 50;
-/// Largest energy that [`EXCLUDING`] can lead to: that of 70 uV RMS. Electrodes whose innovation
+/// Largest excluding energy that follows from [`EXCLUDING`]: 70 uV RMS. Electrodes whose innovation
 /// was large in training, such as those over a temporal muscle, would otherwise be excluded late or
 /// never for noise of 100 uV RMS.
 const MOST_USUAL: u64 = 280 * 280 * WINDOW as u64;
-/// Number that stands for the excluding innovation: 2^8.
+/// Value of `Sums::excess` for an innovation at the excluding limit: 2^8.
 const EXCESS_ONE: u32 = 1 << EXCESS_BITS;
 const EXCESS_BITS: u32 = 8;
-/// Innovation that excludes an electrode in its first window. A smaller one excludes it in the
-/// second window in a row, because half a second of movement or muscle is over when it is judged.
+/// Innovation that excludes an electrode in its first window. A smaller excluding innovation
+/// excludes the electrode only in the second window in a row, because half a second of movement or
+/// muscle activity is over when it is judged.
 const SUDDEN: u32 = 2 * EXCESS_ONE;
 /// Innovation below which an electrode counts as good again.
 const GOOD_BELOW: u32 = EXCESS_ONE / 4;
 /// Largest number of electrodes that one window excludes for their innovation alone.
 const MOST_AT_ONCE: usize = 8;
-/// An electrode is quiet if its energy is below this part of the prediction's.
+/// An electrode is quiet if its energy, times this factor, is below the energy of its prediction.
 const QUIET_PART: u64 = 16;
 
-/// Number of windows for which an electrode must be good until it is recovered: 10 s.
+/// Number of windows for which an excluded electrode must be good before it is readmitted: 10 s.
 pub(super) const HOLD: u8 = windows(10);
-/// Number of windows for which an electrode must be quiet until it is excluded: 3 s.
+/// Number of windows for which an electrode must be quiet before it is excluded: 3 s.
 const QUIET: u8 = windows(3);
 
 #[expect(
@@ -44,9 +45,9 @@ const fn windows(seconds: usize) -> u8 {
 /// What earlier windows said about each electrode.
 #[derive(Clone, Debug)]
 pub(super) struct Judge {
-    /// Number of windows since the electrode was last not good.
+    /// Number of windows in a row in which the electrode was good.
     good: [u8; ELECTRODES],
-    /// Number of windows since the electrode was last not quiet.
+    /// Number of windows in a row in which the electrode was quiet.
     quiet: [u8; ELECTRODES],
     /// Whether the electrode's innovation was excluding in the last window.
     loud: [bool; ELECTRODES],
@@ -69,8 +70,8 @@ impl Judge {
         loud: [false; ELECTRODES],
     };
 
-    /// Judges a window in which the electrodes `excluded` were excluded. Those in `never` are not
-    /// found bad.
+    /// Judges a window in which the electrodes `excluded` were excluded. Electrodes in `never` are
+    /// not found bad.
     #[inline(never)]
     pub(super) fn judge(
         &mut self,
@@ -96,7 +97,8 @@ impl Judge {
             let is_good = !certain[electrode] && !is_quiet && excess < GOOD_BELOW;
             self.good[electrode] = counted(self.good[electrode], is_good);
             recovered[electrode] = out & 1 != 0 && self.good[electrode] >= HOLD;
-            // Shifts by one: a microcontroller needs several instructions to select a bit of 64.
+            // Shift by one, because a microcontroller needs several instructions to select one of
+            // 64 bits.
             (sure, out) = (sure >> 1, out >> 1);
         }
         let [certain, recovered] = [certain, recovered].map(mask);
@@ -121,8 +123,9 @@ impl Judge {
     }
 }
 
-/// Returns up to `most` electrodes with an excluding innovation of at least half the largest one:
-/// electrodes that are predicted from a bad one have an innovation too, but a smaller one.
+/// Returns up to `most` electrodes outside `others` with an excluding innovation of at least half
+/// the largest one: a bad electrode also causes smaller innovations where it is used for
+/// prediction.
 fn largest(mut excess: [u32; ELECTRODES], others: ElectrodeMask, most: usize) -> ElectrodeMask {
     let mut rest = others;
     for excess in &mut excess {
@@ -148,7 +151,7 @@ fn largest(mut excess: [u32; ELECTRODES], others: ElectrodeMask, most: usize) ->
     bad
 }
 
-/// Returns the number of windows in a row after a window in which the condition holds or not.
+/// Returns the updated number of windows in a row in which a condition holds.
 const fn counted(count: u8, holds: bool) -> u8 {
     if holds { count.saturating_add(1) } else { 0 }
 }
@@ -170,8 +173,8 @@ fn typical_energy(table: &Table<'_>, electrode: usize) -> u32 {
 
 impl Sums {
     /// Returns the innovation in units of the excluding innovation, times [`EXCESS_ONE`]. The unit
-    /// is rounded down to a multiple of [`EXCESS_ONE`] energies, so that one division of 32 bits
-    /// will do; of a trained table it has some ten thousands.
+    /// is rounded down to a multiple of [`EXCESS_ONE`] energies, so that one 32-bit division
+    /// suffices; with a trained table, the divisor is some ten thousands.
     fn excess(&self, typical: u32) -> u32 {
         let usual = (EXCLUDING * u64::from(typical)).min(MOST_USUAL);
         let limit = (usual + u64::from(self.predicted)) >> EXCESS_BITS;

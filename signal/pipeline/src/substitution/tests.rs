@@ -151,8 +151,9 @@ fn step(uv: &[f64; ELECTRODES]) -> Step {
     }
 }
 
-/// Runs the substitution over steps; each step is preceded by one sample that is not flat, but
-/// for the electrodes `flat`. Returns the excluded electrodes and the output at each step.
+/// Runs the substitution over steps; each step is preceded by one sample, constant at the
+/// electrodes in `flat` and changing at all others. Returns the excluded electrodes and the output
+/// at each step.
 fn run(
     policy: ExclusionPolicy,
     table: &Table<'_>,
@@ -195,7 +196,7 @@ fn steps_pass_unchanged_while_no_electrode_is_bad() {
     }
 }
 
-/// The reference is the conditional mean by the covariance itself, in floating point.
+/// The reference is the conditional mean, computed from the covariance in floating point.
 #[test]
 fn excluded_electrodes_are_their_conditional_mean_given_the_others() {
     let covariance = covariance();
@@ -235,7 +236,7 @@ fn excluded_electrodes_are_their_conditional_mean_given_the_others() {
             }
         }
         let (error, expected) = (rms(errors.into_iter()), rms(expected.into_iter()));
-        // Weights of 7 bits and eight sweeps.
+        // The error comes from weights with 7 fractional bits and from stopping after eight sweeps.
         assert!(error < 0.06 * expected, "{error} of {expected} uV, {bad:?}");
     }
 }
@@ -268,8 +269,7 @@ fn conditional_mean(covariance: &Matrix, bad: &[usize]) -> Matrix {
 /// The value of a bad electrode, from the index of the step and the value without the fault, uV.
 type Fault = fn(usize, f64, &mut Noise) -> f64;
 
-/// A pop of some tens of microvolts excludes no electrode if it is over within a window, and one if
-/// it is there in the next window too.
+/// A pop of 75 uV excludes no electrode if it lasts one window, and its electrode if it lasts two.
 #[test]
 fn a_short_pop_excludes_no_electrode() {
     const BAD: usize = 30;
@@ -286,8 +286,9 @@ fn a_short_pop_excludes_no_electrode() {
     }
 }
 
-/// Faults that begin in the middle of window 4 and end after window 14: each is found within the
-/// stated number of windows, alone, and the electrode returns 10 s after the end.
+/// Faults that begin in window 4, counted from 0, and end with window 13: each is found within the
+/// stated number of windows, no other electrode is excluded, and the electrode returns 10 s after
+/// the end.
 #[test]
 fn each_fault_is_found_and_the_electrode_returns() {
     const BAD: usize = 30;
@@ -341,7 +342,7 @@ fn each_fault_is_found_and_the_electrode_returns() {
 const TAU: f64 = std::f64::consts::TAU;
 
 /// The typical innovation of this electrode is 24 uV RMS, as over a temporal muscle: 50 times its
-/// energy is that of 170 uV.
+/// energy corresponds to 170 uV RMS.
 #[test]
 fn an_electrode_with_large_innovations_in_training_is_excluded_for_noise() {
     const BAD: usize = 30;
@@ -386,7 +387,7 @@ fn a_flat_electrode_is_excluded_after_one_window() {
     assert_eq!((outputs[WINDOW - 1].0, outputs[WINDOW].0), (0, 1 << 5));
 }
 
-/// A flat electrode that the host protects does not hide another one with a pop.
+/// While the host protects a flat electrode, an electrode with a pop is still found.
 #[test]
 fn a_protected_electrode_does_not_end_the_search_for_others() {
     let (_, table) = table(&covariance());
@@ -403,7 +404,7 @@ fn a_protected_electrode_does_not_end_the_search_for_others() {
     assert_eq!(outputs.last().map(|(mask, _)| *mask), Some(1 << 30));
 }
 
-/// Electrodes that the host excludes take the places of those that the device has found.
+/// Electrodes that the host excludes take the slots of electrodes that the device has excluded.
 #[test]
 fn the_host_comes_first() {
     let (_, table) = table(&covariance());
@@ -433,7 +434,7 @@ fn the_host_excludes_protects_and_switches_off() {
     assert_eq!(excluded(1, 0b100, true), 0b1001);
     assert_eq!(excluded(1, 1, false), 1);
     assert_eq!(excluded(0, 0, false), 0);
-    // More than there are slots.
+    // The host excludes more electrodes than there are slots.
     assert_eq!(
         excluded(u64::MAX, 0, true).count_ones() as usize,
         MAX_EXCLUDED

@@ -73,7 +73,8 @@ schedule! {
         ".endif",
     ]
     [
-        // Move lr from the weights of the last round to those of the next block's first round.
+        // Move lr from the weights of the last round to the weights of the next block's first
+        // round.
         ".if {shared}",
         "sub lr, #({weights_of_block} - 16)",
         ".elseif block == {blocks} - 1",
