@@ -192,8 +192,8 @@ impl Convolution {
     }
 }
 
-/// Returns, for each of the kernel's nine rows, at which offset in a channel of `volume` the inputs
-/// of the kernel row start.
+/// Returns, for each of the kernel's nine rows, the offset in a channel of `volume` at which the
+/// inputs of this kernel row start.
 fn tap_rows(volume: &Volume) -> [usize; KERNEL * KERNEL] {
     std::array::from_fn(|index| volume.row_start(0, index / KERNEL, index % KERNEL))
 }

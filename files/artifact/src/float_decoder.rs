@@ -10,9 +10,9 @@ use crate::tensors::Tensors;
 use crate::unpooled_convolution::UnpooledConvolution;
 
 /// The decoder in f32: a fully connected layer, nearest-neighbour unpooling, a transposed
-/// convolution with ReLU and batch norm, and a second transposed convolution. A linear shortcut
-/// from the code is added to their output, if the mode has one. In mode `packed`, which has no
-/// codes, every decoded window is 0.
+/// convolution with ReLU and batch norm, and a second transposed convolution. If the mode has a
+/// linear shortcut from the code, its output is added. In mode `packed`, which has no codes, every
+/// decoded window is 0.
 #[derive(Clone, Debug)]
 pub struct FloatDecoder {
     geometry: Geometry,

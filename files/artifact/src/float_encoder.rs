@@ -8,8 +8,9 @@ use crate::scalp_grid::ScalpGrid;
 use crate::tensors::Tensors;
 
 /// The encoder in f32: two convolutions, each with ReLU and batch norm, a max-pool and a fully
-/// connected layer; a linear shortcut is added to their output if the mode has one. The integer
-/// encoder's quantisation error is measured against it. In mode `packed`, codes have no numbers.
+/// connected layer. A linear shortcut is added to their output if the mode has one. The integer
+/// encoder's quantisation error is measured against this encoder. In mode `packed`, codes are
+/// empty.
 #[derive(Clone, Debug)]
 pub struct FloatEncoder {
     geometry: Geometry,
