@@ -135,11 +135,11 @@ enum MontageVerb {
     },
 }
 
-/// Exit status of wrong usage, and of every error of a command that checks something.
+/// Exit status for wrong usage, and for every error of a command that checks something.
 const USAGE: u8 = 2;
 
 /// Runs the program. Returns 0, 1 for a failure, 2 for wrong usage and 130 after Ctrl-C. Commands
-/// that check something return 1 or 2 for what they find, and 2 for every error.
+/// that check something return 1 or 2 for their findings, and 2 for every error.
 pub fn run() -> ExitCode {
     let (result, on_failure) = match Cli::parse().verb {
         Verb::Train(options) => (train(&options), 1),
@@ -191,7 +191,7 @@ fn evaluate(args: &EvaluateArgs) -> Result<ExitCode, TrainerError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs a cross-validation, and prints the table once all folds are there.
+/// Runs a cross-validation, and prints the table once all folds have an outcome.
 fn cross_validate(args: &CrossvalArgs) -> Result<ExitCode, TrainerError> {
     let CrossvalArgs { options, report } = args;
     report::prepare(report.report.as_deref(), report.force)?;
@@ -235,8 +235,8 @@ fn peak_memory_mb() -> Option<u64> {
     Some(kib * 1024 / 1_000_000)
 }
 
-/// Trains a packed model, and prints its bits and errors at each rate, and for comparison those of
-/// the same transform code without prediction.
+/// Trains a packed model. Prints its bits and errors at each rate, and for comparison the bits and
+/// errors of the same transform code without prediction.
 fn train_packed(options: &PackedOptions) -> Result<ExitCode, TrainerError> {
     let trained = packed::train(options, &mut Terminal::new())?;
     new_file::print(format_args!(
@@ -247,13 +247,13 @@ fn train_packed(options: &PackedOptions) -> Result<ExitCode, TrainerError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Trains a table of substitutions, and prints its errors and how its sweeps converge.
+/// Trains a table of substitutions. Prints its errors, and the convergence of its sweeps.
 fn train_substitution(options: &SubstitutionOptions) -> Result<ExitCode, TrainerError> {
     new_file::print(substitution::train(options, &mut Terminal::new())?)?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// Trains a classifier, and prints how well it does on what it was not trained on.
+/// Trains a classifier, and prints its figures on trials that were not used for training.
 fn classify(options: &ClassifyOptions) -> Result<ExitCode, TrainerError> {
     report::prepare(options.report.as_deref(), options.force)?;
     let terminal = &mut Terminal::new();
