@@ -154,9 +154,9 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
     }
 }
 
-/// Returns a Butterworth band-pass of order 2 at each edge as two sections `y0 = gain (x0 - x2) +
-/// a1 y1 + a2 y2`: gain, a1 and a2 of each section, Q32. Both sections have the same gain; the
-/// first has the poles of lower frequency.
+/// Returns a Butterworth band-pass of order 2 at each edge as two sections
+/// `y0 = gain (x0 - x2) + a1 y1 + a2 y2`: gain, a1 and a2 of each section, Q32. Both sections have
+/// the same gain; the first has the poles of lower frequency.
 ///
 /// Expects `0 < low_hz < high_hz < rate_hz / 2`.
 pub fn band_power_sections([low_hz, high_hz]: [f64; 2], rate_hz: f64) -> [[i64; 3]; 2] {

@@ -84,8 +84,7 @@ impl Resampler {
     /// Adds a filtered sample; returns an output if one is due at this sample.
     ///
     /// # Panics
-    /// Never, if a [`DeviceModel`](crate::DeviceModel) could be made of the description: this
-    /// proves the headroom.
+    /// Never for a description whose headroom [`DeviceModel`](crate::DeviceModel) has proven.
     pub fn resample(&mut self, filtered: Vec<i32>) -> Option<Vec<i32>> {
         let electrodes = filtered.len();
         self.newest.pop_back();

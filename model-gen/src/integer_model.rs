@@ -71,7 +71,7 @@ impl IntegerModel {
     /// encoder must equal bit for bit.
     ///
     /// # Panics
-    /// If the window's length is not that of the model's window.
+    /// If `window` does not have the length of the model's windows.
     pub fn encode_window(&self, window: &[i8]) -> IntegerCode {
         let dimensions = &self.geometry.dimensions;
         assert_eq!(window.len(), dimensions.window_cells(), "cells of a window");

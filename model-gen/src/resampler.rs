@@ -122,7 +122,7 @@ impl ResamplerTable {
     }
 
     /// Returns the complex gain at `frequency_hz` for samples at `rate_hz`; its phase is relative
-    /// to the time of an output. The gain is that of the prototype: the mean over all phases.
+    /// to the time of an output. The gain is the prototype's: the mean over all phases.
     ///
     /// A tone above half of the output rate appears at its alias frequency with this gain. If the
     /// input rate is not a multiple of the output rate, a tone at `f` also has an image, with the

@@ -40,8 +40,8 @@ struct Cli {
 enum Verb {
     /// Train a model and write its artifact.
     Train(Box<TrainOptions>),
-    /// Print the figures of an artifact on recordings, and those of PCA with the same number of
-    /// components.
+    /// Print the figures of an artifact on recordings, and for comparison the figures of PCA with
+    /// the same number of components.
     Evaluate(EvaluateArgs),
     /// Compare a model with PCA by cross-validation, for each subject.
     Crossval(Box<CrossvalArgs>),
@@ -55,7 +55,7 @@ enum Verb {
     /// Make a model from the tensors of a network that was trained elsewhere, for example in
     /// PyTorch.
     Import(Import),
-    /// Print what a model is: grid, training card, filters, layers, memory.
+    /// Print a model's contents: grid, training card, filters, layers, memory.
     Show(ShowArgs),
     /// Print the differences between two models. Exit status: 0 equal, 1 different, 2 error.
     Diff(DiffArgs),
@@ -93,8 +93,8 @@ struct CrossvalArgs {
 
 #[derive(Args, Debug)]
 struct ReportArgs {
-    /// Folder to write a report to: pictures with their values, and a page that shows them. That of
-    /// a cross-validation is written once all folds are there.
+    /// Folder to write a report to: pictures with their values, and a page that shows them. The
+    /// report of a cross-validation is written once all folds are done.
     #[arg(long)]
     report: Option<PathBuf>,
     /// Replace a report in this folder.

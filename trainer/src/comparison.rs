@@ -40,8 +40,8 @@ pub struct Comparison {
     pub packed: Vec<RateFigures>,
     /// Rate of the packed code with which a device starts; `None` without a packed model.
     pub packed_rate: Option<u8>,
-    /// Figures of a code that transforms each block by the Karhunen-Loeve transform. Unlike the
-    /// packed code, it does not predict; otherwise both are alike. They are read from the packed
+    /// Figures of a code that transforms each block by the Karhunen-Loeve transform. It differs
+    /// from the packed code only in that it does not predict. The figures are read from the packed
     /// model's card; empty if the card has other test recordings.
     pub without_prediction: Vec<PackedFigures>,
     /// Number of time steps from one code to the next, and from one packed block to the next.

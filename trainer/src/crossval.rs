@@ -49,7 +49,7 @@ pub(crate) struct CrossvalOptions {
     /// --data].
     #[arg(long, value_delimiter = ',')]
     recordings: Vec<String>,
-    /// Name of the only subject [default: what precedes the number of the run in the files' names].
+    /// Name of the only subject [default: the text before the run's number in each file name].
     #[arg(long)]
     subject: Option<String>,
     #[command(flatten)]

@@ -79,12 +79,12 @@ struct FitOptions {
     /// of the training data's variance [default: rate 4].
     #[arg(long)]
     target_mse: Option<f64>,
-    /// What the decoded signals are for: `motor`, so that errors at 8 to 30 Hz that a decoder sees
-    /// through spatial filters weigh more, or another band such as 8..13 [default: to be looked at;
-    /// all errors weigh alike].
+    /// Use of the decoded signals: `motor`, so that errors at 8 to 30 Hz that a decoder sees
+    /// through spatial filters have more weight, or another band such as 8..13 [default: visual
+    /// inspection; all errors have equal weight].
     #[arg(long = "for", value_name = "USE", value_parser = packed_fit::weight_for)]
     weight: Option<ErrorWeight>,
-    /// Weight of the errors in the band of --for, relative to those at all frequencies [default:
+    /// Weight of the errors in the band of --for, relative to errors at all frequencies [default:
     /// 3].
     #[arg(long, requires = "weight", value_parser = positive)]
     strength: Option<f64>,

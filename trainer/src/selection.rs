@@ -23,7 +23,7 @@ pub(crate) struct TrainingFiles {
     /// model has no test figures.
     #[arg(long, value_delimiter = ',')]
     test: Vec<String>,
-    /// Name of the only person [default: what precedes the number of the run in the files' names].
+    /// Name of the only person [default: the text before the run's number in each file name].
     /// In training, each person's recordings are scaled to the same power.
     #[arg(long)]
     pub(crate) subject: Option<String>,
@@ -43,7 +43,7 @@ pub struct TestFiles {
     /// ranges of them like R11..R12 [default: those in the training card].
     #[arg(long, value_delimiter = ',')]
     pub test: Vec<String>,
-    /// Name of the only person [default: what precedes the number of the run in the files' names].
+    /// Name of the only person [default: the text before the run's number in each file name].
     #[arg(long)]
     pub subject: Option<String>,
     /// Mains frequency of the recordings, Hz: 50 or 60 [default: that of the training].

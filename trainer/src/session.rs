@@ -46,7 +46,7 @@ pub(crate) struct TrainOptions {
     /// their values and a page that shows them.
     #[arg(long)]
     report: Option<PathBuf>,
-    /// Replace an artifact in the folder of --out, and a report in that of --report.
+    /// Replace an artifact in the folder of --out, and a report in the folder of --report.
     #[arg(long)]
     force: bool,
 }

@@ -75,8 +75,8 @@ pub struct SpatialFilter {
 
 /// A linear discriminant for each class, applied to the logarithms of smoothed band powers.
 ///
-/// With `x_f = ln(mean energy of feature f over the window)`, class c has the score `bias[c] +
-/// sum_f weights[c][f] x_f`. The softmax of the scores gives the probabilities.
+/// With `x_f = ln(mean energy of feature f over the window)`, class c has the score
+/// `bias[c] + sum_f weights[c][f] x_f`. The softmax of the scores gives the probabilities.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DecisionRule {
@@ -115,7 +115,8 @@ pub struct ClassifierTraining {
     pub trial_s: [f64; 2],
     /// Number of training trials of each class, in the order of the classes.
     pub trials: Vec<u32>,
-    /// Results of cross-validation, in which each recording is left out of the training in turn.
+    /// Results of cross-validation: each recording, or block of trials, is left out of training in
+    /// turn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cross_validation: Option<ClassifierFigures>,
     /// Results on the test recordings.

@@ -108,7 +108,7 @@ impl Volume {
 /// [`Volume::padded`] to the input; for a padded transposed convolution, apply [`Volume::cropped`]
 /// to the output.
 ///
-/// Weights are `[out][in][step][row][column]`; those of the decoder's transposed convolutions are
+/// Weights are `[out][in][step][row][column]`; in the decoder's transposed convolutions they are
 /// `[in][out][step][row][column]`, as in PyTorch.
 #[derive(Clone, Debug)]
 pub(crate) struct Convolution {

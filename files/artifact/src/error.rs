@@ -97,7 +97,7 @@ pub enum TensorProblem {
 }
 
 impl ArtifactError {
-    /// Prefixes the folder to the path of a file that is missing or cannot be accessed.
+    /// Returns the error with `folder` put before the path of its missing or inaccessible file.
     pub(crate) fn in_folder(mut self, folder: &Path) -> Self {
         if let Self::File { path, .. } | Self::Half { missing: path, .. } = &mut self {
             *path = folder.join(&path);

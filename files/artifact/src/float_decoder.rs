@@ -59,7 +59,7 @@ impl FloatDecoder {
     /// `input.sd_uv` microvolts.
     ///
     /// # Panics
-    /// If the code's length is not that of the model's codes.
+    /// If `code` does not have the length of the model's codes.
     pub fn decode(&self, code: &[f32]) -> Vec<f32> {
         let dimensions = &self.geometry.dimensions;
         assert_eq!(code.len(), dimensions.numbers, "numbers of a code");

@@ -67,7 +67,7 @@ impl FloatEncoder {
     /// microvolts.
     ///
     /// # Panics
-    /// If the window's length is not that of the model's window.
+    /// If `window` does not have the length of the model's windows.
     pub fn encode(&self, window: &[f32]) -> Vec<f32> {
         self.encode_traced(window).code
     }
@@ -75,7 +75,7 @@ impl FloatEncoder {
     /// Returns the code of a window and the largest activations, which calibration needs.
     ///
     /// # Panics
-    /// If the window's length is not that of the model's window.
+    /// If `window` does not have the length of the model's windows.
     pub fn encode_traced(&self, window: &[f32]) -> TracedCode {
         let dimensions = &self.geometry.dimensions;
         assert_eq!(window.len(), dimensions.window_cells(), "cells of a window");

@@ -29,7 +29,8 @@ const SUBSTITUTION: Pair = (
 type Pair = ([&'static str; 2], &'static str);
 
 /// Factor by which the int8 range of the input and of activations exceeds the range measured in
-/// calibration. The margin pays: clipping costs far more accuracy than a coarser resolution.
+/// calibration. The margin is there because clipping costs far more accuracy than coarse
+/// resolution.
 pub const HEAD_ROOM: f64 = 1.25;
 
 /// A trained model: a network (weights and their calibration), a packed model, or both, with their

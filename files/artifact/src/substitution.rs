@@ -64,9 +64,9 @@ pub struct SubstitutionFigures {
     pub worst_electrode: String,
 }
 
-/// A table that predicts each electrode from all others: `prediction_e = sum_i weight_ei * x_i /
-/// 128`. A device compares electrodes with their predictions, and replaces bad electrodes by their
-/// predictions.
+/// A table that predicts each electrode from all others:
+/// `prediction_e = sum_i weight_ei * x_i / 128`. A device compares electrodes with their
+/// predictions, and replaces bad electrodes by their predictions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SubstitutionTable {
     /// Training and test results.

@@ -119,13 +119,13 @@ pub(crate) fn bars<'a, 'b>(
     Ok(chart)
 }
 
-/// Returns a style for text of `height` pixels, whose position is its top left corner.
+/// Returns a style for text of `height` pixels that is anchored at its top left corner.
 pub(crate) fn text(height: u32, color: RGBColor) -> TextStyle<'static> {
     (FONT, height).into_font().color(&color)
 }
 
-/// Returns a style for text of `height` pixels. The text's position is its vertical centre, and
-/// horizontally the side `side`.
+/// Returns a style for text of `height` pixels that is anchored at its vertical centre and,
+/// horizontally, at `side`.
 pub(crate) fn anchored(height: u32, color: RGBColor, side: HPos) -> TextStyle<'static> {
     text(height, color).pos(Pos::new(side, VPos::Center))
 }

@@ -54,9 +54,9 @@ const ROWS: [Row; 21] = [
 /// Old and new names of the four electrodes of the 10-20 system that were renamed.
 const OLD_NAMES: [(&str, &str); 4] = [("T3", "T7"), ("T4", "T8"), ("T5", "P7"), ("T6", "P8")];
 
-/// Suffixes after a dash that always name a common reference. Any other suffix names a second
-/// electrode, unless all electrodes of a recording have the same suffix: a signal between two
-/// electrodes is their difference and has no single position.
+/// Suffixes after a dash that always name a common reference. Any other suffix is a common
+/// reference only if all electrodes of a recording have it. Otherwise it names a second electrode,
+/// and the signal, a difference of two electrodes, has no single position.
 const REFERENCES: [&str; 13] = [
     "REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2",
 ];
@@ -136,8 +136,8 @@ impl Electrode {
     }
 
     /// Returns the electrodes that `labels` denote, as [`Self::parse`] does, and in upper case the
-    /// suffix of a common reference that [`REFERENCES`] lacks. At least two different electrodes,
-    /// and all electrodes, must have this suffix: the signals of a bipolar montage share none.
+    /// suffix of a common reference that [`REFERENCES`] lacks. All electrodes, at least two
+    /// different ones, must have this suffix; the signals of a bipolar montage share no suffix.
     pub(crate) fn parse_all<L: AsRef<str>>(labels: &[L]) -> (Vec<Option<Self>>, Option<String>) {
         let spellings = labels.iter().map(|label| spelling(label.as_ref()));
         let named: Vec<_> = spellings

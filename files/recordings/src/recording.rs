@@ -18,9 +18,9 @@ use crate::{
 
 /// An open recording: its header, and the position of the next record to read.
 ///
-/// In memory are the header (256 bytes for each signal) and the raw bytes of one block of at least
-/// one record; [`Recording::events`] also loads the event table of a GDF file. No read buffer is
-/// larger than the file, even if the header is damaged.
+/// Keeps in memory the header (256 bytes for each signal) and the raw bytes of one block of at
+/// least one record; [`Recording::events`] also loads the event table of a GDF file. No read buffer
+/// is larger than the file, even if the header is damaged.
 pub struct Recording {
     source: Box<dyn Source>,
     header: Header,

@@ -45,11 +45,11 @@ impl Signal {
 /// Linear scale of a signal: the straight line through the points (digital minimum, physical
 /// minimum) and (digital maximum, physical maximum). GDF applies the line to float samples too.
 ///
-/// `physical = (d - d0) * gain + p0` with `gain = (physical_max - physical_min) / (digital_max -
-/// digital_min)`. (d0, p0) is the point of the line whose d0 is nearest to 0 within the digital
-/// range, or (0, 0) if both ranges are equal. An end of the range would be a poor choice, because a
-/// small sample is rounded away if the range is wide: some programs state +-3.4e38, the range of
-/// the type, for float samples of 20 uV.
+/// `physical = (d - d0) * gain + p0` with
+/// `gain = (physical_max - physical_min) / (digital_max - digital_min)`. (d0, p0) is the point of
+/// the line whose d0 is nearest to 0 within the digital range, or (0, 0) if both ranges are equal.
+/// An end of the range would be a poor choice, because a small sample is rounded away if the range
+/// is wide: some programs state +-3.4e38, the range of the type, for float samples of 20 uV.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibration {
     /// Digital minimum and maximum that the header states.

@@ -185,8 +185,8 @@ impl Size {
         let [rows, columns] = self.grid;
         let cells = rows * columns;
         let is_electrode = |cell: usize| {
-            // Spread electrodes evenly: a cell has one if k * electrodes / cells passes an integer
-            // from this cell k to the next.
+            // Spread electrodes evenly: cell k has one if an integer is above k * electrodes /
+            // cells and not above (k + 1) * electrodes / cells.
             (cell + 1) * self.electrodes / cells > cell * self.electrodes / cells
         };
         let label = |cell: usize| {

@@ -1,5 +1,5 @@
-//! Writes a random model for a montage file: a linear code with two numbers per electrode. `cargo
-//! xtask board` builds images with it.
+//! Writes a random model for a montage file: a linear code with two numbers per electrode.
+//! `cargo xtask board` builds images with it.
 #![forbid(unsafe_code)]
 
 use std::env;

@@ -20,8 +20,8 @@ const STEP: f32 = 0.6;
 const ROUNDING: f32 = 0.35;
 
 /// Power below which a direction is quiet, relative to the mean power of a value. At this ratio,
-/// probes of EEGMMIDB S001 to S008 find noise on one electrode, and exchanged electrodes, at least
-/// as often as the energy that orthonormal coefficients lack does.
+/// probes of EEGMMIDB S001 to S008 detect noise on one electrode, and exchanged electrodes, at
+/// least as often as the energy that orthonormal coefficients do not represent does.
 const QUIET: f64 = 0.01;
 
 /// Consecutive blocks of one or several recordings. A block is a hop of time steps.
@@ -61,8 +61,8 @@ pub(crate) struct Transform {
     /// Directions, `[value, coefficient]`; the first coefficient has the largest residual. They are
     /// orthonormal unless errors are weighted.
     pub(crate) directions: DMatrix<f64>,
-    /// Prediction of a block's coefficients from the previous block's coefficients, `[coefficient,
-    /// previous coefficient]`.
+    /// Prediction of a block's coefficients from the previous block's coefficients,
+    /// `[coefficient, previous coefficient]`.
     pub(crate) prediction: DMatrix<f64>,
 }
 
@@ -230,9 +230,9 @@ fn gain_at_equal_bits(plain: &DVector<f64>, weighted: &DVector<f64>, theta: f64)
 
 /// Returns [`PROBES`] orthogonal directions in which an electrode's noise is large and the signals
 /// with the second moment `moment` are small: `(moment + floor)^-1 N r`, where N is the second
-/// moment of low-pass noise of equal power at each electrode, and r is random. Their length is
-/// scaled for noise in all directions: the energy in the probes, times `2^PROBE_SHIFT`, then equals
-/// the energy that `represented` coefficients do not represent.
+/// moment of low-pass noise of equal power at each electrode, and r is random. Their length is such
+/// that, for noise in all directions, the probes' energy times `2^PROBE_SHIFT` equals the energy
+/// that `represented` coefficients do not represent.
 fn quiet_probes(
     mut moment: DMatrix<f64>,
     represented: usize,

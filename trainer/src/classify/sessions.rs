@@ -102,7 +102,8 @@ pub(super) type Events = Vec<(f64, usize)>;
 /// Reads the events of recordings.
 ///
 /// # Errors
-/// If a recording cannot be read, or no recording has an event of a class. Errors name `option`.
+/// If a recording cannot be read, or none has an event of a class. `option` is the command-line
+/// option that named the recordings, for the error message.
 pub(super) fn read_events(
     files: &[PathBuf],
     start: Start,

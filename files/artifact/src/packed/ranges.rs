@@ -147,8 +147,8 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
     Ok(())
 }
 
-/// Checks the lengths of all tensors. A model read from files has passed this check already; one
-/// built in memory has not.
+/// Checks the lengths of all tensors. A model read from files has already passed this check; a
+/// model built in memory has not.
 fn check_shapes(model: &PackedModel, values: usize) -> Result<(), ArtifactError> {
     for (name, kind, shape, bytes) in model.tensors(values) {
         let length = bytes.len() / (kind.bitsize() / 8);

@@ -71,7 +71,7 @@ fn a_packed_model_reads_back_with_the_same_id_which_covers_it() {
     assert_eq!(Artifact::read(folder.path()).unwrap(), artifact);
     let other = with(|model| model.reset_levels[3] = 5).unwrap();
     assert_ne!(other.id, artifact.id);
-    // Without the packed model, its files are removed and the id is that of the network alone.
+    // Without the packed model, its files are removed and the id is the id of the network alone.
     let plain = artifact.with_packed(None).unwrap();
     assert_eq!(plain.id, testing::pca().id);
     plain.write(folder.path()).unwrap();

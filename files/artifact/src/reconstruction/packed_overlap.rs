@@ -44,7 +44,7 @@ pub enum PackedSource {
 }
 
 impl<T: Clone> PackedOverlap<T> {
-    /// Creates an overlap that has seen no block. Values of hops are limited to the range from
+    /// Creates an overlap that has seen no block. Values of hops are clipped to the range from
     /// -`full_scale_uv` to `full_scale_uv`.
     pub fn new(model: &PackedModel, low_latency: bool, full_scale_uv: f32) -> Self {
         Self {

@@ -35,7 +35,7 @@ impl WindowDecoder {
     ///
     /// # Panics
     ///
-    /// If the code's length is not that of the model's codes.
+    /// If `z` does not have the length of the model's codes.
     pub fn decode(&self, z: &[f32]) -> Vec<f32> {
         let mut window = self.network.decode(z);
         for value in &mut window {

@@ -48,7 +48,7 @@ pub(super) struct LowPass {
     beta: f64,
     /// Number of output positions between two input samples.
     phases: u64,
-    /// Whether the taps of all phases are in `table`, and not only those of the newest phase.
+    /// Whether `table` holds the taps of all phases, or only the taps of the newest phase.
     is_kept: bool,
     /// Taps, `[phase][tap]`.
     table: Vec<f64>,
