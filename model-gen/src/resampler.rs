@@ -194,7 +194,7 @@ pub fn kaiser_low_pass(taps: usize, cutoff_hz: f64, beta: f64, rate_hz: f64) -> 
     response
 }
 
-/// Returns `sin(pi x) / (pi x)`.
+/// Returns the normalised sinc, `sin(pi x) / (pi x)`, and 1 at 0.
 fn sinc(x: f64) -> f64 {
     if x == 0.0 {
         1.0

@@ -9,7 +9,7 @@ use crate::pack;
 use crate::packed::PackedIntegers;
 use crate::quantise::quantise;
 
-/// Version of the layout.
+/// Version of the upload's layout, which the first bytes state.
 const LAYOUT: u32 = 2;
 
 /// Returns the packed model of an artifact in the layout of an upload (`docs/wire-format.md`), with

@@ -13,7 +13,7 @@ use serde::de::{DeserializeOwned, IntoDeserializer, value::Error as ValueError};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Rate of the time steps, Hz.
+/// Rate of the time steps, the same in every model, Hz.
 const STEP_RATE_HZ: u32 = 128;
 
 /// Content of the default montage file, the paper's montage.

@@ -27,7 +27,7 @@ pub struct Comparison {
     pub model: String,
     /// Mode of the model.
     pub mode: Mode,
-    /// Number of electrodes.
+    /// Number of electrodes of the montage.
     pub electrodes: usize,
     /// Number of electrodes that are recorded, not interpolated, in every recording.
     pub real_electrodes: usize,
@@ -297,7 +297,7 @@ pub struct CodeComparison {
     pub network: Evaluation,
     /// Errors of PCA; `None` if the artifact has no `pca.safetensors`.
     pub pca: Option<Evaluation>,
-    /// Number of numbers in a code.
+    /// Length of a code in numbers.
     pub numbers: usize,
     /// Errors of the network at each electrode, in the order of the montage.
     pub(crate) electrode_errors: Vec<ElectrodeError>,

@@ -15,7 +15,7 @@ use std::fmt;
 pub struct Evaluation {
     /// Number of measured windows.
     pub windows: usize,
-    /// Number of electrodes.
+    /// Number of electrodes of the montage.
     pub electrodes: usize,
     /// Reconstruction error with the float encoder's codes.
     pub float: ReconstructionError,

@@ -220,10 +220,9 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     const LABELS: [&str; 9] = ["F3", "Fz", "F4", "C3", "Cz", "C4", "P3", "Pz", "P4"];
-    /// Index of Cz.
     const MIDDLE: usize = 4;
 
-    /// Messages of a command.
+    /// Collects the messages of a command.
     #[derive(Default)]
     struct Messages(Vec<String>);
 

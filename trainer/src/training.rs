@@ -94,7 +94,7 @@ fn ease(from: f64, to: f64, part: f64) -> f64 {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Training {
     pub(crate) settings: Settings,
-    /// Number of finished epochs.
+    /// Number of finished epochs, of all cycles.
     pub(crate) epoch: u32,
     /// Number of finished epochs when the current cycle of the learning rate began.
     pub(crate) cycle_start: u32,

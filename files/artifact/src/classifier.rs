@@ -37,11 +37,11 @@ pub struct Classifier {
     pub format: u32,
     /// Electrodes of the montage, in the device's order.
     pub electrodes: Vec<String>,
-    /// Steps per second.
+    /// Rate of the time steps, Hz.
     pub step_rate_hz: u16,
     /// Steps from one set of features to the next.
     pub hop_steps: u8,
-    /// The band-pass.
+    /// Band-pass that follows each spatial filter.
     pub band: Band,
     /// The rule that turns features into a prediction.
     pub decision: DecisionRule,
@@ -80,13 +80,13 @@ pub struct SpatialFilter {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DecisionRule {
-    /// The classes, two or more.
+    /// The classes that the rule distinguishes, two or more.
     pub classes: Vec<Class>,
     /// Number of hops over which each energy is averaged.
     pub window_hops: u32,
     /// For each class, the weight of each feature.
     pub weights: Vec<Vec<f64>>,
-    /// For each class, its constant term.
+    /// Constant term of each class's score.
     pub bias: Vec<f64>,
 }
 
@@ -119,7 +119,7 @@ pub struct ClassifierTraining {
     /// turn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cross_validation: Option<ClassifierFigures>,
-    /// Results on the test recordings.
+    /// Results on the test recordings; `None` if there were none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub test: Option<ClassifierFigures>,
 }
@@ -148,7 +148,7 @@ pub struct ClassifierFigures {
 pub struct PartFigures {
     /// File name of the recording, or number of the block of trials.
     pub name: String,
-    /// Number of trials.
+    /// Number of trials in this part.
     pub trials: u32,
     /// Number of trials that were classified correctly.
     pub right: u32,

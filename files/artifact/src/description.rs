@@ -416,7 +416,8 @@ pub struct TestedPerson {
     /// coding.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bad: Vec<String>,
-    /// Percent root-mean-square difference, as in [`TrainingCard::prd_percent`].
+    /// Percent root-mean-square difference on this person's files, as in
+    /// [`TrainingCard::prd_percent`].
     pub prd_percent: Figures,
 }
 

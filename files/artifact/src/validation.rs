@@ -40,7 +40,7 @@ pub const ADC_RATES_HZ: [u32; 6] = [250, 256, 500, 512, 1000, 1024];
 pub const GAINS: [u32; 7] = [1, 2, 4, 6, 8, 12, 24];
 /// Internal reference of an ADS1299, V (datasheet section 7.5).
 const VREF_V: f64 = 4.5;
-/// Number of channels of one ADS1299.
+/// Number of channels of each ADS1299 chip.
 pub const CHIP_CHANNELS: usize = 8;
 /// Largest number of ADS1299 chips in a chain.
 pub const LARGEST_CHAIN: usize = 8;

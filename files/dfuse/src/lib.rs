@@ -51,7 +51,7 @@ pub struct Image {
     pub model: String,
     /// Address of the first byte in flash.
     pub address: u32,
-    /// Content of the flash.
+    /// Bytes to write to flash, from `address` on.
     pub content: Vec<u8>,
 }
 

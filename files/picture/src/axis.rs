@@ -19,7 +19,7 @@ pub enum Scale {
 pub struct Axis {
     /// Quantity and unit, such as "error (uV)".
     pub label: String,
-    /// How the values are spaced.
+    /// Linear, linear with whole ticks, or logarithmic spacing.
     pub scale: Scale,
     /// Values that get a tick, with the tick's text; if empty, ticks are at round values.
     pub ticks: Vec<(f64, String)>,

@@ -28,7 +28,7 @@ pub struct Series {
     pub label: String,
     /// Colour, usually one of the colours in [`canvas`].
     pub color: RGBColor,
-    /// How the points are drawn.
+    /// Line or marker with which the points are drawn.
     pub mark: Mark,
     /// Points (x, y) in drawing order. Points that an axis cannot show are left out, such as 0 on a
     /// logarithmic axis.
@@ -44,9 +44,9 @@ pub struct Lines {
     pub title: String,
     /// Line below the title, such as the conditions.
     pub subtitle: String,
-    /// Horizontal axis.
+    /// Horizontal axis, with its label and scale.
     pub x: Axis,
-    /// Vertical axis.
+    /// Vertical axis, with its label and scale.
     pub y: Axis,
     /// Series in drawing order: the last one is on top.
     pub series: Vec<Series>,

@@ -24,7 +24,6 @@ pub struct Patterns {
 
 /// Width and height of a map's cell, pixels.
 const CELL: (i32, i32) = (300, 310);
-/// Number of maps in a row.
 const IN_ROW: usize = 4;
 /// Number of colour levels for each sign.
 const LEVELS: f64 = 12.0;

@@ -354,9 +354,9 @@ impl SignalToWrite {
 pub struct FileToWrite {
     /// All signals, in the order of the values in a row.
     pub signals: Vec<SignalToWrite>,
-    /// Number of rows per second, Hz.
+    /// Sampling rate of all signals, Hz.
     pub rate_hz: u32,
-    /// Number of rows in a record.
+    /// Number of rows (samples of each signal) in a record.
     pub rows_per_record: u32,
     /// Wall-clock time of the first row, nanoseconds since 1970, UTC; `None` if it is unknown. EDF
     /// and BDF files state it in the time zone of this machine, as EDF+ requires.

@@ -108,7 +108,7 @@ pub struct MontageMap {
     electrodes: Vec<String>,
     origins: Vec<Origin>,
     signals: Vec<String>,
-    /// The electrode of each signal.
+    /// The electrode that each signal's label denotes, if any.
     located: Vec<Option<Electrode>>,
     /// The common reference of all electrodes, if its name is not in `REFERENCES`.
     reference: Option<String>,

@@ -23,7 +23,7 @@ pub(crate) struct Timeline {
     pub(crate) gaps: Gaps,
 }
 
-/// Gaps between records.
+/// Gaps between records, as found so far.
 #[derive(Debug, Default, Clone, Copy)]
 pub(crate) struct Gaps {
     pub(crate) count: u64,

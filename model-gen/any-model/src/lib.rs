@@ -164,7 +164,7 @@ pub struct Size {
     pub steps: usize,
     /// Number of time steps from the start of one window to the start of the next.
     pub hop: usize,
-    /// Number of numbers in a code.
+    /// Length of a code in numbers.
     pub numbers: usize,
 }
 

@@ -106,7 +106,6 @@ fn code_sequence(
     coded
 }
 
-/// Returns the sum of all histograms.
 pub(crate) fn sum(coded: &[Coded]) -> Box<Histogram> {
     let mut sum = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     for coded in coded {

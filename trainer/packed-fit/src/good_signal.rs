@@ -138,7 +138,6 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     const LABELS: [&str; 9] = ["F3", "Fz", "F4", "C3", "Cz", "C4", "P3", "Pz", "P4"];
-    /// Index of Cz.
     const CZ: usize = 4;
 
     /// Returns a stretch in which neighbouring electrodes are similar. `change` gets the index of

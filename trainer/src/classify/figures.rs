@@ -15,9 +15,9 @@ pub(super) struct Part {
 
 /// The decision on one trial.
 pub(super) struct Decided {
-    /// The true class.
+    /// Index of the true class.
     pub(super) class: usize,
-    /// The class that was decided.
+    /// Index of the class that was decided.
     pub(super) decision: usize,
     /// Score of each class; only the differences between scores matter.
     pub(super) scores: Vec<f64>,

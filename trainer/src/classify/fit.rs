@@ -26,7 +26,7 @@ pub(super) struct Plan {
     empty: Classifier,
     filters_per_class: usize,
     trial_s: [f64; 2],
-    /// Number of hops of a trial.
+    /// Length of a trial in hops.
     trial_hops: usize,
 }
 

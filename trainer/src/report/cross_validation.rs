@@ -45,7 +45,7 @@ fn figures(table: &Table) -> Vec<Vec<String>> {
     rows
 }
 
-/// Returns the outcomes, grouped by subject.
+/// Returns the outcomes, one slice for each subject.
 fn subjects(table: &Table) -> Vec<&[Outcome]> {
     let outcomes = table.outcomes();
     outcomes.chunk_by(|a, b| a.subject == b.subject).collect()

@@ -100,7 +100,6 @@ fn solve(matrix: &mut [f64], right: &mut [f64], count: usize, columns: usize) {
     }
 }
 
-/// Subtracts `factor * other` from `values`.
 fn subtract(values: &mut [f64], other: &[f64], factor: f64) {
     for (value, other) in values.iter_mut().zip(other) {
         *value -= factor * other;

@@ -161,7 +161,6 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
 const UNKNOWN_NS: i64 = 473_385_600_000_000_000;
 /// Number of days from GDF's day 0 (1 January of the year 0) to 1 January 1970.
 const DAYS_TO_1970: i128 = 719_529;
-/// Nanoseconds in a day.
 const DAY_NS: i128 = 86_400_000_000_000;
 
 /// Converts nanoseconds since 1970 to GDF's time format: days in the upper 32 bits, the fraction of

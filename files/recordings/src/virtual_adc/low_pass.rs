@@ -103,7 +103,6 @@ impl LowPass {
         &self.table[at..at + self.taps]
     }
 
-    /// Computes the taps of a phase.
     fn design(&self, phase: u64) -> Vec<f64> {
         let half = self.taps / 2;
         let offset = quotient(phase, self.phases) + quotient(half as u64 - 1, 1);
