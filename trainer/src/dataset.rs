@@ -213,7 +213,7 @@ impl TrainingSet {
 #[derive(Clone, Debug)]
 pub(crate) struct Split {
     pub(crate) training: Dataset,
-    /// Windows that select the best epoch.
+    /// Windows on which the best epoch is chosen.
     pub(crate) validation: Dataset,
 }
 

@@ -361,8 +361,8 @@ pub struct TrainingCard {
     /// Names of the recordings that were used for the test only, neither for training nor for
     /// validation.
     pub test_files: Vec<String>,
-    /// Text that states which parts of the recordings were not used for training: those that chose
-    /// the best epoch, and the start of each file, where the filters settle.
+    /// Text that states which parts of the recordings were not used for training: those on which
+    /// the best epoch was chosen, and the start of each file, where the filters settle.
     pub validation: String,
     /// Mains frequency of the recordings, Hz.
     pub mains_hz: u32,

@@ -7,7 +7,7 @@ use packed::{Context, Header, LEVELS, MAGNITUDES, Magnitude, Rate, Tables};
 /// Size of the buffer for a coded block, bytes; no coded block is longer.
 const MAX_BYTES: usize = 2048;
 
-/// Number of times that each magnitude was coded, by table (predicted or not), level and magnitude.
+/// Number of times that each magnitude was coded: `[quantiser][level][magnitude]`.
 pub(crate) type Histogram = [[[u32; MAGNITUDES]; LEVELS]; 2];
 
 /// A sequence of blocks after coding.

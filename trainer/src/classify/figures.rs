@@ -7,7 +7,7 @@ use std::fmt;
 /// Quantile of the normal distribution for an interval of 95 %.
 const Z95: f64 = 1.959_963_985;
 
-/// The decisions on all trials of a recording.
+/// The decisions on the trials of a recording, or of a block of trials.
 pub(super) struct Part {
     pub(super) name: String,
     pub(super) decided: Vec<Decided>,

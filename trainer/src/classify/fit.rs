@@ -30,7 +30,7 @@ pub(super) struct Plan {
     trial_hops: usize,
 }
 
-/// A classifier, with its filters and decision rule before quantisation.
+/// A classifier, with its filters and decision rule in floating point.
 pub(super) struct Fitted {
     pub(super) classifier: Classifier,
     /// Float filters, `[electrode, filter]`.
