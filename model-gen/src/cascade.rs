@@ -13,10 +13,11 @@ use crate::error::FilterError;
 pub struct FilterSpec {
     /// Sampling rate of the input, Hz.
     pub rate_hz: f64,
-    /// Frequency of the mains, which a notch removes, Hz.
+    /// Mains frequency, at which a notch is placed, Hz.
     pub mains_hz: f64,
-    /// Quality factor of every notch: its frequency divided by its -3 dB width. It is the same at
-    /// harmonics, because a deviation of the mains moves the k-th harmonic k times as far.
+    /// Quality factor of every notch: its frequency divided by its -3 dB width. Notches at
+    /// harmonics have the same factor: if the mains frequency drifts, the k-th harmonic drifts k
+    /// times as far.
     pub notch_q: f64,
     /// Number of notches at harmonics of the mains frequency: 1 for 2 x, 2 for 2 x and 3 x, ..
     pub harmonics: u32,
@@ -33,12 +34,12 @@ pub(crate) const MAX_ORDER: usize = 8;
 /// Designs the cascade of a specification: notches, high-pass sections (low Q first), one band-pass
 /// section if the order is odd, low-pass sections (low Q first), each with gain 1 in its pass band.
 ///
-/// This sequence of sections keeps the signal large and the rounding noise small at every node.
-/// scipy's sequence, whose first section has the whole gain of 0.0024, doubles the noise.
+/// This order of sections keeps the signal large and the rounding noise small at every node.
+/// scipy's order, whose first section has the whole gain of 0.0024, doubles the noise.
 ///
 /// # Errors
 /// If a frequency is not below half of the sampling rate, another number is out of range, there are
-/// more than [`MAX_SECTIONS`] sections, or one is unstable after quantisation.
+/// more than [`MAX_SECTIONS`] sections, or a section is unstable after quantisation.
 pub fn cascade(spec: &FilterSpec) -> Result<Vec<Section>, FilterError> {
     spec.check()?;
     let [low, high] = spec.band_hz;
@@ -87,8 +88,8 @@ impl FilterSpec {
                 return Err(FilterError::OutsideNyquist(name, hz, *self));
             }
         }
-        // Half the width of the widest notch, radians. It must be below pi / 2, where the tangent
-        // in the notch's design changes sign.
+        // Half the width of the highest, and so widest, notch, radians. It must be below pi / 2,
+        // where the tangent in the notch's design changes sign.
         let half_width = PI * self.highest_notch_hz() / self.rate_hz / self.notch_q;
         if !inside(self.highest_notch_hz()) {
             Err(FilterError::Harmonic(*self))
@@ -112,8 +113,8 @@ impl FilterSpec {
 /// The transfer function is `gain * ((z - 1)(z + 1))^order / prod(z - pole)`.
 #[derive(Clone, Debug)]
 pub struct BandPass {
-    /// Poles of the transfer function: `2 * order` inside the unit circle, complex ones in
-    /// conjugate pairs.
+    /// Poles of the transfer function: `2 * order` poles inside the unit circle; complex poles are
+    /// in conjugate pairs.
     pub poles: Vec<Complex64>,
     /// Constant factor `gain` of the transfer function.
     pub gain: f64,
@@ -154,8 +155,8 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
 }
 
 /// Returns a Butterworth band-pass of order 2 at each edge as two sections
-/// `y0 = gain (x0 - x2) + a1 y1 + a2 y2`: gain, a1 and a2 of each, Q32. The sections share the gain
-/// evenly; the first has the lower poles.
+/// `y0 = gain (x0 - x2) + a1 y1 + a2 y2`: gain, a1 and a2 of each section, Q32. Both sections have
+/// the same gain; the first has the poles of lower frequency.
 ///
 /// Expects `0 < low_hz < high_hz < rate_hz / 2`.
 pub fn band_power_sections([low_hz, high_hz]: [f64; 2], rate_hz: f64) -> [[i64; 3]; 2] {
@@ -210,8 +211,8 @@ fn notch_section(notch: Notch) -> Section {
     }
 }
 
-/// Denominator `1 - a1 z^-1 - a2 z^-2` of one section's transfer function; the signs are those of
-/// [`Section`].
+/// Denominator `1 - a1 z^-1 - a2 z^-2` of one section's transfer function, with the sign convention
+/// of [`Section`].
 #[derive(Clone, Copy)]
 struct Feedback {
     a1: f64,

@@ -18,7 +18,7 @@ pub struct Chain<'a> {
 
 impl Chain<'_> {
     /// Returns the complex gain at `frequency_hz`, an input frequency. A tone above half of the
-    /// step rate appears in the output at the frequency onto which it aliases, with this gain.
+    /// step rate appears in the output at its alias frequency, with this gain.
     pub fn frequency_response(&self, frequency_hz: f64) -> Complex64 {
         let rate_hz = f64::from(self.rate_hz);
         response::frequency_response(self.sections, frequency_hz, rate_hz)
@@ -31,7 +31,7 @@ impl Chain<'_> {
     }
 
     /// Returns the largest output for inputs of magnitude 1: the L1 norm of the impulse response
-    /// from the ADC's samples to the outputs, for the phase of the resampler with the largest norm.
+    /// from the ADC's samples to the outputs, at the resampler phase where this norm is largest.
     ///
     /// # Errors
     /// If the cascade's response decays too slowly ([`response::decay_samples`]).
@@ -49,7 +49,7 @@ impl Chain<'_> {
             .fold(0.0, f64::max))
     }
 
-    /// Returns the number of samples after a unit step at the input from which on the output of
+    /// Returns the number of samples after a unit step at the input, after which the output of
     /// every phase of the resampler stays below `threshold`.
     ///
     /// # Errors
@@ -62,8 +62,8 @@ impl Chain<'_> {
                 .iter()
                 .any(|phase| phase_output(phase, &step, *n).abs() >= threshold)
         };
-        // The magnitudes of a phase's taps sum to less than 2, so the output stays below the
-        // threshold once all samples in the delay line are below half of it.
+        // The magnitudes of a phase's taps sum to less than 2. So the output stays below the
+        // threshold once all samples in the delay line are below half the threshold.
         let quiet = step
             .iter()
             .rposition(|y| y.abs() >= threshold / 2.0)
@@ -79,8 +79,8 @@ impl Chain<'_> {
     }
 }
 
-/// Returns the output of one phase of the resampler when sample `n` of `signal` is the newest. The
-/// signal counts as 0 before its start and after its end.
+/// Returns the output of one phase of the resampler when sample `n` of `signal` is the newest.
+/// `signal` is taken as 0 before its start and after its end.
 fn phase_output(phase: &[f64], signal: &[f64], n: usize) -> f64 {
     let first = (n + 1).saturating_sub(signal.len());
     phase

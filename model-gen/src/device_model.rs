@@ -40,8 +40,8 @@ pub struct MainsFilter {
     pub gains: Vec<NodeGain>,
     /// Group delay of cascade and resampler together at 10 Hz, microseconds.
     pub group_delay_us: u32,
-    /// Time from the middle of a window, at the electrodes, to the time stamp of the window's code,
-    /// microseconds.
+    /// Time from the middle of a window, measured at the electrodes, to the time stamp of the
+    /// window's code, microseconds.
     pub scalp_delay_us: u32,
     /// Number of ADC samples after a step at the input until the resampler's output has decayed to
     /// 1e-4 of the step.
@@ -50,13 +50,13 @@ pub struct MainsFilter {
     pub description: String,
 }
 
-/// A model in the integers with which the device computes, made from an artifact.
+/// A model as the integers with which the device computes, made from an artifact.
 #[derive(Clone, Debug)]
 pub struct DeviceModel {
     /// Id of the artifact; the device sends it with every code.
     pub id: ModelId,
-    /// Id of the artifact's network, the same for all artifacts that differ in their packed model
-    /// and table of substitutions alone.
+    /// Id of the artifact's network. Artifacts that differ only in packed model and table of
+    /// substitutions have the same network id.
     pub network_id: ModelId,
     /// Contents of the artifact's `model.toml`.
     pub description: Description,
@@ -154,8 +154,8 @@ pub fn filter_cascade(
     })
 }
 
-/// Returns the number of ADC samples after a step at the input from which on the output of filters
-/// and resampler stays below 1e-4 of the step. The device sets its flag `settling` for as long.
+/// Returns the number of ADC samples after a step at the input, after which the output of filters
+/// and resampler stays below 1e-4 of the step. Until then the device sets its flag `settling`.
 ///
 /// # Errors
 /// If the filters cannot be realised.

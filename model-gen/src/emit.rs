@@ -56,7 +56,8 @@ fn constants(model: &DeviceModel) -> String {
         ..
     } = &model.description;
     let (resampler, packed) = (&model.resampler, model.packed.as_ref());
-    // Padding and pool mean nothing in a network without convolutions: write neutral values.
+    // Padding and pool mean nothing in a network without convolutions, so neutral values are
+    // written.
     let (padding, pool) = if mode.has_convolutions() {
         (network.padding, network.pool)
     } else {

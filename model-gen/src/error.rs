@@ -1,4 +1,4 @@
-//! Errors of designing filters and of turning an artifact into integers.
+//! Errors in designing filters and turning an artifact into integers.
 
 use fixed_dsp::MAX_SECTIONS;
 

@@ -1,5 +1,5 @@
-//! The device's front end for any description: filters and resampler whose sizes are known only at
-//! run time. Their outputs equal the device's bit for bit.
+//! The device's front end for any description: filters and a resampler whose sizes are known only
+//! at run time. Their outputs equal the outputs on the device, bit for bit.
 
 use std::collections::VecDeque;
 
@@ -56,7 +56,7 @@ pub struct Resampler {
     table: ResamplerTable,
     /// The last filtered samples, as many as a phase has taps, newest first.
     newest: VecDeque<Vec<i32>>,
-    /// Time from the next input sample to the next output, in units of a sample period divided by
+    /// Time from the next input sample to the next output. The unit is one sample period divided by
     /// the number of phases.
     ahead: usize,
 }

@@ -1,4 +1,4 @@
-//! Proof that no signal within a filter cascade, called a node, can overflow 32 bits.
+//! Proof that no node of a filter cascade (a signal within it) can overflow 32 bits.
 
 use fixed_dsp::Section;
 

@@ -10,14 +10,15 @@ pub struct IntegerLayer {
     pub weights: Vec<i8>,
     /// Bias of each output, in units of the accumulator.
     pub bias: Vec<i32>,
-    /// Requantisation factor of each output, Q0.32. Where the batch norm after a convolution has a
-    /// negative factor, the channel's weights are negated and this factor is negative, too.
+    /// Requantisation factor of each output, Q0.32. If the batch norm after a convolution has a
+    /// negative factor for a channel, the channel's weights are negated and its factor here is
+    /// negative.
     pub multipliers: Vec<i32>,
 }
 
 impl IntegerLayer {
-    /// Returns the layer's contribution to number `output` of the code, Q32, if the layer's inputs
-    /// are `features`; 0 if the layer is empty.
+    /// Returns the layer's contribution to number `output` of the code, Q32, for the layer inputs
+    /// `features`; 0 if the layer is empty.
     fn contribution(&self, output: usize, features: &[i64]) -> i64 {
         let Some(&multiplier) = self.multipliers.get(output) else {
             return 0;
@@ -27,7 +28,7 @@ impl IntegerLayer {
     }
 }
 
-/// A quantised encoder. Layers that its mode does not have are empty.
+/// A quantised encoder. Layers that the mode lacks are empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntegerModel {
     /// Mode of the artifact, which says whether the encoder has convolutions, a shortcut, or both.
@@ -59,18 +60,18 @@ pub struct IntegerModel {
 }
 
 impl IntegerModel {
-    /// Returns the largest magnitude of an input of the second convolution: 255, or that of a
-    /// padding value if it is larger.
+    /// Returns the largest magnitude of an input of the second convolution: 255, or the largest
+    /// magnitude of a padding value if that is larger.
     pub fn largest_hidden(&self) -> i32 {
         largest_hidden(&self.hidden_padding)
     }
 
     /// Returns the code of one window of quantised input, in the order step, row, column (the last
-    /// fastest). It is computed layer by layer over the whole window, as the reference that the
-    /// streaming encoder must equal bit for bit.
+    /// fastest). Computes it layer by layer over the whole window: the reference that the streaming
+    /// encoder must equal bit for bit.
     ///
     /// # Panics
-    /// If the window's length is not that of the model's window.
+    /// If `window` does not have the length of the model's windows.
     pub fn encode_window(&self, window: &[i8]) -> IntegerCode {
         let dimensions = &self.geometry.dimensions;
         assert_eq!(window.len(), dimensions.window_cells(), "cells of a window");
@@ -124,11 +125,11 @@ impl IntegerModel {
     }
 }
 
-/// Returns the code that represents `levels`, given in units of the code's scale. In every format,
-/// the device's encoder is compared with this function.
+/// Returns the code that represents `levels`, given in units of the code's scale. This is the
+/// reference for the device's encoder, in every format.
 ///
 /// The exponent is the smallest with which every `round(level / 2^exponent)`, half up, is within
-/// the format's range; if no exponent is large enough, it is the largest, and values out of range
+/// the format's range. If no exponent is large enough, the largest is used and values out of range
 /// saturate.
 pub fn integer_code(format: CodeFormat, levels: &[i64]) -> IntegerCode {
     let [least, greatest] = format.range().map(i64::from);
@@ -206,14 +207,15 @@ impl Volume {
 /// Returns the sums of a 3x3x3 convolution of `input`, which must already be padded.
 ///
 /// # Panics
-/// When the input has less than three steps, rows or columns, or a value of more than 16 bits.
+/// When the input has fewer than three steps, rows or columns, or a value does not fit 16 bits.
 fn convolve(conv: &IntegerLayer, input: &Volume) -> Volume {
-    /// Number of steps, rows or columns that the convolution's output has less than its input.
+    /// Number of steps, rows or columns by which the output of the convolution is smaller than its
+    /// input.
     const SHRINK: usize = KERNEL - 1;
     let outputs = conv.bias.len();
     let [inputs, times, rows, columns] = input.shape;
     let shape = [outputs, times - SHRINK, rows - SHRINK, columns - SHRINK];
-    // Of 16 bits: with SSE2, a vector has eight products, of 32 bits none without SSE4.1.
+    // In 16 bits: an SSE2 vector then computes eight products; 32-bit products need SSE4.1.
     let narrow = |value: &i32| i16::try_from(*value).expect("quantised, or padding of 16 bits");
     let narrowed: Vec<i16> = input.values.iter().map(narrow).collect();
     let mut values = Vec::with_capacity(shape.iter().product());
@@ -256,7 +258,7 @@ fn pool(sums: &Volume, geometry: &Geometry, multipliers: &[i32]) -> Vec<i64> {
 }
 
 /// Returns the largest magnitude of an input of the second convolution: 255, the largest quantised
-/// output of the first, or the magnitude of a larger padding value.
+/// output of the first convolution, or the largest magnitude of a padding value if that is larger.
 pub(crate) fn largest_hidden(padding: &[i16]) -> i32 {
     let magnitudes = padding.iter().map(|x| i32::from(*x).abs());
     magnitudes.fold(255, i32::max)

@@ -48,9 +48,9 @@ impl Layer {
     }
 }
 
-/// Returns the smallest permitted scale of the weights of an output. With it, the requantisation
-/// factor is at least 2^8 (unless the gain is 0) and the bias at most 2^24 in magnitude, so that
-/// even an output with negligible weights can be represented.
+/// Returns the smallest permitted scale of an output's weights. With it, the requantisation factor
+/// is at least 2^8 (unless the gain is 0) and the bias at most 2^24 in magnitude, so even an output
+/// with negligible weights can be represented.
 fn finest_scale(bias: f64, gain: f64, input: LayerInput) -> f64 {
     const TWO_TO_24: f64 = 16_777_216.0;
     let output_level = if gain == 0.0 { 0.0 } else { 1.0 / gain.abs() };

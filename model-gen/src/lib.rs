@@ -61,8 +61,8 @@ pub use quantise::quantise;
 pub use resampler::ResamplerTable;
 pub use upload::upload;
 
-/// Reads the artifact in `artifact_dir`, and writes the [`rust_files`], `manifest.txt`, and
-/// `artifact_files.rs`, which embeds the artifact's files in a program, to `out_dir`.
+/// Reads the artifact in `artifact_dir` and writes to `out_dir` the [`rust_files`], `manifest.txt`,
+/// and `artifact_files.rs`, which embeds the artifact's files in a program.
 ///
 /// # Errors
 /// If the artifact cannot be read or turned into integers, or a file cannot be written.

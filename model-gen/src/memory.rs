@@ -10,7 +10,7 @@ use crate::{
 
 /// Size of a pair, an accumulator or a requantisation factor, bytes; each has 32 bits.
 const WORD: usize = size_of::<Pair>();
-/// Number of planes in time that a convolution reads for one plane of its output.
+/// Number of consecutive input planes from which a convolution computes one output plane.
 const PLANES: usize = KERNEL;
 
 /// Flash and RAM of one part of the encoder.
@@ -70,7 +70,7 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
     let [_, rows, columns] = model.geometry.pooled;
     let [_, pool_rows, pool_columns] = model.geometry.pool;
     let cells = (grid_rows + 2 * margin) * (grid_columns + 2 * margin);
-    // Size of the part of the first convolution's output that the pools read, margins included.
+    // Size of the region of the first convolution's output that the pools read, margins included.
     let [framed_rows, framed_columns] =
         [rows * pool_rows, columns * pool_columns].map(|length| length + KERNEL - 1);
     let [_, hidden_rows, hidden_columns] = model.geometry.hidden;
@@ -96,7 +96,7 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
         ConvKernel::Winograd => (
             "conv2, pool: Winograd F(2x4, 3x3)",
             // A tile of 2x4 outputs holds two adjacent pools. The buffer's length depends only on
-            // the number of tiles, so they are counted as rows of one tile each.
+            // the number of tiles, so each tile is counted as a row of its own.
             Winograd::<{ CONV1_CHANNELS / 2 }, 6> {
                 tile_rows: rows * columns / 2,
                 outputs: CONV2_CHANNELS,

@@ -84,9 +84,9 @@ fn by_tap(conv: &IntegerLayer) -> Vec<i8> {
         .collect()
 }
 
-/// Packs the fully connected layer and returns, for each pooled plane, its pieces; their inputs are
-/// in the order `[position][channel]`. PyTorch's order is `[out][channel][plane][position]`.
-/// Returns an empty list for a model without convolutions.
+/// Packs the fully connected layer and returns the pieces of each pooled plane, with inputs in the
+/// order `[position][channel]`. PyTorch's order is `[out][channel][plane][position]`. Returns an
+/// empty list for a model without convolutions.
 pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
     if !model.mode.has_convolutions() {
         return Vec::new();
@@ -150,14 +150,14 @@ pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     matrices(&weights, numbers, steps, electrode_pairs(electrodes))
 }
 
-/// Returns the number of pairs of inputs of one time step. Zeros fill them up to a multiple of
-/// eight.
+/// Returns the number of pairs of inputs of one time step, including the zeros that pad it to a
+/// multiple of eight.
 pub fn electrode_pairs(electrodes: usize) -> usize {
     electrodes.div_ceil(2).next_multiple_of(8)
 }
 
-/// Packs a table of substitutions as a matrix from electrodes to predictions. Zeros fill up the
-/// outputs to a multiple of four.
+/// Packs a table of substitutions as a matrix from electrodes to predictions. Zeros pad the outputs
+/// to a multiple of four.
 pub fn substitution(table: &SubstitutionTable) -> Vec<Pair> {
     let electrodes = table.innovation.len();
     let outputs = electrodes.next_multiple_of(4);
@@ -183,15 +183,15 @@ fn matrices(weights: &[i8], outputs: usize, parts: usize, pairs: usize) -> Vec<V
 
 /// Padding and bias of the second convolution, changed so that all its inputs are non-negative.
 ///
-/// The kernels require non-negative inputs, but a padding value can be negative. So each input
-/// channel gets an offset, and the bias subtracts what the offsets add to the sums.
+/// The kernels require non-negative inputs, but a padding value can be negative. Each input channel
+/// therefore gets an offset, and the bias subtracts the offset's contribution to the sums.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnsignedInput {
     /// Offset that is added to all inputs of each channel, including the padding; >= 0.
     pub offset: [i16; CONV1_CHANNELS],
     /// Padding of each input channel, with the offset added.
     pub padding: [i16; CONV1_CHANNELS],
-    /// Bias of each output channel, less what the offsets add to its sum.
+    /// Bias of each output channel, minus the contribution of the offsets to its sum.
     pub bias: Vec<i32>,
 }
 

@@ -7,18 +7,18 @@ use crate::error::ModelGenError;
 use crate::headroom::GUARD_BITS;
 use crate::layer::to_i32;
 
-/// The packed model, with the numbers that the device needs in addition.
+/// The packed model, with additional numbers that the device needs.
 #[derive(Clone, Debug)]
 pub struct PackedIntegers {
     /// The packed model of the artifact: matrices, levels and frequencies.
     pub model: PackedModel,
     /// Factor from a filtered sample (counts, Q27.5) to an input value of the packed block, Q0.32.
     pub input_multiplier: i32,
-    /// Limit of a block's misfit energy, in squares of an input value: the sum of squares of the
-    /// part of the block that the model does not represent. A block above it is a misfit. Negative
-    /// if errors are weighted: then probes estimate this sum.
+    /// Limit of a block's misfit energy: the sum of squares, in units of an input value, of the
+    /// part of the block that the model does not represent. A block above the limit is a misfit.
+    /// Negative if errors are weighted: probes then estimate the misfit energy.
     pub misfit_energy: i64,
-    /// For each step of a hop, the end of the range of inputs that the analysis processes in it.
+    /// For each step of a hop, the end of the input range that the analysis has processed after it.
     slices: Vec<usize>,
 }
 
@@ -54,8 +54,7 @@ impl PackedIntegers {
     }
 
     /// Returns the analysis in slices: for each step, the index of the first pair of inputs, and
-    /// the packed weights of the inputs that are complete after the step. Zeros fill up the last
-    /// slice.
+    /// the packed weights of the inputs that are complete after the step. Zeros pad the last slice.
     pub fn analysis(&self) -> Vec<(usize, Vec<Pair>)> {
         let mut start = 0;
         let slices = self.slices.iter().map(|&end| {
@@ -71,7 +70,7 @@ impl PackedIntegers {
         packed(&self.model.prediction, 0..self.model.coefficients())
     }
 
-    /// Returns the number of pairs of inputs of a block, including the zeros that fill it up.
+    /// Returns the number of pairs of inputs of a block, including the zeros that pad it.
     pub fn input_pairs(&self) -> usize {
         self.model
             .analysis

@@ -7,13 +7,14 @@
 //! `g = weight / sqrt(variance + eps)` and `b = bias - g * mean`, the next layer reads
 //! `g * relu + b`. The factor |g| becomes part of the requantisation factor of the convolution, the
 //! sign of g part of the next layer's weights, and b times these weights part of its bias; without
+//! sign of g part of the next layer's weights, and b times these weights part of its bias; without
 //! padding this is exact. Before the max-pool, a negative g would turn the maximum into a minimum.
 //! So the weights and the bias of such a channel are negated, and its requantisation factor is
 //! negative.
 //!
-//! With padding, the second convolution must read the padded cells as zeros after the first batch
-//! norm. Its bias contains b times all its weights, so a padded cell must cancel b. The cell holds
-//! the integer x that the norm turns into 0: `x = -sign(g) * b / scale`.
+//! With padding, padded cells must be 0 after the first batch norm. The second convolution,
+//! however, reads its inputs before the norm, and its bias contains b times all its weights. So a
+//! padded cell holds the integer x that the norm turns into 0: `x = -sign(g) * b / scale`.
 
 use artifact::{
     Artifact, CONV1_CHANNELS, CONV2_CHANNELS, CodeFormat, Geometry, HEAD_ROOM, KERNEL,
@@ -26,18 +27,18 @@ use crate::{
     layer::{Layer, LayerInput, saturating_i8, to_i32},
 };
 
-/// Range of an 8-bit code relative to the range in calibration: twice, which costs one bit. A blink
-/// or a jaw clench that is not in the calibration set drives few dimensions far beyond their range,
-/// and clipping a code costs more than all rounding.
+/// Range of an 8-bit code relative to the range in calibration: a factor of two, which costs one
+/// bit. A blink or a jaw clench that is not in the calibration set drives few dimensions far beyond
+/// their range, and clipping a code costs more than all rounding.
 const CODE_HEAD_ROOM: f64 = 2.0;
 
-/// Range of a code of 16 bits, or with an exponent, relative to the range in calibration: four
-/// bits. The other 12 bits still resolve more finely than the int8 input. With an exponent, windows
-/// that do not need the whole range have a finer resolution.
+/// Range of a 16-bit code, or of a code with an exponent, relative to the range in calibration: a
+/// factor of 16, or four bits. The other 12 bits still resolve more finely than the int8 input.
+/// With an exponent, windows that do not need the whole range have a finer resolution.
 const WIDE_CODE_HEAD_ROOM: f64 = 16.0;
 
 /// Largest magnitude of a padding value. The kernels add the magnitude of a negative padding value
-/// to all inputs of the channel, which are at most 255, and the sum must fit 16 bits.
+/// to all inputs of its channel, which are at most 255, and the sum must fit 16 bits.
 const LARGEST_PADDING: u16 = 32_767 - 255;
 
 /// Quantises the encoder of an artifact. For a model without a network, the result holds only the
@@ -194,7 +195,7 @@ fn tensor(artifact: &Artifact, name: &str, shape: &[usize]) -> Result<Vec<f64>, 
     Ok(values.iter().map(|&v| f64::from(v)).collect())
 }
 
-/// Returns the largest magnitude that calibration found for `what`, times [`HEAD_ROOM`].
+/// Returns the calibrated largest magnitude `what`, times [`HEAD_ROOM`].
 fn range(artifact: &Artifact, what: &'static str) -> Result<f64, ModelGenError> {
     let value = f64::from(artifact.calibration.tensor(what, &[1])?[0]);
     if value.is_finite() && value > 0.0 {
@@ -290,7 +291,7 @@ fn negate(weights: &mut [f64]) {
 }
 
 /// Scale and zero point of each code dimension; empty without a network. Only the `int8` format has
-/// a zero point, which gains up to one bit of resolution. `int16` does not need this bit; in
+/// a zero point, which gains up to one bit of resolution. `int16` has bits to spare, and in
 /// `int8-exponent` the zero point would have to change with the exponent.
 #[derive(Default)]
 struct CodeScales {

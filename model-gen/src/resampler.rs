@@ -21,17 +21,17 @@ pub const KAISER_BETA: f64 = 5.0;
 /// Reciprocal of the duration of the low-pass's impulse response, per second: it lasts 1/8 s,
 /// rounded up to a multiple of [`TAPS_MULTIPLE`] samples.
 const SPANS_PER_SECOND: u32 = 8;
-/// The number of taps of each phase is a multiple of this number.
+/// The number of taps of each phase is a multiple of this value.
 const TAPS_MULTIPLE: u32 = 4;
 
-/// Largest permitted size of the delay line of all electrodes, and of the table of taps, bytes. It
-/// is half of the RAM (128 KiB) and an eighth of the flash (512 KiB) of the smallest board
+/// Largest permitted size in bytes, both of the delay line of all electrodes and of the table of
+/// taps: half of the RAM (128 KiB) and an eighth of the flash (512 KiB) of the smallest board
 /// (STM32F446, datasheet DS10693).
 pub(crate) const LARGEST_BYTES: usize = 65_536;
 
 /// A quantised resampler: output rate = input rate * phases / `down`, in lowest terms.
 ///
-/// It holds the same data as [`Resampler`], but has sizes that are known only after the artifact is
+/// Holds the same data as [`Resampler`], but its sizes are known only when the artifact has been
 /// read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResamplerTable {
@@ -95,8 +95,8 @@ impl ResamplerTable {
         (sum + f64::from(UNITY / 2)) / 2.0_f64.powi(63)
     }
 
-    /// Returns the sum of a phase's tap magnitudes, Q2.30, for the phase where it is largest. It is
-    /// below 2^31, so the 64-bit accumulator uses at most half of its range.
+    /// Returns the sum of a phase's tap magnitudes, Q2.30, for the phase with the largest sum. It
+    /// is below 2^31, so the 64-bit accumulator uses at most half of its range.
     pub fn largest_magnitude(&self) -> u64 {
         let magnitude =
             |taps: &Vec<i32>| -> u64 { taps.iter().map(|tap| u64::from(tap.unsigned_abs())).sum() };
@@ -122,11 +122,11 @@ impl ResamplerTable {
     }
 
     /// Returns the complex gain at `frequency_hz` for samples at `rate_hz`; its phase is relative
-    /// to the time of an output. The gain is that of the prototype: the mean over all phases.
+    /// to the time of an output. The gain is the prototype's: the mean over all phases.
     ///
-    /// A tone above half of the output rate has this gain at its alias frequency. If the input rate
-    /// is not a multiple of the output rate, the gain at `k * rate_hz - f` is that of the image of
-    /// a tone at `f`.
+    /// A tone above half of the output rate appears at its alias frequency with this gain. If the
+    /// input rate is not a multiple of the output rate, a tone at `f` also has an image, with the
+    /// gain at `k * rate_hz - f`.
     pub fn frequency_response(&self, frequency_hz: f64, rate_hz: f64) -> Complex64 {
         let radians = -2.0 * PI * frequency_hz / (rate_hz * real(self.phases()));
         self.prototype()
@@ -194,7 +194,7 @@ pub fn kaiser_low_pass(taps: usize, cutoff_hz: f64, beta: f64, rate_hz: f64) -> 
     response
 }
 
-/// Returns `sin(pi x) / (pi x)`.
+/// Returns the normalised sinc, `sin(pi x) / (pi x)`, and 1 at 0.
 fn sinc(x: f64) -> f64 {
     if x == 0.0 {
         1.0
@@ -216,8 +216,8 @@ fn bessel_i0(x: f64) -> f64 {
     sum
 }
 
-/// Quantises the taps of a phase to Q2.30 so that their sum is exactly [`UNITY`]; the largest tap
-/// takes up the rounding error of the sum.
+/// Quantises the taps of a phase to Q2.30 so that their sum is exactly [`UNITY`]. The largest tap
+/// absorbs the rounding error of the sum.
 fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
     let scale = f64::from(UNITY) / taps.clone().sum::<f64>();
     #[expect(
@@ -225,7 +225,7 @@ fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
         reason = "a tap is about the cutoff over half the rate at most: below 2"
     )]
     let mut quantised: Vec<i32> = taps.map(|tap| (tap * scale).round() as i32).collect();
-    // Wrapping is harmless: `UNITY - sum` is small, so it is right even if a partial sum wraps.
+    // Wrapping is harmless: `UNITY - sum` is small, so it is correct even if a partial sum wraps.
     let sum = quantised.iter().copied().fold(0, i32::wrapping_add);
     if let Some(largest) = quantised.iter_mut().max_by_key(|tap| tap.unsigned_abs()) {
         *largest = largest.wrapping_add(UNITY.wrapping_sub(sum));

@@ -52,7 +52,7 @@ pub(crate) const MAX_SAMPLES: f64 = 4_194_304.0;
 
 /// Returns the number of samples after which the impulse response has decayed: 4/3 of the n for
 /// which `r^n` is 1e-15, where r is the largest distance of a pole from the origin. The factor 4/3
-/// is there because several poles together decay more slowly than one.
+/// allows for several poles, which together decay more slowly than one.
 ///
 /// # Errors
 /// If the number is above 2^22.

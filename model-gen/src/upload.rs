@@ -9,15 +9,15 @@ use crate::pack;
 use crate::packed::PackedIntegers;
 use crate::quantise::quantise;
 
-/// Version of the layout.
+/// Version of the upload's layout, which the first bytes state.
 const LAYOUT: u32 = 2;
 
 /// Returns the packed model of an artifact in the layout of an upload (`docs/wire-format.md`), with
-/// the weights as the device's matrix kernel reads them; `None` if the artifact has no packed
-/// model. If its network is linear (mode `pca`), the linear code follows.
+/// the weights in the order of the device's matrix kernel; `None` if the artifact has no packed
+/// model. If the network is linear (mode `pca`), the linear code follows.
 ///
 /// # Errors
-/// If a factor of the model does not fit the device's integers, or a sum could overflow them.
+/// If a factor does not fit the device's integers, or a sum could overflow them.
 pub fn upload(artifact: &Artifact) -> Result<Option<Vec<u8>>, ModelGenError> {
     let Some(model) = &artifact.packed else {
         return Ok(None);

@@ -1,13 +1,13 @@
 //! The Adam optimiser.
 //!
 //! A checkpoint holds the whole state of the optimiser, so a resumed training run equals an
-//! uninterrupted one bit for bit.
+//! uninterrupted run bit for bit.
 
 use crate::parameters::{Parameters, TENSORS, Weights};
 
-/// Factor beta1 of Adam, by which the mean gradient decays in an update.
+/// Adam's beta1: the factor by which the mean gradient decays in an update.
 const MEAN_DECAY: f32 = 0.9;
-/// Factor beta2 of Adam, by which the mean squared gradient decays in an update.
+/// Adam's beta2: the factor by which the mean squared gradient decays in an update.
 const SQUARE_DECAY: f32 = 0.999;
 /// Number added to the denominator of an update, which keeps it finite when gradients vanish.
 const EPSILON: f32 = 1e-8;
@@ -24,7 +24,7 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// Creates an optimiser for all trained tensors of `parameters`, that is, all but the running
+    /// Creates an optimiser for all trained tensors of `parameters`: all except the running
     /// statistics of batch norms.
     pub fn new(parameters: &Parameters) -> Self {
         let mut rest = Weights::default();
@@ -88,8 +88,8 @@ mod tests {
             let values = tensor.of_mut(&mut gradients).iter_mut().enumerate();
             values.for_each(|(index, value)| *value = [2.0, -0.1, 0.0][index % 3]);
         }
-        // In mode `pca`, all tensors belong to the shortcut, which gets a hundredth of the given
-        // learning rate, here 1. So each update is +-1, or 0 where the gradient is 0.
+        // In mode `pca`, all tensors belong to the shortcut, whose learning rate is a hundredth of
+        // the given rate, here 1. So each update is +-1, or 0 where the gradient is 0.
         adam.update(&mut parameters, &gradients, 100.0);
         for tensor in TENSORS {
             let before = tensor.of(&start.weights).iter();

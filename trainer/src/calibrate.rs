@@ -1,4 +1,4 @@
-//! Calibration: measures the ranges from which model-gen derives the int8 scales.
+//! Calibration: measures the value ranges from which model-gen derives the int8 scales.
 
 use crate::dataset::Dataset;
 use crate::error::TrainerError;
@@ -11,8 +11,8 @@ use packed_fit::MIN_RANGE;
 /// dataset is in units of the description's `sd_uv`.
 ///
 /// The calibration holds the smallest and largest value of each dimension of the code (at most -10
-/// and at least 10), the largest input and the largest activations. These ranges have no head room;
-/// model-gen adds it. Channels that never vary are held at the bias of their norm
+/// and at least 10), the largest input and the largest activations. model-gen adds head room to
+/// these ranges. Channels that never vary are held at the bias of their norm
 /// ([`Parameters::hold_silent_channels`]).
 ///
 /// # Errors
@@ -59,8 +59,7 @@ mod tests {
     use super::*;
     use crate::testing;
 
-    /// Returns the tensor `name` of the calibration: the lower or upper ends of all numbers'
-    /// ranges.
+    /// Returns the calibration tensor `name`: the lower or upper ends of all numbers' ranges.
     fn range<'a>(artifact: &'a Artifact, name: &str) -> &'a [f32] {
         let numbers = artifact.description.code.numbers;
         artifact.calibration.tensor(name, &[numbers]).unwrap()

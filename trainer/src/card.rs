@@ -13,10 +13,10 @@ use serde::de::{DeserializeOwned, IntoDeserializer, value::Error as ValueError};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Rate of the time steps, Hz.
+/// Rate of the time steps, the same in every model, Hz.
 const STEP_RATE_HZ: u32 = 128;
 
-/// Content of the default montage file, that of the paper.
+/// Content of the default montage file, the paper's montage.
 const PAPER: &str = include_str!("../../files/montages/paper-61.toml");
 
 /// Montage and shape of a model.
@@ -70,8 +70,8 @@ pub(crate) struct Shape {
     pub(crate) format: CodeFormat,
 }
 
-/// Returns a parser for an option that takes one of `values`: pairs of a name, which `T`
-/// deserializes, and the name's help.
+/// Returns a parser for an option that takes one of `values`. Each is a name, which `T`
+/// deserializes, and the help for this name.
 fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static, const N: usize>(
     values: [(&'static str, &'static str); N],
 ) -> impl TypedValueParser<Value = T> {
@@ -102,7 +102,7 @@ impl ModelOptions {
     /// Reads the montage file, or returns the paper's montage.
     ///
     /// # Errors
-    /// If the file cannot be read or is no montage.
+    /// If the file cannot be read or is not a montage.
     pub(crate) fn montage(&self) -> Result<MontageFile, TrainerError> {
         let mut montage = match &self.montage {
             Some(path) => MontageFile::read(path)?,
@@ -114,7 +114,7 @@ impl ModelOptions {
 }
 
 /// Returns the description of the paper's chain (arXiv 2008.13485) for a montage, with an empty
-/// training card. The decimation differs from the paper's only if the ADC rate is no multiple of
+/// training card. The decimation differs from the paper's only if the ADC rate is not a multiple of
 /// the step rate.
 pub(crate) fn description(montage: &MontageFile, shape: Shape) -> Description {
     let adc = montage.adc();
@@ -169,8 +169,8 @@ fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
     )
 }
 
-/// Fills in how many electrodes every training recording has, and which electrodes at least one
-/// recording lacks, so that they were interpolated there.
+/// Fills in the number of electrodes that every training recording has, and the electrodes that at
+/// least one recording lacks, so that they were interpolated there.
 pub(crate) fn fill_electrodes(card: &mut TrainingCard, electrodes: &[String], tracks: &[Track]) {
     card.interpolated = interpolated(electrodes, tracks);
     card.interpolated_electrodes = card.interpolated.len();
@@ -185,8 +185,8 @@ pub(crate) fn interpolated(electrodes: &[String], tracks: &[Track]) -> Vec<Strin
     electrodes.iter().filter(is_interpolated).cloned().collect()
 }
 
-/// Returns the training card's text about the parts of the recordings that are not trained on:
-/// `held_out`, and the first `settling_steps`.
+/// Returns the training card's text about the parts of the recordings that are not used for
+/// training: `held_out`, and the first `settling_steps`.
 pub(crate) fn validation(held_out: Option<&str>, settling_steps: usize, rate_hz: u32) -> String {
     let settling_s = settling_steps as f64 / f64::from(rate_hz);
     format!(
@@ -209,8 +209,8 @@ pub(crate) fn checked_description(
     description_to_compare(montage, shape)
 }
 
-/// Returns the description of a model that is trained only for a comparison, so that its codes need
-/// not be decodable. Makes every check that is possible before recordings are read.
+/// Returns the description of a model that is trained only for a comparison, so its codes need not
+/// be decodable. Makes every check that is possible before recordings are read.
 ///
 /// # Errors
 /// If the montage has mistakes, or no model can have this shape.

@@ -19,7 +19,7 @@ pub(crate) struct CheckOptions {
     pub(crate) json: bool,
 }
 
-/// Result of the check of a model, which `trainer check` prints.
+/// Result of `trainer check` for a model, which the command prints.
 #[derive(Clone, Debug)]
 pub(crate) struct Checked {
     pub(crate) model: String,
@@ -32,22 +32,22 @@ pub(crate) struct Checked {
     pub(crate) substitution_radius: Option<f64>,
 }
 
-/// Comparison of a network's golden codes with those of its integer encoder.
+/// Comparison of a network's golden codes with the codes of its integer encoder.
 #[derive(Clone, Debug)]
 pub(crate) struct CheckedCodes {
     /// Length of an integer code in bits.
     pub(crate) bits_per_window: usize,
     pub(crate) windows: usize,
-    /// Indices of the golden windows whose stored code is not that of the integer encoder.
+    /// Indices of the golden windows whose stored code differs from the integer encoder's code.
     pub(crate) wrong: Vec<usize>,
 }
 
-/// Checks a model: reads it, turns it into integers, which proves that no sum overflows, compares
+/// Checks a model: reads it, converts it to integers (which proves that no sum overflows), compares
 /// its golden codes, and checks that the substitution of bad electrodes converges.
 ///
 /// # Errors
 /// If a file cannot be read, the model cannot be turned into integers, or the substitution does not
-/// converge. Golden codes that differ are no error: [`CheckedCodes::wrong`] lists their windows.
+/// converge. Differing golden codes are not an error: [`CheckedCodes::wrong`] lists their windows.
 pub(crate) fn check(options: &CheckOptions) -> Result<Checked, TrainerError> {
     let folder = &options.folder;
     let model = Artifact::read(folder).map_err(TrainerError::no_model(folder))?;
@@ -73,8 +73,8 @@ pub(crate) fn check(options: &CheckOptions) -> Result<Checked, TrainerError> {
     })
 }
 
-/// Returns the indices of the golden windows whose code is not that of the integer encoder; all
-/// indices if the golden codes' shape or format is not the model's.
+/// Returns the indices of the golden windows whose code differs from the integer encoder's code;
+/// all indices if shape or format of the golden codes differs from the model's.
 fn wrong_windows(integers: &IntegerModel, golden: &Golden) -> Vec<usize> {
     let dimensions = integers.geometry.dimensions;
     let all = 0..golden.windows.len();
@@ -88,7 +88,7 @@ fn wrong_windows(integers: &IntegerModel, golden: &Golden) -> Vec<usize> {
 }
 
 impl Checked {
-    /// Returns whether there are golden codes and all are right; true for a model without a
+    /// Returns whether there are golden codes and all are right. Always true for a model without a
     /// network.
     pub(crate) fn is_good(&self) -> bool {
         let codes = self.codes.as_ref();

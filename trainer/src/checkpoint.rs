@@ -14,7 +14,7 @@ use std::path::Path;
 
 /// Writes a training run to `path`; a crash while writing leaves the previous checkpoint intact.
 ///
-/// `data` is a text that identifies the data and the model's shape: a training run can be resumed
+/// `data` is a text that identifies the data and the model's shape. A training run can be resumed
 /// only with the same text.
 ///
 /// # Errors
@@ -31,7 +31,8 @@ pub(crate) fn write(path: &Path, training: &Training, data: &str) -> Result<(), 
 }
 
 /// Reads a training run that [`write()`] has written with the same settings and data. If the run is
-/// finished and `settings` has more epochs, the extra ones form another cycle of the learning rate.
+/// finished and `settings` has more epochs, the additional epochs form another cycle of the
+/// learning rate.
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or belongs to another training run.
@@ -115,7 +116,7 @@ pub(crate) fn read(
 /// Key of the [`State`] in the metadata of a checkpoint.
 const STATE: &str = "state";
 
-/// Everything of a training run but its tensors; stored as JSON.
+/// The state of a training run except its tensors; stored as JSON.
 #[derive(Serialize, Deserialize)]
 struct State {
     /// Settings and data of the checkpoint, in the text that [`training_identity`] returns.
@@ -133,7 +134,7 @@ struct State {
 }
 
 /// Returns settings and data as text, without the number of epochs. A training run can be resumed
-/// only if it yields the same text.
+/// only if this text is the same.
 fn training_identity(settings: Settings, data: &str) -> String {
     format!("{settings}, on {data}")
 }
@@ -164,7 +165,7 @@ fn to_bytes(path: &Path, training: &Training, data: &str) -> Result<Vec<u8>, Tra
         best_validation: training.best.validation,
         curve: training.curve.clone(),
     };
-    // A float is written with enough digits to parse to the same bits.
+    // A float is written with enough digits to read back with the same bits.
     let state = serde_json::to_string(&state).map_err(|error| damaged(path, &error))?;
     let metadata = HashMap::from([(STATE.to_owned(), state)]);
     let views = tensors.iter().map(|(name, bytes)| {

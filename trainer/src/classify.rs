@@ -35,7 +35,7 @@ pub(crate) use figures::{chance, percent};
 pub(crate) use options::ClassifyOptions;
 pub(crate) use validation::Course;
 
-/// A trained classifier, and what a report shows of it.
+/// A trained classifier, with further results that a report shows.
 pub(crate) struct Trained {
     pub(crate) classifier: Classifier,
     /// File to which it was written.

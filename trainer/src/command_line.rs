@@ -40,8 +40,8 @@ struct Cli {
 enum Verb {
     /// Train a model and write its artifact.
     Train(Box<TrainOptions>),
-    /// Print the figures of an artifact on recordings, and those of PCA with the same number of
-    /// components.
+    /// Print the figures of an artifact on recordings, and for comparison the figures of PCA with
+    /// the same number of components.
     Evaluate(EvaluateArgs),
     /// Compare a model with PCA by cross-validation, for each subject.
     Crossval(Box<CrossvalArgs>),
@@ -55,7 +55,7 @@ enum Verb {
     /// Make a model from the tensors of a network that was trained elsewhere, for example in
     /// PyTorch.
     Import(Import),
-    /// Print what a model is: grid, training card, filters, layers, memory.
+    /// Print a model's contents: grid, training card, filters, layers, memory.
     Show(ShowArgs),
     /// Print the differences between two models. Exit status: 0 equal, 1 different, 2 error.
     Diff(DiffArgs),
@@ -93,8 +93,8 @@ struct CrossvalArgs {
 
 #[derive(Args, Debug)]
 struct ReportArgs {
-    /// Folder to write a report to: pictures with their values, and a page that shows them. That of
-    /// a cross-validation is written once all folds are there.
+    /// Folder to write a report to: pictures with their values, and a page that shows them. The
+    /// report of a cross-validation is written once all folds are done.
     #[arg(long)]
     report: Option<PathBuf>,
     /// Replace a report in this folder.
@@ -135,11 +135,11 @@ enum MontageVerb {
     },
 }
 
-/// Exit status of wrong usage, and of every error of a command that checks something.
+/// Exit status for wrong usage, and for every error of a command that checks something.
 const USAGE: u8 = 2;
 
 /// Runs the program. Returns 0, 1 for a failure, 2 for wrong usage and 130 after Ctrl-C. Commands
-/// that check something return 1 or 2 for what they find, and 2 for every error.
+/// that check something return 1 or 2 for their findings, and 2 for every error.
 pub fn run() -> ExitCode {
     let (result, on_failure) = match Cli::parse().verb {
         Verb::Train(options) => (train(&options), 1),
@@ -191,7 +191,7 @@ fn evaluate(args: &EvaluateArgs) -> Result<ExitCode, TrainerError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs a cross-validation, and prints the table once all folds are there.
+/// Runs a cross-validation, and prints the table once all folds have an outcome.
 fn cross_validate(args: &CrossvalArgs) -> Result<ExitCode, TrainerError> {
     let CrossvalArgs { options, report } = args;
     report::prepare(report.report.as_deref(), report.force)?;
@@ -235,8 +235,8 @@ fn peak_memory_mb() -> Option<u64> {
     Some(kib * 1024 / 1_000_000)
 }
 
-/// Trains a packed model, and prints its bits and errors at each rate, and for comparison those of
-/// the same transform code without prediction.
+/// Trains a packed model. Prints its bits and errors at each rate, and for comparison the bits and
+/// errors of the same transform code without prediction.
 fn train_packed(options: &PackedOptions) -> Result<ExitCode, TrainerError> {
     let trained = packed::train(options, &mut Terminal::new())?;
     new_file::print(format_args!(
@@ -247,13 +247,13 @@ fn train_packed(options: &PackedOptions) -> Result<ExitCode, TrainerError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Trains a table of substitutions, and prints its errors and how its sweeps converge.
+/// Trains a table of substitutions. Prints its errors, and the convergence of its sweeps.
 fn train_substitution(options: &SubstitutionOptions) -> Result<ExitCode, TrainerError> {
     new_file::print(substitution::train(options, &mut Terminal::new())?)?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// Trains a classifier, and prints how well it does on what it was not trained on.
+/// Trains a classifier, and prints its figures on trials that were not used for training.
 fn classify(options: &ClassifyOptions) -> Result<ExitCode, TrainerError> {
     report::prepare(options.report.as_deref(), options.force)?;
     let terminal = &mut Terminal::new();

@@ -1,4 +1,4 @@
-//! Figures of a model on recordings: those that it was trained on, or others.
+//! Figures of a model on recordings, whether it was trained on them or not.
 
 use crate::classify::{ClassifierLossOptions, ClassifierLossTable, CodingLoss};
 use crate::dataset::Dataset;
@@ -27,7 +27,7 @@ pub struct Comparison {
     pub model: String,
     /// Mode of the model.
     pub mode: Mode,
-    /// Number of electrodes.
+    /// Number of electrodes of the montage.
     pub electrodes: usize,
     /// Number of electrodes that are recorded, not interpolated, in every recording.
     pub real_electrodes: usize,
@@ -35,29 +35,29 @@ pub struct Comparison {
     pub recordings: Vec<String>,
     /// Figures of the codes of the network and of PCA; `None` if the model has no network.
     pub codes: Option<CodeComparison>,
-    /// Bits and error of the packed model at each rate, finest first; empty if the artifact has
-    /// none.
+    /// Bits and error of the packed model at each rate, finest first; empty if the artifact has no
+    /// packed model.
     pub packed: Vec<RateFigures>,
     /// Rate of the packed code with which a device starts; `None` without a packed model.
     pub packed_rate: Option<u8>,
-    /// Figures of a code that transforms each block by the Karhunen-Loeve transform and differs
-    /// from the packed code only in that it does not predict. They are read from the packed model's
-    /// card; empty if the card has other test recordings.
+    /// Figures of a code that transforms each block by the Karhunen-Loeve transform. It differs
+    /// from the packed code only in that it does not predict. The figures are read from the packed
+    /// model's card; empty if the card has other test recordings.
     pub without_prediction: Vec<PackedFigures>,
     /// Number of time steps from one code to the next, and from one packed block to the next.
     pub hop: usize,
     /// Unit of the network's input, `input.sd_uv`, uV.
     pub sd_uv: f64,
-    /// Error for each person, with substitution on and off; empty if the model has no network or no
-    /// table of substitutions, or after a training.
+    /// Error for each person, with substitution on and off. Empty after training, and if the model
+    /// has no network or no table of substitutions.
     pub(crate) people: Vec<PersonError>,
-    /// What classifiers lose with each code; `None` after a training.
+    /// Loss of classifiers with each code; `None` after training.
     pub(crate) classifiers: Option<ClassifierLossTable>,
 }
 
 impl Comparison {
-    /// Measures a model and its PCA on tracks, which have passed the model's front end, and for
-    /// classifiers if `loss` has the same recordings.
+    /// Measures a model and its PCA on tracks, which have passed the model's front end. If `loss`
+    /// is given, also measures the loss of classifiers; it must have the same recordings.
     ///
     /// # Errors
     /// If a track is shorter than a window, or the model cannot be turned into integers.
@@ -120,7 +120,7 @@ impl Comparison {
         })
     }
 
-    /// Returns the figures as a JSON object. Without a network, those of codes are missing.
+    /// Returns the figures as a JSON object. Without a network, the figures of codes are left out.
     pub fn to_json(&self) -> Json {
         let mut object = json!({
             "model": self.model,
@@ -141,7 +141,7 @@ impl Comparison {
     }
 
     /// Returns the figures that `figure` selects, for the training card. They are rounded to six
-    /// decimals, because one training run on one subject makes no more of them significant.
+    /// decimals, because one training run on one subject has no more significant digits.
     pub(crate) fn figures(&self, figure: fn(&ReconstructionError) -> f64) -> Option<Figures> {
         let codes = self.codes.as_ref()?;
         let pca = codes.pca.as_ref()?;
@@ -209,7 +209,7 @@ impl fmt::Display for Comparison {
     }
 }
 
-/// Returns the figures of the Karhunen-Loeve transform from the packed model's card; none unless
+/// Returns the figures of the Karhunen-Loeve transform from the packed model's card; empty unless
 /// `tracks` are the test recordings of that card.
 fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> {
     let card = model
@@ -221,9 +221,9 @@ fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> 
     of_these.map_or_else(Vec::new, |card| card.without_prediction.clone())
 }
 
-/// Evaluates the artifact in `folder`, and its PCA, on recordings, whose bad electrodes are
-/// interpolated as in training, and for each person with their substitution on and off. `files`
-/// selects the recordings; without names, those of the training card are used.
+/// Evaluates the artifact in `folder`, and its PCA, on recordings. Bad electrodes are interpolated
+/// as in training. The error for each person is measured with substitution on and off. `files`
+/// selects the recordings; by default, the test recordings of the training card.
 ///
 /// # Errors
 /// If the artifact or a recording cannot be used.
@@ -235,10 +235,10 @@ pub fn compare(
     compare_for(folder, files, None, observer)
 }
 
-/// Evaluates an artifact like [`compare`], and what classifiers lose if there are options for them.
+/// Evaluates an artifact like [`compare`], and the loss of classifiers if `loss` is given.
 ///
 /// # Errors
-/// Those of [`compare`], or if the recordings lack the events or enough trials.
+/// The errors of [`compare`], or if the recordings lack the events or enough trials.
 pub(crate) fn compare_for(
     folder: &Path,
     files: &TestFiles,
@@ -297,7 +297,7 @@ pub struct CodeComparison {
     pub network: Evaluation,
     /// Errors of PCA; `None` if the artifact has no `pca.safetensors`.
     pub pca: Option<Evaluation>,
-    /// How many numbers a code has.
+    /// Length of a code in numbers.
     pub numbers: usize,
     /// Errors of the network at each electrode, in the order of the montage.
     pub(crate) electrode_errors: Vec<ElectrodeError>,
@@ -305,7 +305,7 @@ pub struct CodeComparison {
 
 impl CodeComparison {
     /// Measures a network and its PCA on a dataset in units of `input.sd_uv`. `is_recorded` returns
-    /// whether every recording has an electrode.
+    /// whether an electrode was recorded in every recording.
     ///
     /// # Errors
     /// If the model cannot be turned into integers, or its codes cannot be decoded.
@@ -339,7 +339,7 @@ impl CodeComparison {
     }
 
     /// Returns the errors of the network, called `name`, and of PCA. In mode `pca` both are the
-    /// same, so it returns those of PCA alone.
+    /// same, so only the errors of PCA are returned.
     pub(crate) fn models(&self, name: &str, mode: Mode) -> Vec<(String, Evaluation)> {
         let network = (mode != Mode::Pca).then(|| (name.to_owned(), self.network));
         let pca = self.pca.map(|pca| (format!("PCA-{}", self.numbers), pca));
@@ -372,8 +372,8 @@ impl CodeComparison {
     }
 }
 
-/// Measures the errors of a model on a dataset and, under a name, what classifiers lose. Passes each
-/// block of windows to `observe`.
+/// Measures the errors of a model on a dataset and, if `loss` is given, the loss of classifiers,
+/// under the name `name`. Passes each block of windows to `observe`.
 fn evaluate_for(
     model: &Artifact,
     dataset: &Dataset,

@@ -7,10 +7,10 @@
 //!                                     shard K of N              Table as Markdown, CSV, JSON
 //! ```
 //!
-//! Each fold is tested with a model that was trained on the other folds of the same subject; or each
-//! subject with a model of all other subjects. Bad electrodes are interpolated ([`People`]). No
-//! window of a test fold overlaps a window of the training: folds consist of whole runs or of
-//! blocks with a window left out between them, never of shuffled windows.
+//! Each fold is tested with a model trained on the other folds of the same subject; or each subject
+//! with a model of all other subjects. Bad electrodes are interpolated ([`People`]). No window of a
+//! test fold overlaps a training window: folds consist of whole runs, or of blocks with a gap of
+//! one window between them, never of shuffled windows.
 //!
 //! Every outcome is a file of its own, so an interrupted cross-validation continues with the
 //! missing folds, and several processes or machines can share the folds ([`Shard`]) and a folder.
@@ -49,7 +49,7 @@ pub(crate) struct CrossvalOptions {
     /// --data].
     #[arg(long, value_delimiter = ',')]
     recordings: Vec<String>,
-    /// Name of the only subject [default: what precedes the number of the run in the files' names].
+    /// Name of the only subject [default: the text before the run's number in each file name].
     #[arg(long)]
     subject: Option<String>,
     #[command(flatten)]
@@ -83,7 +83,7 @@ pub(crate) struct CrossvalOptions {
 }
 
 /// Computes the folds of the shard whose outcomes are missing, and writes each outcome. Returns the
-/// table if the outcomes of all shards are there, else `None`.
+/// table if the outcomes of all shards exist, otherwise `None`.
 ///
 /// # Errors
 /// If a recording cannot be used, a subject has too little data, or a file cannot be written.
@@ -116,7 +116,7 @@ pub(crate) fn run(
     observer.folds_planned(missing.iter().map(|fold| fold.trained_on).sum());
     let mut loaded: Option<(&str, People)> = None;
     for (number, fold) in missing.iter().enumerate() {
-        // Unless other people are trained on, only one subject's recordings are in memory.
+        // Unless models train on other people, only one subject's recordings are in memory.
         let (name, files) = if options.leave_one_person_out {
             ("", &recordings)
         } else {
@@ -163,8 +163,8 @@ pub(crate) fn run(
     Ok(Some(table))
 }
 
-/// Returns as text all settings that determine an outcome, except the number of the fold. All
-/// outcomes of a subject in a table have the same text.
+/// Returns as text all settings that determine an outcome, except the fold number. All outcomes of
+/// a subject in a table have the same text.
 fn identity(options: &CrossvalOptions, montage: &str, people: &str, fold: &Fold) -> String {
     let test = if options.leave_one_person_out {
         format!("each of {people} with a model of the others")

@@ -7,7 +7,7 @@ use packed_fit::directions::principal_directions;
 use packed_fit::{FitError, Track};
 use rand::{Rng, RngExt};
 
-/// Number of equal parts of a track, of which the last is the validation part.
+/// Number of equal parts of a track; the last part is for validation.
 const VALIDATION_PART: usize = 8;
 
 /// Contiguous segments of filtered recordings, from which windows are cut.
@@ -39,8 +39,8 @@ impl Dataset {
         })
     }
 
-    /// Splits every track: the last eighth is for validation, the rest for training. A gap of one
-    /// window's time steps between the two parts is in neither, so that windows of different parts
+    /// Splits every track: the last eighth is for validation, the rest for training. The steps of
+    /// one window between both parts are used for neither, so that training and validation windows
     /// are not adjacent.
     ///
     /// # Errors
@@ -108,7 +108,7 @@ impl Dataset {
         }
     }
 
-    /// Returns the root mean square over all time steps and electrodes. This is the standard
+    /// Returns the root mean square over all time steps and electrodes. It equals the standard
     /// deviation, because the band-pass removes the mean.
     pub(crate) fn deviation(&self) -> f64 {
         let values = self.segments.iter().flatten();
@@ -125,7 +125,7 @@ impl Dataset {
         values.fold(0.0, |largest, value| largest.max(value.abs()))
     }
 
-    /// Returns the number of disjoint windows, which determines the number of windows of an epoch.
+    /// Returns the number of disjoint windows, which determines how many windows an epoch has.
     pub(crate) fn disjoint_windows(&self) -> usize {
         let steps = self.dimensions.steps;
         let windows = |segment: &Vec<f32>| self.steps(segment) / steps;
@@ -168,16 +168,16 @@ impl Dataset {
 pub(crate) struct TrainingSet {
     /// Training part and validation part.
     pub(crate) split: Split,
-    /// Complete tracks with their amplitude, for calibration.
+    /// Complete tracks with their original amplitude, for calibration.
     pub(crate) whole: Dataset,
     /// Standard deviation of the training part, uV.
     pub(crate) sd_uv: f64,
 }
 
 impl TrainingSet {
-    /// Splits tracks into training and validation part, and scales them to units of the training
-    /// part's standard deviation. `recorded` are the same tracks with their amplitude, in which
-    /// people can differ; the ranges of a device's input and codes are those of `recorded`.
+    /// Splits tracks into training and validation part, and scales both to units of the training
+    /// part's standard deviation. `recorded` are the same tracks with their original amplitude,
+    /// which can differ between people; they determine the ranges of a device's input and codes.
     ///
     /// # Errors
     /// If a track is too short, or all values of the training part are 0.
@@ -213,7 +213,7 @@ impl TrainingSet {
 #[derive(Clone, Debug)]
 pub(crate) struct Split {
     pub(crate) training: Dataset,
-    /// Windows on which the best epoch is selected.
+    /// Windows on which the best epoch is chosen.
     pub(crate) validation: Dataset,
 }
 

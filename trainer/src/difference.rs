@@ -9,7 +9,7 @@ use std::fmt;
 use std::io::ErrorKind;
 use std::path::Path;
 
-/// All differences between two models, with the names that they have in JSON.
+/// All differences between two models; the field names are the keys in JSON.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Difference {
     /// Ids of both models.
@@ -25,16 +25,16 @@ pub(crate) struct Difference {
 /// A field of `model.toml` that differs between two models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct FieldDifference {
-    /// Names of the field's tables and of the field, separated by dots.
+    /// Name of the field after the names of its tables, separated by dots.
     pub(crate) field: String,
-    /// Value in each model; `None` where it is missing.
+    /// Value in each model; `None` if the model lacks the field.
     pub(crate) values: [Option<String>; 2],
 }
 
 /// A tensor that differs between two models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct TensorDifference {
-    /// Name of the tensor's file, a colon, and name of the tensor.
+    /// Name of the tensor's file, a colon, and the tensor's name.
     pub(crate) tensor: String,
     #[serde(flatten)]
     pub(crate) kind: Kind,
@@ -46,7 +46,7 @@ pub(crate) struct TensorDifference {
 pub(crate) enum Kind {
     /// The shapes differ.
     Shapes {
-        /// Shape in each model; `None` where the tensor is missing.
+        /// Shape in each model; `None` if the model lacks the tensor.
         shapes: [Option<Vec<usize>>; 2],
     },
     /// The shape is the same, and elements differ.
@@ -54,7 +54,7 @@ pub(crate) enum Kind {
         /// Number of elements that differ.
         differ: usize,
         elements: usize,
-        /// Largest magnitude of the difference of two elements.
+        /// Largest magnitude of the difference between two elements.
         largest: f32,
         /// Root mean square of the difference, relative to the root mean square of the first
         /// model's tensor.
@@ -110,7 +110,7 @@ impl Difference {
         self.fields.is_empty() && self.tensors.is_empty() && self.parts.is_empty()
     }
 
-    /// Returns the differences as a JSON object, in which `equal` says whether there are none.
+    /// Returns the differences as a JSON object; its key `equal` states whether there are none.
     pub(crate) fn to_json(&self) -> Json {
         let mut object = json!(self);
         object["equal"] = json!(self.is_empty());
@@ -118,7 +118,7 @@ impl Difference {
     }
 }
 
-/// Reads the golden codes in a folder; `None` if it has no such file.
+/// Reads the golden codes in a folder; `None` if the folder has none.
 fn read_golden(folder: &Path) -> Result<Option<Golden>, TrainerError> {
     match Golden::read(folder) {
         Ok(golden) => Ok(Some(golden)),
@@ -127,8 +127,8 @@ fn read_golden(folder: &Path) -> Result<Option<Golden>, TrainerError> {
     }
 }
 
-/// Returns the fields of a model's description as text. The key of a field consists of the names of
-/// its tables and its own name.
+/// Returns the fields of a model's description as text. The key of a field is its name after the
+/// names of its tables.
 fn fields(artifact: &Artifact) -> BTreeMap<String, String> {
     let mut fields = BTreeMap::new();
     // Conversion to JSON cannot fail: the keys of a description are texts and its numbers finite.
@@ -207,7 +207,7 @@ fn compare(file: &str, one: &Tensors, other: &Tensors) -> Vec<TensorDifference> 
         .collect()
 }
 
-/// Returns how the elements of two tensors of the same shape differ; `None` if they are equal.
+/// Returns how the elements of two tensors of the same shape differ; `None` if all are equal.
 fn values(one: &[f32], other: &[f32]) -> Option<Kind> {
     let differences = || {
         let pairs = one.iter().zip(other);

@@ -8,10 +8,10 @@ use artifact::{Description, ScalpGrid};
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ElectrodeError {
     pub(crate) label: String,
-    /// Row and column of its cell of the scalp grid, from 0; the first row is at the front of the
-    /// head, the first column on the left.
+    /// Row and column of the electrode's cell on the scalp grid, from 0; the first row is at the
+    /// front of the head, the first column on the left.
     pub(crate) cell: [usize; 2],
-    /// Whether every recording has the electrode; otherwise it is interpolated.
+    /// Whether the electrode was recorded in every recording; otherwise it is interpolated in some.
     pub(crate) is_recorded: bool,
     /// Mean squared error with float codes, in units of `input.sd_uv` squared.
     pub(crate) mse_float: f64,
@@ -61,7 +61,7 @@ impl ElectrodeSums {
     }
 
     /// Returns the mean errors of each electrode of the montage in `description`. `is_recorded`
-    /// returns whether every recording has an electrode.
+    /// returns whether an electrode was recorded in every recording.
     pub(crate) fn errors(
         &self,
         description: &Description,
@@ -97,8 +97,8 @@ mod tests {
         let dimensions = description.dimensions();
         let window = vec![0.0; dimensions.window_electrodes()];
         let (mut float, mut integer) = (window.clone(), window.clone());
-        // The window decoded from float codes is wrong at electrode 3 in two time steps, the one
-        // decoded from integer codes at electrode 5 in one.
+        // The window decoded from float codes is wrong at electrode 3 in two time steps; the window
+        // decoded from integer codes is wrong at electrode 5 in one time step.
         float[3] = 2.0;
         float[7 * electrodes + 3] = -1.0;
         integer[4 * electrodes + 5] = 3.0;

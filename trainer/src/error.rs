@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 )]
 pub enum TrainerError {
     // Usage errors, which the user can correct on the command line.
-    /// A model has the part that the text names.
+    /// The model already has the part that the text names.
     #[error("{} has a {} already; --force replaces it", .0.display(), .1)]
     PartExists(PathBuf, &'static str),
     #[error(
@@ -22,7 +22,7 @@ pub enum TrainerError {
     TargetOutOfReach { target: f64, least: f64 },
     #[error("{} holds a model already; choose another folder, or replace it with --force", .0.display())]
     ArtifactExists(PathBuf),
-    /// A name selects no recording in a folder; the folder's recordings are `found`.
+    /// A name matches no recording in a folder; `found` lists the folder's recordings.
     #[error("no recording in {} ends with {name}; {}", folder.display(), found_words(found))]
     NothingFound {
         name: String,
@@ -70,8 +70,8 @@ pub enum TrainerError {
          paper-code-only or shortcut"
     )]
     PaperMode,
-    /// A checkpoint was written with other settings or data. The texts describe those of the
-    /// checkpoint and the expected ones.
+    /// A checkpoint was written with other settings or data. The texts describe the settings and
+    /// data of the checkpoint, and the expected ones.
     #[error(
         "{} belongs to a training with {}, this one has {}; use the same settings, or train without \
          --resume",
@@ -79,7 +79,7 @@ pub enum TrainerError {
     )]
     OtherTraining(PathBuf, String, String),
     /// A checkpoint cannot be resumed with the requested number of epochs: it is smaller than the
-    /// checkpoint's, or it is larger and the checkpoint's training run is not finished.
+    /// checkpoint's number, or it is larger and the checkpoint's training run is not finished.
     #[error(
         "{} has finished {finished} of {stored} epochs; resume it with --epochs {stored}, then \
          more epochs can be added ({requested} were asked for)",
@@ -106,8 +106,8 @@ pub enum TrainerError {
          several people, whose names precede the run: S001R03.edf is of S001"
     )]
     OnePerson(String),
-    /// A folder has an outcome of another cross-validation. The texts are the settings of this
-    /// outcome and the expected ones.
+    /// A folder contains an outcome of another cross-validation. The texts are the settings of this
+    /// outcome, and the expected settings.
     #[error(
         "{} belongs to another cross-validation; choose another folder for --out\n  \
          it has:   {}\n  expected: {}",
@@ -137,8 +137,8 @@ pub enum TrainerError {
          decision is made"
     )]
     DecisionWindow { window_s: f64, trial_s: f64 },
-    /// No recording of the option `files` has this event; they have those of `found`, with their
-    /// numbers.
+    /// No recording of the option `files` has this event. `found` lists the events that they have,
+    /// each with its count.
     #[error(
         "no recording of {files} has the event {event}; {}",
         event_words(found)
@@ -226,9 +226,9 @@ pub enum TrainerError {
     Unusable(PathBuf, #[source] Box<TrainerError>),
     #[error("{} and {} do not fit together:\n  {}", .0.display(), .1.display(), .2.join("\n  "))]
     ImportMistakes(PathBuf, PathBuf, Vec<String>),
-    /// This program computes other values from the same weights than the exported network did.
-    /// `what` is `code` or `reconstruction`; `difference` is the largest difference, `rms` the RMS
-    /// of all reference values.
+    /// From the same weights, this program computes other values than the exported network did.
+    /// `what` is `code` or `reconstruction`; `difference` is the largest difference, and `rms` the
+    /// RMS of all reference values.
     #[error(
         "{what} {index} of the reference differs by {difference:.3e} in element {element}, more \
          than {tolerance:.0e} of the RMS of all {what}s ({rms:.3e}): the exported network is not \
@@ -252,8 +252,8 @@ pub enum TrainerError {
 }
 
 impl TrainerError {
-    /// Returns whether the mistake is in the command line, where the user can correct it: settings
-    /// that no model can have, names that select nothing, files that would be replaced.
+    /// Returns whether the user can correct the error on the command line: settings that no model
+    /// can have, names that match nothing, or files that would be replaced.
     pub fn is_usage(&self) -> bool {
         matches!(
             self,
@@ -287,19 +287,20 @@ impl TrainerError {
         )
     }
 
-    /// Returns a function that turns an operating system's error into one that names the file
+    /// Returns a function that wraps an error of the operating system with the name of the file
     /// `path`.
     pub(crate) fn file(path: &Path) -> impl Fn(io::Error) -> Self + Copy + '_ {
         |source| Self::File(path.to_owned(), source)
     }
 
-    /// Returns a function that turns an error of reading a model into one that names its folder.
+    /// Returns a function that wraps an error in reading a model with the name of the model's
+    /// folder.
     pub(crate) fn no_model(folder: &Path) -> impl Fn(artifact::ArtifactError) -> Self + Copy + '_ {
         |source| Self::NoModel(folder.to_owned(), Box::new(source))
     }
 }
 
-/// Returns in words, for an error message, which events recordings have.
+/// Returns a text for an error message that lists the events in recordings.
 fn event_words(found: &[(String, usize)]) -> String {
     if found.is_empty() {
         return "they have no events within their signals".to_owned();
@@ -310,7 +311,7 @@ fn event_words(found: &[(String, usize)]) -> String {
     format!("they have: {}", events.collect::<Vec<_>>().join(", "))
 }
 
-/// Returns in words, for an error message, which recordings a folder has.
+/// Returns a text for an error message that lists the recordings in a folder.
 fn found_words(found: &[String]) -> String {
     match found {
         [] => "the folder has none: name the folder of the recordings with --data".to_owned(),
@@ -318,7 +319,7 @@ fn found_words(found: &[String]) -> String {
     }
 }
 
-/// Returns in words, for an error message, how to resume an interrupted training run.
+/// Returns a text for an error message on how to resume an interrupted training run.
 fn resume_words(epochs: u32, checkpoint: &Path) -> String {
     if epochs == 0 {
         return "there is no checkpoint yet".to_owned();

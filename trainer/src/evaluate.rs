@@ -10,12 +10,12 @@ use packed_fit::in_parallel;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Reconstruction and quantisation figures of a model, measured on a set of windows.
+/// Reconstruction and quantisation errors of a model, measured on a set of windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
     /// Number of measured windows.
     pub windows: usize,
-    /// Number of electrodes.
+    /// Number of electrodes of the montage.
     pub electrodes: usize,
     /// Reconstruction error with the float encoder's codes.
     pub float: ReconstructionError,
@@ -29,7 +29,7 @@ pub struct Evaluation {
     /// Number of values that saturated when the windows were quantised.
     pub input_clipped: u64,
     /// Number of values of the integer codes at either end of their range. If codes have an
-    /// exponent, only those with the largest exponent are counted.
+    /// exponent, only codes with the largest exponent count.
     pub code_clipped: u64,
 }
 
@@ -58,7 +58,7 @@ struct Sums {
     code_clipped: u64,
 }
 
-/// Encoders and decoder with which a model is measured.
+/// Encoders and decoder of a model that is being measured.
 struct Codec {
     network: Network,
     parameters: Parameters,
@@ -67,8 +67,8 @@ struct Codec {
     sd_uv: f64,
 }
 
-/// A block of windows, with their reconstructions. Each slice has one element for each window, or
-/// holds the values of one window after the other.
+/// A block of windows, with their reconstructions. `windows` has one element for each window; the
+/// other slices hold the values of the windows one after the other.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CodedBlock<'a> {
     /// Windows, in units of `input.sd_uv`.
@@ -79,7 +79,7 @@ pub(crate) struct CodedBlock<'a> {
     pub(crate) decoded_received: &'a [f32],
 }
 
-/// Number of windows that are measured together, which bounds the memory.
+/// Number of windows that are measured together, which bounds the memory use.
 const BLOCK: usize = 1024;
 
 /// Measures a model on the windows of `dataset` at every hop. The dataset is in units of the
@@ -195,8 +195,8 @@ fn error(windows: &[&Window], decoded: &[f32]) -> f64 {
         .sum()
 }
 
-/// Returns the number of values of a code at either end of the range of its format. The number is 0
-/// below the largest exponent: a smaller exponent is chosen only if no value is clipped with it.
+/// Returns the number of values of a code at either end of its format's range. The number is 0
+/// below the largest exponent: a smaller exponent is chosen only if it clips no value.
 fn at_rails(format: CodeFormat, code: &IntegerCode) -> u64 {
     if code.exponent < format.largest_exponent() {
         return 0;
@@ -297,7 +297,7 @@ mod tests {
         assert!((evaluation.float.prd_percent - expected).abs() < 1e-3);
         assert!(evaluation.integer.mse > evaluation.float.mse);
         // Input and code are each quantised to about 1/200 of their range, which limits the ratio
-        // of signal to quantisation noise. 38 dB was measured.
+        // of signal to quantisation noise. 38 dB were measured.
         assert!(evaluation.code_sqnr_db > 35.0, "{evaluation:?}");
         assert_eq!(evaluation.input_clipped, 0);
         let ratio = evaluation.float.mse_uv2 / evaluation.float.mse;
@@ -311,8 +311,8 @@ mod tests {
         let mut dataset = testing::dataset(9, 64);
         let parameters = testing::pca();
         let mut model = testing::model(&parameters, &dataset);
-        // The scaled data exceed the head room of int8 codes, but not that of the other formats or
-        // of the input.
+        // The scaled data exceed the head room of int8 codes, but not the head room of the other
+        // formats or of the input.
         let shape = [testing::directions().len()];
         for name in ["code.min", "code.max"] {
             let range = model.calibration.tensor(name, &shape).unwrap();

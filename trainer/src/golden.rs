@@ -6,7 +6,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f32::consts::TAU;
 
-/// Amplitudes of the noise windows, as fractions of the input's range; the windows of the last two
+/// Amplitudes of the noise windows, as fractions of the input's range; windows with the last two
 /// amplitudes clip.
 const AMPLITUDES: [f32; 6] = [0.01, 0.05, 0.1, 0.2, 0.5, 1.5];
 /// Number of noise windows at each amplitude.
@@ -14,8 +14,8 @@ const WINDOWS_PER_AMPLITUDE: usize = 3;
 /// Seed of the noise windows.
 const SEED: u64 = 0x60_1D;
 
-/// Returns synthetic windows, namely extremes and noise, and the codes that model-gen's integer
-/// reference computes for them.
+/// Returns synthetic windows (extremes and noise), and the codes that model-gen's integer reference
+/// computes for them.
 pub(crate) fn golden_windows(integers: &IntegerModel) -> Golden {
     let cells: Vec<usize> = integers
         .cells
@@ -63,7 +63,8 @@ fn extremes(cells: &[usize], dimensions: &Dimensions) -> Vec<Vec<i8>> {
         window_of(&|step, electrode| rails((step + electrode) % 2 == 0)),
     ];
     let (steps, electrodes) = (dimensions.steps, dimensions.electrodes);
-    // Impulses at the first value of the window, at two near its middle, and at the last one.
+    // Impulses at the first value of the window, at two values near its middle, and at the last
+    // value.
     for (at_step, at_electrode) in [
         (0, 0),
         (steps / 2 - 1, electrodes / 2 - 1),

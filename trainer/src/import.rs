@@ -37,16 +37,16 @@ pub(crate) struct Import {
     force: bool,
 }
 
-/// Id of the imported model, and how far it agrees with the exported network.
+/// Id of the imported model, and how closely it agrees with the exported network.
 #[derive(Clone, Debug)]
 pub(crate) struct Imported {
     pub(crate) id: ModelId,
     /// Differences from the exported network; `None` if the file has no reference.
     pub(crate) agreement: Option<Agreement>,
-    /// Error of float and integer codes on the windows of the calibration; `None` if the file has
-    /// ranges instead of such windows.
+    /// Error of float and integer codes on the calibration windows; `None` if the file contains
+    /// ranges instead of windows.
     pub(crate) evaluation: Option<Evaluation>,
-    /// Number of channels that never vary, and are therefore held at the bias of their norm.
+    /// Number of channels that never vary, and are therefore held at the bias of their batch norm.
     pub(crate) silent_channels: usize,
 }
 
@@ -154,12 +154,12 @@ impl fmt::Display for Imported {
     }
 }
 
-/// Largest accepted difference, relative to the RMS of the reference. Sums of floats in another
-/// order differ by about 1e-6, on GPUs with TF32 by up to 1e-3; layers in another order differ by
-/// more than 1e-1.
+/// Largest accepted difference, relative to the RMS of the reference. Float sums in another order
+/// differ by about 1e-6, on GPUs with TF32 by up to 1e-3; layers in another order differ by more
+/// than 1e-1.
 const TOLERANCE: f32 = 2e-3;
 
-/// Largest differences between the outputs of a model and those of the exported network.
+/// Largest differences between the outputs of a model and the outputs of the exported network.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Agreement {
     pub(crate) windows: usize,
@@ -171,7 +171,7 @@ pub(crate) struct Agreement {
 }
 
 /// Runs the float network on the windows of the reference, and compares its codes and
-/// reconstructions with those of the exported network.
+/// reconstructions with the outputs of the exported network.
 ///
 /// # Errors
 /// If a difference exceeds the tolerance.

@@ -1,14 +1,14 @@
 //! The layers of the autoencoder, forward and backward, for 16 windows at a time.
 //!
-//! A value of a feature map is an array of [`LANES`] numbers, one for each window of a group. So
-//! the loops over the windows are vector instructions whatever the sizes of the feature maps, and
+//! A value of a feature map is an array of [`LANES`] numbers, one for each window of a group. The
+//! loops over the windows therefore become vector instructions for all sizes of feature maps, and
 //! no layer copies its input into a matrix first.
 //!
 //! ```text
 //! Volume: channel, step, row, column, lane (the last fastest)
 //! ```
 //!
-//! Every product is added by a fused multiply-add, and in an order that does not depend on the
+//! Every product is added by a fused multiply-add, in an order that does not depend on the
 //! processor or the number of threads: the same parameters and windows yield the same bits
 //! everywhere.
 
@@ -24,7 +24,7 @@ pub(crate) mod pool;
 
 /// Number of windows in a group.
 pub(crate) const LANES: usize = 16;
-/// One value of each window of a group.
+/// One value of a feature map, for each window of a group.
 pub(crate) type Lanes = [f32; LANES];
 
 /// Adds `factor * values` to `sums`, lane by lane.
@@ -66,7 +66,7 @@ impl Volume {
     /// Creates a volume from its values.
     ///
     /// # Panics
-    /// If the number of values is not that of the volume.
+    /// If the number of values is not the number of values in the volume.
     pub(crate) fn from_values(channels: usize, size: [usize; 3], values: Vec<Lanes>) -> Self {
         assert_eq!(
             values.len(),
@@ -80,7 +80,8 @@ impl Volume {
         }
     }
 
-    /// Returns the number of values of a channel.
+    /// Returns the number of positions (step, row, column), which is the number of values of a
+    /// channel.
     pub(crate) fn places(&self) -> usize {
         product(self.size)
     }
@@ -89,7 +90,7 @@ impl Volume {
         self.values.chunks_exact(self.places().max(1))
     }
 
-    /// Iterates over the values of each channel, to change them.
+    /// Iterates over the values of each channel by mutable reference.
     pub(crate) fn by_channel_mut(&mut self) -> impl Iterator<Item = &mut [Lanes]> {
         let places = self.places().max(1);
         self.values.chunks_exact_mut(places)
@@ -121,8 +122,8 @@ impl Volume {
         }
     }
 
-    /// Sets values to 0 where `activation`, the output of a ReLU, is 0. So a gradient at the output
-    /// of the ReLU becomes the gradient at its input.
+    /// Sets values to 0 where `activation`, the output of a ReLU, is 0. This turns a gradient at
+    /// the output of the ReLU into the gradient at its input.
     pub(crate) fn rectify_gradient(&mut self, activation: &Self) {
         let active = activation.values.as_flattened();
         for (gradient, active) in self.values.as_flattened_mut().iter_mut().zip(active) {
@@ -131,7 +132,7 @@ impl Volume {
     }
 }
 
-/// Returns the number of places in a volume of this size.
+/// Returns the number of positions in a volume of this size.
 pub(crate) fn product(size: [usize; 3]) -> usize {
     size.iter().product()
 }

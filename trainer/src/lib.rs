@@ -1,8 +1,8 @@
 //! Trains models, evaluates them, imports networks, and shows, compares and checks models.
 //!
 //! The recordings pass through the signal path of the device: a virtual ADC, the fixed-point
-//! filters and the resampler of `pipeline`. So the network is trained on the signals that the
-//! encoder on the device receives.
+//! filters and the resampler of `pipeline`. The network is therefore trained on the signals that
+//! the encoder receives on a device.
 //!
 //! ```text
 //! EDF, BDF, GDF --Track: virtual ADC, filters--> Dataset --> PCA --> Parameters --> Training: Adam
@@ -24,8 +24,8 @@
 //! defaults are the paper's dimensions. Mode `pca` has linear maps only, which need no epochs. The
 //! default mode is `shortcut`: the paper's encoder and decoder, plus a linear map from window to
 //! code and back. The linear map starts as PCA, and the convolutions contribute exactly 0 at the
-//! start. These first parameters are a candidate for the best ones, so on the validation windows
-//! the float codes are never worse than PCA's.
+//! start. The initial parameters are a candidate for the best parameters, so on the validation
+//! windows the float codes are never worse than PCA's.
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 #![expect(

@@ -1,5 +1,5 @@
-//! Checks a montage file, with every mistake at once and notes about what is allowed but unusual,
-//! and compares a recording with it.
+//! Checks a montage file, compares a recording with it, and reports all mistakes at once, with
+//! notes about what is permitted but unusual.
 
 use crate::error::TrainerError;
 use crate::selection::file_name;
@@ -13,11 +13,11 @@ use recordings::{Electrode, Missing, MontageMap, Position, Recording};
 use std::fmt;
 use std::path::Path;
 
-/// Angle between neighbours on the grid above which a note is printed, degrees: twice the angle
+/// Angle above which a note about neighbours on the grid is printed, degrees: twice the angle
 /// between neighbours of the 10-20 system on the midline.
 const FAR_DEGREES: f64 = 72.0;
-/// Smallest numbers of rows and columns that pools of 2 x 2 cells need. The pools of a row must
-/// cover at least three columns, so it takes two pools.
+/// Smallest numbers of rows and columns for pools of 2 x 2 cells. The pools of a row must cover at
+/// least three columns, so two pools are needed.
 const POOLED: [usize; 2] = [2, 4];
 /// Number of rows, and of columns, that two convolutions of 3 x 3 cells without padding remove.
 const REMOVED: usize = 4;
@@ -237,7 +237,7 @@ impl fmt::Display for MontageCheck {
 }
 
 /// Comparison of a recording with a montage. `Display` prints the electrodes with their labels in
-/// the recording, those that would be interpolated, and the signals that no electrode uses.
+/// the recording, the electrodes to interpolate, and the signals that no electrode uses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordingCheck {
     name: String,

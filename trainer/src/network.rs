@@ -15,7 +15,7 @@ use group::{Group, Layout, by_window, lanes};
 
 pub use backward::BatchGradients;
 
-/// Weight of a new batch in the running statistics, as by default in PyTorch.
+/// Weight of a new batch in the running statistics: PyTorch's default.
 const MOMENTUM: f32 = 0.1;
 
 /// The autoencoder without its parameters, computed on the CPU.
@@ -29,8 +29,8 @@ pub struct Network {
 pub struct Trace {
     /// Codes, one window after the other.
     pub codes: Vec<f32>,
-    /// Largest |g| * relu(conv) of both convolutions over all windows, where g = weight /
-    /// sqrt(variance + 1e-5) of the batch norm after it; 0 in mode `pca`.
+    /// Largest |g| * relu(conv) of each convolution over all windows, where g = weight /
+    /// sqrt(variance + 1e-5) of the batch norm after the convolution; 0 in mode `pca`.
     pub activations: [f32; 2],
 }
 
@@ -107,8 +107,8 @@ impl Network {
         (windows.len() * self.layout.geometry.dimensions.window_electrodes()) as f64
     }
 
-    /// Decodes codes that follow one another, and returns their windows; batch norm uses the
-    /// running statistics.
+    /// Decodes concatenated codes, and returns their windows; batch norm uses the running
+    /// statistics.
     ///
     /// # Panics
     /// In mode `paper`, whose codes cannot be decoded.

@@ -1,9 +1,9 @@
-//! Continuous signals from overlapping windows: at each step, the mean of those that cover it.
+//! Continuous signals from overlapping windows: each step is the mean of the windows that cover it.
 
 use crate::dataset::Dataset;
 use artifact::reconstruction::{HopLayout, Overlap, Window};
 
-/// Joins the decoded windows of a dataset, as they come, to a continuous signal for each segment.
+/// Joins the decoded windows of a dataset to a continuous signal for each segment, as they arrive.
 pub(crate) struct OverlapMean {
     overlap: Overlap,
     /// Number of values of a window.
@@ -12,7 +12,7 @@ pub(crate) struct OverlapMean {
     hop: usize,
     /// Number of windows of each segment.
     windows: Vec<usize>,
-    /// Signal of each segment that has begun, in the order step, electrode.
+    /// Signal of each started segment, in the order step, electrode.
     signals: Vec<Vec<f32>>,
 }
 
@@ -35,7 +35,7 @@ impl OverlapMean {
         }
     }
 
-    /// Adds decoded windows. All calls together must pass the windows in the order of
+    /// Adds decoded windows. Over all calls, the windows must be in the order of
     /// [`Dataset::aligned`].
     pub(crate) fn add(&mut self, decoded: &[f32]) {
         for window in decoded.chunks_exact(self.window) {
@@ -92,7 +92,7 @@ mod tests {
         let mut mean = OverlapMean::new(&dataset, 4);
         let windows = dataset.aligned(4);
         assert_eq!(windows.len(), 8 + 1);
-        // Add the windows in two parts, neither of which ends with a segment.
+        // Add the windows in two parts whose boundary is within a segment.
         for part in [&windows[..3], &windows[3..]] {
             mean.add(&part.concat());
         }

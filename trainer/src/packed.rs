@@ -17,7 +17,7 @@ use std::path::PathBuf;
 pub(crate) use rate_table::{RateTable, cells, to_json};
 pub(crate) use trained::PackedTrained;
 
-/// Number of time steps that `model.toml` states for a window. Only a network reads this number.
+/// Number of time steps that `model.toml` states for a window; only networks use this number.
 const STEPS: usize = 16;
 
 /// Options of `trainer packed`.
@@ -79,12 +79,12 @@ struct FitOptions {
     /// of the training data's variance [default: rate 4].
     #[arg(long)]
     target_mse: Option<f64>,
-    /// What the decoded signals are for: `motor`, so that errors at 8 to 30 Hz that a decoder sees
-    /// through spatial filters weigh more, or another band such as 8..13 [default: to be looked at;
-    /// all errors weigh alike].
+    /// Use of the decoded signals: `motor`, so that errors at 8 to 30 Hz that a decoder sees
+    /// through spatial filters have more weight, or another band such as 8..13 [default: visual
+    /// inspection; all errors have equal weight].
     #[arg(long = "for", value_name = "USE", value_parser = packed_fit::weight_for)]
     weight: Option<ErrorWeight>,
-    /// Weight of the errors in the band of --for, relative to those at all frequencies [default:
+    /// Weight of the errors in the band of --for, relative to errors at all frequencies [default:
     /// 3].
     #[arg(long, requires = "weight", value_parser = positive)]
     strength: Option<f64>,
@@ -97,14 +97,14 @@ fn positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "write a number above 0".to_owned())
 }
 
-/// Recordings to train on and to test with, after the front end.
+/// Training and test recordings, after the front end.
 struct Tracks {
     train: Vec<Track>,
     test: Vec<Track>,
 }
 
-/// Trains a packed model, adds it to an artifact or writes a new artifact without a network, and
-/// returns its figures.
+/// Trains a packed model, adds it to an artifact or writes it as a new artifact without a network,
+/// and returns its figures.
 ///
 /// # Errors
 /// If the montage has mistakes, recordings cannot be used, the requested error cannot be reached or

@@ -1,4 +1,4 @@
-//! The parameters of the network: a field for each tensor, with the name that the tensor has in the
+//! The parameters of the network: one field per tensor, which has the tensor's name in the
 //! artifact.
 
 use artifact::{ArtifactError, Geometry, Mode, NORM_EPSILON, Tensors, weight_shapes};
@@ -75,11 +75,11 @@ pub struct Tensor {
 /// Role of a tensor, which determines how it is initialised and trained.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Role {
-    /// Kernels, matrix or bias of a layer that is not the last one.
+    /// Kernels, matrix or bias of a layer other than the last.
     Layer,
-    /// Kernels, matrix or bias of the last layer of encoder or decoder. Starts at 0 if there is a
-    /// shortcut, so that the convolutions contribute nothing at first. Its gradients are not 0
-    /// then, because the inputs of the layer are not 0.
+    /// Kernels, matrix or bias of the last layer of encoder or decoder. If there is a shortcut, the
+    /// layer starts at 0, so that the convolutions contribute nothing at first. Its gradients are
+    /// then still not 0, because the layer's inputs are not 0.
     LastLayer,
     /// Factor of a batch norm.
     Gain,
@@ -140,12 +140,12 @@ impl Tensor {
         (self.get)(weights)
     }
 
-    /// Returns the elements of this tensor in `weights`, for changes.
+    /// Returns the elements of this tensor in `weights` by mutable reference.
     pub fn of_mut<'w>(&self, weights: &'w mut Weights) -> &'w mut Vec<f32> {
         (self.get_mut)(weights)
     }
 
-    /// Returns whether gradients train the tensor; they do not train running statistics.
+    /// Returns whether gradients train the tensor, which is not the case for running statistics.
     pub(crate) fn is_trained(&self) -> bool {
         !matches!(self.role, Role::Mean | Role::Variance)
     }
@@ -187,8 +187,8 @@ impl Parameters {
     /// are random; batch norm starts with factor 1 and offset 0.
     ///
     /// # Panics
-    /// In a mode with a shortcut, unless there is a direction for each number of the code, with an
-    /// element for each value of a window.
+    /// In a mode with a shortcut, unless there is one direction for each number of the code, with
+    /// one element for each value of a window.
     pub fn initial(mode: Mode, geometry: Geometry, directions: &[Vec<f32>], seed: u64) -> Self {
         let mut weights = Weights::default();
         if mode.has_shortcut() {
@@ -219,17 +219,17 @@ impl Parameters {
         parameters
     }
 
-    /// Sets the initial values of all tensors except those of the shortcut; those of layers are
-    /// random.
+    /// Sets the initial values of all tensors except the shortcut's; layers get random values.
     fn draw_convolutions(&mut self, seed: u64) {
         let has_shortcut = self.mode.has_shortcut();
-        // A bias follows the weight of its layer in the list, and is drawn from the same range.
+        // A bias follows the weight of its layer in the list, and its values are from the same
+        // range.
         let mut fan_in = 1.0_f32;
         for (index, (tensor, shape)) in shapes(self.mode, &self.geometry).into_iter().enumerate() {
             let count = shape.iter().product();
             if shape.len() > 1 {
-                // Number of the layer's inputs as PyTorch counts it. Initial values are within +-1
-                // / sqrt(fan-in).
+                // Number of the layer's inputs, as PyTorch counts them. Initial values are within
+                // +-1 / sqrt(fan-in).
                 fan_in = shape[1..].iter().product::<usize>() as f32;
             }
             let values = match tensor.role {
@@ -238,8 +238,8 @@ impl Parameters {
                 Role::Offset | Role::Mean => vec![0.0; count],
                 Role::LastLayer if has_shortcut => vec![0.0; count],
                 Role::Layer | Role::LastLayer => {
-                    // Each tensor has a random stream of its own, so that its values do not depend
-                    // on the size of another tensor.
+                    // Each tensor has its own random stream, so that its values do not depend on
+                    // the size of other tensors.
                     let mut rng = ChaCha8Rng::seed_from_u64(seed);
                     rng.set_stream(index as u64);
                     let bound = 1.0 / fan_in.sqrt();
@@ -281,17 +281,18 @@ impl Parameters {
         tensors
     }
 
-    /// Returns the mode of the network, which determines which tensors it has.
+    /// Returns the mode of the network, which determines its tensors.
     pub fn mode(&self) -> Mode {
         self.mode
     }
 
     /// Finds the channels whose input to a batch norm does not vary, and sets the norm's weight for
-    /// them to 0, which holds its output at its bias. Returns the number of these channels.
+    /// these channels to 0, which holds the norm's output at its bias. Returns the number of
+    /// channels.
     ///
     /// ReLU can silence a channel for good. Its variance then decays towards 0, and the norm would
     /// amplify the first window that excites the channel several hundred times, beyond the range of
-    /// an int8 factor. On all windows of the training set the output stays what it was.
+    /// an int8 factor. For all windows of the training set the output stays the same.
     pub fn hold_silent_channels(&mut self) -> usize {
         let Weights { encoder, decoder } = &mut self.weights;
         let mut held = 0;
@@ -307,8 +308,8 @@ impl Parameters {
     }
 }
 
-/// Largest variance of a channel that counts as silent. With this variance, the norm's output
-/// varies by a thousandth of the norm's weight.
+/// Largest variance at which a channel counts as silent. At this variance, the norm's output varies
+/// by a thousandth of the norm's weight.
 const SILENT_VARIANCE: f32 = 1e-6 * NORM_EPSILON;
 
 #[cfg(test)]

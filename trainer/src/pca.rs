@@ -1,5 +1,5 @@
 //! Second moment of the windows. Its principal directions are the initial weights of the shortcut,
-//! and the weights of the PCA code with which the network is compared.
+//! and the weights of the PCA code that serves as the network's baseline.
 
 use crate::dataset::Dataset;
 use nalgebra::DMatrix;
@@ -9,7 +9,7 @@ const BLOCK: usize = 512;
 
 /// Returns the second-moment matrix of the dataset's windows that start half a window apart. It
 /// replaces the covariance: the band-pass removes the mean anyway, and because no mean is
-/// subtracted, the code of a zero window is 0.
+/// subtracted, the code of a window of zeros is 0.
 pub(crate) fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     let windows = dataset.aligned(dataset.dimensions().steps / 2);
     let features = dataset.dimensions().window_electrodes();

@@ -1,13 +1,13 @@
-//! The people whose recordings a model is trained on or tested with: their power, and their bad
-//! electrodes.
+//! The people whose recordings a model is trained on or tested with: their signal power, and their
+//! bad electrodes.
 //!
 //! ```text
 //! tracks --> bad electrodes interpolated --> as recorded: ranges, tests
 //!                                        --> every person at equal power: training
 //! ```
 //!
-//! A person counts by the length of the recordings alone: without equal power, a person with twice
-//! the amplitude would count four times as much.
+//! The weight of a person depends only on the length of the recordings. Without equal power, a
+//! person with twice the amplitude would have four times the weight.
 
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
@@ -23,11 +23,11 @@ use std::path::{Path, PathBuf};
 /// Recordings of one or several people. In each recording, bad electrodes are interpolated.
 #[derive(Clone, Debug)]
 pub(crate) struct People {
-    /// Recordings in the order in which they were given, with their amplitude.
+    /// Recordings in the given order, with their original amplitude.
     pub(crate) tracks: Vec<Track>,
-    /// Index in `cards` of the person of each recording.
+    /// For each recording, the index of its person in `cards`.
     of: Vec<usize>,
-    /// What training cards state about each person, in the order of the names.
+    /// Entry of each person in training cards, sorted by name.
     cards: Vec<Person>,
 }
 
@@ -44,8 +44,9 @@ impl People {
         Self::new(tracks, electrodes, options.subject.as_deref(), observer)
     }
 
-    /// Groups recordings by person, and interpolates the bad electrodes of each recording from its
-    /// neighbours. A warning names them. All recordings are of one person if `subject` is given.
+    /// Groups recordings by person, and interpolates the bad electrodes of each recording from
+    /// their neighbours; a warning names these electrodes. If `subject` is given, all recordings
+    /// are of this person.
     ///
     /// # Errors
     /// [`FitError::SilentRecording`].
@@ -100,9 +101,9 @@ impl People {
         Ok(Self { tracks, of, cards })
     }
 
-    /// Returns the recordings for training: those of each person are multiplied by one factor,
-    /// after which all people have the standard deviation of the median person. The recordings of
-    /// one person stay as they are.
+    /// Returns the recordings for training. Each person's recordings are multiplied by one factor,
+    /// so that all people have the standard deviation of the median person. With a single person,
+    /// the recordings stay as they are.
     pub(crate) fn at_equal_power(&self, observer: &mut impl ProgressObserver) -> Vec<Track> {
         if self.cards.is_empty() {
             return Vec::new();
@@ -129,8 +130,7 @@ impl People {
         scaled.collect()
     }
 
-    /// Returns the people for a training card; none if it is a single person without bad
-    /// electrodes.
+    /// Returns the people for a training card; empty for a single person without bad electrodes.
     pub(crate) fn card(&self) -> Vec<Person> {
         match self.cards.as_slice() {
             [person] if person.bad.is_empty() => Vec::new(),
@@ -138,7 +138,7 @@ impl People {
         }
     }
 
-    /// Returns the other people, and the recordings of `subject`.
+    /// Returns the other people, and the recordings of the person `subject`.
     pub(crate) fn leave_out(&self, subject: &str) -> (Self, Vec<Track>) {
         let mut others = self.clone();
         let is_left_out = |of: &usize| self.cards[*of].subject == subject;
@@ -180,8 +180,8 @@ impl People {
         self.each_of(&self.tracks)
     }
 
-    /// Returns each person's recordings as they are in `tracks`, which are the same recordings in
-    /// the same order.
+    /// Returns each person's recordings from `tracks`, which are the same recordings in the same
+    /// order, possibly processed differently.
     pub(crate) fn each_of<'a>(
         &'a self,
         tracks: &'a [Track],
@@ -220,10 +220,9 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     const LABELS: [&str; 9] = ["F3", "Fz", "F4", "C3", "Cz", "C4", "P3", "Pz", "P4"];
-    /// Index of Cz.
     const MIDDLE: usize = 4;
 
-    /// Messages of a command.
+    /// Collects the messages of a command.
     #[derive(Default)]
     struct Messages(Vec<String>);
 
@@ -233,8 +232,8 @@ mod tests {
         }
     }
 
-    /// Returns a recording of 20 s in which neighbours are alike. `change` gets each step's number,
-    /// a random number from -1 to 1, and the value of Cz, which it may replace.
+    /// Returns a recording of 20 s in which neighbouring electrodes are similar. `change` gets each
+    /// step's index, a random number from -1 to 1, and the value of Cz, which it may replace.
     fn track(name: &str, gain: f32, change: impl Fn(usize, f32, &mut f32)) -> Track {
         let mut rng = ChaCha8Rng::seed_from_u64(name.len() as u64);
         let values = (0..2560).flat_map(|step| {
@@ -349,7 +348,7 @@ mod tests {
                 error += (filled[MIDDLE] - clean[MIDDLE]).powi(2);
                 energy += clean[MIDDLE].powi(2);
             }
-            // The four neighbours lie around Cz, so their mean is its sources and less noise.
+            // The four neighbours surround Cz, so their mean has the sources of Cz and less noise.
             assert!(error < 0.01 * energy, "{error} {energy}");
         }
     }

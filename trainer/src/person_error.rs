@@ -11,15 +11,15 @@ use packed_fit::Track;
 use serde_json::{Value as Json, json};
 use std::fmt;
 
-/// Error for one person with integer codes. Without bad electrodes in the recordings, both errors
-/// are the same.
+/// Error for one person with integer codes. If the recordings have no bad electrodes, both errors
+/// are equal.
 #[derive(Clone, Debug)]
 pub(crate) struct PersonError {
     pub(crate) person: Person,
-    /// Error if the bad electrodes are filled from the others before the encoder, and compared with
-    /// that.
+    /// Error with substitution: bad electrodes are filled from the others before the encoder, and
+    /// the decoded signal is compared with the filled signal.
     pub(crate) on: IntegerError,
-    /// Error of the recordings as they are.
+    /// Error without substitution, on the recordings as they are.
     pub(crate) off: IntegerError,
 }
 
@@ -34,14 +34,14 @@ pub(crate) struct IntegerError {
 }
 
 impl PersonError {
-    /// Returns whether a model has what [`PersonError::of_each`] measures: a network and a table of
-    /// substitutions.
+    /// Returns whether [`PersonError::of_each`] can measure a model: whether it has a network and a
+    /// table of substitutions.
     pub(crate) fn is_measured(model: &Artifact) -> bool {
         model.substitution.is_some() && model.description.mode.has_network()
     }
 
-    /// Measures the error for each person; `recorded` are the recordings of `people` as they are.
-    /// Returns nothing unless [`PersonError::is_measured`].
+    /// Measures the error for each person; `recorded` are the recordings of `people` before
+    /// interpolation. Returns nothing unless [`PersonError::is_measured`].
     ///
     /// # Errors
     /// If the model cannot be turned into integers, or its codes cannot be decoded.

@@ -1,12 +1,12 @@
-//! Interface through which a command reports its progress and learns that the user wants to stop.
+//! Interface through which a command reports its progress and learns of a request to stop.
 
 use crate::crossval::Outcome;
 use crate::training::EpochLosses;
 
-/// Receives the progress of a command. All methods but [`message`](Self::message) do nothing by
-/// default.
+/// Receives the progress of a command. By default, all methods except [`message`](Self::message) do
+/// nothing.
 pub trait ProgressObserver {
-    /// Reports a message of one line to the user.
+    /// Reports a one-line message to the user.
     fn message(&mut self, text: &str);
 
     /// Reports the start of epoch `epoch` of `epochs`, which has `batches` batches of `windows`
@@ -16,7 +16,7 @@ pub trait ProgressObserver {
     /// Reports the end of a batch and its loss.
     fn batch_finished(&mut self, _loss: f64) {}
 
-    /// Reports the losses of a finished epoch, whose number counts from 1.
+    /// Reports the losses of a finished epoch; epochs count from 1.
     fn epoch_finished(&mut self, _epoch: u32, _losses: EpochLosses) {}
 
     /// Returns whether the user has asked to stop. Training calls this after each batch.
@@ -24,11 +24,11 @@ pub trait ProgressObserver {
         false
     }
 
-    /// Reports the work of all folds of a cross-validation that are not done yet.
+    /// Reports the total work of all unfinished folds of a cross-validation.
     fn folds_planned(&mut self, _work: usize) {}
 
-    /// Reports the start of a fold of a cross-validation, and its number among the `folds` folds that
-    /// were not done.
+    /// Reports the start of a fold of a cross-validation, and its number among the `folds`
+    /// unfinished folds.
     fn fold_started(&mut self, _name: &str, _number: usize, _folds: usize) {}
 
     /// Reports the outcome of a finished fold, and its work in the unit of

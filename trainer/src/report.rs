@@ -25,7 +25,7 @@ const PAGE: &str = "index.html";
 /// Label of an axis with mean squared errors in units of `input.sd_uv` squared.
 const MSE: &str = "mean squared error (1 = variance of the training part)";
 
-/// A report in progress. Its page is written last, when all pictures are there.
+/// A report in progress. Its page is written last, after all pictures.
 struct Report<'a> {
     folder: &'a Path,
     page: Page,
@@ -65,10 +65,10 @@ impl<'a> Report<'a> {
     }
 }
 
-/// Creates the folder of a report, if `folder` names one, and tries to write to it.
+/// Creates the folder of a report, if `folder` is given, and tries to write to it.
 ///
 /// # Errors
-/// If the folder holds a report already and `force` is false, or it cannot be written.
+/// If the folder already holds a report and `force` is false, or the folder is not writable.
 pub(crate) fn prepare(folder: Option<&Path>, force: bool) -> Result<(), TrainerError> {
     let Some(folder) = folder else {
         return Ok(());
@@ -85,8 +85,8 @@ pub(crate) fn message(folder: &Path) -> String {
     format!("report written to {}", folder.join(PAGE).display())
 }
 
-/// Writes the report of a training run or an evaluation into a folder: learning curves if there
-/// were epochs, and the errors of each electrode if there were recordings to test with.
+/// Writes the report of a training run or an evaluation to a folder: learning curves if there were
+/// epochs, and the errors of each electrode if there were test recordings.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -106,7 +106,7 @@ pub(crate) fn write(
     report.finish()
 }
 
-/// Writes the report of a cross-validation into a folder: errors of all folds.
+/// Writes the report of a cross-validation to a folder: the errors of all folds.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -116,7 +116,7 @@ pub(crate) fn write_crossval(folder: &Path, table: &Table) -> Result<(), Trainer
     report.finish()
 }
 
-/// Writes the report of a classifier into a folder.
+/// Writes the report of a classifier to a folder.
 ///
 /// # Errors
 /// If a file cannot be written.

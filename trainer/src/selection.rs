@@ -1,4 +1,4 @@
-//! Finds what a user names: recordings by path, pattern or name, and folders to write to.
+//! Resolves names that a user gives: recordings by path, pattern or name, and folders to write to.
 
 use crate::error::TrainerError;
 use clap::Args;
@@ -23,7 +23,7 @@ pub(crate) struct TrainingFiles {
     /// model has no test figures.
     #[arg(long, value_delimiter = ',')]
     test: Vec<String>,
-    /// Name of the only person [default: what precedes the number of the run in the files' names].
+    /// Name of the only person [default: the text before the run's number in each file name].
     /// In training, each person's recordings are scaled to the same power.
     #[arg(long)]
     pub(crate) subject: Option<String>,
@@ -43,7 +43,7 @@ pub struct TestFiles {
     /// ranges of them like R11..R12 [default: those in the training card].
     #[arg(long, value_delimiter = ',')]
     pub test: Vec<String>,
-    /// Name of the only person [default: what precedes the number of the run in the files' names].
+    /// Name of the only person [default: the text before the run's number in each file name].
     #[arg(long)]
     pub subject: Option<String>,
     /// Mains frequency of the recordings, Hz: 50 or 60 [default: that of the training].
@@ -70,18 +70,18 @@ pub(crate) fn mains_hz(text: &str) -> Result<u32, String> {
     }
 }
 
-/// Recordings to train on and to test with; no recording is in both lists.
+/// Recordings for training and tests; no recording is in both lists.
 pub(crate) struct Selected {
     pub(crate) train: Vec<PathBuf>,
     pub(crate) test: Vec<PathBuf>,
 }
 
 impl TrainingFiles {
-    /// Finds the recordings to train on and to test with.
+    /// Finds the recordings for training and tests.
     ///
     /// # Errors
-    /// Those of [`recordings()`], and [`TrainerError::TrainedOn`] if a recording is named both for
-    /// training and for tests.
+    /// The errors of [`recordings()`], and [`TrainerError::TrainedOn`] if a recording is named both
+    /// for training and for tests.
     pub(crate) fn find(&self) -> Result<Selected, TrainerError> {
         let train = recordings(&self.data, &self.train)?;
         let test = recordings(&self.data, &self.test)?;
@@ -95,7 +95,7 @@ impl TrainingFiles {
 }
 
 impl Selected {
-    /// Returns the file names of the recordings to train on, and of those to test with.
+    /// Returns the file names of the training recordings and of the test recordings.
     pub(crate) fn names(&self) -> [Vec<String>; 2] {
         [&self.train, &self.test].map(|files| files.iter().map(|file| file_name(file)).collect())
     }
@@ -125,7 +125,8 @@ pub(crate) fn refuse_model(folder: &Path, force: bool) -> Result<(), TrainerErro
     Ok(())
 }
 
-/// Returns the recordings that `names` select, sorted by path, without duplicates. A name is:
+/// Returns the recordings that `names` select, sorted by path, without duplicates. A name is one
+/// of:
 ///
 /// * the path of a recording, or of a folder, which selects all recordings in it;
 /// * a pattern of paths with `*`, `?` or `[...]`;
@@ -155,7 +156,7 @@ pub(crate) fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>
 }
 
 /// Returns the absolute path without symbolic links, or `path` itself if the file cannot be
-/// reached.
+/// accessed.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }
@@ -220,7 +221,7 @@ fn is_pattern(name: &str) -> bool {
 }
 
 /// Returns the recordings in a folder whose file name, with or without extension, ends with `name`
-/// or a name of the range `name`.
+/// or, if `name` is a range, with a name in this range.
 fn named(folder: &Path, name: &str) -> Result<Vec<PathBuf>, TrainerError> {
     let files = list(folder)?;
     let mut selected = Vec::new();
@@ -258,7 +259,7 @@ fn matches(name: &str, path: &Path) -> bool {
 }
 
 /// Returns the names in a range, for example R03, R04 and R05 for `R03..R05`. Returns `name` alone
-/// if it is no range.
+/// if it is not a range.
 fn expand(name: &str) -> Result<Vec<String>, TrainerError> {
     let Some((first, last)) = name.split_once("..") else {
         return Ok(vec![name.to_owned()]);
@@ -274,8 +275,8 @@ fn expand(name: &str) -> Result<Vec<String>, TrainerError> {
         .collect())
 }
 
-/// Splits a name into the text before the number at its end, this number, and its count of digits.
-/// Returns `None` if the name does not end with a number.
+/// Splits a name into the text before the number at its end, this number, and the number's count of
+/// digits. Returns `None` if the name does not end with a number.
 fn split_number(name: &str) -> Option<(&str, u32, usize)> {
     let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());
     let digits = &name[prefix.len()..];

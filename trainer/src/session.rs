@@ -46,14 +46,14 @@ pub(crate) struct TrainOptions {
     /// their values and a page that shows them.
     #[arg(long)]
     report: Option<PathBuf>,
-    /// Replace an artifact in the folder of --out, and a report in that of --report.
+    /// Replace an artifact in the folder of --out, and a report in the folder of --report.
     #[arg(long)]
     force: bool,
 }
 
 /// Trains a model, calibrates and evaluates it, and writes its artifact, golden windows and PCA,
-/// and its report if the options name a folder for it. Returns the comparison on the test
-/// recordings; `None` if there are none.
+/// and a report if the options name a folder for it. Returns the comparison on the test recordings;
+/// `None` without test recordings.
 ///
 /// # Errors
 /// If recordings cannot be used, training diverges, the user interrupts it or files cannot be
@@ -62,7 +62,7 @@ pub(crate) fn train(
     options: &TrainOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<Option<Comparison>, TrainerError> {
-    // Make all checks first, because the training can take hours.
+    // Make all checks first, because training can take hours.
     let montage = options.model.montage()?;
     refuse_model(&options.out, options.force)?;
     let mut description = card::checked_description(&montage, options.model.shape)?;
@@ -150,8 +150,7 @@ pub(crate) fn train(
     Ok(comparison)
 }
 
-/// Returns and reports the error on each person's test recordings; nothing if they are all of one
-/// person.
+/// Returns and reports the error on each person's test recordings; empty if all are of one person.
 fn test_each(
     model: &Artifact,
     pca: &Pca,
@@ -180,9 +179,9 @@ fn test_each(
     Ok(tested)
 }
 
-/// Runs the remaining epochs of a training run, which begins with the parameters `start` or
-/// continues from its checkpoint, and writes a checkpoint after each epoch. `data` is the text by
-/// which the checkpoint identifies the data in `split`.
+/// Runs the remaining epochs of a training run, and writes a checkpoint after each epoch. The run
+/// starts with the parameters `start` or continues from its checkpoint. In the checkpoint, the text
+/// `data` identifies the data in `split`.
 fn run_epochs(
     options: &TrainOptions,
     (split, data): (&Split, &str),
@@ -256,7 +255,7 @@ fn fill_card(
     Ok(())
 }
 
-/// Runs the epochs of a training run as [`run_epochs`] does, and fills in its results on the
+/// Runs the epochs of a training run as [`run_epochs`] does, and records its results on the
 /// training card.
 fn train_network(
     options: &TrainOptions,

@@ -8,7 +8,7 @@ use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
 
-/// A model, together with the integers that a device computes with.
+/// A model, together with the integers with which a device computes.
 #[derive(Clone, Debug)]
 pub(crate) struct Shown {
     artifact: Artifact,

@@ -1,4 +1,4 @@
-//! Subjects of recordings, from the names of the files.
+//! Subjects of recordings, derived from file names.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,10 +11,10 @@ pub(crate) struct Subject {
 }
 
 /// Groups recordings by subject. If `name` is given, all belong to the subject of this name.
-/// Otherwise the subject's name is that of the file without its ending, the number of the run and
-/// the word before the number: `S001R03.edf` and `S001R04.edf` belong to `S001`,
-/// `motorexecution_subject2_run1.gdf` to `motorexecution_subject2`. A file without a number is a
-/// subject of its own.
+/// Otherwise the subject is the file name without its ending, the number of the run and the word
+/// before this number: `S001R03.edf` and `S001R04.edf` belong to `S001`,
+/// `motorexecution_subject2_run1.gdf` belongs to `motorexecution_subject2`. A file without a number
+/// is a subject of its own.
 pub(crate) fn group(recordings: &[PathBuf], name: Option<&str>) -> Vec<Subject> {
     let mut subjects: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
     for recording in recordings {
@@ -29,7 +29,7 @@ pub(crate) fn group(recordings: &[PathBuf], name: Option<&str>) -> Vec<Subject> 
     subjects.collect()
 }
 
-/// Returns the name of the subject to whom a file belongs; [`group`] states how.
+/// Returns the name of the subject of a file, by the rules of [`group`].
 pub(crate) fn subject_of(recording: &Path) -> String {
     let stem = recording.file_stem().unwrap_or_default();
     let stem = stem.to_string_lossy().into_owned();
@@ -39,7 +39,7 @@ pub(crate) fn subject_of(recording: &Path) -> String {
     }
     let without_word = without_number.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let subject = without_word.trim_end_matches(['_', '-', ' ']);
-    // A file name of one word and a number, such as run3, names no subject.
+    // A file name of only a word and a number, such as run3, names no subject.
     if subject.is_empty() {
         "all".to_owned()
     } else {

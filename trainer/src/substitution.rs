@@ -35,7 +35,7 @@ pub(crate) struct SubstitutionOptions {
     force: bool,
 }
 
-/// Trains a table, adds it to an artifact, and returns its errors and its convergence in words.
+/// Trains a table, adds it to an artifact, and returns a text on its errors and its convergence.
 ///
 /// # Errors
 /// If the recordings cannot be used or do not determine a table, its sweeps do not converge, or
@@ -95,14 +95,14 @@ pub(crate) fn train(
     Ok(format!("{errors}\n{}\n", radius_text(radius)))
 }
 
-/// Returns in words that substitution converges.
+/// Returns a text that states that substitution converges.
 pub(crate) fn radius_text(radius: f64) -> String {
     format!(
         "the substitution of bad electrodes converges, with a spectral radius of at most {radius:.3}"
     )
 }
 
-/// Returns the errors of a table in words.
+/// Returns the errors of a table as text.
 pub(crate) fn figures_text(figures: &SubstitutionFigures) -> String {
     let SubstitutionFigures {
         median_nmse,

@@ -30,7 +30,7 @@ pub(crate) fn feature(index: usize) -> usize {
     index * dimensions.window_electrodes() / dimensions.numbers
 }
 
-/// Returns a dataset whose electrodes share a few low-pass-filtered sources and have some noise.
+/// Returns a dataset whose electrodes share a few low-pass-filtered sources, plus some noise.
 pub(crate) fn dataset(seed: u64, steps: usize) -> Dataset {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut sources = [0.0_f32; 4];
@@ -68,12 +68,12 @@ pub(crate) fn description() -> Description {
     description
 }
 
-/// Returns the parameters of mode `pca`, whose shortcut projects onto [`directions`].
+/// Returns parameters of mode `pca` whose shortcut projects onto [`directions`].
 pub(crate) fn pca() -> Parameters {
     Parameters::initial(Mode::Pca, geometry(), &directions(), 0)
 }
 
-/// Returns the initial parameters of mode `shortcut`, whose shortcut projects onto [`directions`].
+/// Returns initial parameters of mode `shortcut` whose shortcut projects onto [`directions`].
 pub(crate) fn shortcut(seed: u64) -> Parameters {
     Parameters::initial(Mode::Shortcut, geometry(), &directions(), seed)
 }

@@ -36,7 +36,8 @@ pub(crate) struct Settings {
 }
 
 impl fmt::Display for Settings {
-    /// Writes all settings but the number of epochs, which may grow when a training run is resumed.
+    /// Writes all settings except the number of epochs, which may grow when a training run is
+    /// resumed.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             epochs: _,
@@ -61,11 +62,11 @@ struct OneCycle {
     updates: u64,
 }
 
-/// Part of the updates of a cycle during which the learning rate rises to its peak.
+/// Fraction of a cycle's updates during which the learning rate rises to its peak.
 const WARM_UP: f64 = 0.15;
-/// Ratio of the peak learning rate to the first one of a cycle.
+/// Ratio of a cycle's peak learning rate to its first learning rate.
 const RISE: f64 = 25.0;
-/// Ratio of the first learning rate of a cycle to the last one.
+/// Ratio of a cycle's first learning rate to its last.
 const FALL: f64 = 1e4;
 
 impl OneCycle {
@@ -93,9 +94,9 @@ fn ease(from: f64, to: f64, part: f64) -> f64 {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Training {
     pub(crate) settings: Settings,
-    /// Number of finished epochs.
+    /// Number of finished epochs, of all cycles.
     pub(crate) epoch: u32,
-    /// Number of epochs that were finished when the present cycle of the learning rate began.
+    /// Number of finished epochs when the current cycle of the learning rate began.
     pub(crate) cycle_start: u32,
     pub(crate) parameters: Parameters,
     pub(crate) adam: Adam,
@@ -105,7 +106,7 @@ pub(crate) struct Training {
     pub(crate) curve: LearningCurve,
 }
 
-/// Errors before the first epoch and after each one, in units of `input.sd_uv` squared.
+/// Errors before the first epoch and after each epoch, in units of `input.sd_uv` squared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct LearningCurve {
@@ -125,10 +126,10 @@ pub struct EpochLosses {
     pub(crate) validation: f64,
 }
 
-/// Learning curve of a training run, with the chosen epoch and the error of PCA beside it.
+/// Learning curve of a training run, with the chosen epoch and the error of PCA for comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Learning {
-    /// Errors of all epochs, also of those before the checkpoint from which a run was resumed.
+    /// Errors of all epochs, including epochs before the checkpoint from which a run was resumed.
     pub(crate) curve: LearningCurve,
     /// Epoch with the smallest validation error; 0 for the initial parameters.
     pub(crate) best_epoch: u32,
@@ -137,7 +138,7 @@ pub(crate) struct Learning {
 }
 
 impl LearningCurve {
-    /// Returns the validation errors of all epochs, from epoch 0, which has the initial parameters.
+    /// Returns the validation errors of all epochs, starting with the initial parameters (epoch 0).
     pub(crate) fn validations(&self) -> impl Iterator<Item = f64> {
         let epochs = self.epochs.iter().map(|epoch| epoch.validation);
         std::iter::once(self.initial_validation).chain(epochs)
@@ -156,7 +157,7 @@ pub(crate) struct Candidate {
 
 impl Training {
     /// Creates a training run before its first epoch. The initial parameters are the first
-    /// candidate for the best ones.
+    /// candidate for the best parameters.
     pub(crate) fn start(
         settings: Settings,
         parameters: Parameters,
@@ -203,10 +204,10 @@ impl Training {
     }
 
     /// Runs the next epoch over windows at random offsets, and returns its losses. `after_batch`
-    /// receives the loss of each batch. It may stop the epoch; the training run is then unusable.
+    /// receives the loss of each batch and may stop the epoch; the training run is then unusable.
     ///
-    /// The order of the windows depends only on the seed and the epoch, so that a resumed training
-    /// run equals an uninterrupted one.
+    /// The order of the windows depends only on the seed and the epoch, so a resumed training run
+    /// equals an uninterrupted run.
     ///
     /// # Errors
     /// If the loss or the validation error becomes infinite or NaN, or `after_batch` stops the
@@ -262,8 +263,8 @@ impl Training {
     }
 }
 
-/// Returns the windows of the validation part, without overlap, because overlapping windows would
-/// slow down every epoch.
+/// Returns the windows of the validation part, without overlap: overlapping windows would slow down
+/// every epoch.
 pub(crate) fn validation_windows(split: &Split) -> Vec<&Window> {
     split
         .validation

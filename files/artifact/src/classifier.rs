@@ -14,22 +14,22 @@ use std::path::Path;
 
 /// Largest number of spatial filters that a device takes.
 pub const MAX_FEATURES: usize = 8;
-/// Largest sum of the magnitudes of a filter's weights. With inputs of 4,096 at most, the sum over
-/// all electrodes then fits the 24 bits in which a device adds it up.
+/// Largest sum of the magnitudes of a filter's weights. Inputs are at most 4,096 in magnitude, so
+/// the weighted sum over all electrodes then fits the device's 24-bit accumulator.
 pub const LARGEST_ROW: u32 = 2_047;
 
-/// Largest gain from a filter's signal, below 2^23, to an output of a section: the difference of
-/// two outputs, which the next section multiplies, stays below 2^31.
+/// Largest gain from a filter's output, which is below 2^23, to the output of a section. The
+/// difference of two section outputs, which the next section multiplies, then stays below 2^31.
 const LARGEST_GAIN: f64 = 128.0;
-/// Largest window of a decision: some minutes. Largest magnitude of a weight or bias, with which no
-/// score overflows.
+/// Largest window of a decision in hops (some minutes), and largest magnitude of a weight or bias,
+/// with which no score overflows.
 const LARGEST_WINDOW: u32 = 4_096;
 const LARGEST_WEIGHT: f64 = 1e6;
-/// Number of steps in which the impulse response of the band-pass must have decayed, and the
-/// magnitude that it may still have.
+/// Number of steps within which the impulse response of the band-pass must decay, and the magnitude
+/// below which it counts as decayed.
 const DECAY: (usize, f64) = (20_000, 1e-6);
 
-/// A classifier, as its file has it. [`Self::read`] and [`Self::parse`] check it.
+/// A classifier, as stored in its file. [`Self::read`] and [`Self::parse`] check it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Classifier {
@@ -37,17 +37,17 @@ pub struct Classifier {
     pub format: u32,
     /// Electrodes of the montage, in the device's order.
     pub electrodes: Vec<String>,
-    /// Steps per second.
+    /// Rate of the time steps, Hz.
     pub step_rate_hz: u16,
     /// Steps from one set of features to the next.
     pub hop_steps: u8,
-    /// The band-pass.
+    /// Band-pass that follows each spatial filter.
     pub band: Band,
-    /// What follows from the features.
+    /// The rule that turns features into a prediction.
     pub decision: DecisionRule,
     /// Spatial filters, 1 to [`MAX_FEATURES`]. Each yields one feature.
     pub filters: Vec<SpatialFilter>,
-    /// On what the classifier was trained, and how well it did on what it had not seen.
+    /// Training data, and accuracy on trials that were not used for training.
     pub training: ClassifierTraining,
 }
 
@@ -68,29 +68,29 @@ pub struct Band {
 pub struct SpatialFilter {
     /// Weight of each electrode, -127..=127; the magnitudes sum to [`LARGEST_ROW`] at most.
     pub weights: Vec<i8>,
-    /// Activity at each electrode of the source that the filter extracts, relative to the largest
-    /// one, -1..=1; for people, not for the device.
+    /// How strongly the source that the filter extracts appears at each electrode, relative to the
+    /// strongest electrode, -1..=1. For display only; the device does not use it.
     pub pattern: Vec<f32>,
 }
 
-/// A linear discriminant for each class, about the logarithms of smoothed band powers.
+/// A linear discriminant for each class, applied to the logarithms of smoothed band powers.
 ///
-/// With the feature's mean energy over the window, `x = ln(energy)`, the class c has the score
-/// `bias[c] + sum_f weights[c][f] x_f`, and the softmax of the scores is the probability.
+/// With `x_f = ln(mean energy of feature f over the window)`, class c has the score
+/// `bias[c] + sum_f weights[c][f] x_f`. The softmax of the scores gives the probabilities.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DecisionRule {
-    /// The classes, two or more.
+    /// The classes that the rule distinguishes, two or more.
     pub classes: Vec<Class>,
     /// Number of hops over which each energy is averaged.
     pub window_hops: u32,
     /// For each class, the weight of each feature.
     pub weights: Vec<Vec<f64>>,
-    /// For each class, its constant term.
+    /// Constant term of each class's score.
     pub bias: Vec<f64>,
 }
 
-/// One of the classes between which a classifier decides.
+/// One of the classes that a classifier distinguishes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Class {
@@ -101,7 +101,7 @@ pub struct Class {
 }
 
 impl Class {
-    /// Range of codes: those of event files, which have 16 bits. 0 is no decision.
+    /// Valid codes: the 16-bit codes of event files except 0, which stands for no decision.
     pub const CODES: RangeInclusive<i32> = 1..=65_535;
 }
 
@@ -111,14 +111,15 @@ impl Class {
 pub struct ClassifierTraining {
     /// File names of the training recordings.
     pub train_files: Vec<String>,
-    /// Start and end of the part of each trial that was used, seconds after its event.
+    /// Start and end of the part of each trial that was used, in seconds after the trial's event.
     pub trial_s: [f64; 2],
     /// Number of training trials of each class, in the order of the classes.
     pub trials: Vec<u32>,
-    /// Results on trials of recordings that were left out of the training in turn.
+    /// Results of cross-validation: each recording, or block of trials, is left out of training in
+    /// turn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cross_validation: Option<ClassifierFigures>,
-    /// Results on the test recordings.
+    /// Results on the test recordings; `None` if there were none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub test: Option<ClassifierFigures>,
 }
@@ -127,17 +128,17 @@ pub struct ClassifierTraining {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClassifierFigures {
-    /// Part of the trials that were classified as what they were, 0..=1.
+    /// Fraction of the trials that were classified correctly, 0..=1.
     pub accuracy: f64,
     /// 95 % confidence interval of the accuracy (Wilson).
     pub accuracy_95: [f64; 2],
     /// Area under the receiver operating characteristic, 0..=1; the mean over all pairs of classes.
     pub auc: f64,
-    /// The same area without quantisation: filters, energies and sums in floats.
+    /// `auc` without quantisation: with filters, energies and sums in floating point.
     pub auc_float: f64,
     /// Number of trials by true class (row) and decision (column).
     pub confusion: Vec<Vec<u32>>,
-    /// Results on each recording, or block of trials, that was left out or tested with.
+    /// Results on each left-out or test recording, or on each left-out block of trials.
     pub parts: Vec<PartFigures>,
 }
 
@@ -147,9 +148,9 @@ pub struct ClassifierFigures {
 pub struct PartFigures {
     /// File name of the recording, or number of the block of trials.
     pub name: String,
-    /// Number of trials.
+    /// Number of trials in this part.
     pub trials: u32,
-    /// Number of trials that were classified as what they were.
+    /// Number of trials that were classified correctly.
     pub right: u32,
 }
 
@@ -181,7 +182,7 @@ impl Classifier {
         Ok(toml::to_string(self)?)
     }
 
-    /// Returns the number by which features name their filters: the first four bytes of the SHA-256
+    /// Returns the id with which features name their filters: the first four bytes of the SHA-256
     /// over band-pass and weights.
     pub fn id(&self) -> u32 {
         let mut hash = Sha256::new();
@@ -199,7 +200,7 @@ impl Classifier {
         weights.map(|weight| weight.cast_unsigned()).collect()
     }
 
-    /// Returns the electrodes that have a weight in a filter; bit n is electrode n.
+    /// Returns the mask of the electrodes that have a weight in any filter; bit n is electrode n.
     pub fn used_electrodes(&self) -> u64 {
         let weights = self.filters.iter().map(|filter| {
             let used = filter.weights.iter().enumerate().filter(|(_, w)| **w != 0);
@@ -208,7 +209,7 @@ impl Classifier {
         weights.fold(0, |all, mask: u64| all | mask)
     }
 
-    /// Checks all ranges, and that no value of the device leaves 32 bits.
+    /// Checks all ranges, and that no value computed on the device exceeds 32 bits.
     fn check(&self) -> Result<(), ClassifierError> {
         let field = |field: &'static str, is_valid: bool, expected: &'static str| {
             let error = ClassifierError::Field { field, expected };
@@ -285,7 +286,7 @@ impl Classifier {
 
 impl Band {
     /// Returns the largest gain (the sum of the magnitudes of the impulse response) from the input
-    /// to the output of a section; infinite if a response does not decay.
+    /// of the band-pass to the output of any section; infinite if a response does not decay.
     fn largest_gain(&self) -> f64 {
         let mut states = [[0.0; 4]; 2];
         let mut gains = [0.0; 2];

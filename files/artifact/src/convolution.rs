@@ -108,7 +108,7 @@ impl Volume {
 /// [`Volume::padded`] to the input; for a padded transposed convolution, apply [`Volume::cropped`]
 /// to the output.
 ///
-/// Weights are `[out][in][step][row][column]`; those of the decoder's transposed convolutions are
+/// Weights are `[out][in][step][row][column]`; in the decoder's transposed convolutions they are
 /// `[in][out][step][row][column]`, as in PyTorch.
 #[derive(Clone, Debug)]
 pub(crate) struct Convolution {
@@ -192,8 +192,8 @@ impl Convolution {
     }
 }
 
-/// Returns, for each of the kernel's nine rows, at which offset in a channel of `volume` the inputs
-/// of the kernel row start.
+/// Returns, for each of the kernel's nine rows, the offset in a channel of `volume` at which the
+/// inputs of this kernel row start.
 fn tap_rows(volume: &Volume) -> [usize; KERNEL * KERNEL] {
     std::array::from_fn(|index| volume.row_start(0, index / KERNEL, index % KERNEL))
 }

@@ -262,7 +262,7 @@ pub enum AdcWiring {
     /// A daisy chain, with resistors for read-back.
     #[default]
     Daisy,
-    /// All data outputs at one MISO.
+    /// All data outputs on one MISO line.
     Cascaded,
 }
 
@@ -270,26 +270,26 @@ pub enum AdcWiring {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AdcClock {
-    /// An oscillator at CLK, of the frequency that the sampling rate needs.
+    /// An oscillator at pin CLK, at the frequency that the sampling rate needs.
     #[default]
     External,
-    /// The oscillator inside a chip, 2.048 MHz within 2.5 %.
+    /// The oscillator inside a chip, 2.048 MHz +/- 2.5 %.
     Internal,
 }
 
-/// Means by which the ADS1299s are reset, started and stopped.
+/// How the ADS1299s are reset, started and stopped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AdcControl {
-    /// The pins START and RESET.
+    /// With the pins START and RESET.
     #[default]
     Pins,
-    /// Opcodes.
+    /// With SPI opcodes.
     Commands,
 }
 
-/// Returns whether a setting has its default, which no file states: the id of a model that an
-/// earlier version has written stays the same.
+/// Returns whether a setting has its default value. Files omit such settings, so that models from
+/// versions without the setting keep their id.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
@@ -348,7 +348,7 @@ pub struct TrainingCard {
     pub dataset: String,
     /// References to cite when the model is used.
     pub citation: String,
-    /// Number of electrodes that the recordings really have.
+    /// Number of electrodes that were actually recorded.
     pub real_electrodes: usize,
     /// Number of electrodes of the montage that were interpolated from recorded ones.
     pub interpolated_electrodes: usize,
@@ -361,8 +361,8 @@ pub struct TrainingCard {
     /// Names of the recordings that were used for the test only, neither for training nor for
     /// validation.
     pub test_files: Vec<String>,
-    /// Text that states on which parts of the recordings the model was not trained: those that
-    /// served to choose the best epoch, and the start of each file, where the filters settle.
+    /// Text that states which parts of the recordings were not used for training: those on which
+    /// the best epoch was chosen, and the start of each file, where the filters settle.
     pub validation: String,
     /// Mains frequency of the recordings, Hz.
     pub mains_hz: u32,
@@ -370,8 +370,8 @@ pub struct TrainingCard {
     pub seed: u64,
     /// Number of epochs in the training run.
     pub epochs: u32,
-    /// Epoch after which the weights were kept; 0 if those before training were kept (in mode
-    /// `shortcut`, PCA).
+    /// Epoch after which the weights were kept; 0 if the weights before training were kept (in mode
+    /// `shortcut`, the weights of PCA).
     pub best_epoch: u32,
     /// Number of training windows in an epoch.
     pub windows: u64,
@@ -381,12 +381,12 @@ pub struct TrainingCard {
     /// absent if not measured.
     pub mse: Option<Figures>,
     /// Percent root-mean-square difference on the test files: 100 times the root of the summed
-    /// squared error divided by that of the summed squared signal; absent if not measured.
+    /// squared error, divided by the root of the summed squared signal; absent if not measured.
     pub prd_percent: Option<Figures>,
-    /// People on whom the model was trained, if several or with bad electrodes.
+    /// People on whom the model was trained, if there are several or one has bad electrodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub people: Vec<Person>,
-    /// Error on the test files of each person, if they are of several.
+    /// Error on each person's test files, if the test files are of several people.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tested: Vec<TestedPerson>,
 }
@@ -397,10 +397,11 @@ pub struct TrainingCard {
 pub struct Person {
     /// Name that precedes the run in the names of the files.
     pub subject: String,
-    /// Standard deviation of all electrodes, uV. Training scales each person's recordings by one
-    /// factor, so that those of all people have that of the median person.
+    /// Standard deviation of all electrodes, uV. Training scales each person's recordings by a
+    /// factor that gives all people the standard deviation of the median person.
     pub sd_uv: f64,
-    /// Electrodes that are bad in at least one recording, and interpolated there from neighbours.
+    /// Electrodes that are bad in at least one recording; there they are interpolated from
+    /// neighbours.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bad: Vec<String>,
 }
@@ -411,10 +412,12 @@ pub struct Person {
 pub struct TestedPerson {
     /// Name that precedes the run in the names of the files.
     pub subject: String,
-    /// Electrodes that are bad in at least one recording, and interpolated there before coding.
+    /// Electrodes that are bad in at least one recording; there they are interpolated before
+    /// coding.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bad: Vec<String>,
-    /// Percent root-mean-square difference, as in [`TrainingCard::prd_percent`].
+    /// Percent root-mean-square difference on this person's files, as in
+    /// [`TrainingCard::prd_percent`].
     pub prd_percent: Figures,
 }
 

@@ -37,7 +37,8 @@ pub enum ArtifactError {
         found: String,
         expected: String,
     },
-    /// Only one of the two files of a packed model, or of a table of substitutions, exists.
+    /// Only one of two files that belong together exists: of a packed model, or of a table of
+    /// substitutions.
     #[error(
         "{} is missing, which {other} needs; restore it, or delete the other one too and run `trainer {command}`",
         missing.display()
@@ -96,7 +97,7 @@ pub enum TensorProblem {
 }
 
 impl ArtifactError {
-    /// Returns the error with the folder before the name of a file that cannot be accessed.
+    /// Returns the error with `folder` put before the path of its missing or inaccessible file.
     pub(crate) fn in_folder(mut self, folder: &Path) -> Self {
         if let Self::File { path, .. } | Self::Half { missing: path, .. } = &mut self {
             *path = folder.join(&path);

@@ -10,9 +10,9 @@ use crate::tensors::Tensors;
 use crate::unpooled_convolution::UnpooledConvolution;
 
 /// The decoder in f32: a fully connected layer, nearest-neighbour unpooling, a transposed
-/// convolution with ReLU and batch norm, and a second transposed convolution. A linear shortcut
-/// from the code is added to their output, if the mode has one. In mode `packed`, which has no
-/// codes, every decoded window is 0.
+/// convolution with ReLU and batch norm, and a second transposed convolution. If the mode has a
+/// linear shortcut from the code, its output is added. In mode `packed`, which has no codes, every
+/// decoded window is 0.
 #[derive(Clone, Debug)]
 pub struct FloatDecoder {
     geometry: Geometry,
@@ -59,7 +59,7 @@ impl FloatDecoder {
     /// `input.sd_uv` microvolts.
     ///
     /// # Panics
-    /// If the code's length is not that of the model's codes.
+    /// If `code` does not have the length of the model's codes.
     pub fn decode(&self, code: &[f32]) -> Vec<f32> {
         let dimensions = &self.geometry.dimensions;
         assert_eq!(code.len(), dimensions.numbers, "numbers of a code");

@@ -8,8 +8,9 @@ use crate::scalp_grid::ScalpGrid;
 use crate::tensors::Tensors;
 
 /// The encoder in f32: two convolutions, each with ReLU and batch norm, a max-pool and a fully
-/// connected layer; a linear shortcut is added to their output if the mode has one. The integer
-/// encoder's quantisation error is measured against it. In mode `packed`, codes have no numbers.
+/// connected layer. A linear shortcut is added to their output if the mode has one. The integer
+/// encoder's quantisation error is measured against this encoder. In mode `packed`, codes are
+/// empty.
 #[derive(Clone, Debug)]
 pub struct FloatEncoder {
     geometry: Geometry,
@@ -66,7 +67,7 @@ impl FloatEncoder {
     /// microvolts.
     ///
     /// # Panics
-    /// If the window's length is not that of the model's window.
+    /// If `window` does not have the length of the model's windows.
     pub fn encode(&self, window: &[f32]) -> Vec<f32> {
         self.encode_traced(window).code
     }
@@ -74,7 +75,7 @@ impl FloatEncoder {
     /// Returns the code of a window and the largest activations, which calibration needs.
     ///
     /// # Panics
-    /// If the window's length is not that of the model's window.
+    /// If `window` does not have the length of the model's windows.
     pub fn encode_traced(&self, window: &[f32]) -> TracedCode {
         let dimensions = &self.geometry.dimensions;
         assert_eq!(window.len(), dimensions.window_cells(), "cells of a window");

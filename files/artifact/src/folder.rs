@@ -24,12 +24,13 @@ const SUBSTITUTION: Pair = (
     "substitution",
 );
 
-/// Names of two files, which a model has both or neither of, and the command of the trainer that
-/// writes them.
+/// Names of two files, of which a model has both or neither, and the trainer command that writes
+/// them.
 type Pair = ([&'static str; 2], &'static str);
 
 /// Factor by which the int8 range of the input and of activations exceeds the range measured in
-/// calibration: clipping costs far more accuracy than a coarser resolution.
+/// calibration. The margin is there because clipping costs far more accuracy than coarse
+/// resolution.
 pub const HEAD_ROOM: f64 = 1.25;
 
 /// A trained model: a network (weights and their calibration), a packed model, or both, with their
@@ -51,12 +52,12 @@ pub struct Artifact {
     pub packed: Option<PackedModel>,
     /// Table with which a device substitutes bad electrodes, if there is one.
     pub substitution: Option<SubstitutionTable>,
-    /// Hash over the files of all these parts, which identifies the model.
+    /// Hash over the files of all the parts above, which identifies the model.
     pub id: ModelId,
 }
 
 impl Artifact {
-    /// Creates a model with a network from its parts. Its id is that of the files that
+    /// Creates a model with a network from its parts. Its id is the hash of the files that
     /// [`Artifact::write`] would write.
     ///
     /// # Errors
@@ -70,7 +71,7 @@ impl Artifact {
     }
 
     /// Creates a model of mode `packed`, which has no network. `largest_uv` is the largest
-    /// magnitude in the training data, microvolts. The id is that of the files that
+    /// magnitude in the training data, microvolts. The id is the hash of the files that
     /// [`Artifact::write`] would write.
     ///
     /// # Errors
@@ -107,7 +108,7 @@ impl Artifact {
         artifact.identified()
     }
 
-    /// Checks the parts, and sets the id to that of their files.
+    /// Checks the parts, and sets the id to the hash of their files.
     fn identified(mut self) -> Result<Self, ArtifactError> {
         self.check()?;
         self.id = ModelId::from_files(&self.to_files()?);
@@ -115,7 +116,7 @@ impl Artifact {
     }
 
     /// Returns the model with its packed model replaced by `packed`, or removed if `packed` is
-    /// `None`. Its id is that of the files that [`Artifact::write`] would write.
+    /// `None`. The new id is the hash of the files that [`Artifact::write`] would write.
     ///
     /// # Errors
     /// If the packed model does not fit the montage and the hop, or the model is left without any
@@ -126,7 +127,8 @@ impl Artifact {
     }
 
     /// Returns the model with its table of substitutions replaced by `substitution`, or removed if
-    /// this is `None`. Its id is that of the files that [`Artifact::write`] would write.
+    /// `substitution` is `None`. The new id is the hash of the files that [`Artifact::write`] would
+    /// write.
     ///
     /// # Errors
     /// If the table does not fit the montage, or a number is outside its range.
@@ -138,8 +140,8 @@ impl Artifact {
         self.identified()
     }
 
-    /// Names of the files that the model id covers, in the order in which it hashes them. No model
-    /// needs all of them.
+    /// Names of the files that the model id covers, in the order in which they are hashed. No model
+    /// has all of them.
     pub const FILES: [&str; 7] = [
         DESCRIPTION,
         WEIGHTS,
@@ -168,7 +170,7 @@ impl Artifact {
     }
 
     /// Parses a model from the names and contents of its files, for programs that embed them. Files
-    /// of other names, and weights in mode `packed`, are ignored.
+    /// with other names, and weights in mode `packed`, are ignored.
     ///
     /// # Errors
     /// If the contents are not a valid model.
@@ -227,9 +229,9 @@ impl Artifact {
     }
 
     /// Writes the files that the model id covers into a folder, which is created if necessary, and
-    /// returns the id of the written files. Files that an earlier model left there and this one
-    /// does not have are removed. The id equals `self.id`, unless a part was changed after the
-    /// model was created, or the model was read from a hand-written `model.toml`.
+    /// returns the id of the written files. Removes files of an earlier model that this model does
+    /// not have. The returned id equals `self.id`, unless a part was changed after the model was
+    /// created, or the model was read from a hand-written `model.toml`.
     ///
     /// # Errors
     /// If the parts are not a valid model or a file cannot be written.
@@ -253,9 +255,9 @@ impl Artifact {
         Ok(ModelId::from_files(&files))
     }
 
-    /// Returns the id of the model without packed model and table of substitutions: models with the
-    /// same one have the same network, scalp grid, montage and filters. It is the hash of the files
-    /// that [`Artifact::write`] would write.
+    /// Returns the id of the model without its packed model and table of substitutions: the hash of
+    /// the remaining files that [`Artifact::write`] would write. Models with the same network id
+    /// have the same network, scalp grid, montage and filters.
     ///
     /// # Errors
     /// If a part cannot be written as a file.
@@ -272,8 +274,8 @@ impl Artifact {
         Ok(f64::from(self.largest_input_uv()?) * HEAD_ROOM / 127.0)
     }
 
-    /// Returns the largest magnitude of the training data, microvolts, on which the scale of the
-    /// encoder's input rests.
+    /// Returns the largest magnitude of the training data, microvolts, from which the scale of the
+    /// encoder's input is derived.
     ///
     /// # Errors
     /// If the calibration has no `input.max_abs`; impossible after [`Artifact::read`].
@@ -308,7 +310,7 @@ impl Artifact {
         Ok(files)
     }
 
-    /// Returns those of [`Self::to_files`] that a packed model and a table do not change.
+    /// Returns the files of [`Self::to_files`] that do not depend on packed model and table.
     fn network_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, ArtifactError> {
         // Breaks the line after each row of the grid, so that people can read it.
         let description = toml::to_string(&self.description)?
@@ -331,7 +333,7 @@ fn parse_description(model_toml: &[u8]) -> Result<Description, ArtifactError> {
     Ok(description)
 }
 
-/// Removes those of the files `names` that the folder has.
+/// Removes those of the named files that exist in the folder.
 fn remove(folder: &Path, names: &[&str]) -> Result<(), ArtifactError> {
     for name in names {
         let path = folder.join(name);
@@ -343,9 +345,9 @@ fn remove(folder: &Path, names: &[&str]) -> Result<(), ArtifactError> {
     Ok(())
 }
 
-/// Returns the Rust expression of type `&[(&str, &[u8])]` that includes the files of the model in
-/// `folder` in a program, for build scripts. The program passes it to [`Artifact::from_files`]. A
-/// relative `folder` is relative to the file with the expression.
+/// Returns a Rust expression of type `&[(&str, &[u8])]` that embeds the files of the model in
+/// `folder`, for build scripts. The program passes the value to [`Artifact::from_files`]. A
+/// relative `folder` is relative to the source file that contains the expression.
 pub fn embedding(folder: &Path) -> String {
     let mut list = String::from("&[\n");
     for name in Artifact::FILES {

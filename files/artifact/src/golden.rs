@@ -10,7 +10,7 @@ use std::path::Path;
 /// Name of the file with the golden windows in an artifact's folder.
 pub(crate) const GOLDEN: &str = "golden.safetensors";
 
-/// Name of the tensor of exponents; only files with codes of format `Int8Exponent` have it.
+/// Name of the tensor of exponents, which only files with codes of format `Int8Exponent` have.
 const EXPONENTS: &str = "exponents";
 
 /// Quantised windows of one model, and the codes that its integer encoder returns for them.

@@ -1,7 +1,7 @@
 //! The trained artifact on disk, and the float network that it describes.
 //!
-//! One folder holds everything that training decided: the weights, and also the filters, the
-//! montage and the scale of the input, so that no other file repeats them.
+//! One folder holds everything that training decides: not only the weights, but also the filters,
+//! the montage and the scale of the input, so that no other file repeats them.
 //!
 //! ```text
 //! trainer --> folder --Artifact::read--> Artifact --> model-gen: integers for the device

@@ -6,9 +6,9 @@ use std::fmt;
 /// Identifies a model. Every frame carries this id, and the bridge decodes only frames that carry
 /// the id of the model it has loaded.
 ///
-/// The id is the first 8 bytes of a SHA-256 over [`Artifact::FILES`](crate::Artifact::FILES), in
-/// this order, without those that the model lacks. For each file, the hash covers the name, the
-/// length as little-endian u64, and the contents.
+/// The id is the first 8 bytes of a SHA-256 over the files in
+/// [`Artifact::FILES`](crate::Artifact::FILES), in this order, skipping files that the model lacks.
+/// For each file, the hash covers the name, the length as little-endian u64, and the contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ModelId(pub [u8; 8]);
 

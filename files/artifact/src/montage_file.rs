@@ -15,7 +15,7 @@ pub struct MontageFile {
     pub name: String,
     /// One line for each row of the grid, front to back: labels or `_`, separated by blanks.
     grid: String,
-    /// Electrodes in the order of the ADC's channels; `None` for the row-major order of the grid.
+    /// Electrodes in the order of the ADC's channels; `None` means the row-major order of the grid.
     pub order: Option<Vec<String>>,
     /// The ADC that records the montage.
     pub adc: MontageAdc,
@@ -31,13 +31,13 @@ pub struct MontageAdc {
     pub gain: u32,
     /// Sampling rate of each channel, Hz.
     pub rate_hz: u32,
-    /// Connection of the chips' data outputs; a daisy chain unless the file states another.
+    /// Connection of the chips' data outputs; by default, a daisy chain.
     #[serde(default)]
     pub wiring: AdcWiring,
-    /// Source of the chips' clock; external unless the file states another.
+    /// Source of the chips' clock; by default, external.
     #[serde(default)]
     pub clock: AdcClock,
-    /// Means by which the chips are started; pins unless the file states another.
+    /// How the chips are reset, started and stopped; by default, with pins.
     #[serde(default)]
     pub control: AdcControl,
 }
@@ -106,7 +106,7 @@ impl MontageFile {
         Montage { electrodes }
     }
 
-    /// Returns the ADC in the form that a model's description has.
+    /// Returns the ADC as a model's description states it.
     pub fn adc(&self) -> Adc {
         Adc {
             rate_hz: self.adc.rate_hz,

@@ -1,4 +1,4 @@
-//! PCA of the training windows, as a yardstick: a model's error is compared with that of PCA.
+//! PCA of the training windows: the baseline with which a model's error is compared.
 
 use crate::description::{Description, Mode};
 use crate::error::ArtifactError;
@@ -10,13 +10,13 @@ use std::path::Path;
 /// Principal directions of a model's training windows, and the calibrated ranges of their
 /// components.
 ///
-/// The file `pca.safetensors` is optional: a model that was imported has none.
+/// The file `pca.safetensors` is optional; an imported model has none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pca(Tensors);
 
 impl Pca {
-    /// Creates the PCA of windows with these principal directions. `ranges` has the smallest and
-    /// the largest value of each component, `largest_uv` is the largest magnitude of the input,
+    /// Creates the PCA of windows with these principal directions. `ranges` holds the smallest and
+    /// the largest value of each component, and `largest_uv` is the largest magnitude of the input,
     /// microvolts.
     ///
     /// # Panics
@@ -37,7 +37,7 @@ impl Pca {
         Self(tensors)
     }
 
-    /// Returns the PCA that a model of mode `pca` consists of.
+    /// Returns the PCA that a model of mode `pca` is made of.
     ///
     /// # Errors
     /// If the model has another mode.
@@ -56,8 +56,7 @@ impl Pca {
         Ok(Self(tensors))
     }
 
-    /// Returns a model of mode `pca` with these directions, and otherwise with the settings of
-    /// `description`.
+    /// Returns a model of mode `pca` with these directions and the other settings of `description`.
     ///
     /// # Errors
     /// If the directions or ranges do not fit the description.

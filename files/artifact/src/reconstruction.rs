@@ -1,8 +1,8 @@
 //! Decodes codes to microvolts on a continuous time axis.
 //!
 //! Consecutive windows overlap. Each code completes one hop of steps, whose values are averaged
-//! from all windows that contain these steps. Every program that decodes codes uses this crate, so
-//! all of them yield the same bits.
+//! over all windows that contain these steps. Every program that decodes codes uses this module, so
+//! all programs yield the same bits.
 //!
 //! ```text
 //! code ──WindowDecoder──► window, uV ──Overlap──► hop, uV

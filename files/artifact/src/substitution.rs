@@ -14,11 +14,11 @@ pub(crate) const TENSORS: &str = "substitution.safetensors";
 const WEIGHTS: &str = "weights";
 const INNOVATION: &str = "innovation";
 
-/// Largest mean square of an innovation that a table may state, (1/16 uV)^2: that of 512 uV.
+/// Largest mean square of an innovation that a table may state, in (1/16 uV)^2: (512 uV)^2.
 pub const LARGEST_INNOVATION: i32 = 1 << 26;
 
-/// Largest sum of the magnitudes of a row's weights. With inputs of 4,096 at most, a prediction
-/// then fits the 24 bits in which a device adds it up. Trained tables reach about 1,200.
+/// Largest sum of the magnitudes of a row's weights. Inputs are at most 4,096 in magnitude, so a
+/// prediction then fits the device's 24-bit accumulator. Trained tables reach about 1,200.
 const LARGEST_ROW: u32 = 2_047;
 
 /// How a table was trained: the contents of `substitution.toml`.
@@ -43,7 +43,7 @@ pub struct SubstitutionTraining {
     /// interpolation, not a measurement.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub interpolated: Vec<String>,
-    /// People on whom the table was trained, if several or with bad electrodes.
+    /// People on whom the table was trained, if there are several or one has bad electrodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub people: Vec<Person>,
     /// Errors of the predictions on the test recordings; `None` without test recordings.
@@ -52,7 +52,7 @@ pub struct SubstitutionTraining {
 }
 
 /// Errors with which a table predicts electrodes from the others. An electrode's error is the mean
-/// square of its innovation, divided by the mean square of the electrode.
+/// square of its innovation divided by the mean square of its signal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SubstitutionFigures {
@@ -64,23 +64,23 @@ pub struct SubstitutionFigures {
     pub worst_electrode: String,
 }
 
-/// A table that predicts each electrode from all others: `prediction_e = sum_i weight_ei * x_i /
-/// 128`. A device compares electrodes with their predictions, and puts predictions in the place of
-/// bad electrodes.
+/// A table that predicts each electrode from all others:
+/// `prediction_e = sum_i weight_ei * x_i / 128`. A device compares electrodes with their
+/// predictions, and replaces bad electrodes by their predictions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SubstitutionTable {
     /// Training and test results.
     pub description: SubstitutionDescription,
-    /// Weights, Q7, -127..=127, in the order `[electrode][other electrode]`; 0 from an electrode to
-    /// itself.
+    /// Weights, Q7, -127..=127, in the order `[electrode][other electrode]`; an electrode's weight
+    /// for itself is 0.
     pub weights: Vec<i8>,
-    /// Typical mean square of each electrode's innovation, which is the electrode minus its
-    /// prediction, (1/16 uV)^2, 1..=2^26.
+    /// Typical mean square of each electrode's innovation (the electrode minus its prediction), in
+    /// (1/16 uV)^2, 1..=2^26.
     pub innovation: Vec<i32>,
 }
 
 impl SubstitutionTable {
-    /// Parses the two files and checks that they are a table for the montage of `description`.
+    /// Parses the two files and checks that they form a table for the montage of `description`.
     pub(crate) fn parse(
         toml: &[u8],
         tensors: &[u8],

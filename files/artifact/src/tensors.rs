@@ -43,7 +43,7 @@ impl Tensors {
         }
     }
 
-    /// Inserts a tensor, or replaces the one of the same name.
+    /// Inserts a tensor, or replaces the tensor of the same name.
     ///
     /// # Panics
     /// If the number of `values` is not the product of `shape`.
@@ -77,8 +77,8 @@ impl Tensors {
             .map(|(name, (shape, _))| (name.as_str(), shape.as_slice()))
     }
 
-    /// Returns an error if one of the `expected` tensors is missing or has another shape, a tensor
-    /// is not expected, or a number is not finite.
+    /// Returns an error if an `expected` tensor is missing or has another shape, if there is a
+    /// tensor that is not expected, or if a number is not finite.
     pub(crate) fn check(&self, expected: &[NamedShape]) -> Result<(), ArtifactError> {
         for (name, shape) in expected {
             let values = self.tensor(name, shape)?;

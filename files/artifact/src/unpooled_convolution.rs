@@ -9,8 +9,8 @@ const TAPS: usize = KERNEL * KERNEL * KERNEL;
 /// One value for each output channel.
 type Outputs = [f32; CONV1_CHANNELS];
 
-/// Nearest-neighbour unpooling followed by a transposed convolution, cropped to the size of the
-/// output of the encoder's first convolution.
+/// Nearest-neighbour unpooling followed by a transposed convolution, cropped to the output size of
+/// the encoder's first convolution.
 ///
 /// Unpooling repeats each pooled value, for example 10 times; here each product of a pooled value
 /// and a weight is computed once and added to all outputs that need it. The output channels are
@@ -74,8 +74,8 @@ impl UnpooledConvolution {
             multiply(weights, values, &mut products);
             let mut start = 0;
             for (sums, &end) in sums.iter_mut().zip(&self.ends) {
-                // The local copy stays in registers; the compiler would reload `sums`, because it
-                // cannot prove that the products do not alias it.
+                // The local copy stays in registers. The compiler would reload `sums` on every
+                // pass, because it cannot prove that the products do not alias it.
                 let mut outputs = *sums;
                 for &product in &self.products[start..end] {
                     for (output, product) in outputs.iter_mut().zip(&products[product]) {

@@ -40,7 +40,7 @@ pub const ADC_RATES_HZ: [u32; 6] = [250, 256, 500, 512, 1000, 1024];
 pub const GAINS: [u32; 7] = [1, 2, 4, 6, 8, 12, 24];
 /// Internal reference of an ADS1299, V (datasheet section 7.5).
 const VREF_V: f64 = 4.5;
-/// Number of channels of one ADS1299.
+/// Number of channels of each ADS1299 chip.
 pub const CHIP_CHANNELS: usize = 8;
 /// Largest number of ADS1299 chips in a chain.
 pub const LARGEST_CHAIN: usize = 8;
@@ -220,7 +220,7 @@ fn check_convolutions(d: &Description) -> Result<(), ArtifactError> {
         .must(map[2] / pool[2] * pool[2] >= COLUMNS_AT_A_TIME, expected)?;
     // A hop must be a whole number of pools in steps, so that overlapping windows share pools. With
     // padded steps, windows do not share their first and last pool. With pools of four steps these
-    // would be two of four pools, so such pools are refused.
+    // would be two of a window's four pools, so such pools are refused.
     let (steps, expected) = if padding.pads_time() {
         (&[1, 2][..], "of 1 or 2 steps with padding \"all\"")
     } else {
@@ -297,7 +297,7 @@ fn check_filters(d: &Description) -> Result<(), ArtifactError> {
     Field("filters.order", &filters.order).must((1..=8).contains(&filters.order), "1 to 8")
 }
 
-/// Returns an error if the weights are not those that mode and shape of the description require.
+/// Returns an error if the weights are not those that the description's mode and shape require.
 pub(crate) fn check_weights(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
     let expected = weight_shapes(d.mode, &Geometry::new(d));
     tensors.check(&expected)?;
@@ -313,8 +313,8 @@ pub(crate) fn check_weights(d: &Description, tensors: &Tensors) -> Result<(), Ar
     Ok(())
 }
 
-/// Returns an error if the calibration does not have the tensors that mode and dimensions of the
-/// description require, or a range is empty.
+/// Returns an error if the calibration lacks a tensor that the description's mode and dimensions
+/// require, or if a largest magnitude is not positive or a range is empty.
 pub(crate) fn check_calibration(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
     let expected = calibration_shapes(d.mode, &d.dimensions());
     tensors.check(&expected)?;

@@ -4,8 +4,8 @@
 //! ELF file ──xtask──► Image ──to_dfu──► corticode-h743.dfu ──from_dfu──► Image ──bridge──► flash
 //! ```
 //!
-//! The format is that of ST's manual UM0391, with one target that has one element. The target's name
-//! states what the image is: `NUCLEO-H743ZI2; firmware 0.1.0 5d4b736; model 2acfeb29e96e2dab`.
+//! The format is the one in ST's manual UM0391, with one target that has one element. The target's
+//! name describes the image: `NUCLEO-H743ZI2; firmware 0.1.0 5d4b736; model 2acfeb29e96e2dab`.
 //!
 //! ```
 //! use dfuse::Image;
@@ -31,16 +31,16 @@ pub const VENDOR: u16 = 0x0483;
 /// USB product id of the loader in an STM32's ROM.
 pub const PRODUCT: u16 = 0xDF11;
 
-/// Checksum of the file up to itself (DFU 1.1, appendix B): CRC-32 without the final inversion.
+/// Checksum over all preceding bytes (DFU 1.1, appendix B): CRC-32 without the final inversion.
 const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_JAMCRC);
-/// Length of the suffix, bytes.
+/// Length of the suffix at the end of a file, bytes.
 const SUFFIX: usize = 16;
-/// Length of what precedes the content, bytes: the headers of file, target and element.
+/// Length of everything before the content, bytes: the headers of file, target and element.
 const HEADERS: u32 = 11 + 274 + 8;
-/// Length of the field with the target's name, bytes; at least one of them is zero.
+/// Length of the zero-padded field with the target's name, bytes; at least one byte is zero.
 const NAME: usize = 255;
 
-/// A firmware image, and what it is.
+/// A firmware image, with the board, version and model that it is for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     /// Name of the board, as its `Hello` states it.
@@ -51,20 +51,20 @@ pub struct Image {
     pub model: String,
     /// Address of the first byte in flash.
     pub address: u32,
-    /// Content of the flash.
+    /// Bytes to write to flash, from `address` on.
     pub content: Vec<u8>,
 }
 
-/// Why a file is no image, or an image no file.
+/// Why a file cannot be read as an image, or an image cannot be written as a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum DfuseError {
     /// The file does not end with the suffix of a DFU file.
     #[error("it is no DFU file, or its end is missing")]
     NoSuffix,
-    /// The checksum is not that of the file's bytes.
+    /// The stated checksum differs from the checksum of the file's bytes.
     #[error("it is damaged: its checksum is wrong")]
     Checksum,
-    /// The file is sound, but not one that [`Image::to_dfu`] writes.
+    /// The file is intact, but [`Image::to_dfu`] did not write it.
     #[error("it is a DFU file, but not of a Corticode image for an STM32")]
     Foreign,
     /// The target's name would be longer than 254 bytes, or the file longer than 4 GiB.
@@ -105,7 +105,7 @@ impl Image {
         ]
         .concat();
         let mut file = [&b"DfuSe\x01"[..], &size.to_le_bytes(), &[1], &target].concat();
-        // Any version of the device; the file follows DfuSe 1.1a.
+        // The version 0xFFFF stands for any version of the device; 0x011A is DfuSe 1.1a.
         for field in [0xFFFF, PRODUCT, VENDOR, 0x011A] {
             file.extend(field.to_le_bytes());
         }
@@ -194,7 +194,7 @@ mod tests {
         }
     }
 
-    /// Returns the file with a right checksum.
+    /// Returns the file with its checksum corrected.
     fn signed(mut file: Vec<u8>) -> Vec<u8> {
         file.truncate(file.len() - 4);
         file.extend(CHECKSUM.checksum(&file).to_le_bytes());
@@ -230,7 +230,8 @@ mod tests {
     fn a_sound_file_of_something_else_is_foreign() {
         let file = image().to_dfu().expect("a file");
         let foreign = Err(DfuseError::Foreign);
-        // Version, size, number of targets, name, number of elements, length, USB product.
+        // Changes in turn the version, size, number of targets, name, number of elements, length
+        // and USB product.
         for at in [5, 6, 10, 35, 281, 289, 395] {
             let mut file = file.clone();
             file[at] ^= 1;

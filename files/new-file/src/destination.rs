@@ -47,7 +47,7 @@ impl Destination {
         inputs: &[PathBuf],
     ) -> Result<Self, NewFileError> {
         let named = || path.to_owned();
-        // `metadata` follows links, so that an input is found under any of its names.
+        // `metadata` follows links, so an input is recognised under any of its names.
         let Ok(found) = path.metadata() else {
             // A dangling symbolic link also counts as an existing file.
             return if path.is_symlink() && existing == Existing::Refuse {
@@ -80,14 +80,14 @@ impl Destination {
     }
 }
 
-/// Returns the name at the end of a chain of symbolic links, so that the file is replaced and not a
-/// link to it. This file need not exist.
+/// Returns the name at the end of a chain of symbolic links, so that the file is replaced, not a
+/// link to it. The file need not exist.
 pub(crate) fn follow_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..=MAX_LINKS {
         match fs::read_link(&path) {
             Ok(target) => path = folder_of(&path).join(target),
-            // The name is not that of a link.
+            // `path` is not a symbolic link.
             Err(_) => return Ok(path),
         }
     }

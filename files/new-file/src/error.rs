@@ -13,7 +13,7 @@ pub enum NewFileError {
         /// Name that the user chose.
         path: PathBuf,
     },
-    /// The chosen name, perhaps through a link, is that of a file that the program reads.
+    /// The chosen name, possibly through a link, is the name of a file that the program reads.
     #[error(
         "{} is the input {}; choose another name, because --force replaces no input",
         path.display(),
@@ -25,7 +25,7 @@ pub enum NewFileError {
         /// Name under which the program reads the file.
         input: PathBuf,
     },
-    /// The chosen name is that of a folder.
+    /// The chosen name is the name of a folder.
     #[error("{} is a folder; write the name of a file in it", path.display())]
     Folder {
         /// Name that the user chose.
@@ -50,8 +50,8 @@ pub enum NewFileError {
         /// Error from the operating system.
         source: io::Error,
     },
-    /// The file is written, but cannot be renamed from its temporary name, or its bytes may not
-    /// have reached the disk. The temporary file is kept.
+    /// The file has been written, but cannot be renamed from its temporary name, or its bytes may
+    /// not have reached the disk. The temporary file is kept.
     #[error(
         "{} cannot be completed; what was written is in {}: check the disk and rename that file",
         path.display(),

@@ -15,7 +15,7 @@ use crate::{
     error::NewFileError,
 };
 
-/// Permissions of a new file before the umask applies; a temporary file has fewer by default.
+/// Permissions of a new file before the umask applies; by default, a temporary file has fewer.
 const MODE: u32 = 0o666;
 
 /// A file that is being written; [`NewFile::finish`] gives it its name. Dropping it before that
@@ -42,8 +42,8 @@ impl NewFile {
     /// that the program reads, which must not be overwritten.
     ///
     /// # Errors
-    /// [`NewFileError`] if the name is that of an input, of a folder, or, with
-    /// [`Existing::Refuse`], of any file; or if the file cannot be created.
+    /// [`NewFileError`] if the name is the name of an input, of a folder or, with
+    /// [`Existing::Refuse`], of any existing file; or if the file cannot be created.
     pub fn create(
         path: &Path,
         existing: Existing,
@@ -70,7 +70,7 @@ impl NewFile {
         })
     }
 
-    /// Returns a second handle of the file, for a writer that takes a [`File`].
+    /// Returns a second handle to the file, for a writer that takes a [`File`].
     ///
     /// # Errors
     /// The error of the operating system if it cannot create another handle.
@@ -81,9 +81,9 @@ impl NewFile {
     /// Gives the complete file its name. For a device or a pipe there is nothing left to do.
     ///
     /// # Errors
-    /// [`NewFileError::Finish`] if the bytes did not reach the disk, the file cannot be renamed,
-    /// or, with [`Existing::Refuse`], another program has created a file with this name meanwhile.
-    /// The temporary file is then kept, and the error states its name.
+    /// [`NewFileError::Finish`] if the bytes did not reach the disk, if the file cannot be renamed,
+    /// or, with [`Existing::Refuse`], if another program has meanwhile created a file with this
+    /// name. The temporary file is then kept, and the error states its name.
     pub fn finish(self) -> Result<(), NewFileError> {
         let Bytes::Temporary(mut file) = self.bytes else {
             return Ok(());

@@ -1,12 +1,13 @@
-//! Standard output and standard error, whose reader may leave before the program ends.
+//! Printing to standard output and standard error without a panic if the reader has closed the
+//! pipe.
 
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 
 use crate::error::NewFileError;
 
-/// Prints a text to standard output. Does nothing if its reader has gone, such as `head` after the
-/// first lines; `println!` would panic.
+/// Prints a text to standard output. Does nothing if the reader has closed the pipe, as `head` does
+/// after the first lines; `println!` would panic.
 ///
 /// # Errors
 /// [`NewFileError::Write`] if the output cannot be written for another reason, such as a full disk.
@@ -23,11 +24,12 @@ pub fn print(text: impl Display) -> Result<(), NewFileError> {
 
 /// Prints a line to standard error; call it through [`message!`](crate::message!).
 pub fn print_message(line: impl Display) {
-    // Nobody is left to be told that a message could not be written.
+    // An error is ignored, because there is no other place to report it.
     let _ = writeln!(io::stderr(), "{line}");
 }
 
-/// Prints a line to standard error, as `eprintln!` does, but does nothing if its reader has gone.
+/// Prints a line to standard error like `eprintln!`, but does not panic if the reader has closed
+/// the pipe.
 #[macro_export]
 macro_rules! message {
     ($($text:tt)*) => { $crate::print_message(format_args!($($text)*)) };

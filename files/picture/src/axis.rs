@@ -19,9 +19,9 @@ pub enum Scale {
 pub struct Axis {
     /// Quantity and unit, such as "error (uV)".
     pub label: String,
-    /// How the values are spaced.
+    /// Linear, linear with whole ticks, or logarithmic spacing.
     pub scale: Scale,
-    /// Values that get a tick, with the tick's text; if empty, round values get one.
+    /// Values that get a tick, with the tick's text; if empty, ticks are at round values.
     pub ticks: Vec<(f64, String)>,
 }
 
@@ -38,8 +38,8 @@ impl Axis {
         }
     }
 
-    /// Returns whether the axis can show a value: a finite one, and on a logarithmic axis one above
-    /// 0.
+    /// Returns whether the axis can show a value: any finite value, but on a logarithmic axis only
+    /// values above 0.
     pub(crate) fn has(&self, value: f64) -> bool {
         value.is_finite() && (self.scale != Scale::Logarithmic || value > 0.0)
     }

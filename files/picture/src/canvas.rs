@@ -76,7 +76,7 @@ pub(crate) fn chart<'a, 'b>(
     chart
 }
 
-/// A chart whose two axes are linear.
+/// A chart with two linear axes.
 pub(crate) type Chart<'a, 'b> =
     ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
@@ -84,7 +84,8 @@ pub(crate) type Chart<'a, 'b> =
 /// so that the caller can draw lines over the bars.
 ///
 /// `counts` are the heights of the bins, which divide the x axis from `low` to `high` evenly;
-/// `highest` is the end of the y axis. The last argument has text and decimal places of both axes.
+/// `highest` is the upper end of the y axis. The last argument holds the label and the number of
+/// decimal places of each axis.
 pub(crate) fn bars<'a, 'b>(
     area: &'a Area<'b>,
     top: i32,
@@ -118,13 +119,13 @@ pub(crate) fn bars<'a, 'b>(
     Ok(chart)
 }
 
-/// Returns a style for text of `height` pixels that is placed by its top left corner.
+/// Returns a style for text of `height` pixels that is anchored at its top left corner.
 pub(crate) fn text(height: u32, color: RGBColor) -> TextStyle<'static> {
     (FONT, height).into_font().color(&color)
 }
 
-/// Returns a style for text of `height` pixels that is placed by its vertical centre and,
-/// horizontally, by `side`.
+/// Returns a style for text of `height` pixels that is anchored at its vertical centre and,
+/// horizontally, at `side`.
 pub(crate) fn anchored(height: u32, color: RGBColor, side: HPos) -> TextStyle<'static> {
     text(height, color).pos(Pos::new(side, VPos::Center))
 }
@@ -137,8 +138,8 @@ pub(crate) fn legend(area: &Area, at: (i32, i32), color: RGBColor, label: &str) 
     area.draw(&Text::new(label.to_owned(), (at.0 + 34, at.1), style))
 }
 
-/// Converts pixel coordinates on the page, which charts return, to pixel coordinates in `area`,
-/// which must start at the page's left edge.
+/// Converts page pixel coordinates, which charts return, to pixel coordinates in `area`, which must
+/// start at the page's left edge.
 pub(crate) fn inside(area: &Area, (x, y): (i32, i32)) -> (i32, i32) {
     (x, y - area.get_base_pixel().1)
 }

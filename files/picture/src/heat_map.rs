@@ -11,7 +11,7 @@ use crate::spread::Spread;
 /// Codes of one run of the signal path, in the order of their windows.
 #[derive(Debug, Clone)]
 pub struct HeatMap {
-    /// Dequantised codes of 128 numbers each; `None` is a lost code.
+    /// Dequantised codes of 128 numbers each; `None` stands for a lost code.
     pub codes: Vec<Option<Vec<f32>>>,
     /// Time of the first code since the device's start, s.
     pub start_s: f64,
@@ -24,10 +24,10 @@ pub struct HeatMap {
 }
 
 const SIZE: (u32, u32) = (1200, 860);
-/// Highest colour level. A number of a code is drawn in one of the levels -10 to 10, depending on
-/// its deviation from the mean of this number over all codes.
+/// Highest colour level. Each number of a code is drawn in one of the levels -10 to 10, by its
+/// deviation from the number's mean over all codes.
 const STRONGEST: i32 = 10;
-/// Deviation from the mean, in standard deviations, that is drawn in the highest level.
+/// Deviation from the mean, in standard deviations, that is drawn at the highest level.
 const REACH: f64 = 2.5;
 /// Colours of the lowest level, of level 0 and of the highest level; the colours of all other
 /// levels are interpolated.
@@ -96,9 +96,9 @@ impl HeatMap {
 
     /// Returns the colour level of number `component` of every code, or `None` for a lost code.
     ///
-    /// The level is the deviation from the component's mean in tenths of [`REACH`], rounded. It is
-    /// relative to the component's standard deviation (SD), because components differ a hundredfold
-    /// in size. Mean and SD are those of the codes after settling.
+    /// The level is the component's deviation from its mean, in standard deviations (SD), divided
+    /// by [`REACH`] / 10 and rounded. It is relative to the SD because components differ a
+    /// hundredfold in size. Mean and SD are computed over the codes after settling.
     fn levels(&self, component: usize) -> Vec<Option<f64>> {
         let value = |code: &Vec<f32>| code.get(component).copied().map(f64::from);
         let settled = match self.codes.get(self.settling..) {
@@ -120,8 +120,8 @@ impl HeatMap {
     }
 }
 
-/// Draws the colour scale, from above the mean at the top to below it, and the colour of a lost
-/// code.
+/// Draws the colour scale, from the highest level at the top to the lowest, and the colour of a
+/// lost code.
 fn draw_scale(area: &Area) -> Drawn {
     let (top, bottom, left, right) = (60, 560, 14, 34);
     let count = 2 * STRONGEST + 1;

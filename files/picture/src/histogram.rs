@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::canvas::{self, Area, Drawn, PictureError};
 
-/// Histogram with bins of equal width, drawn as shares of all values.
+/// A histogram whose bars show shares of all values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
     /// Lower end of the first bin and upper end of the last bin.

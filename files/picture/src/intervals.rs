@@ -18,9 +18,9 @@ const PAPER_MS: Spread = Spread {
 pub struct Intervals {
     /// Intervals between the arrivals of successive codes at the subscriber, drawn as bars.
     pub arrival: Series,
-    /// Intervals between the same codes when they were made; a dashed line marks their mean.
+    /// Intervals between the creation of these codes; a dashed line marks the mean interval.
     pub source: Series,
-    /// Intervals of the same codes after passing through another program, drawn as an outline.
+    /// Intervals between these codes after passing through another program, drawn as an outline.
     pub rival: Option<Series>,
     /// Line below the title, such as the number of codes and their path.
     pub subtitle: String,
@@ -109,7 +109,7 @@ impl Intervals {
 }
 
 impl Counted {
-    /// Counts `values` in bins of width `width`, of which the first starts at `low`; all in ms.
+    /// Counts `values` in bins of width `width`, the first of which starts at `low`; all in ms.
     fn new(values: &[f64], low: f64, width: f64) -> Self {
         let mut counted = Self {
             counts: [0.0; BINS],

@@ -1,8 +1,9 @@
-//! Charts as SVG files, drawn without any font or library of the system.
+//! Charts as SVG files, drawn without system fonts or libraries.
 //!
 //! Each chart is a struct of plain numbers with a `draw` method that writes one file. The demo
-//! draws a run of the signal path and the response of its filters, `host-sim decode` draws the error of decoded recordings, `trainer` that of models. A [`page::Page`] shows
-//! the pictures of a report.
+//! draws a run of the signal path and the response of its filters, `host-sim decode` draws the
+//! error of decoded recordings, and `trainer` draws the error of models. A [`page::Page`] shows the
+//! pictures of a report.
 //!
 //! ```text
 //! bench ────┬─ Intervals  histogram of intervals ───┐

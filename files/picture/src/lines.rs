@@ -24,14 +24,14 @@ pub enum Mark {
 /// Points of one quantity, with the colour and mark in which they are drawn.
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// Text in the legend; empty for a series that the legend does not list.
+    /// Text in the legend; if empty, the legend does not list the series.
     pub label: String,
-    /// Colour, usually one of those in [`canvas`].
+    /// Colour, usually one of the colours in [`canvas`].
     pub color: RGBColor,
-    /// How the points are drawn.
+    /// Line or marker with which the points are drawn.
     pub mark: Mark,
-    /// Points (x, y) in drawing order. A point is left out if an axis cannot show it, such as 0 on
-    /// a logarithmic axis.
+    /// Points (x, y) in drawing order. Points that an axis cannot show are left out, such as 0 on a
+    /// logarithmic axis.
     pub points: Vec<(f64, f64)>,
     /// Standard deviation of y at each point, drawn as a vertical bar; empty to draw none.
     pub sd: Vec<f64>,
@@ -44,9 +44,9 @@ pub struct Lines {
     pub title: String,
     /// Line below the title, such as the conditions.
     pub subtitle: String,
-    /// Horizontal axis.
+    /// Horizontal axis, with its label and scale.
     pub x: Axis,
-    /// Vertical axis.
+    /// Vertical axis, with its label and scale.
     pub y: Axis,
     /// Series in drawing order: the last one is on top.
     pub series: Vec<Series>,
@@ -101,8 +101,8 @@ impl Lines {
         let points = || self.series.iter().flat_map(Series::spread_points);
         let [left, right] = self.x.coordinates(points().map(|(x, _, _)| x));
         let ys = points().flat_map(|(_, y, sd)| {
-            // A bar down to 0 would have no end on a logarithmic axis, so the range reaches down to
-            // a bar's lower end, but at most to half of the value.
+            // A bar down to 0 would be infinitely long on a logarithmic axis, so the range includes
+            // a bar's lower end only down to half of the value.
             [y, y + sd, (y - sd).max(0.5 * y)]
         });
         let [low, high] = self.y.coordinates(ys);
@@ -140,7 +140,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Draws a series. `low` is the start of the y axis, where bars that would go below it end.
+    /// Draws a series. Bars that extend below `low`, the start of the y axis, end there.
     fn draw_series(&self, chart: &mut Chart, series: &Series, low: f64) -> Drawn {
         let at = |x: f64, y: f64| (self.x.coordinate(x), self.y.coordinate(y));
         let shown = series
@@ -174,8 +174,8 @@ impl Lines {
         Ok(())
     }
 
-    /// Returns each series that the legend lists, with the pixel at which its entry starts. A new
-    /// row begins where an entry would cross the right edge of the page.
+    /// Returns each series that the legend lists, with the pixel position of its entry. A new row
+    /// begins where an entry would cross the right edge of the page.
     fn legend(&self) -> Vec<(&Series, (i32, i32))> {
         let right = i32::try_from(SIZE.0).unwrap_or(i32::MAX) - 30;
         let (mut x, mut y) = (LEGEND_LEFT, 8);
@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn every_point_with_a_place_is_drawn_once_and_the_legend_has_every_label() {
-        // Points 3 and 4 are not drawn: a logarithmic axis has no place for NaN and 0.
+        // Points 3 and 4 are not drawn: a logarithmic axis cannot show NaN and 0.
         let points = [
             (1.0, 0.5),
             (2.0, 0.05),
@@ -255,7 +255,7 @@ mod tests {
             .filter(|element| element.contains("#2B6CB0"))
             .filter_map(|element| element.split("points=\"").nth(1)?.split('"').next())
             .map(|points| points.split_whitespace().count());
-        // The line has the three other points. Its entry in the legend is a line of two points.
+        // The line has the three other points; its entry in the legend is a line of two points.
         assert_eq!(drawn_points.collect::<Vec<_>>(), [3, 2]);
         assert!(line.contains("PCA") && line.contains("0.005"));
         let dots = drawn(vec![series("model", Mark::Dots, &points)]);

@@ -24,7 +24,7 @@ impl Page {
         }
     }
 
-    /// Appends HTML. The caller must have [`escaped`] any text in it that comes from elsewhere.
+    /// Appends HTML. The caller must have [`escaped`] any text in it that is not trusted HTML.
     pub fn push_html(&mut self, html: &str) {
         self.body.push_str(html);
     }
@@ -36,7 +36,7 @@ impl Page {
     }
 
     /// Appends the picture `path` with a caption in plain text, and links to `values`, the files
-    /// with the numbers in the picture. All paths are relative to the page.
+    /// that hold the numbers shown. All paths are relative to the page.
     pub fn push_picture(&mut self, path: &str, caption: &str, values: &[&str]) {
         // Writing to a string never fails.
         let _ = write!(

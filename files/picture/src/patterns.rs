@@ -11,7 +11,8 @@ use crate::scalp_map::{Head, interpolated};
 /// Maps of several patterns over the same electrodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patterns {
-    /// Places of the electrodes, as [`crate::scalp_map::on_map`] computes them; at least one.
+    /// Positions of the electrodes on the map, as [`crate::scalp_map::on_map`] returns them; at
+    /// least one.
     pub places: Vec<[f64; 2]>,
     /// Title of each pattern, and its value at each electrode, -1 to 1.
     pub patterns: Vec<(String, Vec<f64>)>,
@@ -23,9 +24,8 @@ pub struct Patterns {
 
 /// Width and height of a map's cell, pixels.
 const CELL: (i32, i32) = (300, 310);
-/// Number of maps in a row.
 const IN_ROW: usize = 4;
-/// Number of colours of either sign.
+/// Number of colour levels for each sign.
 const LEVELS: f64 = 12.0;
 /// Colours of -1, 0 and 1.
 const COLORS: [RGBColor; 3] = [
@@ -92,12 +92,12 @@ impl Patterns {
     }
 }
 
-/// Returns a number of maps as pixels are counted.
+/// Converts a number of maps to the integer type of pixel coordinates.
 fn small(count: usize) -> i32 {
     i32::try_from(count).unwrap_or(i32::MAX / 1000)
 }
 
-/// Returns the colour of a value, rounded to one of [`LEVELS`].
+/// Returns the colour of a value from -1 to 1, rounded to one of [`LEVELS`] levels per sign.
 fn color_of(value: f64) -> RGBColor {
     let level = (value.clamp(-1.0, 1.0) * LEVELS).round();
     DerivedColorMap::new(&COLORS).get_color_normalized(level, -LEVELS, LEVELS)

@@ -12,7 +12,7 @@ use crate::canvas::{self, Area, Drawn, FAINT, INK, PictureError};
 pub struct Place {
     /// Name of the electrode, such as "Cz".
     pub label: String,
-    /// Place on the map: distance from the vertex towards the right ear and towards the nose, in
+    /// Position on the map: distance from the vertex towards the right ear and towards the nose, in
     /// radii of the head's circle. [`on_map`] computes it from a position in space.
     pub at: [f64; 2],
     /// Value at the electrode, not negative, in the unit of the map.
@@ -128,7 +128,7 @@ impl ScalpMap {
 /// A head on a picture, seen from above.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Head {
-    /// Place of the vertex, pixels.
+    /// Pixel position of the vertex.
     pub(crate) centre: (i32, i32),
     /// Radius of the head's circle, pixels.
     pub(crate) radius: i32,
@@ -137,7 +137,7 @@ pub(crate) struct Head {
 }
 
 impl Head {
-    /// Draws a map, whose colours `color` returns, and the outline of the head around it.
+    /// Draws a map in the colours that `color` returns, and the outline of the head around it.
     pub(crate) fn draw(&self, area: &Area, color: impl Fn([f64; 2]) -> Option<RGBColor>) -> Drawn {
         let Self {
             centre,
@@ -172,7 +172,7 @@ impl Head {
         area.draw(&Circle::new(centre, radius, outline))
     }
 
-    /// Returns the pixel at a place on the map.
+    /// Returns the pixel of a position on the map.
     pub(crate) fn pixel(&self, at: [f64; 2]) -> (i32, i32) {
         #[expect(
             clippy::cast_possible_truncation,
@@ -186,9 +186,9 @@ impl Head {
     }
 }
 
-/// Returns the value at a place between electrodes, which are given by their places and values: the
-/// mean of all electrodes, weighted by the inverse fourth power of the distance. `None` if no
-/// electrode is nearer than [`REACH`].
+/// Returns the value at position `at`: the mean of all electrodes, given as (position, value),
+/// weighted by the inverse fourth power of their distances. `None` if no electrode is within
+/// [`REACH`].
 pub(crate) fn interpolated(
     electrodes: impl Iterator<Item = ([f64; 2], f64)>,
     at: [f64; 2],
@@ -204,8 +204,8 @@ pub(crate) fn interpolated(
     (nearest <= REACH * REACH).then_some(sum / weights)
 }
 
-/// Returns the place of an electrode on the map from its position on the unit sphere: x towards the
-/// right ear, y towards the nose, z towards the vertex. Distance on the map is in proportion to the
+/// Returns an electrode's position on the map from its position on the unit sphere: x towards the
+/// right ear, y towards the nose, z towards the vertex. Distance on the map is proportional to the
 /// angle from the vertex; the outermost circle of the 10-20 system is at 0.9.
 pub fn on_map([x, y, z]: [f64; 3]) -> [f64; 2] {
     /// Angle from the vertex to the outermost circle of the 10-20 system, degrees.
@@ -219,8 +219,7 @@ pub fn on_map([x, y, z]: [f64; 3]) -> [f64; 2] {
     [x, y].map(|part| 0.9 * distance * part / direction)
 }
 
-/// Formats a value with the number of decimal places that shows three digits of `largest`, at most
-/// 6.
+/// Formats a value with as many decimal places as `largest` needs for three digits, at most 6.
 fn with_digits(value: f64, largest: f64) -> String {
     let places = (0..6).find(|places| largest * 10_f64.powi(*places) >= 99.95);
     let places = usize::try_from(places.unwrap_or(6)).unwrap_or(0);

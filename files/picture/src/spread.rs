@@ -10,7 +10,7 @@ use crate::canvas::real;
 pub struct Spread {
     /// Arithmetic mean, in the values' unit.
     pub mean: f64,
-    /// Standard deviation, computed with division by n, in the values' unit.
+    /// Population standard deviation (divided by n), in the values' unit.
     pub sd: f64,
 }
 

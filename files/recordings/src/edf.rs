@@ -1,4 +1,4 @@
-//! Parses the headers of EDF, EDF+, BDF and BDF+ files, whose fields have fixed widths in ASCII.
+//! Parses the headers of EDF, EDF+, BDF and BDF+ files: ASCII fields of fixed width.
 //!
 //! Sources: Kemp et al. 1992 (EDF), Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
 
@@ -35,9 +35,9 @@ pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, Recordin
     }
 }
 
-/// Returns whether `fixed`, whose first field is not that of EDF or BDF, is the header of an EDF
-/// file all the same: its version is text, and it states the length that its number of signals
-/// needs. Emotiv's programs write a date as the version.
+/// Returns whether `fixed`, whose first field names neither EDF nor BDF, is the header of an EDF
+/// file nevertheless: its version is text, and it states the header length that its number of
+/// signals needs. Emotiv's programs write a date as the version.
 pub(crate) fn is_other_version(fixed: &[u8; HEADER_BLOCK]) -> bool {
     let is_text = fixed[..8].iter().all(|byte| matches!(byte, b' '..=b'~'));
     let length = signal_count(fixed).map(|signals| HEADER_BLOCK * (1 + signals));
@@ -128,12 +128,12 @@ pub(crate) fn parse(
     .checked()
 }
 
-/// Parses the duration of a record, s; `None` if it is 0. A number that takes all characters of the
-/// field is rounded to it, such as `.0019531` for 1/512: the simplest fraction that is written so
-/// is taken, with a warning if it is not the number itself.
-///
+/// Parses the duration of a record, s; `None` if it is 0. A number that fills its whole field has
+/// been rounded to fit, such as `.0019531` for 1/512. It is taken as the simplest fraction that
+/// rounds to this text; if that fraction differs from the number, a warning is added.
 /// # Errors
-/// [`RecordingError::HeaderField`] for what is no number, and those of [`record_duration`].
+/// [`RecordingError::HeaderField`] if the field is not a number, and the errors of
+/// [`record_duration`].
 fn duration(
     bytes: &[u8],
     commas: &mut Vec<String>,
@@ -165,8 +165,8 @@ fn duration(
     }
 }
 
-/// Returns whether other digits than 0 follow a comma. In an integer, such as the digital limit
-/// -32,768, that is no decimal comma.
+/// Returns whether a comma is followed by any digit other than 0. In an integer, such as the
+/// digital limit -32,768, such a comma groups digits and is not a decimal comma.
 fn has_grouped_digits(bytes: &[u8]) -> bool {
     let digits = text(bytes);
     let rest = digits.split_once(',').map_or("", |(_, rest)| rest);
@@ -193,8 +193,8 @@ fn not_a_number(bytes: &[u8], field: &'static str, place: &str) -> RecordingErro
     field_error(field, place, &found, "a plain number is required")
 }
 
-/// Parses a number that can have a decimal point, or, in violation of the format, a decimal comma:
-/// then its field is added to `commas`. `None` for what is no number.
+/// Parses a number with an optional decimal point. A decimal comma violates the format but is
+/// accepted; its field is added to `commas`. `None` if the text is not a number.
 fn decimal(bytes: &[u8], field: &str, place: &str, commas: &mut Vec<String>) -> Option<f64> {
     let stated = text(bytes);
     let value = stated.replace(',', ".").parse().ok();

@@ -1,8 +1,8 @@
-//! Electrodes of the 10-5 system, and a parser for the ways in which files spell their labels.
+//! Electrodes of the 10-5 system, and a parser for the label spellings that occur in files.
 
 use std::fmt;
 
-/// A row of the 10-5 system: electrodes from the left side of the head to the right.
+/// A row of the 10-5 system: electrodes from the left to the right side of the head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Row {
     /// Name of the row in labels of columns z and 1 to 6, near the midline, such as `C`.
@@ -12,8 +12,8 @@ pub(crate) struct Row {
     /// Distance of the row from the nasion, in twentieths of the midline from nasion to inion,
     /// 0..=20.
     pub(crate) twentieths: u8,
-    /// True if every label of the row with a column number means a half column, with or without
-    /// `h`: montages write FFC1 for FFC1h, and no common cap has full columns in such rows.
+    /// True if a column number in this row always means a half column, with or without `h`.
+    /// Montages write FFC1 for FFC1h, and no common cap has full columns in such rows.
     always_half: bool,
 }
 
@@ -54,18 +54,18 @@ const ROWS: [Row; 21] = [
 /// Old and new names of the four electrodes of the 10-20 system that were renamed.
 const OLD_NAMES: [(&str, &str); 4] = [("T3", "T7"), ("T4", "T8"), ("T5", "P7"), ("T6", "P8")];
 
-/// Suffixes after a dash that name a common reference, whichever labels have them. Any other suffix
-/// names a second electrode, unless all electrodes of a recording share it: such a signal is the
-/// difference of two electrodes and has no single position.
+/// Suffixes after a dash that always name a common reference. Any other suffix is a common
+/// reference only if all electrodes of a recording have it. Otherwise it names a second electrode,
+/// and the signal, a difference of two electrodes, has no single position.
 const REFERENCES: [&str; 13] = [
     "REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2",
 ];
 
-/// Smallest number of labels that show that a cap has names of its own.
+/// Number of letter-and-number labels from which a cap counts as having its own names.
 const CAP_NAMES_MIN: usize = 8;
 
-/// Returns the name in a label and the reference that follows a dash: upper case, without dots,
-/// blanks, underscores and prefixes.
+/// Returns the name in a label, and the reference that follows a dash. Both are in upper case,
+/// without dots, blanks, underscores and prefixes.
 fn spelling(label: &str) -> (String, Option<String>) {
     let plain = label.to_ascii_uppercase().replace(['.', ' ', '_'], "");
     let mut prefixes = ["EEG", "POL"].iter();
@@ -77,14 +77,14 @@ fn spelling(label: &str) -> (String, Option<String>) {
     }
 }
 
-/// Returns the labels that number electrodes by letter and number, as BioSemi's caps A1 to H32 and
-/// the depth electrodes of some laboratories do; `None` if there are fewer than [`CAP_NAMES_MIN`].
+/// Returns the labels that number electrodes by letter and number, such as those of BioSemi's caps
+/// (A1 to H32) or of depth electrodes; `None` if there are fewer than [`CAP_NAMES_MIN`].
 ///
-/// Also `None` if all such labels begin with other letters than C and F, and there are electrodes
-/// of the 10-20 system: then the labels are those of auxiliary signals.
+/// Also `None` if none of these labels begins with C or F, and electrodes of the 10-20 system are
+/// present: the labels then name auxiliary signals.
 ///
-/// The C3 and F3 of such a cap are not those of the 10-20 system. Only labels that this system does
-/// not have are returned, without A1 and A2, which it has at the ear lobes.
+/// C3 and F3 of such a cap are not the electrodes of the 10-20 system. Only labels that the 10-20
+/// system lacks are returned, and neither A1 nor A2, which it has at the ear lobes.
 pub(crate) fn names_of_another_cap<L: AsRef<str>>(labels: &[L]) -> Option<Vec<&str>> {
     let is_foreign = |label: &&str| {
         let (name, _) = spelling(label);
@@ -98,7 +98,8 @@ pub(crate) fn names_of_another_cap<L: AsRef<str>>(labels: &[L]) -> Option<Vec<&s
         .map(AsRef::as_ref)
         .filter(is_foreign)
         .collect();
-    // Beside C8, C3 is a name of the cap, too. Beside E1 to E8 alone, Cz shows that it is not.
+    // Beside C8, C3 is also a name of the cap. Cz beside E1 to E8 shows that E1 to E8 are
+    // auxiliary.
     let clashes = |label: &&str| spelling(label).0.starts_with(['C', 'F']);
     let is_certain = |label: &L| {
         let (name, _) = spelling(label.as_ref());
@@ -134,9 +135,9 @@ impl Electrode {
         }
     }
 
-    /// Returns the electrodes that `labels` denote, as [`Self::parse`] does, and the suffix of a
-    /// common reference that [`REFERENCES`] lacks, upper case. Such a suffix follows the names of
-    /// all electrodes, at least two: the signals of a bipolar montage do not share one.
+    /// Returns the electrodes that `labels` denote, as [`Self::parse`] does, and in upper case the
+    /// suffix of a common reference that [`REFERENCES`] lacks. All electrodes, at least two
+    /// different ones, must have this suffix; the signals of a bipolar montage share no suffix.
     pub(crate) fn parse_all<L: AsRef<str>>(labels: &[L]) -> (Vec<Option<Self>>, Option<String>) {
         let spellings = labels.iter().map(|label| spelling(label.as_ref()));
         let named: Vec<_> = spellings
@@ -158,7 +159,7 @@ impl Electrode {
         (parsed.collect(), None)
     }
 
-    /// Returns the electrode with a name in the form of [`spelling`].
+    /// Returns the electrode whose name is spelled as [`spelling`] returns it.
     fn named(plain: &str) -> Option<Self> {
         let plain = OLD_NAMES
             .iter()
@@ -314,7 +315,7 @@ mod tests {
             let expected = ("Fp1 T7 O2".to_owned(), Some(suffix.to_ascii_uppercase()));
             assert_eq!(parsed(&labels), expected);
         }
-        // Bipolar montages, and files of which only some signals have the suffix.
+        // Bipolar montages, and files in which only some signals have the suffix.
         for (labels, names) in [
             ("Fp1-F7,F7-T3,T3-T5", ""),
             ("C3-Pz,EEG C3-Pz,ECG-Pz", ""),

@@ -50,7 +50,7 @@ pub enum RecordingError {
         "the header needs {needed} bytes but the file has only {found}: the file is truncated or its header is wrong"
     )]
     HeaderTruncated { needed: u64, found: u64 },
-    /// A header field holds no usable number; `place` is the file or the signal it belongs to.
+    /// A header field holds no usable number; `place` is the file or the signal that it belongs to.
     #[error("header field \"{field}\" of {place} holds \"{found}\", which is not usable: {reason}")]
     HeaderField {
         field: &'static str,

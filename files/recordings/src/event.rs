@@ -1,14 +1,14 @@
 //! Events of a recording (rows of GDF event tables, and EDF+ annotations), and the times at which
-//! they start when the recording is played.
+//! they start during playback.
 
 use std::{collections::HashMap, fmt};
 
-/// What an event means, in the form in which the file's format states it.
+/// What an event means, in the form that its file format uses.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
-    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. A type with bit 15 set
-    /// marks the end of the event that the same type without this bit starts. Where no such event
-    /// has begun, it is an event of its own: OpenViBE numbers its stimulations from 0x8000.
+    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. If bit 15 is set, the type
+    /// ends the event that the same type without bit 15 started. If no such event has started, the
+    /// type is an event of its own: OpenViBE numbers its stimulations from 0x8000.
     Type(u16),
     /// A sample of a sparsely sampled signal: GDF type 0x7fff in an event table of mode 3. Holds
     /// the digital value as 32 raw bits; the [`crate::SampleType`] of [`Event::signal`] decodes it.
@@ -76,8 +76,9 @@ pub struct Onsets {
 }
 
 impl Onsets {
-    /// Collects the starts of all events within the signal, from the events and their times in it.
-    /// Ends of events that have begun, rows without an event, and sparse samples are left out.
+    /// Collects the starts of all events within the signal. Each event comes with its time in the
+    /// signal, if it is inside. Leaves out ends of events that have begun, rows without an event,
+    /// and sparse samples.
     pub(crate) fn new(mut events: Vec<(Event, Option<f64>)>) -> Self {
         events.sort_by(|(a, _), (b, _)| a.onset_s.total_cmp(&b.onset_s));
         let mut onsets = Self::default();
@@ -163,8 +164,8 @@ mod tests {
 
     #[test]
     fn a_type_with_bit_15_is_an_event_of_its_own_unless_it_ends_one() {
-        // 0x8205 stands for a stimulation of OpenViBE, which has no beginning. The first 0x8300 is
-        // the end of the event of 2 s, and the second has none to end.
+        // 0x8205 is a stimulation of OpenViBE, so nothing has begun that it could end. The first
+        // 0x8300 ends the event that began at 2 s; the second has no event to end.
         let times = [
             (1.0, 0x8205),
             (2.0, 0x0300),

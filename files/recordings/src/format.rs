@@ -85,7 +85,7 @@ const BRAIN_VISION: &str =
     "in MNE-Python run mne.io.read_raw_brainvision('FILE.vhdr').export('FILE.edf')";
 
 /// Replaces the error for an unknown format by [`RecordingError::OtherFormat`], if the first bytes
-/// or the name of the file are those of a format that other programs can export.
+/// or the name of the file belong to a format that other programs can export.
 pub(crate) fn explain(path: &Path, error: RecordingError) -> RecordingError {
     let RecordingError::UnknownFormat { found } = &error else {
         return error;

@@ -18,8 +18,8 @@ use crate::{
     warning::Warning,
 };
 
-/// Limit between GDF 2.20 and 2.21: from 2.21 on, a header stores the record duration as a float64,
-/// before as two u32. A value between the versions makes the rounding of a parsed version harmless.
+/// Limit between GDF 2.20 and 2.21. From 2.21 on, a header stores the record duration as a float64,
+/// before that as two u32. A limit between both versions tolerates rounding of the parsed version.
 const FLOAT_DURATION: f64 = 2.205;
 
 /// Reads the number of signals, 1..=65535, from `fixed`, the first [`HEADER_BLOCK`] bytes of a
@@ -35,7 +35,7 @@ pub(crate) fn signal_count(
         Format::Gdf1(_) => u32::from_le_bytes(array_at(fixed, 252)),
         _ => u32::from(u16::from_le_bytes(array_at(fixed, 252))),
     };
-    // GDF 1 stores 32 bits, but only damaged files have a number of more than 16 bits.
+    // GDF 1 stores the number in 32 bits, but only damaged files have more than 65,535 signals.
     if let Ok(count @ 1..) = u16::try_from(count) {
         return Ok(usize::from(count));
     }
@@ -101,8 +101,8 @@ fn duration(format: Format, bytes: &[u8]) -> Result<Option<Ratio>, RecordingErro
     Ok(Ratio::new(numerator.into(), denominator.into()))
 }
 
-/// Parses the header's fields of all signals. GDF 1 and 2 encode units and digital limits
-/// differently and have different fields between those that are read.
+/// Parses the header fields of all signals. GDF 1 and 2 encode units and digital limits
+/// differently, and have different unread fields between them.
 fn parse_signals(
     format: Format,
     bytes: &[u8],

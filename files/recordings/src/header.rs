@@ -1,5 +1,5 @@
-//! Headers of recordings: of a file to read, in a form common to all formats, and of a file to
-//! write. Also has parsing functions that the EDF and GDF readers share.
+//! Headers of recordings: of files to read, in a form common to all formats, and of files to write.
+//! Also contains parsing functions that the EDF and GDF readers share.
 
 use std::io;
 
@@ -108,8 +108,8 @@ impl Header {
     }
 }
 
-/// Returns the calibration of a signal with these ranges, and adds warnings for doubtful ones.
-/// `stated` holds the digital and the physical range as the header states them.
+/// Returns the calibration of a signal with these ranges, and adds warnings for doubtful ranges.
+/// `stated` returns the digital and the physical range as the header states them.
 ///
 /// # Errors
 /// [`UnusableRange`] if the digital range is empty, or an end is not finite.
@@ -159,7 +159,7 @@ pub(crate) struct SignalFields<'a> {
 
 impl<'a> SignalFields<'a> {
     /// Starts at the first field of the signals. `header` is the whole header, including the fixed
-    /// part before them.
+    /// part before the signals.
     pub(crate) fn new(header: &'a [u8], signals: usize) -> Self {
         Self {
             bytes: header,
@@ -183,8 +183,8 @@ impl<'a> SignalFields<'a> {
     }
 }
 
-/// Characters of the bytes 0x80..=0x9f in Windows-1252; the five bytes that it leaves undefined
-/// keep their code. Source: WHATWG, "Encoding", index windows-1252.
+/// Characters of the bytes 0x80..=0x9f in Windows-1252. Five bytes are undefined; their characters
+/// have the byte's value as code. Source: WHATWG, "Encoding", index windows-1252.
 const WINDOWS_1252: [char; 32] = [
     '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}',
     '\u{90}', '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
@@ -221,7 +221,7 @@ pub(crate) fn array_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
         .unwrap_or([0; N])
 }
 
-/// Returns the error that a header field holds `found`; `place` is the file or the signal it is in.
+/// Returns the error for a header field that holds `found`; `place` is the field's file or signal.
 pub(crate) fn field_error(
     field: &'static str,
     place: &str,
@@ -332,7 +332,7 @@ pub(crate) fn read(source: &mut dyn Source, file_bytes: u64) -> Result<Header, R
 /// Header of one signal of a file to write.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SignalToWrite {
-    /// Label, at most 16 bytes; what is longer is cut off.
+    /// Label, at most 16 bytes; the rest of a longer label is cut off.
     pub label: String,
     /// True if the values are microvolts, false if they have no unit.
     pub is_microvolt: bool,
@@ -354,12 +354,12 @@ impl SignalToWrite {
 pub struct FileToWrite {
     /// All signals, in the order of the values in a row.
     pub signals: Vec<SignalToWrite>,
-    /// Number of rows per second, Hz.
+    /// Sampling rate of all signals, Hz.
     pub rate_hz: u32,
-    /// Number of rows in a record.
+    /// Number of rows (samples of each signal) in a record.
     pub rows_per_record: u32,
-    /// Wall clock time of the first row, nanoseconds since 1970 UTC; `None` if it is not known. An
-    /// EDF or BDF file states it in the time zone of this machine, as EDF+ requires.
+    /// Wall-clock time of the first row, nanoseconds since 1970, UTC; `None` if it is unknown. EDF
+    /// and BDF files state it in the time zone of this machine, as EDF+ requires.
     pub start_ns: Option<i64>,
     /// Text that identifies the recording, such as the device's name.
     pub description: String,

@@ -12,8 +12,8 @@ use crate::{
 /// What to do with an electrode of the montage that the recording lacks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Missing {
-    /// Interpolate it from the nearest [`NEIGHBOURS`] recorded electrodes, weighted by 1 /
-    /// distance^2, with straight-line distances between points on the unit sphere.
+    /// Interpolate the electrode from the nearest [`NEIGHBOURS`] recorded electrodes, weighted by 1
+    /// / distance^2, with straight-line distances between points on the unit sphere.
     #[default]
     Interpolate,
     /// Set the electrode to 0.
@@ -22,17 +22,17 @@ pub enum Missing {
     Refuse,
 }
 
-/// Number of recorded electrodes from which a missing electrode is interpolated; if the recording
-/// has fewer, all of them are used.
+/// Number of recorded electrodes from which a missing electrode is interpolated. If the recording
+/// has fewer electrodes, all of them are used.
 pub const NEIGHBOURS: usize = 4;
 
 /// Number of labels of another cap that an error shows.
 const NAMES_SHOWN: usize = 6;
 
-/// Where the values of one electrode of the montage come from.
+/// Where the values of one montage electrode come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
-    /// Recorded: the values are those of the signal with this index.
+    /// Recorded: the values of the signal with this index.
     Real(usize),
     /// Interpolated: a weighted sum of signals, as pairs (signal index, weight), nearest electrode
     /// first. The weights add up to 1.
@@ -59,7 +59,7 @@ pub enum MontageMapError {
         found: Vec<String>,
         needed: Vec<String>,
     },
-    /// The labels are those of a cap that names its electrodes in another way.
+    /// The labels belong to a cap with its own names for electrodes.
     #[error(
         "the recording has names of another cap, such as {}: its C3 is not that of the 10-20 system; give the \
          signals the names of the 10-10 system (docs/recordings.md, Electrodes)",
@@ -82,10 +82,10 @@ pub enum MontageWarning {
         real.join(" ")
     )]
     FewElectrodes { real: Vec<String>, needed: usize },
-    /// The labels of all electrodes end with the same reference, which is no known name of one.
+    /// The labels of all electrodes end with the same suffix, which is not a known reference name.
     #[error("the electrodes' common ending -{reference} is taken for the name of their reference")]
     CommonReference { reference: String },
-    /// All electrodes were recorded against one that the montage has, too.
+    /// All electrodes were recorded against an electrode that the montage also contains.
     #[error(
         "electrode {electrode} is the reference of all others, so it is 0 and counts as missing"
     )]
@@ -108,17 +108,17 @@ pub struct MontageMap {
     electrodes: Vec<String>,
     origins: Vec<Origin>,
     signals: Vec<String>,
-    /// The electrode of each signal.
+    /// The electrode that each signal's label denotes, if any.
     located: Vec<Option<Electrode>>,
-    /// The common reference of all electrodes, if it is not one of the usual names.
+    /// The common reference of all electrodes, if its name is not in `REFERENCES`.
     reference: Option<String>,
 }
 
 impl MontageMap {
     /// Finds each electrode of the montage (`electrodes`) among the labels of the recording
     /// (`labels`). [`Electrode::parse`] defines which spellings are equal. If two signals have the
-    /// same electrode, the map uses the first. If the labels of all electrodes end with one
-    /// reference, it is stripped, and the electrode with its name is 0.
+    /// same electrode, the map uses the first signal. If the labels of all electrodes end with the
+    /// name of one reference, this suffix is stripped; if the reference is an electrode, it is 0.
     ///
     /// # Errors
     /// [`MontageMapError`] if the montage is invalid or the recording does not fit it.
@@ -271,7 +271,7 @@ impl MontageMap {
 }
 
 /// Returns the [`NEIGHBOURS`] signals nearest to `electrode` as pairs (index, weight). `located`
-/// holds the electrode of each signal; of two signals of one electrode, the first counts.
+/// holds the electrode of each signal; if two signals have the same electrode, the first counts.
 fn nearest(electrode: &Electrode, located: &[Option<Electrode>]) -> Vec<(usize, f64)> {
     let position = Position::from_electrode(electrode);
     let distance = |other| position.chord_squared(Position::from_electrode(other));
@@ -395,7 +395,8 @@ mod tests {
             let message = refused.expect_err("another cap").to_string();
             assert!(message.contains("names of another cap"), "{message}");
         }
-        // Ear lobes and a few other signals do not make a cap.
+        // Seven labels of a cap's form, beside ear lobes and 10-20 electrodes, are too few for a
+        // cap.
         let mut labels = cap("B", plain)[..7].to_vec();
         labels.extend(["A1", "A2", "C3", "F4"].map(str::to_owned));
         let map = MontageMap::new(&labels, &["C3", "F4"], Missing::Refuse);

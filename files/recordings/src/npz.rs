@@ -1,7 +1,7 @@
-//! Arrays for `numpy.load`, written in one pass.
+//! Writes NPZ files, arrays for `numpy.load`, in one pass.
 //!
-//! An NPZ file is a ZIP archive with one NPY file per array. Its arrays are stored without
-//! compression, so that the values of an array can be written as they arrive.
+//! An NPZ file is a ZIP archive with one NPY file per array. The arrays are not compressed, and
+//! their values are written as they arrive.
 //!
 //! ```
 //! use std::io::{Cursor, Write as _};
@@ -47,7 +47,7 @@ impl<W: Write + Seek> NpzWriter<W> {
     /// Source: numpy's NEP 1.
     ///
     /// # Errors
-    /// The operating system's error, or one for a header longer than 65,535 bytes.
+    /// The operating system's error, or an error if the header is longer than 65,535 bytes.
     pub fn start_array(&mut self, name: &str, element: &str, shape: &[u64]) -> io::Result<()> {
         // The size of the array is not known yet and could exceed 4 GB.
         let options = SimpleFileOptions::default()
@@ -73,7 +73,7 @@ impl<W: Write + Seek> NpzWriter<W> {
     /// Writes an array of texts, which numpy stores as UTF-32.
     ///
     /// # Errors
-    /// Those of [`Self::start_array`].
+    /// The errors of [`Self::start_array`].
     pub fn texts<T: AsRef<str>>(&mut self, name: &str, texts: &[T]) -> io::Result<()> {
         let lengths = texts.iter().map(|text| text.as_ref().chars().count());
         let width = lengths.max().unwrap_or(0).max(1);

@@ -68,7 +68,8 @@ impl Position {
         }
     }
 
-    /// Computes the position of the electrode that `label` denotes; `None` if it denotes none.
+    /// Computes the position of the electrode that `label` denotes; `None` if it denotes no
+    /// electrode.
     pub fn from_label(label: &str) -> Option<Self> {
         Electrode::parse(label).map(|electrode| Self::from_electrode(&electrode))
     }
@@ -141,7 +142,7 @@ impl Position {
         }
     }
 
-    /// Returns the sum with `other`.
+    /// Returns the sum of both vectors.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         Self {
@@ -151,7 +152,7 @@ impl Position {
         }
     }
 
-    /// Returns the difference to `other`.
+    /// Returns this vector minus `other`.
     #[must_use]
     pub fn minus(self, other: Self) -> Self {
         self.plus(other.scaled(-1.0))
@@ -168,9 +169,9 @@ impl Position {
     }
 }
 
-/// Returns the angle around Cz, from the front, in rad, of the point that is `eighths` from the
-/// midline in the row at `twentieths`, which must be an arc of a circle around Cz. In a posterior
-/// row, `eighths` counts from the back of the midline.
+/// Returns the azimuth, the angle around Cz from the front in rad, of the point that is `eighths`
+/// from the midline in the row at `twentieths`, which must be an arc of a circle around Cz. In a
+/// posterior row, `eighths` counts from the back of the midline.
 fn azimuth_on_circle(twentieths: u8, eighths: f64) -> f64 {
     if twentieths < 10 {
         eighths * TWENTIETH

@@ -35,16 +35,16 @@ impl Ratio {
         Self::simplest(value * (1.0 - 1e-11), value * (1.0 + 1e-11))
     }
 
-    /// Returns the fraction with the smallest terms of those from `least` to `most`, by continued
-    /// fractions; `None` unless 0 < `least` <= `most` and the terms fit 64 bits.
+    /// Returns the fraction with the smallest terms from `least` to `most`, by continued fractions;
+    /// `None` unless 0 < `least` <= `most` and the terms fit 64 bits.
     pub(crate) fn simplest(least: f64, most: f64) -> Option<Self> {
         let (mut low, mut high) = (least, most);
         if low.is_nan() || high.is_nan() || low <= 0.0 || low > high {
             return None;
         }
         let (mut before, mut now) = ((0_u64, 1_u64), (1_u64, 0_u64));
-        // Each pass adds a term of the continued fraction, which at least doubles the fraction's
-        // terms in two passes.
+        // Each pass adds a term of the continued fraction. Numerator and denominator at least
+        // double in two passes.
         for _ in 0..128 {
             let has_integer = low.ceil() <= high;
             let term = if has_integer { low.ceil() } else { low.floor() };

@@ -1,4 +1,4 @@
-//! The reader for recordings of all supported formats, which reads them block by block.
+//! Reads recordings of all supported formats block by block.
 
 use std::{fs::File, io::SeekFrom, path::Path};
 
@@ -18,9 +18,9 @@ use crate::{
 
 /// An open recording: its header, and the position of the next record to read.
 ///
-/// It holds the header (256 bytes for each signal) and the raw bytes of one block of at least one
-/// record in memory; [`Recording::events`] also holds the event table of a GDF file. No read buffer
-/// is larger than the file, however damaged the header is.
+/// Keeps in memory the header (256 bytes for each signal) and the raw bytes of one block of at
+/// least one record; [`Recording::events`] also loads the event table of a GDF file. No read buffer
+/// is larger than the file, even if the header is damaged.
 pub struct Recording {
     source: Box<dyn Source>,
     header: Header,
@@ -41,7 +41,7 @@ pub struct Block {
     /// Number of whole records in the block; 0 after the end of the recording.
     pub records: u64,
     /// Samples of each signal, in the unit of the signal; empty for annotation signals and for
-    /// those without a calibration.
+    /// signals without a calibration.
     pub samples: Vec<Vec<f64>>,
 }
 
@@ -245,7 +245,7 @@ impl Recording {
         Ok(true)
     }
 
-    /// Returns all events in file order: the annotations of EDF+ and BDF+, which requires reading
+    /// Returns all events in file order: the annotations of EDF+ and BDF+, which takes a pass over
     /// all records, or the event table of GDF. Damaged annotations or tables add a [`Warning`].
     ///
     /// # Errors
@@ -257,8 +257,9 @@ impl Recording {
         }
     }
 
-    /// Returns all events in file order, each with its time since the first sample, in the signal
-    /// that a [`crate::VirtualAdc`] plays, s; `None` for an event outside the signal.
+    /// Returns all events in file order. Each comes with its time in the signal that a
+    /// [`crate::VirtualAdc`] plays, in s since the first sample; `None` for an event outside the
+    /// signal.
     ///
     /// # Errors
     /// [`RecordingError::Read`] if reading fails.
@@ -314,7 +315,7 @@ impl Recording {
         Ok(Vec::new())
     }
 
-    /// Reads the times of the records: of the first one only, unless gaps can follow.
+    /// Reads the start times of the records: only of the first record, unless gaps can follow.
     fn read_record_times(&mut self) -> Result<(), RecordingError> {
         let can_have_gaps = self.header.format.is_discontinuous();
         let timed = if can_have_gaps { self.records } else { 1 };

@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::{header::array_at, ratio::Ratio};
 
-/// What a signal of a file holds; files store annotations in the form of signals.
+/// What a signal of a file holds: EDF and BDF files store annotations in the form of signals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SignalKind {
     /// Samples of a measured quantity.
@@ -24,13 +24,13 @@ pub struct Signal {
     pub kind: SignalKind,
     /// Unit of the physical values.
     pub unit: Unit,
-    /// Conversion from digital to physical values. Of a signal without it, no samples are read.
+    /// Conversion from digital to physical values. Signals without a calibration are not read.
     pub calibration: Result<Calibration, UnusableRange>,
     /// Encoding of each sample in the file.
     pub sample_type: SampleType,
     /// Number of samples in a record; 0 for a signal that only has events.
     pub samples_per_record: u32,
-    /// Samples per second, Hz; `None` if a record has no samples of this signal.
+    /// Samples per second, Hz; `None` if the signal has no samples or a record has no duration.
     pub rate: Option<Ratio>,
 }
 
@@ -46,11 +46,10 @@ impl Signal {
 /// minimum) and (digital maximum, physical maximum). GDF applies the line to float samples too.
 ///
 /// `physical = (d - d0) * gain + p0` with
-/// `gain = (physical_max - physical_min) / (digital_max - digital_min)`. The point (d0, p0) is the
-/// one of the line whose d0 is nearest to 0 within the digital range, or (0, 0) if both ranges are
-/// equal. Computed from an end of the range instead, a small sample would be rounded away where the
-/// range is wide: 20 uV in +-3.4e38, the range of the type, which some programs state for float
-/// samples.
+/// `gain = (physical_max - physical_min) / (digital_max - digital_min)`. (d0, p0) is the point of
+/// the line whose d0 is nearest to 0 within the digital range, or (0, 0) if both ranges are equal.
+/// An end of the range would be a poor choice, because a small sample is rounded away if the range
+/// is wide: some programs state +-3.4e38, the range of the type, for float samples of 20 uV.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibration {
     /// Digital minimum and maximum that the header states.
@@ -63,7 +62,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// The line on which physical values equal digital ones.
+    /// The line on which physical values equal digital values.
     pub(crate) const IDENTITY: Self = Self {
         digital: [-1.0, 1.0],
         physical: [-1.0, 1.0],
@@ -71,10 +70,10 @@ impl Calibration {
         nearest_zero: [0.0, 0.0],
     };
 
-    /// Creates the line through both ends of the ranges; `None` unless all ends are finite, and the
-    /// gain is a finite number other than 0.
+    /// Creates the line through both ends of the ranges; `None` unless all ends are finite and the
+    /// gain is finite and not 0.
     pub(crate) fn new(digital: [f64; 2], physical: [f64; 2]) -> Option<Self> {
-        // In units of a power of two, no difference or product of the ends overflows.
+        // Scaled by powers of two, no difference or product of the ends overflows.
         let [digital_unit, physical_unit] = [digital, physical].map(power_of_two);
         let [d_min, d_max] = digital.map(|end| end / digital_unit);
         let [p_min, p_max] = physical.map(|end| end / physical_unit);
@@ -110,22 +109,22 @@ impl Calibration {
     }
 
     /// Converts a digital value to the signal's physical unit. Values outside the range in the
-    /// header are not limited.
+    /// header are not clipped.
     pub fn physical(&self, digital: f64) -> f64 {
         let [d0, p0] = self.nearest_zero;
         (digital - d0) * self.gain + p0
     }
 }
 
-/// Returns the largest power of two that is not above the greater magnitude of both ends.
+/// Returns the largest power of two that is not above the larger magnitude of both ends.
 fn power_of_two(ends: [f64; 2]) -> f64 {
     let [a, b] = ends.map(f64::abs);
     // A float without its fraction bits is a power of two.
     f64::from_bits(a.max(b).max(f64::MIN_POSITIVE).to_bits() & !0 << 52)
 }
 
-/// Computes `a * b - c * d` within 1.5 units in the last place, by Kahan's algorithm: a fused
-/// operation yields the rounding error of `c * d`. Source: C.-P. Jeannerod, N. Louvet, J.-M.
+/// Computes `a * b - c * d` within 1.5 units in the last place by Kahan's algorithm: a fused
+/// multiply-add yields the rounding error of `c * d`. Source: C.-P. Jeannerod, N. Louvet, J.-M.
 /// Muller, "Further analysis of Kahan's algorithm for the accurate computation of 2 x 2
 /// determinants", 2013.
 fn difference_of_products([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
@@ -134,7 +133,7 @@ fn difference_of_products([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
     a.mul_add(b, -product) + error
 }
 
-/// Why a signal has no [`Calibration`]: the text holds its ranges, as the header states them.
+/// Why a signal has no [`Calibration`]: the text states the ranges in its header.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{0}")]
 pub struct UnusableRange(String);
@@ -195,8 +194,9 @@ impl SampleType {
         }
     }
 
-    /// Returns whether both ranges of a signal are those of a float type, except for rounding: all
-    /// ends are within 1 % of its smallest and largest number. Such ranges state no scale.
+    /// Returns whether both ranges of a signal are the range of a float type, except for rounding:
+    /// all ends are within 1 % of the type's smallest and largest number. Such ranges state no
+    /// scale.
     pub(crate) fn is_whole_range(self, digital: [f64; 2], physical: [f64; 2]) -> bool {
         let is_float = matches!(self, Self::Float32 | Self::Float64);
         let near = |value: f64, end: f64| (value / end - 1.0).abs() <= 0.01;
@@ -300,7 +300,7 @@ impl Unit {
         Self { text, microvolts }
     }
 
-    /// Returns how many microvolts the unit is; `None` unless it is a supported voltage.
+    /// Returns the unit's size in microvolts; `None` unless it is a supported voltage.
     pub fn microvolts(&self) -> Option<f64> {
         self.microvolts
     }

@@ -8,7 +8,7 @@ use crate::error::RecordingError;
 pub trait Source: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Source for T {}
 
-/// Length of a block of records that is read at once, bytes; a longer record is read alone.
+/// Number of bytes that are read at once; a longer record is read alone.
 pub(crate) const BLOCK_BYTES: u64 = 64 * 1024;
 
 /// Fills `bytes` from the source, starting at byte offset `at`.
@@ -37,12 +37,11 @@ pub(crate) fn in_memory(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
 }
 
-/// Number of bytes at the start of a file that are searched for damage by a transfer in text mode.
+/// Number of bytes at the start of a file that are searched for damage by a text-mode transfer.
 const SEARCHED: u64 = 4 << 20;
 
 /// Smallest number of line feeds that can prove damage by text mode. In an undamaged file, a
-/// carriage return precedes a line feed by chance once in 256 times, so four times out of four is
-/// damage.
+/// carriage return precedes a line feed by chance in one of 256 cases, so four of four mean damage.
 const LEAST_LINE_FEEDS: usize = 4;
 
 /// Returns whether a carriage return precedes every line feed at the start of a file, as after a

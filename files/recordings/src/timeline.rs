@@ -1,20 +1,20 @@
-//! Converts times in a file to times in the signal that is played, which has no gaps.
+//! Converts times in a file to times in the played signal, which has no gaps.
 
 use crate::header::Header;
 use crate::ratio::Ratio;
 
-/// Smallest difference between the end of a record and the start of the next one that is a gap, s:
-/// far less than a sample, and above the rounding of the decimals that files state.
+/// Smallest distance from the end of a record to the start of the next that counts as a gap, s: far
+/// less than a sample, and above the rounding of the decimals that files state.
 const GAP_MIN_S: f64 = 1e-6;
 
 /// Where each record starts, in the file and in the signal.
 #[derive(Debug, Default)]
 pub(crate) struct Timeline {
-    /// Start of each record in the file, and its start in the signal, s; ascending. Of files
-    /// without gaps, at most the first record.
+    /// Start of each record in the file, and in the played signal, s; ascending. For a file without
+    /// gaps, holds at most the first record.
     records: Vec<(f64, f64)>,
-    /// Duration of the signal from each entry of `records` on, s: that of a record if gaps can
-    /// follow, otherwise of the whole signal.
+    /// Duration of the signal from each entry of `records` on, s: one record if gaps can follow,
+    /// otherwise the whole signal.
     section_s: f64,
     /// Duration of a record, s.
     record_s: f64,
@@ -23,13 +23,13 @@ pub(crate) struct Timeline {
     pub(crate) gaps: Gaps,
 }
 
-/// Gaps between records.
+/// Gaps between records, as found so far.
 #[derive(Debug, Default, Clone, Copy)]
 pub(crate) struct Gaps {
     pub(crate) count: u64,
     /// Sum of all gaps, s.
     pub(crate) seconds: f64,
-    /// Number of records without a time, or with one before that of the previous record.
+    /// Number of records without a time, or whose time is not after the previous record's time.
     pub(crate) unstated: u64,
 }
 
@@ -47,8 +47,8 @@ impl Timeline {
         }
     }
 
-    /// Adds record `record` with its start in the file, s. A record without a usable start is taken
-    /// to follow the record before it.
+    /// Adds record `record` with its start in the file, s. A record without a usable start is
+    /// assumed to follow the previous record without a gap.
     #[expect(clippy::cast_precision_loss, reason = "records stay below 2^53")]
     pub(crate) fn add_record(&mut self, record: u64, stated_s: Option<f64>) {
         let last_s = self.records.last().map(|(start, _)| *start);
@@ -73,8 +73,8 @@ impl Timeline {
                 let (start, place) = self.records[record];
                 place + (file_s - start).min(self.section_s)
             }
-            // Without stated record times, which only EDF+ and BDF+ have, the signal has the file's
-            // times.
+            // Without record times, which only EDF+ and BDF+ state, times in the signal equal times
+            // in the file.
             None if self.records.is_empty() => file_s,
             None => return None,
         };
@@ -95,7 +95,7 @@ mod tests {
             ..Timeline::default()
         };
         // Records of 1 s start at 0.5 s and 1.5 s and, after a gap of 7.5 s, at 10 s. The fourth
-        // has no time, and the fifth one that cannot be: both follow without a gap.
+        // record has no time, and the fifth an impossible time: both follow without a gap.
         let starts = [Some(0.5), Some(1.5), Some(10.0), None, Some(3.0)];
         for (record, start) in (0..).zip(starts) {
             timeline.add_record(record, start);

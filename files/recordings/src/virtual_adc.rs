@@ -40,7 +40,7 @@ impl AdcSpec {
 /// Numbers of values that the virtual ADC could not represent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct AdcCounters {
-    /// Number of counts that were limited to the smallest or largest one.
+    /// Number of counts that were clipped to the smallest or largest count.
     pub saturated: u64,
     /// Number of NaN and infinite samples in the recording. Each was replaced by the last finite
     /// sample of its signal, or by 0 if there was none before.
@@ -72,12 +72,12 @@ impl AdcCounters {
 /// counts, i24 in i32; sample k is the recording at the time k / `rate_hz`.
 ///
 /// The iterator yields `floor(duration * rate_hz)` samples, or ends after its first error. A signal
-/// at the rate of the ADC passes unchanged. Signals at other rates are resampled without delay; the
-/// band up to 60 Hz passes, or up to 0.9 of half the lower rate, and what is above half the lower
-/// rate is attenuated by 90 dB. Beyond the ends of the file, a signal keeps its first or last
-/// value. Voltages become counts by `round(uV / lsb_uv)`, ties away from zero, saturating to i24;
-/// saturation is counted. Where all eight channels of a chip would repeat their last sample, one
-/// count is added, because a driver takes repetition for a failure
+/// at the rate of the ADC passes unchanged. Signals at other rates are resampled without delay: the
+/// band up to 60 Hz passes, or up to 0.9 of half the lower rate, and frequencies above half the
+/// lower rate are attenuated by 90 dB. Beyond the ends of the file, a signal keeps its first or
+/// last value. Voltages become counts by `round(uV / lsb_uv)`, ties away from zero, saturating to
+/// i24; saturation is counted. Where all eight channels of a chip would repeat their last sample,
+/// one count is added, because a driver takes repetition for a failure
 /// (`docs/decisions/0017-dither-of-repeated-samples.md`). A signal whose unit is not a voltage is
 /// treated as uV, and the recording has a warning about it.
 pub struct VirtualAdc {
@@ -131,7 +131,7 @@ impl VirtualAdc {
     }
 
     /// Switches dither off, for users who need the exact conversion of the recording. A driver of
-    /// real ADCs would report the repeated samples as a frozen chip.
+    /// real ADCs would report the undithered repetitions as a frozen chip.
     #[must_use]
     pub fn without_dither(mut self) -> Self {
         self.conversion.dither = None;
@@ -143,7 +143,8 @@ impl VirtualAdc {
         self.conversion.spec
     }
 
-    /// Returns the recording that is played. Its read position is ahead of the samples delivered.
+    /// Returns the recording that is played. It has been read further than the samples delivered so
+    /// far.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }
@@ -153,7 +154,7 @@ impl VirtualAdc {
         self.samples
     }
 
-    /// Returns the numbers of saturated and non-finite values since the start of the recording.
+    /// Returns how many values were saturated or not finite since the start of the recording.
     pub fn counters(&self) -> AdcCounters {
         self.conversion.counters
     }
@@ -195,7 +196,8 @@ impl Iterator for VirtualAdc {
     }
 }
 
-/// Returns the number of samples, `floor(records * record duration * rate)`, computed exactly.
+/// Returns the number of samples in a recording, `floor(records * record duration * rate)`,
+/// exactly.
 fn sample_count(recording: &Recording, rate_hz: u32) -> u64 {
     let Some(length) = recording.record_duration() else {
         return 0;
@@ -214,13 +216,13 @@ mod tests {
     use crate::header::FileToWrite;
     use crate::montage_map::Missing;
 
-    /// Returns a GDF file of two signals with these rates, whose int16 samples are all 1 uV.
+    /// Returns a GDF file of two signals with these rates. All their int16 samples are 1 uV.
     fn file(rates: [u16; 2], seconds: u16) -> Vec<u8> {
         let file = FileToWrite::microvolts(["C3", "C4"], [-32_768.0, 32_767.0], 1, 1);
         let writer = GdfWriter::new(Cursor::new(Vec::new()), &file).expect("a header");
         let mut bytes = writer.finish(&[]).expect("memory").into_inner();
-        // The writer only knows one rate and float32, so the test replaces samples per record and
-        // types in the header, and the event table by its own records.
+        // The writer supports only one rate and float32, so the test overwrites samples per record
+        // and types in the header, and writes its own records in place of the event table.
         bytes.truncate(3 * 256);
         bytes[236..244].copy_from_slice(&i64::from(seconds).to_le_bytes());
         let fields = rates.map(u32::from).into_iter().chain([3, 3]);

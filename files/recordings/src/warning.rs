@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use crate::ratio::Ratio;
 
-/// A defect of a file that can still be read. A recording states each defect once.
+/// A defect of a file that can still be read. A recording reports each defect once.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[expect(missing_docs, reason = "the messages say what each field means")]
 pub enum Warning {
@@ -24,7 +24,7 @@ pub enum Warning {
         left_over: u64,
     },
     /// An EDF or BDF file has bytes after the last record announced in its header: `records` whole
-    /// records of `seconds` together, and `bytes` more.
+    /// records, together `seconds` long, and `bytes` further bytes.
     #[error("{}", surplus(*records, *seconds, *bytes))]
     Surplus {
         records: u64,
@@ -34,27 +34,29 @@ pub enum Warning {
     /// The first field of an EDF file is not the version of the format, which is 0.
     #[error("the version in the header is '{found}' in place of 0; the file is read as EDF")]
     Version { found: String },
-    /// The fields of an EDF or BDF header that have a decimal comma, with their content.
+    /// Header fields of an EDF or BDF file have a decimal comma. `fields` lists them with their
+    /// content.
     #[error(
         "a decimal comma is read as a point in {} header fields, such as {}; check the scale, and repair the header",
         fields.len(), fields[0]
     )]
     DecimalComma { fields: Vec<String> },
     /// The field for the duration of a record is too narrow for all digits; `used` is the simplest
-    /// fraction that is written in this way.
+    /// fraction that rounds to the stated text.
     #[error(
         "the header rounds the duration of a record to {stated} s; {}/{} s are used",
         used.numerator(), used.denominator()
     )]
     DurationRounded { stated: String, used: Ratio },
-    /// BioSemi's devices store triggers as bits of a signal, which is not read as events.
+    /// Triggers are stored as bits of a signal, as by BioSemi's devices, and are not read as
+    /// events.
     #[error(
         "the triggers in signal {label} are not read as events; store them as annotations (docs/recordings.md, \
          Formats)"
     )]
     Triggers { label: String },
-    /// Some signals cannot be scaled, because their ranges are empty or no numbers. The field lists
-    /// label and ranges of each.
+    /// Some signals cannot be scaled, because their ranges are empty or not numbers. `signals`
+    /// lists label and ranges of each.
     #[error(
         "signals that cannot be scaled are left out, repair the header to use them: {}",
         signals.join(", ")
@@ -75,8 +77,8 @@ pub enum Warning {
     /// The physical range of a signal is empty, so its digital values are returned without scaling.
     #[error("signal {label}: the physical range is empty, digital values are used")]
     PhysicalRangeEmpty { label: String },
-    /// The digital minimum of a signal is above its maximum. It is scaled as the header states, so
-    /// its polarity may be reversed.
+    /// The digital minimum of a signal is above its maximum. The signal is scaled as the header
+    /// states, so its polarity may be reversed.
     #[error(
         "signal {label}: the digital minimum is above the maximum, so its polarity may be reversed; \
          check it, and repair the header"
@@ -92,18 +94,18 @@ pub enum Warning {
          events are returned"
     )]
     EventTable { announced: u32, bytes: u64 },
-    /// The times of some records of an EDF+D or BDF+D file are missing, or do not follow those of
-    /// the record before. Each is taken to start at the end of the record before.
+    /// The times of some records of an EDF+D or BDF+D file are missing, or not after the previous
+    /// record's time. Each such record is assumed to start at the end of the previous record.
     #[error(
         "{records} records have no time, or one not after that of the record before them; their events may be \
          misplaced"
     )]
     RecordTimes { records: u64 },
-    /// Some annotation lists are not valid, so their annotations are missing; `first` is one of
-    /// them.
+    /// Some annotation lists are invalid, so their annotations are missing; `first` is the start of
+    /// the first invalid list.
     #[error("{lists} annotation lists cannot be read and are left out, the first is \"{first}\"")]
     Annotations { lists: u64, first: String },
-    /// Sparse samples of a GDF event table are no events of the signal.
+    /// Sparse samples of a GDF event table are not events and are not played.
     #[error("{count} sparse samples in the event table are not played")]
     SparseSamples { count: u64 },
 }

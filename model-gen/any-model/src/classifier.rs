@@ -1,12 +1,12 @@
-//! A classifier that no data has trained.
+//! A classifier with constant weights, which was not trained on any data.
 
 use artifact::classifier::{
     Band, Class, Classifier, ClassifierTraining, DecisionRule, SpatialFilter,
 };
 
-/// Returns a classifier of these electrodes at 128 steps per second in hops of eight. Its two
-/// classes, 773 and 771, are more probable the larger the power from 8 to 30 Hz is at the first and
-/// at the last quarter of the electrodes, averaged over 16 hops.
+/// Returns a classifier of these electrodes at 128 steps per second in hops of eight. The more
+/// power from 8 to 30 Hz the first quarter of the electrodes has, the more probable is class 773;
+/// for the last quarter, it is class 771. The power is averaged over 16 hops.
 pub fn any_classifier<'l>(labels: impl IntoIterator<Item = &'l str>) -> Classifier {
     let electrodes: Vec<String> = labels.into_iter().map(str::to_owned).collect();
     let count = electrodes.len();

@@ -2,8 +2,8 @@
 //! and inputs that are more extreme than any EEG.
 //!
 //! Tests and benchmarks need models of other shapes than the checked-in one. Random weights
-//! suffice: they show as well as trained ones whether the device computes the same codes as the
-//! reference, and at what cost.
+//! suffice: whether the device computes the same codes as the reference, and at what cost, does not
+//! depend on training.
 //!
 //! ```text
 //! signal/model/artifact/model.toml ── change ──> Description ──┐
@@ -46,7 +46,7 @@ use substitution::any_substitution;
 
 /// Folder of the built-in model; the random models start from its description.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact");
-/// Folder of the checked-in montage files, which say which channel carries which electrode.
+/// Folder of the checked-in montage files, which state the electrode of each channel.
 pub const MONTAGES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../files/montages");
 
 /// A window on the scalp grid, indexed by step, row and column, in units of the input's standard
@@ -63,7 +63,7 @@ const LARGEST_UV: f32 = 500.0;
 const NUMBERS: usize = 16;
 
 /// Returns every tested combination of mode, padding and pool (steps, rows, columns). Mode `paper`
-/// occurs with one pool only, because its encoder equals that of `paper-code-only`.
+/// has only one pool, because its encoder equals the encoder of `paper-code-only`.
 pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     let mut variants = vec![(Mode::Pca, Padding::None, [2, 2, 2])];
     for padding in [Padding::None, Padding::Space, Padding::All] {
@@ -88,10 +88,10 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
 }
 
 /// Returns a network in which every weight matters: dense random tensors, and batch norms with
-/// negative, zero and positive factors and different offsets. The rest of the description is that
-/// of the built-in model. Its value ranges are measured on [`windows`] of another seed, so that
-/// most values of the codes of other windows are neither clipped nor zero. With an odd seed the
-/// model has a random table of substitutions.
+/// negative, zero and positive factors and different offsets. The rest of the description is from
+/// the built-in model. The value ranges are measured on [`windows`] of another seed, so that most
+/// code values of other windows are neither clipped nor zero. With an odd seed the model has a
+/// random table of substitutions.
 ///
 /// # Errors
 /// When the built-in model cannot be read, or a model cannot have this shape.
@@ -130,8 +130,8 @@ pub fn any_artifact_with(
     with_any_substitution(seed, artifact)
 }
 
-/// Returns a model with a random linear code in the place of the network of `model`, as it is
-/// fitted to a person: packed model, table of substitutions and scale of the input stay.
+/// Returns `model` with its network replaced by a random linear code, as it is fitted to a person.
+/// Packed model, table of substitutions and input scale stay.
 ///
 /// # Errors
 /// When the built-in model cannot be read, or `model` has no network.
@@ -164,7 +164,7 @@ pub struct Size {
     pub steps: usize,
     /// Number of time steps from the start of one window to the start of the next.
     pub hop: usize,
-    /// Number of numbers in a code.
+    /// Length of a code in numbers.
     pub numbers: usize,
 }
 
@@ -185,8 +185,8 @@ impl Size {
         let [rows, columns] = self.grid;
         let cells = rows * columns;
         let is_electrode = |cell: usize| {
-            // Spread electrodes evenly: cell k has one if k * electrodes / cells reaches an
-            // integer.
+            // Spread electrodes evenly: cell k has one if an integer is above k * electrodes /
+            // cells and not above (k + 1) * electrodes / cells.
             (cell + 1) * self.electrodes / cells > cell * self.electrodes / cells
         };
         let label = |cell: usize| {
@@ -215,7 +215,7 @@ impl Size {
 /// Returns the montage files of the folder [`MONTAGES`], sorted by file name.
 ///
 /// # Errors
-/// When the folder or a file cannot be read, or a file is no montage.
+/// When the folder or a file cannot be read, or a file is not a montage.
 pub fn montages() -> Result<Vec<MontageFile>, MontageFileError> {
     let folder = Path::new(MONTAGES);
     let files = fs::read_dir(folder).and_then(|files| {
@@ -247,8 +247,8 @@ pub fn any_artifact_for(
     })
 }
 
-/// Returns a model that makes only the packed code, for the electrodes of a montage. The packed
-/// model is a random one, as from [`any_packed`].
+/// Returns a model of mode `packed` for the electrodes of a montage. The packed model is random, as
+/// from [`any_packed`].
 ///
 /// # Errors
 /// When the built-in model cannot be read, or no model has this montage.
@@ -264,8 +264,8 @@ pub fn any_packed_alone(seed: u32, montage: &MontageFile) -> Result<Artifact, Ar
     )
 }
 
-/// Writes the grid, the electrodes and the converters of a montage into a description, and selects
-/// the decimation that `trainer` selects for the converters' rate.
+/// Writes the grid, the electrodes and the ADC of a montage into a description, and selects the
+/// decimation that `trainer` selects for the ADC's rate.
 pub fn apply_montage(montage: &MontageFile, description: &mut Description) {
     description.grid = montage.grid();
     description.montage = montage.montage();
@@ -287,7 +287,7 @@ pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     let grid = ScalpGrid::new(&artifact.description);
     let dimensions = artifact.description.dimensions();
     // Use another seed than for the weights: windows of the same random numbers would match the
-    // weights exactly, which no EEG does.
+    // weights exactly, which real EEG never does.
     let mut noise = Noise(seed ^ 0x9e37_79b9);
     let mut window = || {
         let mut last = vec![0.0_f32; dimensions.electrodes];
@@ -378,7 +378,7 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
     calibration
 }
 
-/// Generator of pseudo-random numbers in [-1, 1): a linear congruential one (Numerical Recipes).
+/// Linear congruential generator of pseudo-random numbers in [-1, 1) (Numerical Recipes).
 pub(crate) struct Noise(pub(crate) u32);
 
 impl Noise {

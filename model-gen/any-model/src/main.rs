@@ -1,5 +1,5 @@
-//! Writes a random model for a montage file: a linear code of two numbers for each electrode.
-//! `cargo xtask board` builds images of it.
+//! Writes a random model for a montage file: a linear code with two numbers per electrode.
+//! `cargo xtask board` builds images with it.
 #![forbid(unsafe_code)]
 
 use std::env;
@@ -24,8 +24,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Writes a model for the montage into the folder, unless it is there already with the same
-/// content: cargo would build the images again.
+/// Writes a model for the montage into the folder, unless the same model is already there: a newer
+/// file would make cargo build the images again.
 fn write(montage: &Path, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let montage = MontageFile::read(montage)?;
     let numbers = 2 * montage.montage().electrodes.len();

@@ -18,7 +18,7 @@ pub fn any_packed(seed: u32, description: &Description) -> PackedModel {
     any_packed_of(256, seed, description)
 }
 
-/// Returns the model of [`any_packed`] with at most `most` coefficients.
+/// Returns a packed model as [`any_packed`] does, but with at most `most` coefficients.
 pub fn any_packed_of(most: usize, seed: u32, description: &Description) -> PackedModel {
     let mut noise = Noise(seed);
     let (electrodes, hop) = (description.montage.electrodes.len(), description.window.hop);
@@ -68,8 +68,8 @@ pub fn any_packed_of(most: usize, seed: u32, description: &Description) -> Packe
     }
 }
 
-/// Returns the largest scale of a row of weights with which the sum of scaled and rounded weights
-/// times inputs stays within `SUM_LIMIT`, for inputs of magnitude up to `limit`.
+/// Returns the largest scale for a row of weights such that the sum of the scaled and rounded
+/// weights times inputs stays within `SUM_LIMIT`, for inputs of magnitude up to `limit`.
 fn scale(weights: &[f64], limit: i16) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "below 2^24")]
     let most = (SUM_LIMIT / i64::from(limit)) as f64 - 0.5 * weights.len() as f64;

@@ -1,7 +1,7 @@
 //! Synthetic inputs of the encoder: silence, and planes that are more extreme than any EEG.
 
-/// A sequence of planes with any number of cells. Every cell of a plane has a signal, even a cell
-/// without an electrode.
+/// A sequence of planes with any number of cells. Every cell has a signal, even cells without an
+/// electrode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stress {
     /// Every cell is always 0.
@@ -9,7 +9,7 @@ pub enum Stress {
     /// Every cell is at a rail, -128 or 127, and jumps to the other rail with a probability of 1/8
     /// per plane.
     Rails,
-    /// In every plane, each cell is at a rail with a probability of 1/500, and 0 otherwise.
+    /// In every plane, each cell is at a random rail with a probability of 1/500, and 0 otherwise.
     Impulses,
     /// Every cell is a random int8, uniform over the range.
     Noise,
@@ -92,7 +92,8 @@ mod tests {
     /// Number of cells in which the tests count values, taken from successive planes.
     const COUNTED: usize = 9_000;
 
-    /// Counts each int8 value in the first [`COUNTED`] cells; index 0 is the value 0, 128 is -128.
+    /// Counts each int8 value in the first [`COUNTED`] cells; index 0 holds value 0, index 128
+    /// value -128.
     fn histogram(stress: Stress) -> [u32; 256] {
         let mut histogram = [0; 256];
         for cell in stress.planes(CELLS).flatten().take(COUNTED) {

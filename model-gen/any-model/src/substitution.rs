@@ -8,8 +8,8 @@ use artifact::{
 use crate::Noise;
 
 /// Returns the table of a random inverse covariance, `P = A A' / n + I / 4` with uniform random
-/// numbers in `A`. It is positive definite, so that repeated predictions of bad electrodes converge
-/// as they do with a trained table.
+/// numbers in `A`. P is positive definite, so repeated predictions of bad electrodes converge as
+/// with a trained table.
 pub(crate) fn any_substitution(seed: u32, description: &Description) -> SubstitutionTable {
     let electrodes = description.montage.electrodes.len();
     let mut noise = Noise(!seed);

@@ -159,7 +159,7 @@ fn words(pairs: &[Pair]) -> Vec<String> {
 }
 
 /// Returns one integer for each number of a code: the factors or biases of a layer, or zeros if the
-/// network does not have the layer.
+/// network lacks the layer.
 fn filled(integers: &[i32], numbers: usize) -> Vec<i32> {
     let mut filled = integers.to_vec();
     filled.resize(numbers, 0);

@@ -20,7 +20,7 @@ pub const PACKED: Option<Packed<'static>> = None;
             );
             return;
         };
-        // Write the imports only here: without a packed model they would be unused.
+        // Write the imports only here: without a packed model they are unused.
         self.line(
             "\
 use ::packed::Tables;

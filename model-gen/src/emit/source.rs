@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Write as _};
 
-/// Generated Rust source, up to the last item that has been written.
+/// Generated Rust source, as written so far.
 #[derive(Default)]
 pub(super) struct Source {
     pub(super) text: String,
@@ -15,7 +15,7 @@ impl Source {
         self.list(doc, declaration, &values);
     }
 
-    /// Appends an array of values that are formatted already, with the doc comment `doc`.
+    /// Appends an array of already formatted values with the doc comment `doc`.
     pub(super) fn list(&mut self, doc: &str, declaration: &str, values: &[String]) {
         self.line(format_args!("/// {doc}\n{declaration} = ["));
         self.wrapped(values);

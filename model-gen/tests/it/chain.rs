@@ -68,8 +68,8 @@ fn after_the_settling_time_every_output_stays_below_the_threshold() {
             .rfind(|(_, y)| y.abs() >= 1e-4)
             .expect("the step reaches the output");
         // The last output above the threshold may precede the stated time by up to 40 samples:
-        // outputs are about four samples apart, and which phase settles last depends on where the
-        // step starts.
+        // outputs are about four samples apart, and where the step starts decides which phase
+        // settles last.
         assert!(
             (settled - 40..settled).contains(&last.0),
             "{rate} Hz: {last:?}, {settled}"
@@ -110,8 +110,8 @@ fn the_worst_input_reaches_the_proven_gain_and_no_more() {
     }
 }
 
-/// Returns the outputs of the chain, computed by definition in f64: for each, the index of the
-/// newest sample that it contains, and its value.
+/// Returns the outputs of the chain, computed by definition in f64: for each output, the index of
+/// the newest sample that it contains, and its value.
 fn resampled(chain: &Chain, input: &[f64]) -> Vec<(usize, f64)> {
     let filtered: Vec<f64> = response::filter(chain.sections, input.iter().copied()).collect();
     let (down, phases) = (usize::from(chain.resampler.down), chain.resampler.phases());

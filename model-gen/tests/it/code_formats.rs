@@ -30,7 +30,7 @@ fn distance(a: &[f32], b: &[f32]) -> f32 {
     squares.sum::<f32>() / 128.0
 }
 
-/// Returns the code that the encoder in floats computes for a quantised window.
+/// Returns the code that the float encoder computes for a quantised window.
 fn float_code(window: &[i8]) -> Vec<f32> {
     let artifact = Artifact::read(&folder()).expect("the checked-in artifact is readable");
     let encoder = FloatEncoder::new(&artifact).expect("a complete network");
@@ -86,7 +86,7 @@ fn a_code_with_an_exponent_is_within_half_its_resolution_of_the_16_bit_code() {
     for window in &windows() {
         let (short, long) = (exponent.encode_window(window), int16.encode_window(window));
         let half = 2_i32.pow(short.exponent.into()) / 2;
-        // Compare only levels within this range: outside of it, one or both codes are clipped.
+        // Compare only levels within this range: outside it, one or both codes are clipped.
         let pairs = short.levels().into_iter().zip(long.levels());
         let pairs = pairs.filter(|(_, long)| (-32_767..32_640).contains(long));
         let furthest = pairs.map(|(a, b)| (a - b).abs()).max();

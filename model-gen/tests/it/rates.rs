@@ -37,8 +37,8 @@ fn every_usual_rate_yields_a_model_with_all_ranges_proven() {
     }
 }
 
-/// Asserts that the generated source and the manifest contain the model's numbers; `case` names the
-/// model in messages.
+/// Asserts that the generated source and the manifest contain the model's numbers; `case`
+/// identifies the model in messages.
 fn check_generated_texts(model: &DeviceModel, case: &str) {
     let text = rust_files(model).map(|(_, text)| text).concat();
     let manifest = manifest(model);
@@ -73,7 +73,7 @@ fn check_generated_texts(model: &DeviceModel, case: &str) {
             filter.description.contains(&format!("notch {mains_hz}")),
             "{case}"
         );
-        // The wire format limits the text about the filters to 256 bytes.
+        // The wire format limits the filters' description to 256 bytes.
         assert!(filter.description.len() < 256, "{case}");
     }
 }

@@ -62,8 +62,8 @@ fn the_quantised_low_pass_has_scipy_s_taps_up_to_the_gain_of_each_phase() {
             (phases, taps)
         );
         let found = table.prototype()[index];
-        // At 250 Hz, one of the 64 phases has a gain of 1.0002 before it is normalised. Normalising
-        // it changes its largest tap, 0.5 / 64, by 1.6e-6, the largest measured difference.
+        // At 250 Hz, one of the 64 phases has a gain of 1.0002 before normalisation. Normalisation
+        // changes the phase's largest tap, 0.5 / 64, by 1.6e-6, the largest measured difference.
         assert!(
             (found - expected).abs() < 3e-6,
             "tap {index} at {rate} Hz: {found} {expected}"
@@ -90,8 +90,8 @@ fn a_constant_passes_every_phase_of_every_rate_unchanged_and_no_sum_overflows() 
             Err(error) => panic!("{rate} Hz: {error}"),
         }
     }
-    // Above 1024 Hz, odd rates need 128 phases of more than 128 taps, which exceed the limit on
-    // memory. Above 2048 Hz, rates with 64 phases exceed it, too.
+    // Above 1024 Hz, odd rates need 128 phases of more than 128 taps, which exceed the memory
+    // limit. Above 2048 Hz, rates with 64 phases exceed it, too.
     assert!(refused > 500, "{refused}");
 }
 

@@ -8,8 +8,8 @@ use model_gen::{DeviceModel, manifest, pack, rust_files};
 
 const ELECTRODES: usize = 61;
 
-/// Returns a table whose weights differ and reach both ends of their range. In a row, every fifth
-/// weight is not 0, because the sum of their magnitudes is limited.
+/// Returns a table whose weights differ and reach both ends of their range. Only every fifth weight
+/// in a row is not 0, because the sum of their magnitudes is limited.
 fn table() -> SubstitutionTable {
     let weight = |index: usize| {
         let (e, other) = (index / ELECTRODES, index % ELECTRODES);
@@ -63,7 +63,7 @@ fn constants_and_manifest_state_the_table_only_if_there_is_one() {
     let texts = |artifact: &Artifact| {
         let model = DeviceModel::new(artifact).expect("a usable model");
         let [(_, constants), (_, statics)] = rust_files(&model);
-        // The first item, the id, differs in any case.
+        // The first item, the model id, always differs.
         let constants = constants[constants.find(";\n").expect("an id")..].to_owned();
         (constants, statics, manifest(&model))
     };

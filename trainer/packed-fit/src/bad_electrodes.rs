@@ -1,5 +1,5 @@
-//! Electrodes that are bad in a recording: found by what the others predict of them, and
-//! interpolated.
+//! Finds the electrodes that are bad in a recording, by what the other electrodes predict of them,
+//! and interpolates them.
 
 use crate::error::FitError;
 use crate::innovation::{columns, median, prediction, residual, seconds};
@@ -8,25 +8,25 @@ use nalgebra::DMatrix;
 use recordings::montage_map::Origin;
 use recordings::{Missing, MontageMap};
 
-/// RMS below which an electrode has no signal, uV. An ADS1299 with shorted input has 0.14 uV of
-/// noise at gain 24 (SBAS499C, table 1).
+/// RMS below which an electrode counts as having no signal, uV. An ADS1299 with shorted input has
+/// 0.14 uV of noise at gain 24 (SBAS499C, table 1).
 const SILENT_UV: f64 = 0.1;
 
-/// An electrode is bad in a recording if the median over all seconds of its innovation's energy is
-/// more than this many times that of the median electrode. In recordings R03 to R12 of EEGMMIDB
-/// S001 to S008, FT8 of S004 has 176 to 1,056 times, FT7 of S006 up to 209, every other electrode
-/// up to 94.
+/// An electrode is bad in a recording if two conditions hold. The first: the energy of its
+/// innovation (median over all seconds) is more than this many times the energy of the median
+/// electrode. In recordings R03 to R12 of EEGMMIDB S001 to S008, FT8 of S004 has 176 to 1,056
+/// times, FT7 of S006 up to 209, every other electrode up to 94.
 const BAD_INNOVATION: f64 = 100.0;
 
-/// ... and if the energy of its innovation is more than this part of its own energy, so that the
-/// other electrodes say little about it. In the same recordings FT8 of S004 has 0.95 to 0.99, FT7
-/// of S006 up to 0.69.
+/// The second condition: the energy of its innovation is more than this fraction of its own energy,
+/// so that the other electrodes say little about it. In the same recordings FT8 of S004 has 0.95 to
+/// 0.99, FT7 of S006 up to 0.69.
 const BAD_PART: f64 = 0.8;
 
 /// Finds the bad electrodes of one person's recordings, and interpolates them.
 ///
-/// A bad electrode spoils the predictions of its neighbours. So the worst ones are interpolated
-/// first, and the others are judged again, until none is bad.
+/// A bad electrode spoils the predictions of its neighbours. So the worst electrodes are
+/// interpolated first, and the others are judged again, until none is bad.
 ///
 /// # Errors
 /// [`FitError::SilentRecording`].
@@ -57,7 +57,7 @@ pub fn interpolate_bad(tracks: &mut [&mut Track], electrodes: &[String]) -> Resu
 /// Returns the indices of the electrodes that have no signal in a recording.
 ///
 /// # Errors
-/// [`FitError::SilentRecording`] if none has a signal.
+/// [`FitError::SilentRecording`] if no electrode has a signal.
 pub(crate) fn silent_electrodes(
     track: &Track,
     electrodes: &[String],
@@ -80,9 +80,9 @@ fn energies(rows: &DMatrix<f64>) -> Vec<f64> {
     energies.collect()
 }
 
-/// Returns the indices of those electrodes of a recording whose innovation is too large and at
-/// least half of the largest, but for those that are known to be bad. `prediction` predicts each
-/// electrode of the person from the others. An electrode that the recording lacks is not bad.
+/// Returns the indices of the electrodes of a recording that are newly found to be bad: their
+/// innovation is above the limits and at least half of the largest. `prediction` predicts each of
+/// the person's electrodes from the others. An electrode that the recording lacks is never bad.
 fn noisy_electrodes(prediction: &DMatrix<f64>, track: &Track, electrodes: &[String]) -> Vec<usize> {
     let innovation = residual(prediction, track);
     let [signal, all] = [
@@ -91,7 +91,7 @@ fn noisy_electrodes(prediction: &DMatrix<f64>, track: &Track, electrodes: &[Stri
     ];
     let in_seconds = innovation.row_iter().map(|row| {
         let seconds = seconds(row.iter());
-        // A recording of less than a second has no seconds to compare.
+        // A recording shorter than a second has no seconds to compare.
         if seconds.is_empty() {
             0.0
         } else {
@@ -113,8 +113,8 @@ fn noisy_electrodes(prediction: &DMatrix<f64>, track: &Track, electrodes: &[Stri
     noisy
 }
 
-/// Replaces the bad electrodes of a recording by a mix of its other electrodes, as if it lacked
-/// them.
+/// Replaces the bad electrodes of a recording by mixes of its other electrodes, as if the recording
+/// lacked them.
 pub(crate) fn interpolate(track: &mut Track, electrodes: &[String]) {
     let bad = &track.bad;
     if bad.is_empty() {

@@ -1,18 +1,18 @@
-//! Frequency bands of decoders: electrodes after the band-pass, and bands as text.
+//! Band-pass for decoders of a frequency band, and parsing of bands.
 
 use crate::track::Track;
 use nalgebra::DMatrix;
 
-/// Factor from a coefficient to Q32.
+/// Factor from a coefficient to its Q32 integer.
 const Q32: f64 = 4_294_967_296.0;
 
-/// Lowest and highest edge of a band, Hz: what the device's filters let through.
+/// Lowest and highest edge of a band, Hz: the range that the device's filters pass.
 const EDGES_HZ: [f64; 2] = [1.0, 60.0];
 /// Least width of a band, Hz.
 const LEAST_WIDTH_HZ: f64 = 1.0;
 
-/// Returns the electrodes of a track in microvolts after `sections`, `[electrode, step]`. A section
-/// is gain, a1 and a2, Q32, as a device has them; its filter starts at rest.
+/// Returns the electrodes of a track, filtered by `sections`, in microvolts, `[electrode, step]`. A
+/// section is given as the device's gain, a1 and a2, Q32; the filter starts at rest.
 pub fn band_passed(track: &Track, sections: &[[i64; 3]]) -> DMatrix<f64> {
     let values = track.values.iter().map(|&uv| f64::from(uv));
     let mut signals = DMatrix::from_iterator(track.electrodes, track.steps(), values);
@@ -33,7 +33,7 @@ pub fn band_passed(track: &Track, sections: &[[i64; 3]]) -> DMatrix<f64> {
 /// Parses a band, two frequencies in Hz, such as `8..30`.
 ///
 /// # Errors
-/// If it is no band that the filters of a device let through.
+/// If the text is not a band, or the device's filters do not pass it.
 pub fn parse_band(text: &str) -> Result<[f64; 2], String> {
     let [low, high] = parse_range(text)?;
     let [least, most] = EDGES_HZ;

@@ -4,10 +4,10 @@ use crate::in_parallel;
 use artifact::PackedModel;
 use packed::{Context, Header, LEVELS, MAGNITUDES, Magnitude, Rate, Tables};
 
-/// Size of the buffer for one coded block, bytes; no block is longer.
+/// Size of the buffer for a coded block, bytes; no coded block is longer.
 const MAX_BYTES: usize = 2048;
 
-/// Number of times that each magnitude was coded, by quantiser, level and magnitude.
+/// Number of times that each magnitude was coded: `[quantiser][level][magnitude]`.
 pub(crate) type Histogram = [[[u32; MAGNITUDES]; LEVELS]; 2];
 
 /// A sequence of blocks after coding.
@@ -106,7 +106,6 @@ fn code_sequence(
     coded
 }
 
-/// Returns the sum of all histograms.
 pub(crate) fn sum(coded: &[Coded]) -> Box<Histogram> {
     let mut sum = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     for coded in coded {

@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Returns the mean, over all columns, of the outer product of a column with itself.
+/// Returns the second moment: the mean, over all columns, of the column's outer product with
+/// itself.
 pub fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
     let rows = sequences.first().map_or(0, DMatrix::nrows);
     let mut moment = DMatrix::zeros(rows, rows);
@@ -17,8 +18,8 @@ pub fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
 
 /// Returns the `count` orthonormal directions with the largest second moment, largest first.
 ///
-/// The sign of each direction is such that its element of largest magnitude is positive. So the
-/// same data always yield the same signs.
+/// The sign of each direction is chosen so that its element of largest magnitude is positive. The
+/// same data therefore always yield the same signs.
 ///
 /// # Panics
 /// If the matrix has fewer than `count` rows.

@@ -1,4 +1,4 @@
-//! Errors of reading recordings and of fitting a packed model to them.
+//! Errors in reading recordings and fitting a packed model to them.
 
 /// Reason why a recording cannot be used, or why no packed model can be fitted.
 #[derive(Debug, thiserror::Error)]
@@ -7,8 +7,8 @@
     reason = "the messages say what each variant and its fields mean"
 )]
 pub enum FitError {
-    /// A block cannot have `count` coefficients. `most` is the largest number that it can have, 0
-    /// if it has fewer than 16 values.
+    /// A block cannot have `count` coefficients. `most` is the largest possible number; 0 if a
+    /// block has fewer than 16 values.
     #[error(
         "a block cannot have {count} coefficients: they are a multiple of 16, and at most {most} \
          with this montage and hop"

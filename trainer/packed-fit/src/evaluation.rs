@@ -11,11 +11,11 @@ use artifact::{Description, PackedFigures, PackedModel, reconstruction};
 use nalgebra::DMatrix;
 use packed::Rate;
 
-/// Number of blocks from one that is coded without prediction to the next, as on a device: 4 s.
+/// Number of blocks from one block without prediction to the next, as on a device: 4 s.
 const RESET: usize = 64;
 
-/// Number of blocks at each end of a sequence that are excluded from errors: at the start the state
-/// has not settled, and at the end there is no next block to smooth with.
+/// Number of blocks at each end of a sequence that are excluded from errors: at the start, the
+/// state has not settled; at the end, there is no next block to smooth with.
 const EDGE: usize = 4;
 
 /// Bits and error at one rate, measured on recordings.
@@ -48,11 +48,11 @@ impl RateFigures {
     }
 }
 
-/// Measures a packed model on tracks at every rate, finest first. Passes the decoded signals of
-/// each rate to `observe`: those a block later, in units of `input.sd_uv`, one for each track.
+/// Measures a packed model on tracks at every rate, finest first. Passes the smoothed signals of
+/// each rate to `observe`, one matrix for each track, in units of `input.sd_uv`.
 ///
 /// # Errors
-/// If the directions of the analysis depend on each other.
+/// If the directions of the analysis are linearly dependent.
 pub fn evaluate(
     model: &PackedModel,
     tracks: &[Track],

@@ -1,21 +1,21 @@
-//! Features of a recording: the integers that a device computes for a classifier.
+//! Features of a recording: the integers that a device computes from it for a classifier.
 
 use crate::track::Track;
 use artifact::classifier::{Classifier, LEVEL_OF_ONE, LEVELS_PER_OCTAVE, MAX_FEATURES};
 use fixed_dsp::{BandPass, BandPower};
 
-// A classifier reads the levels that a device makes.
+// A classifier must read levels on the scale of the device's levels.
 const _: () = assert!(
     LEVELS_PER_OCTAVE == fixed_dsp::LEVELS_PER_OCTAVE && LEVEL_OF_ONE == fixed_dsp::LEVEL_OF_ONE
 );
 
-/// Range of an electrode in quarters of a microvolt, 13 bits.
+/// Range of an electrode's value in quarters of a microvolt: 13 bits.
 const QUARTERS: [f64; 2] = [-4_096.0, 4_095.0];
 
-/// Returns the level of each filter in each whole hop of a recording, `8 log2(energy) - 80`, as
-/// `pipeline::FeatureExtractor` computes them from the same steps.
+/// Returns the level of each filter in each whole hop of a recording, `8 log2(energy) - 80`. They
+/// equal the levels that `pipeline::FeatureExtractor` computes from the same steps.
 ///
-/// The band-pass starts at rest. The recording must have the electrodes of the classifier.
+/// The band-pass starts at rest. The recording must have the classifier's electrodes.
 pub fn levels(track: &Track, classifier: &Classifier) -> Vec<Vec<u8>> {
     let band = classifier.band.sections.map(BandPass::from_q32);
     let filters = &classifier.filters;
@@ -38,7 +38,7 @@ pub fn levels(track: &Track, classifier: &Classifier) -> Vec<Vec<u8>> {
     levels.collect()
 }
 
-/// Returns microvolts in quarters of a microvolt: rounded half up, saturated.
+/// Converts microvolts to quarters of a microvolt, rounded half up and saturated.
 fn quarters(uv: f32) -> i32 {
     let [least, most] = QUARTERS;
     let quarters = (4.0 * f64::from(uv) + 0.5).floor().clamp(least, most);
@@ -57,7 +57,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    // A classifier has the filters that a device takes.
+    // A classifier may have as many filters, and weights as large, as a device supports.
     const _: () =
         assert!(MAX_FEATURES == pipeline::MAX_FEATURES && LARGEST_ROW == pipeline::LARGEST_ROW);
 
@@ -108,7 +108,7 @@ mod tests {
             );
             let mut extractor = FeatureExtractor::NEW;
             extractor.set_filters(filters.expect("in range"));
-            // From 1 uV to 1.6 mV, beyond the range.
+            // Amplitudes from 1 uV to 1.6 mV, beyond the input range.
             let uv_per_unit = description.adc.lsb_uv() / 32.0;
             let (mut values, mut expected) = (Vec::new(), Vec::new());
             for step in 0..1_203 {

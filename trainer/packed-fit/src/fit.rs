@@ -1,4 +1,4 @@
-//! Fit of a packed model to filtered recordings.
+//! Fits a packed model to filtered recordings.
 
 use crate::coded::{self, Coded};
 use crate::error::FitError;
@@ -16,20 +16,20 @@ use artifact::{
 use nalgebra::DMatrix;
 use packed::{LEVELS, MAGNITUDES, MAX_COEFFICIENTS, RATES, Rate};
 
-/// Rate at which the probabilities are trained; those of the other rates follow from it.
+/// Rate at which the probabilities are trained; the probabilities of other rates follow from it.
 const BASE_RATE: Rate = Rate::MIDDLE;
 
-/// Smallest threshold of a misfit, in units of the training data's variance: a block is a misfit if
-/// the mean square of what the coefficients do not represent is larger. In recordings of one person
-/// (EEGMMIDB S001) this mean square is 0.002 on average.
+/// Smallest misfit threshold, in units of the training data's variance. A block is a misfit if the
+/// mean square of the part that the coefficients do not represent is above the threshold. In
+/// recordings of one person (EEGMMIDB S001) this mean square is 0.002 on average.
 const MISFIT: f64 = 0.01;
 
-/// Smallest ratio of the threshold to the mean square in the training data, which is larger for
-/// several people.
+/// Smallest ratio of the misfit threshold to this mean square in the training data, which is larger
+/// for several people.
 const MISFIT_RATIO: f64 = 4.0;
 
-/// Default number of coefficients of a block. It suffices to represent EEG of 61 electrodes within
-/// 0.3 % of its variance.
+/// Default number of coefficients of a block: enough to represent EEG of 61 electrodes within 0.3 %
+/// of its variance.
 const COEFFICIENTS: usize = 176;
 
 /// Number of rounds of training the probabilities, each of which codes the training blocks and
@@ -40,7 +40,7 @@ const ROUNDS: usize = 4;
 /// for the description's montage and hop.
 ///
 /// # Errors
-/// If a block cannot have the wanted number.
+/// If a block cannot have this number of coefficients.
 pub fn coefficients(wanted: Option<usize>, description: &Description) -> Result<usize, FitError> {
     let values = description.montage.electrodes.len() * description.window.hop;
     let most = MAX_COEFFICIENTS.min(values) / INPUTS_PER_ROUND * INPUTS_PER_ROUND;
@@ -51,8 +51,8 @@ pub fn coefficients(wanted: Option<usize>, description: &Description) -> Result<
     Ok(count)
 }
 
-/// Fits a packed model with `count` coefficients to filtered recordings, for the least error as
-/// `weight` weighs it. What is done is reported to `report`.
+/// Fits a packed model with `count` coefficients to filtered recordings, for the least error
+/// weighted by `weight`. Reports its progress to `report`.
 ///
 /// # Errors
 /// If the recordings do not determine a model.
@@ -131,8 +131,8 @@ fn every_quarter(hop: usize) -> Vec<usize> {
     (0..hop).step_by((hop / 4).max(1)).collect()
 }
 
-/// Fits levels and frequencies in rounds, each of which codes the training blocks with those of the
-/// round before.
+/// Fits levels and frequencies in rounds. Each round codes the training blocks with the levels and
+/// frequencies of the previous round.
 fn fit_probabilities(
     model: &mut PackedModel,
     coefficients: &[Vec<i16>],
@@ -140,7 +140,7 @@ fn fit_probabilities(
     report: &mut dyn FnMut(&str),
 ) -> Result<(), FitError> {
     let count = model.coefficients();
-    // A magnitude of 1 stands for two steps of the quantiser.
+    // A magnitude of 1 stands for a coefficient of two quantiser steps.
     let two_steps = 2.0 * f64::from(BASE_RATE.step());
     let (mut predicted, unpredicted) = first_guess(model, coefficients, two_steps);
     for round in 0..ROUNDS {
@@ -214,9 +214,9 @@ fn refitted_prediction(
 
 /// Fits the Karhunen-Loeve transform of a block to `tracks`, with as many coefficients as `model`
 /// has. Every block is coded without prediction, but with the quantiser, contexts and range coder
-/// of the packed code, and all errors weigh alike. Returns the figures of this code on `tested` at
-/// every rate, finest first. Those of an unweighted packed model are better by what prediction
-/// gains.
+/// of the packed code, and all errors have equal weight. Returns the figures of this code on
+/// `tested` at every rate, finest first. The figures of an unweighted packed model are better by
+/// what prediction gains.
 ///
 /// # Errors
 /// If the recordings are silent.

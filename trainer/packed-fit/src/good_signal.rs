@@ -1,19 +1,19 @@
-//! The part of a person's signal that a model is fitted to.
+//! Selects the part of a person's signal that a model is fitted to.
 
 use crate::bad_electrodes::{interpolate, interpolate_bad, silent_electrodes};
 use crate::innovation::SECOND;
 use crate::track::Track;
 
-/// A second does not count if more than this part of the electrodes is bad in it.
+/// A second is left out if more than this fraction of the electrodes is bad in it.
 const MOST_BAD: f64 = 0.25;
 
-/// Signal of a person without what would spoil a fit: only seconds in which at least three quarters
-/// of the electrodes are good, and in these the bad electrodes interpolated.
+/// Signal of a person without the parts that would spoil a fit. It has only the seconds in which at
+/// least three quarters of the electrodes are good; there, the bad electrodes are interpolated.
 ///
-/// Electrodes are judged in each second as `trainer` judges them in each recording. One that is bad
-/// in at least a quarter of the seconds with a signal counts as bad in all of them: one that is bad
-/// throughout is found in half of the seconds or more (FT8 of EEGMMIDB S004: 52 of 102, 111 of
-/// 113).
+/// Electrodes are judged in each second as `trainer` judges them in each recording. An electrode
+/// that is bad in at least a quarter of the seconds with a signal counts as bad in all of them.
+/// This limit is safe: an electrode that is bad throughout is found in about half of the seconds or
+/// more (FT8 of EEGMMIDB S004: 52 of 102, 111 of 113).
 #[derive(Clone, Debug, Default)]
 pub struct GoodSignal {
     /// Stretches of consecutive good seconds, in the order of the recordings.
@@ -22,7 +22,7 @@ pub struct GoodSignal {
     pub judged: usize,
     /// Number of judged seconds in which no electrode has a signal.
     pub silent: usize,
-    /// For each electrode, in how many of the other judged seconds it was bad.
+    /// For each electrode, the number of judged seconds with a signal in which it was bad.
     pub bad_seconds: Vec<usize>,
     /// For each electrode, whether it was bad in the newest judged second.
     pub newest_bad: Vec<bool>,
@@ -45,7 +45,7 @@ impl GoodSignal {
         let silent = judged - seconds.len();
         let mut own: Vec<&mut Track> = seconds.iter_mut().map(|(.., second)| second).collect();
         if !own.is_empty() {
-            // Only a silent second is an error, and none is left.
+            // Only a silent second is an error, and silent seconds have been removed.
             let _ = interpolate_bad(&mut own, electrodes);
         }
         let newest = seconds.last().map(|(.., newest)| &newest.bad);
@@ -73,7 +73,7 @@ impl GoodSignal {
                 continue;
             }
             interpolate(&mut second, electrodes);
-            // A stretch has no list of its own: its seconds have different bad electrodes.
+            // A stretch has no list of bad electrodes: its seconds have different ones.
             second.bad.clear();
             match signal
                 .tracks
@@ -109,7 +109,7 @@ impl GoodSignal {
     }
 }
 
-/// Splits recordings into the first three quarters of their steps, and the last one.
+/// Splits recordings into the first three quarters of their steps, and the last quarter.
 pub(crate) fn first_three_quarters(tracks: &[Track]) -> [Vec<Track>; 2] {
     let steps: usize = tracks.iter().map(Track::steps).sum();
     split(tracks, steps / 4 * 3)
@@ -138,11 +138,10 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     const LABELS: [&str; 9] = ["F3", "Fz", "F4", "C3", "Cz", "C4", "P3", "Pz", "P4"];
-    /// Index of Cz.
     const CZ: usize = 4;
 
-    /// Returns a stretch in which neighbours are alike. `change` gets the number of the second, a
-    /// random number from -1 to 1, and the values of a step, which it may change.
+    /// Returns a stretch in which neighbouring electrodes are similar. `change` gets the index of
+    /// the second, a random number from -1 to 1, and the values of a step, which it may change.
     fn stretch(seconds: usize, change: impl Fn(usize, f32, &mut [f32; 9])) -> Track {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let values = (0..seconds * SECOND).flat_map(|step| {
@@ -210,7 +209,7 @@ mod tests {
             assert_eq!(signal.newest_bad[CZ], newest, "{name}");
             let expected: &[usize] = if always { &[CZ] } else { &[] };
             assert!(signal.always_bad().eq(expected.iter().copied()), "{name}");
-            // Interpolated from four neighbours, Cz is as it would be without the fault.
+            // Interpolated from four neighbours, Cz is close to its signal without the fault.
             let clean = stretch(10, |_, _, _| ());
             if good == 10 {
                 let values = signal.tracks[0].values.iter().zip(&clean.values);

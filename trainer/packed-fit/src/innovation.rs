@@ -1,18 +1,19 @@
-//! What the other electrodes do not predict of an electrode: its innovation.
+//! The innovation of an electrode: its signal minus what the other electrodes predict of it.
 
 use crate::directions::second_moment;
 use crate::track::Track;
 use nalgebra::DMatrix;
 
-/// Penalty that is added to the diagonal of the second moment, in units of its mean.
+/// Penalty that is added to the diagonal of the second moment, relative to the mean of the
+/// diagonal.
 const RIDGE: f64 = 0.01;
 
 /// Number of time steps over which the energy of an innovation is averaged: one second.
 pub const SECOND: usize = 128;
 
 /// Returns the matrix that predicts each electrode from the others with the least mean squared
-/// error, plus a penalty: `w_ei = -P_ei / P_ee`, where `P` is the inverse of the second moment with
-/// [`RIDGE`], and `w_ee = 0`. `None` if all electrodes are 0.
+/// error plus a penalty: `w_ei = -P_ei / P_ee` and `w_ee = 0`, where `P` is the inverse of the
+/// second moment with [`RIDGE`]. `None` if all electrodes are 0.
 pub fn prediction<'t>(tracks: impl IntoIterator<Item = &'t Track>) -> Option<DMatrix<f64>> {
     let mut moment = second_moment(&tracks.into_iter().map(columns).collect::<Vec<_>>());
     let penalty = RIDGE * moment.diagonal().mean();
@@ -29,7 +30,7 @@ pub fn prediction<'t>(tracks: impl IntoIterator<Item = &'t Track>) -> Option<DMa
     Some(DMatrix::from_fn(inverse.nrows(), inverse.ncols(), weight))
 }
 
-/// Returns the mean square of one electrode in each whole second.
+/// Returns the mean square of one electrode's values in each whole second.
 pub fn seconds<'v>(values: impl Iterator<Item = &'v f64>) -> Vec<f64> {
     let squares: Vec<f64> = values.map(|value| value.powi(2)).collect();
     let seconds = squares.chunks_exact(SECOND);
@@ -50,7 +51,7 @@ pub fn columns(track: &Track) -> DMatrix<f32> {
     DMatrix::from_column_slice(track.electrodes, track.steps(), &track.values)
 }
 
-/// Returns the median of numbers: the mean of the two middle ones if their count is even.
+/// Returns the median of numbers: the mean of the two middle numbers if their count is even.
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let count = values.len();

@@ -1,25 +1,27 @@
-//! Transform and prediction as integers whose sums provably stay in range, and integers as floats.
+//! Converts transform and prediction to integers whose sums provably stay in range, and back to
+//! floats.
 
 use crate::in_parallel;
 use crate::transform::{Blocks, Transform};
 use artifact::{IntegerMatrix, LARGEST_STATE, PackedModel, SUM_LIMIT};
 use nalgebra::DMatrix;
 
-/// Size of one unit of an input value, and of a coefficient, in microvolts. Rounding inputs to it
-/// adds 1e-5 to the mean squared error of EEG.
+/// Size of one unit of an input value, and of a coefficient, in microvolts. Rounding inputs to this
+/// unit adds 1e-5 to the mean squared error of EEG.
 pub(crate) const UNIT_UV: f64 = 0.5;
 
 /// Largest magnitude of an input value, 2 mV in units of [`UNIT_UV`]. It takes 12 bits, so that the
 /// sums of a slice of inputs stay below 2^23.
 pub(crate) const INPUT_LIMIT: i16 = 4095;
 
-/// Smallest sum of weights' magnitudes by which a scale is divided, so that no scale is infinite.
+/// Lower limit of the sum of weights' magnitudes that divides a scale, so that no scale is
+/// infinite.
 const SMALLEST_SUM: f64 = 1e-12;
 
-/// Number of units of the state in one unit of the rounded state, from which blocks are predicted.
+/// Units of the state per unit of the rounded state, from which blocks are predicted.
 const STATE_UNIT: f64 = 8.0;
 
-/// Returns the analysis of blocks in integers. `slices` holds the ends of the slices of a block's
+/// Returns the analysis of blocks in integers. `slices` holds the end of each slice of a block's
 /// inputs; the device processes one slice at each step.
 pub(crate) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix {
     let directions = &transform.directions;
@@ -34,15 +36,15 @@ pub(crate) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix
     })
 }
 
-/// Returns the limit of the sum of the magnitudes of the `count` weights that predict a
+/// Returns the limit for the sum of the magnitudes of the `count` weights that predict a
 /// coefficient. Above it, the factor that undoes the scale of the integer weights would be 1/2 or
 /// more, which an [`IntegerMatrix`] cannot hold.
 pub(crate) fn largest_prediction(count: usize) -> f64 {
     scale_for(&vec![0.0; count], LARGEST_STATE) * SMALLEST_SUM / (2.0 * STATE_UNIT)
 }
 
-/// Returns the matrix of the prediction as integers. Rows above [`largest_prediction`] are scaled
-/// down to it.
+/// Returns the matrix of the prediction as integers. Rows whose sum of magnitudes exceeds
+/// [`largest_prediction`] are scaled down to this limit.
 pub(crate) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
     let largest = largest_prediction(prediction.ncols());
     let mut rows = prediction.transpose();
@@ -105,8 +107,8 @@ impl Scale {
         }
     }
 
-    /// Returns `values`, the coefficients of one block after the other, as a matrix with a column
-    /// for each block.
+    /// Returns `values`, the coefficients of consecutive blocks, as a matrix with a column for each
+    /// block.
     pub(crate) fn columns(self, values: &[i16]) -> DMatrix<f32> {
         #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
         let scaled = values

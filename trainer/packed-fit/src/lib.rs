@@ -8,8 +8,9 @@
 //!                       residual      proven ranges
 //! ```
 //!
-//! `trainer` fits models to folders of recordings, and `corticode-bridge calibrate` to what a
-//! device has just sent. `features` are the band powers that a device computes for a classifier.
+//! `trainer` fits models to folders of recordings, and `corticode-bridge calibrate` fits them to
+//! the signal that a device has just sent. `features` are the band powers that a device computes
+//! for a classifier.
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_precision_loss,

@@ -1,4 +1,4 @@
-//! A linear code for one person, and its error beside that of another network.
+//! A linear code for one person, and its error compared with another network's.
 
 use crate::directions::{principal_directions, second_moment};
 use crate::error::FitError;
@@ -20,18 +20,18 @@ pub const MIN_RANGE: f32 = 10.0;
 /// A linear code that was fitted to a person's signal.
 #[derive(Clone, Debug)]
 pub struct PersonalCode {
-    /// A model of mode `pca`, fitted to the whole signal. Its windows, input scale and format of
-    /// codes are those of the other model, as are packed model and table of substitutions.
+    /// A model of mode `pca`, fitted to the whole signal. Its windows, input scale, code format,
+    /// packed model and table of substitutions are those of the other model.
     pub model: Artifact,
-    /// Percent root-mean-square difference of integer codes on the last quarter of the signal, of a
-    /// code that was fitted to the first three quarters.
+    /// Percent root-mean-square difference of integer codes on the last quarter of the signal, with
+    /// a code that was fitted to the first three quarters.
     pub own_prd: f64,
-    /// The same difference of the other model's codes, on the same quarter.
+    /// The same difference with the other model's codes, on the same quarter.
     pub other_prd: f64,
 }
 
 impl PersonalCode {
-    /// Fits a code with as many numbers as codes of `other` have, and compares it with `other`.
+    /// Fits a code with as many numbers as the codes of `other`, and compares it with `other`.
     ///
     /// # Errors
     /// If codes of `other` have more numbers than a window has values, or a model cannot be turned

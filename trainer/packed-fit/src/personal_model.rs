@@ -1,4 +1,4 @@
-//! A packed model for one person, and its error beside that of another model.
+//! A packed model for one person, and its error compared with another model's.
 
 use crate::error::FitError;
 use crate::evaluation::{RateFigures, evaluate};
@@ -11,19 +11,18 @@ use artifact::{Description, ErrorWeight, PackedModel};
 pub struct PersonalModel {
     /// The model, fitted to the whole signal.
     pub model: PackedModel,
-    /// Figures at all rates, finest first, on the last quarter of the signal, of a model that was
+    /// Figures at all rates, finest first, on the last quarter of the signal, with a model that was
     /// fitted to the first three quarters.
     pub own: Vec<RateFigures>,
     /// Figures of the other model on the same quarter.
     pub other: Vec<RateFigures>,
-    /// Mean square of this quarter, in units of `input.sd_uv` squared.
+    /// Mean square of the last quarter, in units of `input.sd_uv` squared.
     pub power: f64,
 }
 
 impl PersonalModel {
-    /// Fits a packed model with as many coefficients as `other` has, and with its rate, for the
-    /// least error as `weight` weighs it, and compares it with `other`. What is done is reported to
-    /// `report`.
+    /// Fits a packed model with the coefficient count and the rate of `other`, for the least error
+    /// weighted by `weight`, and compares it with `other`. Reports its progress to `report`.
     ///
     /// # Errors
     /// If the signal does not determine a model.
@@ -53,8 +52,8 @@ impl PersonalModel {
 }
 
 /// Returns the mean squared error of a code at a mean length of `bits` bits, in the unit of the
-/// figures: between two rates on a straight line through the logarithms of length and error. `None`
-/// if no rates enclose the length.
+/// figures. Between two rates, interpolates linearly in the logarithms of length and error. `None`
+/// if no two rates enclose the length.
 pub fn error_at(figures: &[RateFigures], bits: f64) -> Option<f64> {
     let pair = figures
         .windows(2)
@@ -86,8 +85,8 @@ pub(crate) mod tests {
         description
     }
 
-    /// Returns the signal of a head in which three slow sources reach each electrode by weights
-    /// that `seed` determines.
+    /// Returns the signal of a head with three slow sources; `seed` determines the weights with
+    /// which they reach each electrode.
     fn head(seed: u64, seconds: usize) -> Track {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let weights: [[f32; 3]; 8] =
@@ -131,7 +130,7 @@ pub(crate) mod tests {
         assert!(at_equal_bits(&same) < 0.7, "{}", at_equal_bits(&same));
         assert_eq!(same.model.coefficients(), 32);
         assert_eq!(same.model.description.rate, 6);
-        // Had the last quarter been part of the fit, its head would be known too.
+        // If the last quarter had been part of the fit, its head would be known too.
         let changed = personal(vec![head(1, 60), head(2, 20)], &other);
         assert!(at_equal_bits(&changed) > 1.3, "{}", at_equal_bits(&changed));
         let power = |track: &Track| {

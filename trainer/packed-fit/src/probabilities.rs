@@ -1,9 +1,9 @@
-//! Levels, which stand for mean magnitudes, and initial frequencies of the magnitudes.
+//! Levels, which represent mean magnitudes, and initial frequencies of the magnitudes.
 
 use crate::coded::{Coded, Histogram};
 use packed::{FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts};
 
-/// Mean magnitude for which level 0 stands.
+/// Mean magnitude that level 0 represents.
 const LEAST_MEAN: f64 = 0.0015;
 
 /// Highest level.
@@ -33,8 +33,8 @@ pub(crate) fn levels(means: &[f64]) -> Vec<u8> {
     means.iter().map(level).collect()
 }
 
-/// Returns, for each of `count` coefficients, the mean of `size` over all blocks but the first of
-/// each sequence.
+/// Returns, for each of `count` coefficients, the mean of `size` over all blocks except the first
+/// block of each sequence.
 fn means<'s, T: 's>(
     sequences: impl Iterator<Item = &'s [T]>,
     count: usize,
@@ -51,7 +51,8 @@ fn means<'s, T: 's>(
     means.iter().map(|sum| sum / blocks.max(1.0)).collect()
 }
 
-/// Returns the mean magnitude of each coefficient, over all blocks but the first of each sequence.
+/// Returns the mean magnitude of each coefficient over all blocks except the first of each
+/// sequence.
 pub(crate) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
     let magnitudes = coded.iter().map(|coded| coded.magnitudes.as_slice());
     means(magnitudes, count, |magnitude| {
@@ -60,8 +61,8 @@ pub(crate) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
 }
 
 /// Estimates the mean magnitude of each coefficient in blocks without prediction, over all blocks
-/// but the first of each sequence. A coefficient of size `two_steps` has magnitude 1, less the part
-/// that the quantiser's dead zone removes.
+/// except the first of each sequence. A coefficient of size `two_steps` has magnitude 1, minus the
+/// part that the quantiser's dead zone removes.
 pub(crate) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64) -> Vec<f64> {
     let coefficients = coefficients.iter().map(Vec::as_slice);
     let size = |coefficient: &i16| (f64::from(*coefficient).abs() / two_steps - 0.2).max(0.0);
@@ -69,7 +70,7 @@ pub(crate) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64
     means.iter().map(|mean| mean + 0.0005).collect()
 }
 
-/// Returns the initial frequencies of the magnitudes: the counted ones, plus an assumed geometric
+/// Returns the initial frequencies of the magnitudes: the counts, plus an assumed geometric
 /// distribution that has the level's mean and the weight of [`ASSUMED`] magnitudes.
 pub(crate) fn starts(histogram: &Histogram) -> Box<Starts> {
     let mut table = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
@@ -90,8 +91,8 @@ pub(crate) fn starts(histogram: &Histogram) -> Box<Starts> {
 }
 
 /// Returns the initial frequencies of a table's row: in proportion to the weights, each at least 1.
-/// The most frequent magnitude absorbs the rounding error, so that the frequencies have a fixed
-/// sum.
+/// The most frequent magnitude absorbs the rounding error, so that the frequencies have the
+/// required sum.
 fn row_starts(weights: &[f64]) -> [u16; MAGNITUDES] {
     let total: f64 = weights.iter().sum();
     let all = f64::from(1_u32 << FREQUENCY_BITS);

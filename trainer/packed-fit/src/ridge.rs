@@ -7,7 +7,7 @@ use crate::integers::Scale;
 use artifact::PackedModel;
 use nalgebra::{DMatrix, DMatrixView};
 
-/// Penalty of the ridge regressions, for each pair of blocks that enters them.
+/// Penalty of the ridge regressions per pair of blocks used.
 pub(crate) const PENALTY: f64 = 1.0 / 150.0;
 
 /// Sums from which a linear map is fitted: products of the map's inputs with each other and with
@@ -38,12 +38,12 @@ impl Ridge {
         self.pairs += inputs.ncols();
     }
 
-    /// Returns what [`Self::solve`] returns for the smallest penalty with which the magnitudes of
+    /// Returns the result of [`Self::solve`] for the smallest penalty with which the magnitudes of
     /// each output's weights sum to at most `largest_sum`. Tries `penalty` times 1, 2, 4, ...,
     /// because little data can yield large weights.
     ///
     /// # Errors
-    /// See [`Self::solve`].
+    /// The errors of [`Self::solve`].
     pub(crate) fn solve_within(
         &self,
         mut penalty: f64,
@@ -59,8 +59,8 @@ impl Ridge {
         }
     }
 
-    /// Returns the matrix `[output, input]` for which the mean of the squared errors plus `penalty`
-    /// times the sum of its squared weights is least.
+    /// Returns the matrix `[output, input]` that minimises the mean of the squared errors plus
+    /// `penalty` times the sum of the squared weights.
     ///
     /// # Errors
     /// If the inputs are all zero and the penalty is 0, or not finite.

@@ -26,12 +26,13 @@ pub struct Track {
     pub interpolated: Vec<String>,
     /// Indices of electrodes that were found to be bad, and interpolated.
     pub bad: Vec<usize>,
-    /// Number of distinct signals of the recording that enter the electrodes, as they are or mixed.
+    /// Number of distinct signals of the recording that contribute to the electrodes, alone or
+    /// mixed.
     pub signals: usize,
 }
 
 /// Returns the number of time steps at the start of a recording in which the filters still respond
-/// to the recording's offset. For this time a device sets its flag `settling`.
+/// to the recording's offset. During this time a device sets its flag `settling`.
 ///
 /// # Errors
 /// If the filters cannot be realised.

@@ -8,20 +8,20 @@ use crate::weight::Metric;
 use nalgebra::{DMatrix, DVector};
 use packed::{PROBE_SHIFT, PROBES};
 
-/// Number of rounds, each of which fits the prediction to decoded states and rotates the transform
-/// to the prediction's residual.
+/// Number of rounds. Each round fits the prediction to decoded states and rotates the transform to
+/// the prediction's residual.
 const ROUNDS: usize = 2;
 
-/// Step of the dead-zone quantiser that stands for the device's quantiser during the fit, in units
-/// of `input.sd_uv`. With [`ROUNDING`], its error is about that of rate 4.
+/// Step of the dead-zone quantiser that replaces the device's quantiser during the fit, in units of
+/// `input.sd_uv`. With [`ROUNDING`], its error is about the error at rate 4.
 const STEP: f32 = 0.6;
 
-/// Part of a [`STEP`] that is added to a magnitude before rounding down.
+/// Fraction of a [`STEP`] that is added to a magnitude before rounding down.
 const ROUNDING: f32 = 0.35;
 
 /// Power below which a direction is quiet, relative to the mean power of a value. At this ratio,
-/// probes of EEGMMIDB S001 to S008 find noise on one electrode, and exchanged electrodes, as
-/// often as the energy that orthonormal coefficients lack, or more often.
+/// probes of EEGMMIDB S001 to S008 detect noise on one electrode, and exchanged electrodes, at
+/// least as often as the energy that orthonormal coefficients do not represent does.
 const QUIET: f64 = 0.01;
 
 /// Consecutive blocks of one or several recordings. A block is a hop of time steps.
@@ -33,8 +33,8 @@ pub(crate) struct Blocks {
 }
 
 impl Blocks {
-    /// Cuts tracks into blocks of `hop` steps, once for each offset. An offset is the step at which
-    /// the first block begins; with several, the statistics do not depend on this step.
+    /// Cuts tracks into blocks of `hop` steps, once for each offset, the step at which the first
+    /// block begins. With several offsets, the statistics do not depend on where blocks begin.
     pub(crate) fn cut(tracks: &[Track], hop: usize, sd_uv: f64, offsets: &[usize]) -> Self {
         let sequences = offsets.iter().flat_map(|&offset| {
             tracks.iter().map(move |track| {
@@ -61,8 +61,8 @@ pub(crate) struct Transform {
     /// Directions, `[value, coefficient]`; the first coefficient has the largest residual. They are
     /// orthonormal unless errors are weighted.
     pub(crate) directions: DMatrix<f64>,
-    /// Prediction of a block's coefficients from those of the block before it, `[coefficient,
-    /// coefficient before]`.
+    /// Prediction of a block's coefficients from the previous block's coefficients,
+    /// `[coefficient, previous coefficient]`.
     pub(crate) prediction: DMatrix<f64>,
 }
 
@@ -74,8 +74,8 @@ impl Transform {
     }
 
     /// Fits a transform like [`Self::fit`], but in the space in which `metric` is the sum of
-    /// squares, and with [`PROBES`] probes at its end. `theta` is the mean squared error of a
-    /// coefficient at the base rate, in units of `input.sd_uv` squared.
+    /// squares, and appends [`PROBES`] probes. `theta` is the mean squared error of a coefficient
+    /// at the base rate, in units of `input.sd_uv` squared.
     pub(crate) fn fit_weighted(
         blocks: &Blocks,
         count: usize,
@@ -102,7 +102,7 @@ impl Transform {
         Ok(transform)
     }
 
-    /// Fits the prediction, and rotates the transform to its residuals.
+    /// Fits the prediction, and rotates the transform to the prediction's residuals.
     fn with_prediction(mut self, blocks: &Blocks) -> Result<Self, FitError> {
         let count = self.prediction.nrows();
         let mut coefficients = self.coefficients(blocks);
@@ -132,7 +132,7 @@ impl Transform {
         }
     }
 
-    /// Returns the mean square, over all values of blocks, of what the coefficients do not
+    /// Returns the mean square, over all values of blocks, of the part that the coefficients do not
     /// represent, in units of `input.sd_uv` squared.
     pub(crate) fn unrepresented(&self, blocks: &Blocks, is_weighted: bool) -> f64 {
         let energy = |matrices: &[DMatrix<f32>]| {
@@ -148,7 +148,8 @@ impl Transform {
             let probes: Vec<_> = probes.map(DMatrix::from).collect();
             f64::from(1 << PROBE_SHIFT) * energy(&probes)
         } else {
-            // The directions are orthonormal: what they do not represent is orthogonal to the rest.
+            // The directions are orthonormal, so the part that they do not represent is orthogonal
+            // to them.
             energy(&blocks.sequences) - energy(&coefficients)
         };
         left.max(0.0) / count.max(1) as f64
@@ -163,7 +164,7 @@ impl Transform {
             .collect()
     }
 
-    /// Fits the prediction of each block's coefficients from the state before it.
+    /// Fits the prediction of each block's coefficients from the previous block's state.
     fn fit_prediction(
         &mut self,
         states: &[DMatrix<f32>],
@@ -179,8 +180,8 @@ impl Transform {
         Ok(())
     }
 
-    /// Encodes a sequence with a dead-zone quantiser, predicting each block from the decoded state
-    /// before it, and returns the decoded states.
+    /// Encodes a sequence with a dead-zone quantiser, predicting each block from the previous
+    /// decoded state, and returns the decoded states.
     fn decoded(&self, coefficients: &DMatrix<f32>) -> DMatrix<f32> {
         let prediction = to_f32(&self.prediction);
         let mut states = DMatrix::zeros(coefficients.nrows(), coefficients.ncols());
@@ -207,7 +208,7 @@ impl Transform {
 }
 
 /// Returns the factor of the weighted space with which its transform takes as many bits as the
-/// plain one, if both have an error of `theta` in each coefficient that is larger (reverse
+/// plain transform, if both have an error of `theta` in each coefficient above `theta` (reverse
 /// water-filling). `plain` and `weighted` are the second moments along principal directions.
 fn gain_at_equal_bits(plain: &DVector<f64>, weighted: &DVector<f64>, theta: f64) -> f64 {
     let bits = |moments: &DVector<f64>, factor: f64| -> f64 {
@@ -228,10 +229,10 @@ fn gain_at_equal_bits(plain: &DVector<f64>, weighted: &DVector<f64>, theta: f64)
 }
 
 /// Returns [`PROBES`] orthogonal directions in which an electrode's noise is large and the signals
-/// with the second moment `moment` are small: `(moment + floor)^-1 N r`, with the second moment N
-/// of low-pass noise of equal power at each electrode, and random r. Their length is such that
-/// their energy, times `2^PROBE_SHIFT`, is what `represented` coefficients lack of noise in all
-/// directions.
+/// with the second moment `moment` are small: `(moment + floor)^-1 N r`, where N is the second
+/// moment of low-pass noise of equal power at each electrode, and r is random. Their length is such
+/// that, for noise in all directions, the probes' energy times `2^PROBE_SHIFT` equals the energy
+/// that `represented` coefficients do not represent.
 fn quiet_probes(
     mut moment: DMatrix<f64>,
     represented: usize,
@@ -245,7 +246,7 @@ fn quiet_probes(
         if state >> 31 == 0 { 1.0 } else { -1.0 }
     });
     for _ in 0..2 {
-        // A quarter, a half and a quarter of three steps: a low-pass that is 0 at half the rate.
+        // Weights of 1/4, 1/2 and 1/4 for three steps: a low-pass that is 0 at half the step rate.
         let before = noise.clone();
         noise = noise.map_with_location(|value, probe, x| {
             let earlier = value.checked_sub(electrodes).map(|at| before[(at, probe)]);

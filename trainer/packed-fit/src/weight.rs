@@ -8,7 +8,7 @@
 //! C: second moment of the band-passed electrodes; s^2: a tenth of its median eigenvalue
 //! ```
 //!
-//! Half of the whitening, and a floor under the quietest directions, are a compromise: quiet
+//! Whitening only halfway, with a floor under the quietest directions, is a compromise: quiet
 //! directions carry what spatial filters read, but also the noise of the amplifier.
 
 use crate::band_pass::{band_passed, parse_band};
@@ -22,16 +22,16 @@ use std::f64::consts::PI;
 /// Ratio of the floor `s^2` to the median eigenvalue.
 const FLOOR: f64 = 0.1;
 
-/// Band of motor imagery and movement, mu and beta rhythm, Hz.
+/// Band of the mu and beta rhythms, which motor imagery and movement change, Hz.
 const MOTOR_HZ: [f64; 2] = [8.0, 30.0];
-/// Weight in the band if none is given.
+/// Weight of errors in the band if none is given.
 const STRENGTH: f64 = 3.0;
 
 /// Returns the weight of errors for classifiers of `purpose`: `motor` (8 to 30 Hz), or a band such
 /// as `8..13`, Hz.
 ///
 /// # Errors
-/// If it is neither.
+/// If `purpose` is neither.
 pub fn weight_for(purpose: &str) -> Result<ErrorWeight, String> {
     let band_hz = match purpose {
         "motor" => MOTOR_HZ,
@@ -55,8 +55,8 @@ pub struct Metric {
 }
 
 impl Metric {
-    /// Returns the matrix of errors of `steps` time steps at `rate_hz`. The electrodes' second
-    /// moment is that of `tracks`, whose labels play no part.
+    /// Returns the matrix for errors of `steps` time steps at `rate_hz`. `tracks` yield the second
+    /// moment of the electrodes; their labels do not matter.
     ///
     /// # Errors
     /// If half of the electrodes have no signal in the band.
@@ -68,7 +68,7 @@ impl Metric {
     ) -> Result<Self, FitError> {
         let rate_hz = f64::from(rate_hz);
         let electrodes = tracks.first().ok_or(FitError::Silent)?.electrodes;
-        // Twice the band-pass has the power of the filter that runs forwards and backwards.
+        // Applied twice, the band-pass has the power response of filtering forwards and backwards.
         let sections = [model_gen::band_power_sections(weight.band_hz, rate_hz); 2].concat();
         let mut moment = DMatrix::zeros(electrodes, electrodes);
         for track in tracks {
@@ -92,13 +92,13 @@ impl Metric {
         })
     }
 
-    /// Returns the symmetric square root: the squared norm of its product with an error is the
+    /// Returns the symmetric square root. The squared norm of its product with an error is the
     /// weighted error.
     pub fn root(&self) -> DMatrix<f64> {
         self.mapped(f64::sqrt)
     }
 
-    /// Returns the inverse of the matrix.
+    /// Returns the inverse of the metric's matrix.
     pub(crate) fn inverse(&self) -> DMatrix<f64> {
         self.mapped(f64::recip)
     }
@@ -111,7 +111,7 @@ impl Metric {
     }
 }
 
-/// Returns the matrix whose quadratic form is the energy of `steps` steps in a band.
+/// Returns the matrix whose quadratic form is the in-band energy of `steps` steps.
 fn band(steps: usize, [low_hz, high_hz]: [f64; 2], rate_hz: f64) -> DMatrix<f64> {
     DMatrix::from_fn(steps, steps, |k, l| {
         let lag = k as f64 - l as f64;

@@ -1,4 +1,4 @@
-//! What coding costs a classifier that reads a band through spatial filters.
+//! How much coding costs a classifier that reads a frequency band through spatial filters.
 //!
 //! ```text
 //! original --> filters of each person --> components in the band --> power
@@ -26,7 +26,7 @@ use std::path::PathBuf;
 /// Number of components if there are no events.
 const COMPONENTS: usize = 6;
 
-/// Area under the curve of guesses.
+/// Area under the curve of random guesses.
 const GUESS: f64 = 0.5;
 
 /// Options of the figures for classifiers.
@@ -40,27 +40,28 @@ pub(crate) struct ClassifierLossOptions {
     task: TaskOptions,
 }
 
-/// What classifiers lose with each code, as a table.
+/// The loss of classifiers with each code, as a table.
 #[derive(Clone, Debug)]
 pub(crate) struct ClassifierLossTable {
-    /// Area under the curve on the original signals, mean over the people; `None` without events.
+    /// Area under the curve on the original signals, as the mean over all people; `None` without
+    /// events.
     original_auc: Option<f64>,
-    /// Number of trials of all people, whole and after the filters have settled.
+    /// Number of trials of all people; only whole trials after the filters have settled count.
     trials: usize,
-    /// Name of each code, power of components divided by that of their error in dB, and area under
-    /// the curve.
+    /// For each code: its name, the ratio of the components' power to the power of their error in
+    /// dB, and the area under the curve.
     rows: Vec<(String, f64, Option<f64>)>,
 }
 
 /// Recordings on which the loss of classifiers is measured.
 pub(crate) struct CodingLoss {
     tracks: Vec<Track>,
-    /// Indices of each person's recordings, and spatial filters, `[electrode, filter]`.
+    /// For each person: indices of the recordings, and spatial filters, `[electrode, filter]`.
     people: Vec<(Vec<usize>, DMatrix<f64>)>,
     sections: [[i64; 3]; 2],
-    /// Microvolts of a unit of decoded signals.
+    /// Microvolts per unit of the decoded signals.
     unit_uv: f64,
-    /// Trials and events of each recording, if events are named.
+    /// Trials and events of each recording; `None` without events.
     task: Option<(Plan, Start, Vec<Events>)>,
     pub(crate) table: ClassifierLossTable,
 }
@@ -115,7 +116,8 @@ impl CodingLoss {
         Ok(loss)
     }
 
-    /// Measures the decoded signals of a code, one for each recording, in units of `input.sd_uv`.
+    /// Measures the decoded signals of a code, one signal for each recording, in units of
+    /// `input.sd_uv`.
     ///
     /// # Errors
     /// If no device could run a classifier of the decoded signals.
@@ -153,7 +155,7 @@ impl CodingLoss {
     }
 
     /// Returns the mean over people of the area under the curve; `None` without events. `silent` is
-    /// that of a person whose signals are silent, which the coarsest rates can decode to.
+    /// the area for a person whose signals are all 0, as the coarsest rates can decode them.
     fn auc(&self, tracks: &[Track], silent: Option<f64>) -> Result<Option<f64>, TrainerError> {
         let Some((plan, ..)) = &self.task else {
             return Ok(None);
@@ -179,8 +181,8 @@ impl CodingLoss {
         indices.iter().filter_map(session).collect()
     }
 
-    /// Returns the filters whose signals have the most power in the band, relative to that at all
-    /// frequencies.
+    /// Returns the filters whose signals have the most power in the band, relative to their power
+    /// at all frequencies.
     fn leading_filters(&self, indices: &[usize]) -> Result<DMatrix<f64>, TrainerError> {
         let moments = in_parallel::map(indices, |&index| {
             [&self.sections[..], &[]].map(|sections| {

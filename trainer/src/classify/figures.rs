@@ -1,4 +1,5 @@
-//! Figures of a classifier: accuracy, its confidence, area under the curve, confusion matrix.
+//! Figures of a classifier: accuracy with confidence interval, area under the curve, confusion
+//! matrix.
 
 use artifact::classifier::{ClassifierFigures, PartFigures};
 use std::fmt;
@@ -6,25 +7,26 @@ use std::fmt;
 /// Quantile of the normal distribution for an interval of 95 %.
 const Z95: f64 = 1.959_963_985;
 
-/// What was decided on the trials of a recording.
+/// The decisions on the trials of a recording, or of a block of trials.
 pub(super) struct Part {
     pub(super) name: String,
     pub(super) decided: Vec<Decided>,
 }
 
-/// What was decided on a trial.
+/// The decision on one trial.
 pub(super) struct Decided {
-    /// The true class.
+    /// Index of the true class.
     pub(super) class: usize,
-    /// The class that was decided.
+    /// Index of the class that was decided.
     pub(super) decision: usize,
-    /// Score of each class; only their differences count.
+    /// Score of each class; only the differences between scores matter.
     pub(super) scores: Vec<f64>,
-    /// The same without quantisation.
+    /// The scores without quantisation.
     pub(super) float_scores: Vec<f64>,
 }
 
-/// Returns the figures of decisions. Those for the area under the curve are compared within a part.
+/// Returns the figures of decisions. The area under the curve compares only trials of the same
+/// part.
 pub(super) fn figures(parts: &[Part], classes: usize) -> ClassifierFigures {
     let mut confusion = vec![vec![0; classes]; classes];
     for decided in parts.iter().flat_map(|part| &part.decided) {
@@ -70,9 +72,9 @@ fn wilson(right: u32, trials: u32) -> [f64; 2] {
     [centre - width, centre + width].map(|end| end / (1.0 + Z95.powi(2) / n))
 }
 
-/// Returns the part of all pairs of trials of two classes, each pair within a part, that the
-/// difference of their scores puts in the right order; the mean over all pairs of classes. 0.5 if
-/// no two trials can be compared.
+/// Returns the fraction of pairs of trials of two classes, each pair within a part, that the
+/// difference of their scores orders correctly; the mean over all pairs of classes. 0.5 if no two
+/// trials can be compared.
 fn auc(parts: &[Part], classes: usize, scores: impl Fn(&Decided) -> &Vec<f64>) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for a in 0..classes {
@@ -110,7 +112,7 @@ fn auc(parts: &[Part], classes: usize, scores: impl Fn(&Decided) -> &Vec<f64>) -
     if count > 0.0 { sum / count } else { 0.5 }
 }
 
-/// Returns the accuracy of guesses that name each class as often as the classifier did.
+/// Returns the accuracy of random guesses that name each class as often as the classifier does.
 pub(crate) fn chance(figures: &ClassifierFigures) -> f64 {
     let rows = figures.confusion.iter();
     let trials: u32 = rows.clone().flatten().sum();
@@ -122,7 +124,7 @@ pub(crate) fn chance(figures: &ClassifierFigures) -> f64 {
     (0..rows.len()).map(part).sum()
 }
 
-/// Returns a part of 1 in percent.
+/// Formats a fraction as a percentage, without the percent sign.
 pub(crate) fn percent(part: f64) -> String {
     format!("{:.1}", 100.0 * part)
 }

@@ -1,4 +1,4 @@
-//! Fit of filters and decision to trials.
+//! Fits filters and decision to trials.
 
 use super::options::TaskOptions;
 use super::sessions::{Session, Trial};
@@ -13,24 +13,24 @@ use packed_fit::band_pass::band_passed;
 use packed_fit::{FitError, Track, features};
 use std::ops::Range;
 
-/// Number of filters if the user asks for none, and the classes divide it.
+/// Default number of filters, if it is divisible by the number of classes.
 const FILTERS: usize = 6;
-/// Part of a class's covariance that is replaced by white noise of the same power.
+/// Fraction of a class's covariance that is replaced by white noise of the same power.
 const SHRINKAGE: f64 = 0.01;
-/// Least number of trials of a class.
+/// Smallest permitted number of trials of a class.
 const LEAST_TRIALS: usize = 10;
 
-/// What is fitted: a classifier, and the shape of its trials.
+/// What is to be fitted: an empty classifier, and the shape of its trials.
 pub(super) struct Plan {
     /// The classifier without filters and weights.
     empty: Classifier,
     filters_per_class: usize,
     trial_s: [f64; 2],
-    /// Hops of a trial.
+    /// Length of a trial in hops.
     trial_hops: usize,
 }
 
-/// A classifier, and the same without quantisation.
+/// A classifier, with its filters and decision rule in floating point.
 pub(super) struct Fitted {
     pub(super) classifier: Classifier,
     /// Float filters, `[electrode, filter]`.
@@ -41,9 +41,8 @@ pub(super) struct Fitted {
 impl Plan {
     /// Checks the options. `filters` and `window_s` have defaults.
     ///
-    /// # Errors
-    /// If there are fewer than two classes or two with the same event or code, the filters cannot
-    /// be divided among them, or the window is longer than a trial.
+    /// If there are fewer than two classes, two classes have the same event or code, the filters
+    /// cannot be divided among the classes, or the window is longer than a trial.
     pub(super) fn new(
         classes: &[Class],
         task: &TaskOptions,
@@ -125,8 +124,8 @@ impl Plan {
     }
 
     /// Returns the windows of a trial whose event is `seconds` after the start of a session of
-    /// `hops` hops: as few as cover the trial, evenly spaced; `None` if it is not within the
-    /// session.
+    /// `hops` hops: as few as cover the trial, evenly spaced. `None` if the trial extends beyond
+    /// the session.
     pub(super) fn windows(&self, seconds: f64, hops: usize) -> Option<Vec<Range<usize>>> {
         let first = ((seconds + self.trial_s[0]) / self.hop_s()).round();
         let first = (first >= 0.0).then(|| whole(first))?;
@@ -194,7 +193,7 @@ pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, 
         classifier.filters.push(SpatialFilter { weights, pattern });
     }
     let (mut features, mut float_features) = (Vec::new(), Vec::new());
-    // Trials of a session follow each other, and share its levels.
+    // Trials of a session are consecutive, and share its levels.
     for trials in trials.chunk_by(|(a, _), (b, _)| std::ptr::eq(*a, *b)) {
         let levels = features::levels(&trials[0].0.track, &classifier);
         for (_, trial) in trials {
@@ -208,7 +207,7 @@ pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, 
     discriminant(&mut classifier.decision, &features);
     let mut float_rule = classifier.decision.clone();
     discriminant(&mut float_rule, &float_features);
-    // Reading the file checks all ranges.
+    // Parsing the text checks all ranges.
     let classifier = Classifier::parse(&classifier.to_toml()?)?;
     Ok(Fitted {
         classifier,
@@ -228,8 +227,8 @@ impl Fitted {
     }
 }
 
-/// Returns the mean over the trials of each class of their second moments, each divided by its
-/// trace; shrunk by [`SHRINKAGE`].
+/// Returns each class's mean covariance: the mean of its trials' second moments, each divided by
+/// its trace, shrunk by [`SHRINKAGE`].
 fn mean_covariances(
     plan: &Plan,
     trials: &[(&Session, &Trial)],
@@ -252,7 +251,7 @@ fn mean_covariances(
     plan.classes().iter().enumerate().map(of_class).collect()
 }
 
-/// Returns a covariance of which [`SHRINKAGE`] is replaced by white noise.
+/// Returns a covariance with the fraction [`SHRINKAGE`] replaced by white noise of the same power.
 pub(super) fn shrunk(covariance: DMatrix<f64>) -> DMatrix<f64> {
     let electrodes = covariance.nrows();
     let noise = SHRINKAGE * covariance.trace() / electrodes as f64;
@@ -260,7 +259,7 @@ pub(super) fn shrunk(covariance: DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// Returns common spatial patterns, `[electrode, filter]`: for each class in turn, the `count`
-/// filters with the largest power in its trials, in proportion to that in its and the others'.
+/// filters with the largest ratio of power in the class's trials to power in all classes' trials.
 /// `None` if the covariances are not positive definite.
 pub(super) fn common_spatial_patterns(
     means: &[DMatrix<f64>],
@@ -289,7 +288,7 @@ pub(super) fn common_spatial_patterns(
     Some(DMatrix::from_columns(&filters))
 }
 
-/// Returns a filter in int8: as large as a device takes it.
+/// Returns a filter in int8, with the largest weights that a device accepts.
 fn int8_weights(filter: &DVector<f64>) -> Vec<i8> {
     // Rounding adds at most one half to each magnitude.
     let sum = f64::from(LARGEST_ROW) - filter.len() as f64 / 2.0;
@@ -309,8 +308,8 @@ fn log_powers(filters: &DMatrix<f64>, moment: &DMatrix<f64>) -> Vec<f64> {
         .collect()
 }
 
-/// Fits a linear discriminant to features and their classes, which are equally probable beforehand.
-/// The classes share a covariance, which is shrunk as Ledoit and Wolf (2004) do.
+/// Fits a linear discriminant to features and their classes, with equal prior probabilities. The
+/// classes share a covariance, which is shrunk as in Ledoit and Wolf (2004).
 fn discriminant(rule: &mut DecisionRule, features: &[(usize, Vec<f64>)]) {
     let size = features.first().map_or(0, |(_, x)| x.len());
     let means = (0..rule.classes.len()).map(|class| {
@@ -332,7 +331,7 @@ fn discriminant(rule: &mut DecisionRule, features: &[(usize, Vec<f64>)]) {
     let weights: Vec<DVector<f64>> = means.iter().map(|mean| &inverse * mean).collect();
     let biases = means.iter().zip(&weights);
     let biases: Vec<f64> = biases.map(|(mean, w)| -0.5 * mean.dot(w)).collect();
-    // Only differences between the scores of classes count.
+    // Only differences between the scores of classes matter, so their mean is subtracted.
     let classes = means.len() as f64;
     let common = weights.iter().sum::<DVector<f64>>() / classes;
     let common_bias = biases.iter().sum::<f64>() / classes;
@@ -363,7 +362,7 @@ fn shrunk_covariance(columns: &DMatrix<f64>) -> DMatrix<f64> {
     covariance * (1.0 - shrinkage) + target * shrinkage
 }
 
-/// Returns a whole number as an index; 0 for a negative one.
+/// Converts a whole number to an index; negative numbers become 0.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

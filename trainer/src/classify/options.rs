@@ -37,7 +37,7 @@ pub(crate) struct ClassifyOptions {
     /// pictures with their values, and a page that shows them with the decisions on all trials.
     #[arg(long)]
     pub(crate) report: Option<PathBuf>,
-    /// Replace the file of --out, and a report in that of --report.
+    /// Replace the file of --out, and a report in the folder of --report.
     #[arg(long)]
     pub(crate) force: bool,
     /// Print one JSON object instead of a table.

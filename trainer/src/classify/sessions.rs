@@ -14,7 +14,7 @@ use std::path::PathBuf;
 
 /// A recording and its trials.
 pub(super) struct Session {
-    /// The recording from the start of a device's hop on.
+    /// The recording, starting at the first step of a hop on a device.
     pub(super) track: Track,
     /// Trials in the order of time.
     pub(super) trials: Vec<Trial>,
@@ -25,23 +25,23 @@ pub(super) struct Session {
 pub(super) struct Trial {
     /// Index of its class.
     pub(super) class: usize,
-    /// Parts of the trial over each of which a decision can average, in the order of time; the last
-    /// one ends with the trial.
+    /// Parts of the trial over which a decision can average, in the order of time; the last part
+    /// ends with the trial.
     pub(super) windows: Vec<Window>,
 }
 
 /// Part of a trial.
 #[derive(Clone, Debug)]
 pub(super) struct Window {
-    /// Hops from the start of the session.
+    /// Range of hops, counted from the start of the session.
     pub(super) hops: std::ops::Range<usize>,
     /// Second moment of the band-passed electrodes, uV^2.
     pub(super) moment: DMatrix<f64>,
 }
 
 impl Session {
-    /// Finds the trials in a track; `events` are their times since its first step, in seconds, and
-    /// their classes. Trials that are not within the track are left out.
+    /// Finds the trials in a track. `events` are times since the track's first step, in seconds,
+    /// with their classes. Trials that extend beyond the track are left out.
     pub(super) fn new(track: Track, events: &[(f64, usize)], plan: &Plan) -> Self {
         let band_passed = plan.band_passed(&track);
         let hops = track.steps() / plan.hop();
@@ -68,14 +68,14 @@ impl Session {
 /// Where sessions begin in tracks.
 #[derive(Clone, Copy)]
 pub(super) struct Start {
-    /// Steps of a track before the first hop of a device.
+    /// Number of steps of a track before the first hop of a device.
     pub(super) skipped: usize,
-    /// Time in the recording of what the first hop's first step shows, seconds.
+    /// Time in the recording that the first step of the first hop represents, seconds.
     pub(super) seconds: f64,
 }
 
 impl Start {
-    /// Returns the start of tracks that lack the steps in which the filters settle.
+    /// Returns the start for tracks from which the settling of the filters has been removed.
     pub(super) fn new(
         description: &Description,
         mains_hz: u32,
@@ -102,7 +102,8 @@ pub(super) type Events = Vec<(f64, usize)>;
 /// Reads the events of recordings.
 ///
 /// # Errors
-/// If a recording cannot be read, or no recording has an event of a class; `option` names them.
+/// If a recording cannot be read, or none has an event of a class. `option` is the command-line
+/// option that named the recordings, for the error message.
 pub(super) fn read_events(
     files: &[PathBuf],
     start: Start,
@@ -138,7 +139,7 @@ pub(super) fn read_events(
 /// Finds the trials of recordings in their tracks.
 ///
 /// # Errors
-/// Those of [`read_events`].
+/// The errors of [`read_events`].
 pub(super) fn read(
     files: &[PathBuf],
     tracks: &[Track],

@@ -1,4 +1,5 @@
-//! Classifiers of synthetic trials: sources of known patterns, against numpy, and guesses.
+//! Tests classifiers of synthetic trials: sources with known patterns, comparison with numpy, and
+//! random guesses.
 
 use super::figures::{Part, figures};
 use super::validation::{cross_validate, decide_sessions, folds};
@@ -62,8 +63,8 @@ fn plan(more: &str) -> Result<Plan, TrainerError> {
     Plan::new(events, task, *filters, *window, &description)
 }
 
-/// Returns a session of `trials` trials. In a trial, the source of its class is `contrast` times as
-/// large as the other one.
+/// Returns a session of `trials` trials. In each trial, the source of the trial's class is
+/// `contrast` times as large as the other source.
 fn session(plan: &Plan, seed: u64, trials: usize, contrast: f32) -> Session {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let classes: Vec<usize> = (0..trials).map(|n| (n * n / 3) % 2).collect();
@@ -96,11 +97,11 @@ fn pairs(sessions: &[Session]) -> Vec<(&Session, &sessions::Trial)> {
     sessions.iter().flat_map(Session::with_trials).collect()
 }
 
-/// Returns what `reference.py` prints for sessions; `None` without numpy.
+/// Returns the output of `reference.py` for sessions; `None` without numpy.
 fn numpy(sessions: &[Session]) -> Option<Json> {
     let folder = tempfile::tempdir().expect("a folder");
     let mut trials = Vec::new();
-    // Debian's Python, because another one on the PATH can lack numpy.
+    // Debian's Python, because another Python on the PATH can lack numpy.
     let mut python = Command::new("/usr/bin/python3");
     python.args(["-c", include_str!("reference.py"), "8"]);
     for (index, session) in sessions.iter().enumerate() {
@@ -157,7 +158,7 @@ fn sources_of_known_patterns_are_found_and_decide() {
     let Some(numpy) = numpy(&sessions) else {
         let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
         assert!(!required, "python3-numpy is not installed");
-        // The test harness captures what a macro prints.
+        // The test harness would capture the output of a print macro.
         let line = b"SKIPPED: classifier against numpy: no python3-numpy\n";
         std::io::stderr().write_all(line).expect("standard error");
         return;
@@ -208,7 +209,8 @@ fn trials_without_a_difference_are_called_guesses_and_a_single_recording_is_divi
             .contains("not better than guessing"),
         "{figures:?}"
     );
-    // A classifier of one session decides on another, at every hop over one second.
+    // A classifier of one session decides on another session at every hop, averaging over one
+    // second.
     let fitted = fit::fit(&plan, &pairs(&sessions)).expect("a fit");
     assert_eq!(fitted.classifier.decision.window_hops, 16);
     assert_eq!(
@@ -238,7 +240,7 @@ fn figures_of_a_few_decisions_are_those_computed_by_hand() {
     };
     let figures = figures(&[part], 2);
     assert_eq!(figures.confusion, [[1, 1], [0, 2]]);
-    // Of four pairs, three are in order and one is equal.
+    // Of four pairs, three are ordered correctly and one is a tie.
     assert!((figures.auc - 0.875).abs() < 1e-9 && (figures.auc_float - 0.125).abs() < 1e-9);
     // statsmodels.stats.proportion.proportion_confint(3, 4, method="wilson")
     let [low, high] = figures.accuracy_95;
@@ -246,6 +248,6 @@ fn figures_of_a_few_decisions_are_those_computed_by_hand() {
         (low - 0.300_642).abs() < 2e-6 && (high - 0.954_413).abs() < 2e-6,
         "{low} {high}"
     );
-    // Classes are 2 and 2 trials, decisions 1 and 3.
+    // The two classes have 2 and 2 trials, and 1 and 3 decisions.
     assert!((chance(&figures) - 0.5).abs() < 1e-9);
 }

@@ -1,4 +1,4 @@
-//! How well classifiers do on trials that they were not trained on.
+//! Measures classifiers on trials that they were not trained on.
 
 use super::figures::{Decided, Part, figures};
 use super::fit::{Fitted, Plan, fit};
@@ -10,10 +10,10 @@ use std::ops::Range;
 
 /// Number of blocks into which the trials of a single recording are divided.
 const BLOCKS: usize = 5;
-/// Time before the event and after the end of the trial that a [`Course`] shows, seconds.
+/// Time that a [`Course`] shows before the event and after the end of the trial, seconds.
 const AROUND_S: f64 = 2.0;
 
-/// Mean probability over the time since the event: pairs of seconds and probability.
+/// Mean probability as a function of the time since the event: pairs (seconds, probability).
 pub(crate) type Course = Vec<(f64, f64)>;
 
 /// Trials that are left out together.
@@ -23,8 +23,8 @@ pub(super) struct Fold {
     trials: Range<usize>,
 }
 
-/// Returns the folds of a cross-validation: the recordings, or contiguous blocks of trials if there
-/// is a single one.
+/// Returns the folds of a cross-validation: the recordings or, for a single recording, contiguous
+/// blocks of its trials.
 pub(super) fn folds(sessions: &[Session]) -> Vec<Fold> {
     if let [session] = sessions {
         let count = session.trials.len();
@@ -46,7 +46,7 @@ pub(super) fn folds(sessions: &[Session]) -> Vec<Fold> {
 /// Returns the figures of a cross-validation, and for each class the course of its probability.
 ///
 /// # Errors
-/// Those of [`fit`].
+/// The errors of [`fit`].
 pub(super) fn cross_validate(
     plan: &Plan,
     sessions: &[Session],
@@ -87,7 +87,7 @@ pub(super) fn decide_sessions(fitted: &Fitted, sessions: &[Session]) -> Vec<Part
     parts.collect()
 }
 
-/// Returns what the host decides at each hop of a recording.
+/// Returns the host's decision at each hop of a recording.
 fn predictions(fitted: &Fitted, session: &Session) -> Vec<Prediction> {
     let mut decision = Decision::new(&fitted.classifier);
     let levels = features::levels(&session.track, &fitted.classifier);
@@ -121,8 +121,8 @@ fn last_hop(trial: &Trial) -> usize {
     trial.windows.last().map_or(0, |window| window.hops.end - 1)
 }
 
-/// Returns for each class, and each of its trials, the probability of the class at the hops that a
-/// course shows; `None` outside the recording.
+/// Returns for each class, and each of its trials, the probability of this class at the hops that a
+/// course shows; `None` for hops outside the recording.
 fn courses(
     plan: &Plan,
     trials: &[Trial],
@@ -140,7 +140,7 @@ fn courses(
     courses
 }
 
-/// Returns the mean over trials of what [`courses`] returns for each.
+/// Returns the mean over trials of the probabilities that [`courses`] returns.
 fn mean_course(plan: &Plan, trials: &[&Vec<Option<f32>>], [before, after]: [usize; 2]) -> Course {
     let mean = |hop: usize| {
         let values = trials.iter().filter_map(|trial| trial[hop]);

@@ -1,4 +1,4 @@
-//! Shows the progress of a command on the terminal.
+//! Shows the progress of a command in the terminal.
 
 use crate::crossval::Outcome;
 use crate::error::TrainerError;
@@ -11,11 +11,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Prints progress to standard error: lines, and a bar over all epochs or folds with the time left.
+/// Prints progress to standard error: lines, and a bar over all epochs or folds with the remaining
+/// time.
 pub(crate) struct Terminal {
     bar: ProgressBar,
     start: Option<Instant>,
-    /// Number of batches of an epoch, and number of windows of a batch.
+    /// Number of batches in an epoch, and of windows in a batch.
     size: [usize; 2],
     /// Number of batches finished by this process.
     finished: usize,
@@ -23,7 +24,7 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
-    /// Creates a display that leaves Ctrl-C alone, so that it ends the program.
+    /// Creates a display that does not catch Ctrl-C, which then ends the program.
     pub(crate) fn new() -> Self {
         Self {
             bar: ProgressBar::hidden(),
@@ -34,8 +35,8 @@ impl Terminal {
         }
     }
 
-    /// Creates the display, and catches Ctrl-C: the first one stops a training run after its
-    /// present batch, and the second one ends the program.
+    /// Creates a display that catches Ctrl-C: the first one stops a training run after its current
+    /// batch, and the second one ends the program.
     ///
     /// # Errors
     /// If the system refuses to report Ctrl-C.
@@ -135,9 +136,9 @@ impl ProgressObserver for Terminal {
     }
 }
 
-/// Returns the time that remains after a part of the work, from 0 to 1, has taken `elapsed`; `None`
-/// if nothing is done yet. Folds take minutes, and their times differ, so this is the mean speed so
-/// far, not that of the last seconds.
+/// Returns the remaining time after a fraction of the work, from 0 to 1, has taken `elapsed`;
+/// `None` if nothing is done yet. Folds take minutes and differ in duration, so the estimate uses
+/// the mean speed so far, not the recent speed.
 fn remaining(elapsed: Duration, done: f64) -> Option<Duration> {
     (done > 0.0).then(|| elapsed.mul_f64((1.0 - done) / done))
 }

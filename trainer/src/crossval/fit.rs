@@ -14,17 +14,17 @@ use artifact::{Description, Geometry, Mode};
 use packed_fit::Track;
 use std::ops::ControlFlow;
 
-/// What a fold's model is trained on and tested with.
+/// The data for training and testing a fold's model.
 pub(super) struct Data {
-    /// Recordings to train on, every person at equal power.
+    /// Recordings to train on, with equal power for every person.
     pub(super) training: Vec<Track>,
-    /// The same recordings with their amplitude, for the ranges of input and codes.
+    /// The same recordings with their original amplitude, for the ranges of input and codes.
     pub(super) recorded: Vec<Track>,
     pub(super) test: Vec<Track>,
 }
 
 impl Data {
-    /// Returns the blocks outside a fold for the training, and those of the fold for the test.
+    /// Returns the blocks outside a fold for training, and the blocks of the fold for testing.
     /// `tracks` are all recordings of the subject.
     pub(super) fn of_fold(tracks: &[Track], fold: &Fold, gap: usize) -> Self {
         let training = parts(tracks, fold, gap, false);
@@ -85,7 +85,7 @@ pub(super) fn test_fold(
     let windows = test.aligned(description.window.hop).len();
     let model = if description.mode == Mode::Paper {
         // Integer codes of mode `paper` have no decoder. So the float network is tested, whose
-        // decoder gets the places of the pools' maxima.
+        // decoder gets the positions of the pools' maxima.
         let [mse, signal] = network.errors(&best, &test.aligned(description.window.hop));
         let error = ReconstructionError {
             mse,
@@ -122,7 +122,7 @@ pub(super) fn test_fold(
     })
 }
 
-/// Returns the seed of a fold's training run, which differs between folds and repetitions.
+/// Returns the seed of a fold's training run; each fold and repetition has a different seed.
 fn seed(first: u64, fold: &Fold) -> u64 {
     first
         .wrapping_mul(1_000)
@@ -131,8 +131,8 @@ fn seed(first: u64, fold: &Fold) -> u64 {
 }
 
 /// Returns the contiguous parts of the tracks on which the fold is tested or, if `is_test` is
-/// false, trained. A part that does not start its recording lacks its first `gap` steps, so that no
-/// window of the training overlaps a window of the test.
+/// false, trained. A part lacks its first `gap` steps, unless it starts its recording, so that no
+/// training window overlaps a test window.
 fn parts(tracks: &[Track], fold: &Fold, gap: usize, is_test: bool) -> Vec<Track> {
     let mut parts = Vec::new();
     for (recording, track) in tracks.iter().enumerate() {
@@ -160,7 +160,8 @@ fn parts(tracks: &[Track], fold: &Fold, gap: usize, is_test: bool) -> Vec<Track>
 mod tests {
     use super::*;
 
-    /// Returns a track whose value is 1000 times the recording's number plus the step's number.
+    /// Returns a track in which each value is 1000 times the recording's index plus the step's
+    /// index.
     fn track(recording: usize, steps: usize) -> Track {
         let values = (0..steps).map(|step| (1000 * recording + step) as f32);
         Track::new(&format!("run{recording}"), 1, values.collect())

@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
 
-/// Name of the folder of the outcomes, within the folder of the tables.
+/// Name of the folder with the outcomes, within the folder of the tables.
 const FOLDER: &str = "folds";
 
-/// Errors of the models of one fold. All figures are over all electrodes, and over the windows of
-/// the test at every hop.
+/// Errors of the models of one fold. All figures are over all electrodes and all test windows at
+/// every hop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outcome {
@@ -24,11 +24,11 @@ pub struct Outcome {
     /// Number of the fold within the repetition, from 1.
     pub(crate) fold: usize,
     pub(crate) mode: String,
-    /// Number of numbers in a code.
+    /// Length of a code in numbers.
     pub(crate) numbers: usize,
     /// Whether the signal can be decoded from the code alone.
     pub(crate) is_decodable: bool,
-    /// Recordings on which the model was tested, or blocks of them, as text.
+    /// Recordings, or blocks of recordings, on which the model was tested, as text.
     pub(crate) tested_on: String,
     /// Number of windows on which the model was tested.
     pub(crate) windows: usize,
@@ -37,13 +37,13 @@ pub struct Outcome {
     /// Epoch with the smallest validation error; 0 for the initial parameters.
     pub(crate) best_epoch: u32,
     pub(crate) validation: Validation,
-    /// Training and validation errors of all epochs; absent in mode `pca`, which has none, and in
-    /// files of earlier versions.
+    /// Training and validation errors of all epochs; absent in mode `pca`, which has no epochs, and
+    /// in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) curve: Option<LearningCurve>,
     /// Error of the model with float codes.
     pub(crate) model_float: Option<ReconstructionError>,
-    /// Error of the model with integer codes; absent if they cannot be decoded.
+    /// Error of the model with integer codes; absent if integer codes cannot be decoded.
     pub(crate) model_integer: Option<ReconstructionError>,
     /// Error of PCA with float codes.
     pub(crate) pca_float: ReconstructionError,
@@ -67,7 +67,7 @@ impl Outcome {
         format!("{}-r{}-f{}", self.subject, self.repetition, self.fold)
     }
 
-    /// Writes the outcome into a folder; a crash while writing leaves no incomplete outcome.
+    /// Writes the outcome to a folder. A crash while writing leaves no incomplete outcome.
     pub(super) fn write(&self, folder: &Path) -> Result<(), TrainerError> {
         let path = folder.join(FOLDER).join(format!("{}.json", self.name()));
         let text = serde_json::to_string_pretty(self)
@@ -78,13 +78,13 @@ impl Outcome {
     }
 }
 
-/// Creates `folder` for the tables, and in it the folder of the outcomes.
+/// Creates `folder` for the tables, and the folder of the outcomes in it.
 pub(super) fn prepare(folder: &Path) -> Result<(), TrainerError> {
     let path = folder.join(FOLDER);
     fs::create_dir_all(&path).map_err(TrainerError::file(&path))
 }
 
-/// Reads the outcome of a fold from a folder; `None` if the folder has no outcome of it yet.
+/// Reads the outcome of a fold from a folder; `None` if the folder does not have it yet.
 pub(super) fn read(
     folder: &Path,
     fold: &Fold,

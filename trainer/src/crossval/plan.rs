@@ -24,27 +24,27 @@ pub(crate) struct Fold {
     pub(crate) test: Vec<Block>,
     /// File names of the subject's recordings.
     pub(crate) recordings: Vec<String>,
-    /// Number of blocks that the model is trained on, to which the time for the fold is about
-    /// proportional.
+    /// Number of blocks that the model is trained on; the computing time of the fold is about
+    /// proportional to it.
     pub(crate) trained_on: usize,
 }
 
 /// A contiguous part of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Block {
-    /// Index of the recording among those of the subject.
+    /// Index of the recording among the subject's recordings.
     pub(crate) recording: usize,
     /// Index of the block in its recording.
     pub(crate) block: usize,
 }
 
 impl Fold {
-    /// Returns the name of the fold, which is also that of its file.
+    /// Returns the name of the fold, which its file also has.
     pub(crate) fn name(&self) -> String {
         format!("{}-r{}-f{}", self.subject, self.repetition, self.number)
     }
 
-    /// Returns as text what is dealt to the folds: whole runs, or blocks of runs.
+    /// Returns as text what is distributed over the folds: whole runs, or blocks of runs.
     pub(crate) fn kind(&self) -> String {
         if self.blocks == 1 {
             "whole runs".to_owned()
@@ -53,7 +53,7 @@ impl Fold {
         }
     }
 
-    /// Returns a text that names what the model is tested on: runs, each with the number of its
+    /// Returns a text that lists what the model is tested on: runs, each with the number of its
     /// block (from 1) if runs are divided into blocks.
     pub(crate) fn tested_on(&self) -> String {
         let mut text = String::new();
@@ -70,10 +70,11 @@ impl Fold {
     }
 }
 
-/// Returns the folds of all subjects; one for each subject if one is left out at a time.
+/// Returns the folds of all subjects; with one subject left out at a time, one fold for each
+/// subject.
 ///
 /// # Errors
-/// Those of [`folds`], and [`TrainerError::OnePerson`].
+/// The errors of [`folds`], and [`TrainerError::OnePerson`].
 pub(super) fn plan(
     subjects: &[Subject],
     options: &CrossvalOptions,
@@ -99,7 +100,7 @@ pub(super) fn plan(
     Ok(subjects.iter().map(fold).collect())
 }
 
-/// Returns all blocks of a subject's recordings, each of which has `blocks`.
+/// Returns all blocks of a subject, whose recordings have `blocks` blocks each.
 fn blocks(subject: &Subject, blocks: usize) -> Vec<Block> {
     let recordings = 0..subject.recordings.len();
     recordings
@@ -113,10 +114,10 @@ fn file_names(subject: &Subject) -> Vec<String> {
 }
 
 /// Returns the folds of all repetitions of a subject. In each repetition the blocks are dealt to
-/// the folds in a random order, which depends on seed and repetition alone.
+/// the folds in a random order, which depends only on seed and repetition.
 ///
 /// # Errors
-/// If there are fewer blocks than folds, or a single fold.
+/// If there are fewer blocks than folds, or fewer than two folds.
 fn folds(subject: &Subject, options: &CrossvalOptions) -> Result<Vec<Fold>, TrainerError> {
     let runs = subject.recordings.len();
     let enough = (2 * options.folds).div_ceil(runs.max(1));
@@ -157,7 +158,7 @@ fn folds(subject: &Subject, options: &CrossvalOptions) -> Result<Vec<Fold>, Trai
 /// Shard K of N of a cross-validation: every N-th fold, from the K-th on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Shard {
-    /// Number of the shard, from 0.
+    /// Index of the shard, from 0.
     index: usize,
     count: usize,
 }

@@ -33,7 +33,7 @@ pub(crate) struct Row {
     pub(crate) mse: Spread,
     /// Mean squared error, uV^2.
     pub(crate) mse_uv2: Spread,
-    /// Root of the sum of squared errors over root of the sum of squared values, percent.
+    /// Root of the sum of squared errors divided by root of the sum of squared values, percent.
     pub(crate) prd_percent: Spread,
 }
 
@@ -62,7 +62,7 @@ pub(crate) struct Spread {
     pub(crate) sd: f64,
 }
 
-/// Number of errors of an outcome: those of the model and of PCA, with float and integer codes.
+/// Number of errors of an outcome: of the model and of PCA, each with float and integer codes.
 const COLUMNS: usize = 4;
 
 impl Table {
@@ -88,13 +88,14 @@ impl Table {
             .map_or("", |outcome| outcome.settings.as_str())
     }
 
-    /// Returns the rows of each subject in turn, then those over all subjects if there are several.
+    /// Returns the rows of each subject in turn, then, if there are several, the rows over all
+    /// subjects.
     pub(crate) fn rows(&self) -> &[Row] {
         &self.rows
     }
 
-    /// Writes `table.md`, `table.csv` and `table.json` into a folder. The files depend on the
-    /// outcomes alone.
+    /// Writes `table.md`, `table.csv` and `table.json` to a folder. The files depend only on the
+    /// outcomes.
     pub(super) fn write(&self, folder: &Path) -> Result<(), TrainerError> {
         let json = serde_json::json!({
             "settings": self.outcomes.first().map(|outcome| &outcome.settings),
@@ -168,8 +169,8 @@ impl fmt::Display for Table {
 }
 
 /// Returns the four errors of an outcome, each with the model, the kind of codes, and whether the
-/// signal can be decoded from the code alone. In mode `pca` those of the model itself are `None`,
-/// because they would equal those of PCA.
+/// signal can be decoded from the code alone. In mode `pca` the model's own errors are `None`,
+/// because they would equal the errors of PCA.
 pub(crate) fn columns(
     outcome: &Outcome,
 ) -> [(String, &'static str, bool, Option<ReconstructionError>); COLUMNS] {
@@ -238,7 +239,7 @@ fn over_subjects(rows: &[Row]) -> Vec<Row> {
 }
 
 impl Spread {
-    /// Returns mean and sample standard deviation of `values`; for one value, the latter is 0.
+    /// Returns mean and sample standard deviation of `values`; for one value, the deviation is 0.
     fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
         let count = values.clone().count() as f64;
         let mean = values.clone().sum::<f64>() / count;

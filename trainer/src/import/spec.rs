@@ -27,7 +27,7 @@ pub(super) struct Spec {
     padding: Option<Padding>,
     /// Steps, rows and columns of the max-pool; 2 of each if not stated.
     pool: Option<[usize; 3]>,
-    /// Integer format of the codes; if not stated `int8-exponent`, which loses least for its bits.
+    /// Integer format of the codes; if not stated, `int8-exponent`, which loses least for its size.
     code_format: Option<CodeFormat>,
     /// Mains frequency of the training data, Hz.
     mains_hz: u32,
@@ -40,7 +40,7 @@ pub(super) struct Spec {
     /// Labels of electrodes that were interpolated in training.
     #[serde(default)]
     interpolated: Vec<String>,
-    /// Maps the name of a tensor in this project, or of a layer with all its tensors, to the name
+    /// Maps the name of a tensor in this project, or of a layer with all its tensors, to its name
     /// in the file.
     #[serde(default)]
     pub(super) names: BTreeMap<String, String>,
@@ -50,14 +50,14 @@ impl Spec {
     /// Reads a specification.
     ///
     /// # Errors
-    /// If the file cannot be read or is no specification.
+    /// If the file cannot be read or is not a specification.
     pub(super) fn read(path: &Path) -> Result<Self, TrainerError> {
         let text = std::fs::read_to_string(path).map_err(TrainerError::file(path))?;
         toml::from_str(&text)
             .map_err(|source| TrainerError::Spec(path.to_owned(), Box::new(source)))
     }
 
-    /// Returns the description of the model. `path` is the path of the specification, to which the
+    /// Returns the description of the model. `path` is the specification's path, to which the
     /// montage file's path is relative.
     ///
     /// # Errors
@@ -97,8 +97,8 @@ impl Spec {
     }
 
     /// Returns the name that a tensor of this project has in the file. It follows from the longest
-    /// entry of `names` that names the tensor or its layer; without such an entry, both names are
-    /// the same.
+    /// entry of `names` that matches the tensor or its layer; without such an entry, the name is
+    /// unchanged.
     pub(super) fn name_in_file(&self, name: &str) -> String {
         let entry = self.names.iter().filter_map(|(ours, theirs)| {
             let rest = name.strip_prefix(ours.as_str())?;

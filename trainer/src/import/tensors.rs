@@ -14,8 +14,8 @@ use std::path::Path;
 const COUNTER: &str = "num_batches_tracked";
 /// Prefix of the tensors from which the model is calibrated.
 const CALIBRATION: &str = "calibration.";
-/// Names of the tensors to compare with: windows, their codes, and their reconstructions, which the
-/// file may lack.
+/// Names of the tensors to compare with: windows, their codes, and their reconstructions, which are
+/// optional.
 const REFERENCE: [&str; 3] = [
     "reference.windows",
     "reference.codes",
@@ -31,17 +31,17 @@ struct Entry {
     shape: Vec<usize>,
     /// Element type as in the file, for example `F32`.
     element_type: String,
-    /// Elements, last dimension fastest; `None` if they are not floats of 32 or 64 bits.
+    /// Elements, last dimension fastest; `None` if they are not 32-bit or 64-bit floats.
     values: Option<Vec<f32>>,
 }
 
-/// What an import takes from the tensors of a file.
+/// The tensors that an import takes from a file.
 #[derive(Debug)]
 pub(super) struct Collected {
     pub(super) weights: Tensors,
     /// Ranges from which the int8 scales are derived, or windows on which to measure these ranges.
     pub(super) calibration: Calibration,
-    /// Windows and outputs of the exported network to compare with, if the file has them.
+    /// Windows and outputs of the exported network to compare with; `None` if the file has none.
     pub(super) reference: Option<Reference>,
 }
 
@@ -59,12 +59,12 @@ pub(super) struct Reference {
     /// Windows on the scalp grid, each in the order step, row, column.
     pub(super) windows: Vec<Vec<f32>>,
     pub(super) codes: Vec<Vec<f32>>,
-    /// Reconstruction of each window on the scalp grid, if the file has it.
+    /// Reconstruction of each window on the scalp grid; `None` if the file has none.
     pub(super) reconstructions: Option<Vec<Vec<f32>>>,
 }
 
 impl StateDict {
-    /// Reads a file.
+    /// Reads a safetensors file.
     ///
     /// # Errors
     /// If the file cannot be read or is no safetensors file.
@@ -133,7 +133,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Records a mistake for each entry of `[names]` that names neither tensor nor layer.
+    /// Records a mistake for each entry of `[names]` that matches neither a tensor nor a layer.
     fn check_names<'n>(&mut self, spec: &Spec, names: impl Iterator<Item = &'n str>) {
         let names: Vec<&str> = names.collect();
         for entry in spec.names.keys() {
@@ -149,7 +149,7 @@ impl Search<'_> {
         }
     }
 
-    /// Returns the elements of a required tensor, or records what is wrong with it as a mistake. A
+    /// Returns the elements of a required tensor, or records what is wrong with the tensor. A
     /// length of 0 in `shape` stands for any length of at least 1.
     fn tensor(&mut self, name: &str, shape: &[usize]) -> Option<Vec<f32>> {
         self.used.insert(name.to_owned());
@@ -267,8 +267,8 @@ impl Search<'_> {
         })
     }
 
-    /// Records a mistake for each tensor of windows that has values other than 0 in cells without
-    /// an electrode.
+    /// Records a mistake for each tensor of windows that is not 0 in all cells without an
+    /// electrode.
     fn check_empty_cells(&mut self, description: &Description) {
         let dimensions = description.dimensions();
         let (cells, columns) = (dimensions.cells(), dimensions.columns);
@@ -293,8 +293,8 @@ impl Search<'_> {
         }
     }
 
-    /// Records a mistake for each tensor that is not part of the model, and proposes it in place of
-    /// a missing tensor of the same shape.
+    /// Records a mistake for each tensor that is not part of the model, and suggests it for a
+    /// missing tensor of the same shape.
     fn check_unused(&mut self) {
         let unused = self.file.0.iter();
         let unused: Vec<_> = unused
@@ -321,8 +321,8 @@ impl Search<'_> {
     }
 }
 
-/// Returns whether a found shape is the expected one. An expected length of 0 stands for any length
-/// of at least 1.
+/// Returns whether a found shape matches the expected shape. An expected length of 0 stands for any
+/// length of at least 1.
 fn fits(found: &[usize], expected: &[usize]) -> bool {
     let is_right = |(found, expected): (&usize, &usize)| match *expected {
         0 => *found > 0,
@@ -331,7 +331,7 @@ fn fits(found: &[usize], expected: &[usize]) -> bool {
     found.len() == expected.len() && found.iter().zip(expected).all(is_right)
 }
 
-/// Returns an expected shape in brackets, with N for a length of 0, which stands for any length.
+/// Formats an expected shape in brackets, with N for a length of 0, which stands for any length.
 fn in_words(shape: &[usize]) -> String {
     let lengths = shape.iter().map(|length| match length {
         0 => "N".to_owned(),

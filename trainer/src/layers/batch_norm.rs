@@ -4,7 +4,7 @@ use artifact::NORM_EPSILON;
 
 use super::{LANES, Lanes, Volume};
 
-/// Number, mean and squared deviations of the values of each channel.
+/// Count, mean and sum of squared deviations of the values of each channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Moments {
     /// Number of values of a channel.
@@ -34,7 +34,7 @@ impl Moments {
         }
     }
 
-    /// Returns the moments of the values of `self` and `other` together (Chan, Golub and LeVeque
+    /// Returns the moments of the values of `self` and `other` combined (Chan, Golub and LeVeque
     /// 1979).
     pub(crate) fn merge(mut self, other: &Self) -> Self {
         let count = self.count + other.count;
@@ -53,7 +53,7 @@ impl Moments {
         self.mean.iter().map(|mean| *mean as f32).collect()
     }
 
-    /// Returns the variance of each channel, by which a batch is normalised.
+    /// Returns the biased variance of each channel, with which a batch is normalised.
     pub(crate) fn variance(&self) -> Vec<f32> {
         self.variance_with(self.count)
     }
@@ -112,8 +112,8 @@ impl<'a> BatchNorm<'a> {
         y
     }
 
-    /// Returns the largest product of a value and the magnitude of its channel's factor, in the
-    /// first `windows` windows. The factor is gain times `inverse`.
+    /// Returns the largest product of a value and the magnitude of its channel's factor (gain times
+    /// `inverse`) in the first `windows` windows.
     pub(crate) fn largest_scaled(&self, x: &Volume, windows: usize) -> f32 {
         let channels = x.by_channel().enumerate();
         let largest = channels.map(|(channel, values)| {
@@ -124,7 +124,7 @@ impl<'a> BatchNorm<'a> {
         largest.fold(0.0, f32::max)
     }
 
-    /// Returns the gradients of gain and offset from `x`, the layer's input, and `gradient`, the
+    /// Returns the gradients of gain and offset from the layer's input `x` and `gradient`, the
     /// gradient at its output. A window whose gradient is 0 contributes nothing.
     pub(crate) fn parameter_gradient(&self, x: &Volume, gradient: &Volume) -> NormGradient {
         let pairs = x.by_channel().zip(gradient.by_channel()).enumerate();
@@ -180,7 +180,7 @@ impl<'a> BatchNorm<'a> {
 }
 
 impl NormGradient {
-    /// Returns the sum of these gradients and those of another group of the batch.
+    /// Returns the sum of these gradients and the gradients of another group of the batch.
     pub(crate) fn add(mut self, other: &Self) -> Self {
         let sums = self.gain.iter_mut().chain(&mut self.offset);
         for (sum, value) in sums.zip(other.gain.iter().chain(&other.offset)) {

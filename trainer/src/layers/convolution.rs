@@ -1,7 +1,7 @@
 //! Convolution and transposed convolution with 3 x 3 x 3 kernels, forward and backward.
 //!
 //! The forward pass and the gradient at the input are correlations of a volume with kernels
-//! ([`correlate`]); the gradient of the kernels is [`weight_gradient`].
+//! ([`correlate`]); [`weight_gradient`] computes the gradient of the kernels.
 
 use super::{LANES, Lanes, Volume, add_scaled, product, total};
 use crate::parameters;
@@ -16,13 +16,13 @@ const TAPS: usize = KERNEL * KERNEL * KERNEL;
 /// Kernels and bias of a layer, in PyTorch's order.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Layer<'a> {
-    /// Kernels: \[output, input, step, row, column\] of a convolution, \[input, output, step, row,
-    /// column\] of a transposed one.
+    /// Kernels: \[output, input, step, row, column\] in a convolution, \[input, output, step, row,
+    /// column\] in a transposed convolution.
     pub(crate) weight: &'a [f32],
     /// Bias of each output channel.
     pub(crate) bias: &'a [f32],
     /// Number of zeros that pad each axis at both ends, 0 or 1. A transposed convolution instead
-    /// leaves out as many places of its output.
+    /// crops its output by this number.
     pub(crate) pads: [usize; 3],
 }
 
@@ -100,7 +100,7 @@ impl Layer<'_> {
     }
 }
 
-/// Returns the sum of each channel over all places and windows.
+/// Returns the sum of each channel over all positions and windows.
 fn channel_sums(volume: &Volume) -> Vec<f32> {
     let channels = volume.by_channel();
     let sum = |values: &[Lanes]| values.iter().map(total).sum();
@@ -119,7 +119,7 @@ struct Kernels {
 
 impl Kernels {
     /// Arranges kernels; `value` returns the weight from an input channel to an output channel at a
-    /// tap. A tap is an index of step, row and column (the last fastest).
+    /// tap. A tap is an index over step, row and column (the last fastest).
     fn new(outputs: usize, inputs: usize, value: impl Fn(usize, usize, usize) -> f32) -> Self {
         let tile = if outputs.is_multiple_of(TILE) {
             TILE
@@ -143,9 +143,9 @@ impl Kernels {
     }
 }
 
-/// Returns the correlation of `x`, surrounded by `pads` zeros along each axis, with the kernels,
-/// plus a number for each output channel: y\[o\]\[at\] = bias\[o\] + sum over i and k of
-/// w\[o\]\[i\]\[k\] x\[i\]\[at + k - pads\].
+/// Returns the correlation of `x`, padded with `pads` zeros along each axis, with the kernels, plus
+/// the bias of each output channel: y\[o\]\[at\] = bias\[o\] + sum over i and k of w\[o\]\[i\]\[k\]
+/// x\[i\]\[at + k - pads\].
 fn correlate(x: &Volume, kernels: &Kernels, bias: &[f32], pads: [usize; 3]) -> Volume {
     assert_eq!(
         x.channels, kernels.inputs,
@@ -185,13 +185,13 @@ impl NullaryFnOnce for Correlate<'_> {
     }
 }
 
-/// Taps of a kernel along one axis that lie within the input, for one place of the output.
+/// The taps of a kernel along one axis that lie within the input, for one output position.
 #[derive(Clone, Copy)]
 struct Reach {
     /// First tap that lies within the input.
     first: usize,
     count: usize,
-    /// Place of the input at which the first tap lies.
+    /// Input position of the first tap that lies within the input.
     input: usize,
 }
 
@@ -241,7 +241,7 @@ impl Correlate<'_> {
         }
     }
 
-    /// Returns the sums of `T` output channels at one place, where `C` kernel columns lie within
+    /// Returns the sums of `T` output channels at one position, where `C` kernel columns lie within
     /// the input.
     #[inline(always)]
     fn sums<const T: usize, const C: usize>(
@@ -277,11 +277,11 @@ impl Correlate<'_> {
 }
 
 /// Returns, for each channel a of `small`, each channel b of `large` and each tap k, the sum over
-/// all places and windows of small\[a\]\[at\] large\[b\]\[at + k\].
+/// all positions and windows of small\[a\]\[at\] large\[b\]\[at + k\].
 ///
 /// # Panics
-/// Unless `small` has a multiple of 4 channels and each axis of `large` is longer than that of
-/// `small` by the kernel's length less 1.
+/// Unless `small` has a multiple of 4 channels, and each axis of `large` is longer than the axis of
+/// `small` by the kernel's length minus 1.
 fn weight_gradient(small: &Volume, large: &Volume) -> Vec<f32> {
     assert!(
         small.channels.is_multiple_of(TILE),
@@ -357,20 +357,20 @@ impl WithSimd for WeightGradient<'_> {
     }
 }
 
-/// Some channels of both volumes as vectors of the processor, each vector for some windows of a
+/// Some channels of both volumes as vectors of the processor. Each vector holds some windows of a
 /// group. `large` is shifted by one step and one row of the kernel.
 struct Vectors<'a, V> {
     small: &'a [V],
     small_size: [usize; 3],
     large: &'a [V],
     large_size: [usize; 3],
-    /// Number of vectors that one value of all windows in a group takes.
+    /// Number of vectors for one value of all windows in a group.
     parts: usize,
 }
 
 impl<V: Copy> Vectors<'_, V> {
-    /// Returns the sums of the products of both volumes over all places, for each channel of a tile
-    /// and each column of the kernel.
+    /// Returns the sums of the products of both volumes over all positions, for each channel of a
+    /// tile and each column of the kernel.
     #[inline(always)]
     fn sums<S: Simd<f32s = V>>(&self, simd: S) -> [[V; KERNEL]; TILE] {
         let [steps, rows, columns] = self.small_size;
@@ -451,7 +451,8 @@ mod tests {
             );
             near(product, along(&layer.parameter_gradient(&x, &gradient)));
 
-            // A transposed convolution maps the first index of its kernels to the second.
+            // A transposed convolution maps channels of the kernels' first index to channels of the
+            // second.
             let layer = Layer {
                 bias: &zeros[..CHANNELS[0]],
                 ..layer

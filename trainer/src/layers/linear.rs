@@ -7,7 +7,7 @@ use super::{LANES, Lanes, add_scaled};
 /// Number of outputs that are computed together, so that their sums fill the registers of AVX2.
 const TILE: usize = 4;
 
-/// A matrix of \[outputs, inputs\] in PyTorch's order, the inputs fastest.
+/// A matrix \[outputs, inputs\] in PyTorch's order, the inputs fastest.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Matrix<'a> {
     values: &'a [f32],
@@ -36,8 +36,8 @@ impl<'a> Matrix<'a> {
         });
     }
 
-    /// Adds the gradient at the layer's input to `sums`. It is the product of the transposed matrix
-    /// and `gradient`, the gradient at the layer's output.
+    /// Adds the gradient at the layer's input to `sums`: the product of the transposed matrix and
+    /// `gradient`, the gradient at the layer's output.
     pub(crate) fn multiply_transposed(&self, gradient: &[Lanes], sums: &mut [Lanes]) {
         pulp::Arch::new().dispatch(Product {
             values: self.values,
@@ -49,12 +49,13 @@ impl<'a> Matrix<'a> {
     }
 }
 
-/// Returns the gradient of a matrix, in its own order: for each output and input, the sum over the
-/// windows of the gradient at the output times the input.
+/// Returns the gradient of a matrix, in the matrix's order: for each output and input, the sum over
+/// the windows of the gradient at the output times the input.
 pub(crate) fn matrix_gradient(x: &[Lanes], gradient: &[Lanes]) -> Vec<f32> {
     let inputs = x.len();
     let mut sums = vec![0.0; gradient.len() * inputs];
-    // Store the inputs of each window as one row, so that vectors run along a row of the matrix.
+    // Store the inputs of each window as one row, so that vector instructions run along matrix
+    // rows.
     let mut by_window = vec![0.0; LANES * inputs];
     for (window, row) in by_window.chunks_exact_mut(inputs).enumerate() {
         for (value, lanes) in row.iter_mut().zip(x) {
@@ -74,8 +75,8 @@ struct Product<'a> {
     values: &'a [f32],
     /// Number of elements of the result.
     sums: usize,
-    /// Distance in `values` between the factors of neighbouring elements of the result, and between
-    /// those of neighbouring elements of `x`.
+    /// Distances in `values`: between the factors of neighbouring elements of the result, and
+    /// between the factors of neighbouring elements of `x`.
     strides: [usize; 2],
     x: &'a [Lanes],
     y: &'a mut [Lanes],

@@ -1,10 +1,11 @@
-//! Max-pool, and both ways to undo it: at the places of the maxima, and by nearest neighbour.
+//! Max-pool, and its two inverses: unpooling to the positions of the maxima, and to nearest
+//! neighbours.
 
 use artifact::{CONV2_CHANNELS, Geometry};
 
 use super::{LANES, Lanes, Volume, product};
 
-/// The output of a max-pool, and the place of each maximum.
+/// The output of a max-pool, and the position of each maximum.
 #[derive(Clone, Debug)]
 pub(crate) struct Pooled {
     /// Largest value of each pool: channel, step, row, column, lane.
@@ -13,8 +14,8 @@ pub(crate) struct Pooled {
     places: Vec<[u16; LANES]>,
 }
 
-/// Returns the max-pool of a feature map. Places beyond the last whole pool are dropped; the first
-/// of equal values is the maximum.
+/// Returns the max-pool of a feature map. Positions beyond the last whole pool are dropped; the
+/// first of equal values is the maximum.
 pub(crate) fn max_pool(x: &Volume, geometry: &Geometry) -> Pooled {
     let count = x.channels * product(geometry.pooled);
     let mut pooled = Pooled {
@@ -42,8 +43,8 @@ pub(crate) fn max_pool(x: &Volume, geometry: &Geometry) -> Pooled {
 }
 
 impl Pooled {
-    /// Puts a value for each pool back to the place of its maximum; all other places are 0. This is
-    /// the gradient of the max-pool, and the unpooling of mode `paper`.
+    /// Puts one value per pool back to the position of the pool's maximum; all other positions are
+    /// 0. This is the gradient of the max-pool, and the unpooling of mode `paper`.
     pub(crate) fn scatter(&self, values: &[Lanes], geometry: &Geometry) -> Volume {
         let mut x = Volume::zeros(CONV2_CHANNELS, geometry.feature_map);
         let per_channel = product(geometry.pooled);
@@ -59,7 +60,7 @@ impl Pooled {
         x
     }
 
-    /// Returns the values at the places of the maxima, the backward pass of [`Self::scatter`].
+    /// Returns the values at the positions of the maxima: the backward pass of [`Self::scatter`].
     pub(crate) fn gather(&self, x: &Volume) -> Vec<Lanes> {
         let per_channel = self.places.len() / x.channels;
         let places = self.places.chunks_exact(per_channel);
@@ -75,8 +76,8 @@ impl Pooled {
     }
 }
 
-/// Unpools to the feature map by nearest neighbour. For example, in the paper's network, columns 0
-/// to 2 of the five take pooled column 0, and columns 3 and 4 take pooled column 1.
+/// Unpools to the feature map by nearest neighbour. For example, in the paper's network, the first
+/// three of five columns take pooled column 0, and the last two take pooled column 1.
 pub(crate) fn unpool(values: &[Lanes], geometry: &Geometry) -> Volume {
     let sources = nearest(geometry);
     let per_channel = product(geometry.pooled);
@@ -118,7 +119,7 @@ fn pools(geometry: &Geometry) -> Vec<Vec<usize>> {
         .collect()
 }
 
-/// Returns, for each place of a channel of the feature map, the index of its nearest pool.
+/// Returns, for each position of a channel of the feature map, the index of its nearest pool.
 fn nearest(geometry: &Geometry) -> Vec<usize> {
     let (pooled, map) = (geometry.pooled, geometry.feature_map);
     places(map)
@@ -129,7 +130,7 @@ fn nearest(geometry: &Geometry) -> Vec<usize> {
         .collect()
 }
 
-/// Iterates over all places of a volume, the column fastest.
+/// Iterates over all positions of a volume, the column fastest.
 fn places([steps, rows, columns]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     (0..steps).flat_map(move |step| {
         (0..rows).flat_map(move |row| (0..columns).map(move |column| [step, row, column]))

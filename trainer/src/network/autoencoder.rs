@@ -1,4 +1,4 @@
-//! The layers of the autoencoder with their parameters, and the forward pass of a group.
+//! The autoencoder's layers with their parameters, and the forward pass of a group.
 
 use super::group::{Group, Layout};
 use crate::layers::batch_norm::{BatchNorm, Moments};
@@ -9,7 +9,7 @@ use crate::layers::{LANES, Lanes, Volume};
 use crate::parameters::{self, Norm, Parameters, Weights};
 use artifact::Mode;
 
-/// The autoencoder's layers together with their parameters.
+/// Layout and parameters of the autoencoder's layers.
 #[derive(Debug)]
 pub(super) struct Autoencoder<'a> {
     pub(super) layout: &'a Layout,
@@ -17,7 +17,7 @@ pub(super) struct Autoencoder<'a> {
     pub(super) weights: &'a Weights,
 }
 
-/// A code, and the places of the max-pool's maxima, which the decoder needs in mode `paper`.
+/// A code, and the positions of the max-pool's maxima, which the decoder needs in mode `paper`.
 #[derive(Clone, Debug)]
 pub(super) struct Encoded {
     pub(super) pooled: Pooled,
@@ -28,7 +28,7 @@ pub(super) struct Encoded {
 #[derive(Clone, Debug)]
 pub(super) struct Expanded {
     pub(super) unpooled: Volume,
-    /// Output of the convolution and the ReLU after it.
+    /// Output of the convolution after its ReLU.
     pub(super) hidden: Volume,
 }
 
@@ -59,7 +59,7 @@ impl<'a> Autoencoder<'a> {
         Matrix::new(&self.weights.decoder.fc.weight, self.numbers())
     }
 
-    /// Returns the linear map from a window to its code; `None` if the mode lacks it.
+    /// Returns the linear map from a window to its code; `None` if the mode has none.
     pub(super) fn encoder_shortcut(&self) -> Option<Matrix<'a>> {
         let window = self.layout.geometry.dimensions.window_electrodes();
         let weight = &self.weights.encoder.shortcut.weight;
@@ -67,7 +67,7 @@ impl<'a> Autoencoder<'a> {
         has_shortcut.then(|| Matrix::new(weight, window))
     }
 
-    /// Returns the linear map from a code to its window; `None` if the mode lacks it.
+    /// Returns the linear map from a code to its window; `None` if the mode has none.
     pub(super) fn decoder_shortcut(&self) -> Option<Matrix<'a>> {
         let weight = &self.weights.decoder.shortcut.weight;
         let has_shortcut = self.mode.has_shortcut();
@@ -94,7 +94,7 @@ impl<'a> Autoencoder<'a> {
         (encoded.code, window)
     }
 
-    /// Returns the values of all electrodes that a code decodes to; batch norm uses the running
+    /// Returns the values of all electrodes that a code is decoded to; batch norm uses the running
     /// statistics.
     pub(super) fn decode(&self, code: &[Lanes]) -> Vec<Lanes> {
         if self.mode.has_convolutions() {
@@ -113,8 +113,8 @@ impl<'a> Autoencoder<'a> {
         self.window(&running(&self.weights.decoder.norm1).apply(&x), code)
     }
 
-    /// Returns the code of a group, and the largest activation of each convolution times the factor
-    /// of the batch norm after it; batch norm uses the running statistics.
+    /// Returns the code of a group, and for each convolution the largest activation times the
+    /// factor of the batch norm after it; batch norm uses the running statistics.
     pub(super) fn trace(&self, group: &Group) -> (Vec<Lanes>, [f32; 2]) {
         if !self.mode.has_convolutions() {
             return (self.project(group), [0.0; 2]);
@@ -166,8 +166,8 @@ impl<'a> Autoencoder<'a> {
         Encoded { pooled, code }
     }
 
-    /// Returns the output of the decoder's first convolution. In mode `paper`, `pooled` gives the
-    /// places of the encoder's maxima.
+    /// Returns input and output of the decoder's first convolution. In mode `paper`, `pooled` holds
+    /// the positions of the encoder's maxima.
     pub(super) fn expand(&self, code: &[Lanes], pooled: Option<&Pooled>) -> Expanded {
         let geometry = &self.layout.geometry;
         let decoder = &self.weights.decoder;
@@ -200,7 +200,7 @@ impl<'a> Autoencoder<'a> {
     }
 }
 
-/// Returns a batch norm that normalises with the statistics of one batch.
+/// Returns a batch norm that normalises with the statistics of the current batch.
 pub(super) fn of_batch<'a>(norm: &'a Norm, moments: &Moments) -> BatchNorm<'a> {
     let parameters = [norm.weight.as_slice(), &norm.bias];
     BatchNorm::new(parameters, moments.mean(), &moments.variance())

@@ -1,7 +1,7 @@
 //! Forward and backward pass of a batch, whose groups are computed in parallel.
 //!
 //! Batch norm needs the whole batch, so each pass consists of stages. Between two stages the
-//! statistics of all groups are added, always in the order of the groups.
+//! statistics of all groups are added, in the order of the groups.
 
 use super::autoencoder::{Autoencoder, Encoded, Expanded, of_batch};
 use super::group::Group;
@@ -18,13 +18,13 @@ use packed_fit::in_parallel;
 pub struct BatchGradients {
     /// Mean squared error over the electrodes of the batch.
     pub loss: f64,
-    /// Gradients of the loss with respect to all parameters; those of the running statistics are
-    /// empty.
+    /// Gradients of the loss with respect to all parameters; empty for running statistics, which
+    /// are not trained.
     pub gradients: Weights,
 }
 
 /// Activations of one group that the backward pass needs. `first`, `second` and `hidden` are
-/// outputs of a ReLU, and inputs of a batch norm.
+/// outputs of a ReLU and inputs of a batch norm.
 struct Activations {
     first: Volume,
     normalised: Volume,
@@ -34,16 +34,16 @@ struct Activations {
 }
 
 /// Result of a stage of the backward pass for one group: gradients of parameters, and the gradient
-/// at which the next stage begins.
+/// from which the next stage starts.
 struct Stage {
     gradients: Weights,
     norm: NormGradient,
-    /// Gradient at the output of the batch norm at which the next stage begins.
+    /// Gradient at the output of the batch norm from which the next stage starts.
     output: Volume,
 }
 
 /// Computes loss and gradients of a batch. Also returns the statistics of the three batch norms:
-/// first the encoder's two, then the decoder's.
+/// first the two of the encoder, then the one of the decoder.
 pub(super) fn gradients(
     autoencoder: &Autoencoder<'_>,
     groups: &[Group],
@@ -106,7 +106,7 @@ fn moments<'a>(groups: &[Group], volume: impl Fn(usize) -> &'a Volume + Sync) ->
     rest.iter().fold(first.clone(), Moments::merge)
 }
 
-/// What the backward pass of a batch reads: network, windows and activations.
+/// The inputs of the backward pass of a batch: network, windows and activations.
 struct Backward<'a> {
     autoencoder: &'a Autoencoder<'a>,
     groups: &'a [Group],
@@ -153,7 +153,7 @@ impl Backward<'_> {
     }
 
     /// Returns the gradient at the input of a ReLU, from `gradient` at the output of the batch norm
-    /// after it.
+    /// that follows the ReLU.
     fn through(
         &self,
         norm: &BatchNorm<'_>,
@@ -169,8 +169,8 @@ impl Backward<'_> {
         gradient
     }
 
-    /// Computes the loss and the gradients of the decoder's last layers. Also returns the part of
-    /// the gradient at the code that comes through the shortcut.
+    /// Computes the loss and the gradients of the decoder's last layers. Also returns the gradient
+    /// at the code through the shortcut.
     fn output_stage(&self, at: usize, norm: &BatchNorm<'_>) -> (f64, (Stage, Vec<Lanes>)) {
         let (group, activations) = (&self.groups[at], &self.activations[at]);
         let code = &activations.encoded.code;
@@ -281,7 +281,7 @@ fn add_stages(all: &mut Weights, stages: &[Stage]) -> NormGradient {
         .fold(first.norm.clone(), |sum, stage| sum.add(&stage.norm))
 }
 
-/// Adds gradients to those of the same tensors.
+/// Adds gradients to the gradients of the same tensors.
 fn add(all: &mut Weights, gradients: &Weights) {
     for tensor in TENSORS {
         let (sums, values) = (tensor.of_mut(all), tensor.of(gradients));

@@ -1,4 +1,4 @@
-//! Windows that are computed together, and their layout on the scalp grid.
+//! Windows that are computed together as a group, and their layout on the scalp grid.
 
 use crate::dataset::Window;
 use crate::layers::{LANES, Lanes, Volume};
@@ -8,7 +8,7 @@ use artifact::{Description, Geometry, ScalpGrid};
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) geometry: Geometry,
-    /// Cell of the scalp grid of each electrode.
+    /// Index of each electrode's cell on the scalp grid.
     cells: Vec<usize>,
 }
 

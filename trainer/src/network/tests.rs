@@ -1,4 +1,4 @@
-//! Tests of the network against the artifact's float network and finite differences.
+//! Tests the network against the artifact's float network and finite differences.
 
 use super::*;
 use crate::calibrate::calibrated_artifact;
@@ -16,7 +16,7 @@ fn network() -> Network {
     Network::new(&testing::description())
 }
 
-/// Returns parameters with which every layer contributes to the output.
+/// Returns parameters for which every layer contributes to the output.
 fn parameters() -> Parameters {
     changed(testing::shortcut(3))
 }
@@ -38,8 +38,8 @@ fn changed(mut parameters: Parameters) -> Parameters {
 }
 
 /// Encodes and decodes windows with the network, and with the artifact's float encoder and decoder.
-/// Returns the largest difference between their codes and windows, relative to the largest value of
-/// code and window (at least 1).
+/// Returns the largest difference between both codes or both windows, relative to the largest value
+/// of code and window (at least 1).
 fn worst_difference(
     network: &Network,
     parameters: &Parameters,
@@ -77,7 +77,7 @@ fn network_and_trace_equal_the_artifacts_float_encoder_and_decoder() {
     assert!(worst < 1e-4, "{worst}");
     let encoder = FloatEncoder::new(&artifact).unwrap();
     let grid = ScalpGrid::new(&artifact.description);
-    // 20 windows are more than one group, but no whole number of groups.
+    // 20 windows are more than one group, but not a whole number of groups.
     let windows = dataset.aligned(16);
     assert_eq!(windows.len(), 20);
     let trace = network().trace(&parameters, &windows);
@@ -101,8 +101,8 @@ fn network_and_trace_equal_the_artifacts_float_encoder_and_decoder() {
     }
 }
 
-/// Compares gradients with finite differences of the loss. Each of `places` is the name of a tensor
-/// and the index of one of its elements.
+/// Compares gradients with finite differences of the loss. Each entry of `places` is the name of a
+/// tensor and the index of one of its elements.
 fn compare_gradients(network: &Network, parameters: &Parameters, places: &[(&str, usize)]) {
     let dataset = testing::dataset(6, 64);
     let windows = dataset.aligned(16);
@@ -135,7 +135,8 @@ fn gradients_of_index_unpooling_equal_finite_differences() {
         &[],
         3,
     ));
-    // The loss jumps where the maximum of a pool moves, so layers before the pool are left out.
+    // The loss jumps where a pool's maximum moves to another position, so layers before the pool
+    // are left out.
     let places = [
         ("encoder.fc.weight", 5000),
         ("decoder.fc.bias", 100),
@@ -174,7 +175,7 @@ fn running_statistics_move_a_tenth_towards_the_batch() {
     let second = mean(&parameters);
     for ((before, first), second) in before.iter().zip(first).zip(second) {
         // Both batches are equal. Each update removes a tenth of the difference between the running
-        // mean and the batch's.
+        // mean and the batch mean.
         assert!(((second - first) - 0.9 * (first - before)).abs() < 1e-5);
     }
 }
@@ -209,7 +210,7 @@ fn networks_of_other_shapes_equal_the_artifacts_float_encoder_and_decoder() {
         let artifact = calibrated_artifact(description.clone(), &parameters, &dataset).unwrap();
         let network = Network::new(&description);
         let worst = worst_difference(&network, &parameters, &artifact, &dataset);
-        // The same bound as for the paper's network, which adds more products than these networks.
+        // The same bound as for the paper's network, which adds more products.
         assert!(worst < 1e-4, "{mode:?} {padding:?}: {worst}");
     }
 }

@@ -6,8 +6,8 @@ use crate::progress::ProgressObserver;
 use artifact::{Description, ErrorWeight, PackedModel};
 use packed_fit::{RateFigures, evaluate, fit, without_prediction};
 
-/// Figures of a trained packed model on the test recordings, or on the training recordings if there
-/// are none to test with.
+/// Figures of a trained packed model on the test recordings or, without test recordings, on the
+/// training recordings.
 #[derive(Clone, Debug)]
 pub(crate) struct PackedTrained {
     /// Figures of the model at each rate, finest first.
@@ -20,7 +20,7 @@ pub(crate) struct PackedTrained {
 /// Fits a packed model with `count` coefficients, and returns it with its figures.
 ///
 /// # Errors
-/// If the recordings do not determine a model, or no rate reaches the wanted error.
+/// If the recordings do not determine a model, or no rate reaches the requested error.
 pub(super) fn train(
     tracks: &Tracks,
     description: &Description,

@@ -1,4 +1,4 @@
-//! Report of a classifier: patterns of its filters, and how well it decides.
+//! Report of a classifier: patterns of its filters, and the accuracy of its decisions.
 
 use super::Report;
 use super::evaluation::places;
@@ -50,7 +50,7 @@ pub(super) fn add(report: &mut Report, trained: &Trained) -> Result<(), TrainerE
     )
 }
 
-/// Adds the accuracy, on each recording too, and the numbers of trials by true class and decision.
+/// Adds the accuracy, overall and on each recording, and the trials by true class and decision.
 fn add_figures(report: &mut Report, trained: &Trained, title: &str, figures: &ClassifierFigures) {
     let [low, high] = figures.accuracy_95.map(percent);
     report.page.push_text(&format!(

@@ -9,9 +9,9 @@ use picture::lines::{Lines, Mark, Series};
 use picture::page::csv_field;
 use std::fmt::Write as _;
 
-/// Largest number of folds for which a chart has room for names below its axis.
+/// Largest number of folds whose names fit below a chart's axis.
 const NAMED_FOLDS: usize = 12;
-/// Distance on the axis between the points of one fold, where neighbouring folds are 1 apart.
+/// Distance on the axis between the points of one fold; neighbouring folds are 1 apart.
 const APART: f64 = 0.15;
 
 /// Adds the table and the picture of a cross-validation to a report.
@@ -45,14 +45,14 @@ fn figures(table: &Table) -> Vec<Vec<String>> {
     rows
 }
 
-/// Returns the outcomes of each subject, one list for each.
+/// Returns the outcomes, one slice for each subject.
 fn subjects(table: &Table) -> Vec<&[Outcome]> {
     let outcomes = table.outcomes();
     outcomes.chunk_by(|a, b| a.subject == b.subject).collect()
 }
 
-/// Returns the chart of the test errors. Its axis has a place for each fold, for the mean of each
-/// subject and, if there are several subjects, for the mean over all.
+/// Returns the chart of the test errors. Its axis has a position for each fold, for the mean of
+/// each subject and, if there are several subjects, for the mean over all subjects.
 fn folds(table: &Table) -> Lines {
     let subjects = subjects(table);
     let groups = subjects.len() + usize::from(subjects.len() > 1);
@@ -68,8 +68,8 @@ fn folds(table: &Table) -> Lines {
     });
     let mut series: Vec<Series> = series.collect();
     let mut add = |kind: usize, place: f64, mse: f64, sd: f64| {
-        // The points of a fold lie beside each other: of three kinds, at -1, 0 and 1 times `APART`
-        // from the place of the fold.
+        // The points of a fold are side by side: three kinds are at -1, 0 and 1 times `APART` from
+        // the position of the fold.
         let [kind_place, centre] =
             [kind, kinds - 1].map(|kind| f64::from(u32::try_from(kind).unwrap_or(0)));
         let x = place + APART * (kind_place - centre / 2.0);

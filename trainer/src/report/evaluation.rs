@@ -108,8 +108,8 @@ fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
     }
 }
 
-/// Returns the places of electrodes on the map of the head, from their labels and cells. The labels determine them or, if
-/// a label has no place in the 10-20 system, their cells of the scalp grid.
+/// Returns the positions of electrodes on the map of the head, from their labels or, if a label has
+/// no position in the 10-20 system, from their cells of the scalp grid.
 pub(super) fn places<'a>(
     electrodes: impl Iterator<Item = (&'a str, [usize; 2])> + Clone,
 ) -> Vec<[f64; 2]> {
@@ -123,8 +123,8 @@ pub(super) fn places<'a>(
         let largest = [0, 1].map(|side| cells.clone().map(|cell| cell[side]).max());
         let [rows, columns] = largest.map(|largest| largest.unwrap_or(0));
         let on_side = |cell: usize, largest: usize| {
-            /// Largest distance of a cell from the centre along each side of the map, small enough
-            /// that the corners of the grid are on the head.
+            /// Largest distance of a cell from the centre along each side of the map. It is so
+            /// small that the corners of the grid are on the head.
             const REACH: f64 = 0.65;
             let part = cell as f64 / largest.max(1) as f64;
             if largest == 0 {

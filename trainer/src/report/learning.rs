@@ -61,8 +61,8 @@ fn lines(learning: &Learning) -> Lines {
     }
 }
 
-/// Returns the points of a learning curve: each value with the number of its epoch, from `first`
-/// on.
+/// Returns the points of a learning curve: each value with the number of its epoch, counted from
+/// `first`.
 fn numbered(values: impl Iterator<Item = f64>, first: u32) -> Vec<(f64, f64)> {
     (first..).map(f64::from).zip(values).collect()
 }

@@ -9,7 +9,7 @@ use picture::scalp_map::{Place, ScalpMap};
 use std::fmt::Write as _;
 
 /// Adds the error for each person to a report, and for each person with bad electrodes a picture of
-/// what they do to the others.
+/// their effect on the other electrodes.
 pub(super) fn add(report: &mut Report, people: &[PersonError]) -> Result<(), TrainerError> {
     report.page.push_text(
         "Error for each person with integer codes: with the electrodes that are bad in a recording \
@@ -59,7 +59,7 @@ fn scalp_map(error: &PersonError) -> ScalpMap {
     let [on, off] = error.of_good();
     let places = places(cells(&error.on.electrodes));
     let electrodes = error.on.electrodes.iter().zip(error.of_electrodes());
-    // The bad electrodes have so large an error of their own that the others would look alike.
+    // The errors of the bad electrodes are so large that the others could not be told apart.
     let good = electrodes
         .zip(places)
         .filter(|((electrode, _), _)| !error.person.bad.contains(&electrode.label));

@@ -1,4 +1,4 @@
-//! Fit of a table of substitutions to filtered recordings, and its errors on recordings.
+//! Fits a table of substitutions to filtered recordings, and measures its errors on recordings.
 
 use crate::card::interpolated;
 use crate::error::TrainerError;
@@ -7,11 +7,12 @@ use nalgebra::DMatrix;
 use packed_fit::innovation::{SECOND, columns, median, prediction, residual, seconds};
 use packed_fit::{FitError, Track};
 
-/// Weight that stands for 1: weights are Q7.
+/// Integer that represents a weight of 1: weights are Q7.
 const ONE: f64 = 128.0;
 
-/// Smallest and largest typical energy of an innovation, in units of the median electrode's. An
-/// electrode that was bad in training is thus judged nearly as strictly as the others.
+/// Smallest and largest typical energy of an innovation, relative to the median electrode's. The
+/// limits make a device judge an electrode that was bad in training nearly as strictly as the
+/// others.
 const SPREAD: [f64; 2] = [0.25, 9.0];
 
 /// Units of an innovation's energy, (1/16 uV)^2, in 1 uV^2.
@@ -40,7 +41,7 @@ pub(super) fn weights(tracks: &[Track], electrodes: usize) -> Result<Vec<i8>, Tr
 }
 
 /// Returns the typical mean square of each electrode's innovation: the median over all seconds,
-/// held within [`SPREAD`], (1/16 uV)^2, at least 1.
+/// clamped to [`SPREAD`], in (1/16 uV)^2, at least 1.
 pub(super) fn innovation(weights: &[i8], tracks: &[Track]) -> Vec<i32> {
     let electrodes = weights.len().isqrt();
     let mut energies = vec![Vec::new(); electrodes];
@@ -60,8 +61,8 @@ pub(super) fn innovation(weights: &[i8], tracks: &[Track]) -> Vec<i32> {
     medians.into_iter().map(units).collect()
 }
 
-/// Returns the errors of a table on recordings, over the electrodes that all of them have; `None`
-/// if there is no such electrode.
+/// Returns the errors of a table on recordings, over the electrodes that all recordings have;
+/// `None` if there is no such electrode.
 pub(super) fn figures(
     table: &SubstitutionTable,
     tracks: &[Track],
@@ -112,7 +113,7 @@ mod tests {
     const LABELS: [&str; 8] = ["A", "B", "C", "D", "E", "F", "G", "H"];
 
     /// Returns tracks of mixed sources. Electrode H has much noise of its own, A hardly any, and B
-    /// is large; every other second is three times as large.
+    /// has a large amplitude. Every other second has three times the amplitude.
     fn tracks() -> [Track; 3] {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         [700, 1500, 999].map(|steps| {
@@ -130,10 +131,10 @@ mod tests {
         })
     }
 
-    /// Returns what `reference.py` prints for the tracks; `None` without numpy.
+    /// Returns the output of `reference.py` for the tracks; `None` without numpy.
     fn numpy(tracks: &[Track]) -> Option<serde_json::Value> {
         let folder = tempfile::tempdir().unwrap();
-        // Debian's Python, because another one on the PATH can lack numpy.
+        // Debian's Python, because another Python on the PATH can lack numpy.
         let mut python = Command::new("/usr/bin/python3");
         python.args(["-c", include_str!("reference.py"), "8"]);
         for (index, track) in tracks.iter().enumerate() {
@@ -157,7 +158,7 @@ mod tests {
         let Some(numpy) = numpy(&tracks) else {
             let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
             assert!(!required, "python3-numpy is not installed");
-            // The test harness captures what a macro prints.
+            // The test harness would capture the output of a print macro.
             let line = b"SKIPPED: table of substitutions against numpy: no python3-numpy\n";
             std::io::stderr().write_all(line).unwrap();
             return;
@@ -171,7 +172,7 @@ mod tests {
             let difference = f64::from(*units) - number(&numpy["innovation"][index]);
             assert!(difference.abs() < 0.501, "{innovation:?} {numpy}");
         }
-        // H is at the upper end of the range, A at the lower one.
+        // H is at the upper end of the range, A at the lower end.
         assert!((f64::from(innovation[7]) / f64::from(innovation[0]) - 36.0).abs() < 0.5);
         let table = SubstitutionTable {
             description: SubstitutionDescription::default(),

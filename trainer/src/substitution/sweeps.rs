@@ -1,9 +1,9 @@
 //! The sweeps with which a device substitutes several bad electrodes at once.
 //!
-//! A sweep replaces each bad electrode in turn by its prediction, in which the other bad electrodes
-//! have their latest values (Gauss-Seidel). Sweeps with the exact weights converge for every set of
-//! bad electrodes, because the inverse of a covariance is positive definite; rounding and clipping
-//! of the weights can end that.
+//! A sweep replaces each bad electrode in turn by its prediction from the others, where the other
+//! bad electrodes have their latest values (Gauss-Seidel). With the exact weights, sweeps converge
+//! for every set of bad electrodes, because the inverse of a covariance is positive definite. With
+//! rounded and clipped weights, they may not.
 
 use crate::error::TrainerError;
 use artifact::{Description, ScalpGrid, SubstitutionTable};
@@ -19,16 +19,15 @@ const MOST: usize = 12;
 /// Number of sweeps over the bad electrodes, as on a device.
 const SWEEPS: usize = 8;
 
-/// Number of times that a sweep's matrix is squared to find its spectral radius.
+/// Number of times that a sweep's matrix is squared to find the matrix's spectral radius.
 const SQUARINGS: u32 = 10;
 
 /// Returns the largest spectral radius of a sweep over 12 electrodes, or over all but one if there
-/// are fewer: the factor by which the last sweeps reduce the distance to their limit. Sets of
-/// neighbours on the scalp grid, one around each electrode, and twice as many random sets are
-/// checked.
+/// are fewer: the factor by which the last sweeps reduce the distance to their limit. The checked
+/// sets are the neighbours on the scalp grid around each electrode, and twice as many random sets.
 ///
 /// # Errors
-/// If the sweeps over a set do not converge; the error names its electrodes.
+/// If the sweeps over a set do not converge; the error names the set's electrodes.
 pub(crate) fn largest_radius(
     table: &SubstitutionTable,
     description: &Description,
@@ -69,8 +68,8 @@ pub(crate) fn largest_radius(
 }
 
 /// Returns a recording in which the bad electrodes, the first 12 if there are more, have the values
-/// with which a device fills them. Floating-point numbers replace the device's integers of a
-/// quarter of a microvolt.
+/// with which a device fills them. The computation uses floats in place of the device's integers,
+/// whose unit is a quarter of a microvolt.
 pub(crate) fn filled(track: &Track, table: &SubstitutionTable) -> Track {
     let mut filled = track.clone();
     let bad = &track.bad[..track.bad.len().min(MOST)];
@@ -100,7 +99,7 @@ fn spectral_radius(weights: &[i8], electrodes: usize, set: &[usize]) -> f64 {
         f64::from(weight(row, column)) / 128.0
     });
     let above = coupling.upper_triangle();
-    // Ones on the diagonal of the triangle, so that there is always a solution.
+    // The triangle has ones on its diagonal, so there is always a solution.
     let triangle = DMatrix::identity(size, size) - coupling.lower_triangle();
     let mut power = triangle.solve_lower_triangular(&above).unwrap_or(above);
     let mut logarithm = power.norm().ln();
@@ -119,7 +118,8 @@ mod tests {
     #[test]
     fn the_radius_is_that_of_the_sweep_s_eigenvalues() {
         // Of the five electrodes, 1 and 4 are swept. With the weights a and b between them, M has
-        // the eigenvalues 0 and a * b: the second value comes from the first one.
+        // the eigenvalues 0 and a * b, because the second electrode's new value follows from the
+        // first's.
         let mut weights = vec![1; 25];
         for electrode in 0..5 {
             weights[electrode * 6] = 0;

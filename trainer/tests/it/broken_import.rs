@@ -1,4 +1,5 @@
-//! Tests with files that cannot be imported: each message says what, why and what to do next.
+//! Tests of files that cannot be imported: each message states the mistake, its reason and a
+//! remedy.
 
 use super::Folder;
 use super::export::{Exported, File, SPEC, export, write};
@@ -6,7 +7,7 @@ use super::import::{IMPORT, network};
 use safetensors::Dtype;
 
 /// Exports a network, changes its tensors by `edit` and the bytes of the file by `damage`, and
-/// imports the file with the specification `spec`. The import must fail; returns its message.
+/// imports the file with the specification `spec`. The import must fail; returns its error message.
 fn refusal(spec: &str, edit: impl FnOnce(&mut File), damage: impl FnOnce(&mut Vec<u8>)) -> String {
     let folder = Folder::new();
     let mut file = export(&network());
@@ -25,7 +26,7 @@ fn edited(edit: impl FnOnce(&mut File)) -> String {
     refusal(SPEC, edit, |_| {})
 }
 
-/// Replaces an element of a tensor of 32-bit floats in a file.
+/// Sets an element of a tensor of 32-bit floats in a file.
 fn set(file: &mut File, name: &str, element: usize, value: f32) {
     let bytes = &mut file.get_mut(name).expect("a tensor").bytes;
     bytes[4 * element..][..4].copy_from_slice(&value.to_le_bytes());
@@ -89,7 +90,7 @@ fn a_file_that_cannot_be_calibrated_or_disagrees_with_its_reference() {
         set(file, "calibration.windows", 16 * 90, 1.0);
     };
     let of_another_network = |file: &mut File| {
-        // The sixth number of the third code, where a code has 128 numbers.
+        // The sixth number of the third code; a code has 128 numbers.
         set(file, "reference.codes", 2 * 128 + 5, 1e6);
     };
     let cases: [(Edit, &[&str]); 4] = [

@@ -8,7 +8,7 @@ const RATE: u64 = 250;
 const PERIOD: u64 = RATE * 9 / 2;
 
 /// Writes a recording of 120 s with an event of type 769 or 770 every 4.5 s. C3 is large in trials
-/// of 769, C4 in those of 770.
+/// of type 769, C4 in trials of type 770.
 fn write_trials(folder: &Folder, name: &str, seed: u64) {
     let events = (0..26).map(|n: u64| (n * PERIOD, 769 + (n * n / 3 % 2) as u16));
     let events: Vec<(u64, u16)> = events.collect();
@@ -62,7 +62,7 @@ fn an_evaluation_states_what_classifiers_lose_and_less_with_a_weighted_code() {
                 .is_some_and(|auc| auc > 0.95)
         );
         let figure = |rate: usize, name: &str| classifiers["codes"][rate][name].as_f64();
-        // What the finest rate keeps suffices, and the coarsest keeps nothing.
+        // The finest rate keeps enough for a good decision; the coarsest rate keeps nothing.
         assert!(figure(0, "auc").is_some_and(|auc| auc > 0.95), "{json}");
         assert!(figure(15, "snr_db").is_some_and(|snr| snr < 3.0), "{json}");
         [2, 4].map(|rate| figure(rate, "snr_db").expect("a ratio"))
@@ -109,7 +109,7 @@ fn recordings_with_events_become_a_classifier_with_a_report() {
     for text in ["Each left out in turn", "Test", "run1.gdf", "run3.gdf"] {
         assert!(page.contains(text), "{text} in {page}");
     }
-    // A single recording is divided into blocks.
+    // The trials of a single recording are divided into blocks.
     let printed = folder.succeed(&format!(
         "{classify} --force --events=769=1,770=2 --train=run1"
     ));

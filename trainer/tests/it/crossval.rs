@@ -17,7 +17,7 @@ fn shards_in_one_folder_make_the_table_of_one_process_bit_for_bit() {
     let whole = folder.succeed(&crossval("pca", "--out=whole"));
     let shard = |shard| folder.succeed(&crossval("pca", &format!("--out=shared --shard={shard}")));
     assert_eq!(shard("1/2"), "", "the folds of the other shard are missing");
-    // The shard that finishes last makes the table.
+    // The shard that finishes last writes the table.
     assert_eq!(shard("2/2"), whole);
     for name in ["table.md", "table.csv", "table.json"] {
         let read = |out: &str| folder.read(&format!("{out}/{name}"));
@@ -61,7 +61,7 @@ fn the_picture_has_every_fold_and_its_mean() {
     assert!(!folder.path("out").exists());
     folder.succeed(&crossval("shortcut", "--out=out --report=report"));
     let folds = Values::read(&folder.path("report/folds.csv"));
-    // 2 folds and 2 repetitions, each for model and PCA with float and integer codes.
+    // 2 folds and 2 repetitions, each for model and PCA, with float and integer codes.
     assert_eq!(folds.rows.len(), 16);
     let table = Values::read(&folder.path("out/table.csv"));
     let models = table.column("model").into_iter().zip(table.column("codes"));
@@ -77,13 +77,13 @@ fn the_picture_has_every_fold_and_its_mean() {
         assert_near((squares.sum::<f64>() / 3.0).sqrt(), sd, 1e-9);
     }
     // Each of the four kinds of code has circles for four folds, for their mean and for the legend.
-    // Two kinds share a colour, and the mean of each has a bar.
+    // Two kinds share a colour, and the mean of each kind has a bar.
     let picture = folder.path("report/folds.svg");
     assert_eq!(elements(&picture, "circle").len(), 4 * (4 + 1 + 1));
     assert_eq!(points(&picture, "#2B6CB0"), [2, 2]);
     assert_eq!(points(&picture, "#DD6B20"), [2, 2]);
 
-    // A later call, which finds all folds done, makes another report.
+    // A later call finds all folds done and writes another report.
     let again = crossval("shortcut", "--out=out --report=again");
     folder.succeed(&again);
     for name in ["index.html", "folds.svg"] {
@@ -119,7 +119,8 @@ fn each_person_is_tested_with_a_model_of_the_others() {
             "each of A1 B1 C1 with a model",
         ],
     );
-    // trainer train makes the model of the others, and its card has the error on each person.
+    // `trainer train` makes the model of the other people, and its card has the error on each
+    // person.
     let table = Values::read(&folder.path("out/table.csv"));
     let prd = |subject: &str, codes: &str| {
         let subjects = table.column("subject").into_iter();

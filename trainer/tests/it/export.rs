@@ -1,11 +1,11 @@
-//! Files for tests of the import, as a training framework exports them.
+//! Writes files as a training framework exports them, for tests of the import.
 
 use super::Folder;
 use artifact::{Artifact, FloatDecoder, FloatEncoder, ScalpGrid, Tensors};
 use safetensors::{Dtype, tensor::TensorView};
 use std::collections::BTreeMap;
 
-/// Specification of an import of a network that has the built-in model's shape.
+/// Specification for importing a network with the shape of the built-in model.
 pub(crate) const SPEC: &str = r#"
 montage = "MONTAGES/ten-ten-61.toml"
 mode = "shortcut"
@@ -38,12 +38,11 @@ impl Exported {
 /// Tensors of an exported file by name.
 pub(crate) type File = BTreeMap<String, Exported>;
 
-/// Number of windows to calibrate with, and also of windows to compare with.
+/// Number of calibration windows, and also of reference windows.
 pub(crate) const WINDOWS: usize = 24;
 
-/// Returns what a framework would export for a model: its weights with the counters of PyTorch's
-/// batch norm, windows to calibrate with, and windows with codes and reconstructions to compare
-/// with.
+/// Returns the export of a model as a framework writes it: the weights with the counters of
+/// PyTorch's batch norm, calibration windows, and reference windows with codes and reconstructions.
 pub(crate) fn export(model: &Artifact) -> File {
     let mut file = File::new();
     insert_all(&mut file, "", &model.weights);

@@ -30,7 +30,7 @@ pub(crate) fn elements(path: &Path, name: &str) -> Vec<String> {
     }
 }
 
-/// Returns, for each line of this colour in a picture, its number of points.
+/// Returns the number of points of each line of this colour in a picture.
 pub(crate) fn points(path: &Path, color: &str) -> Vec<usize> {
     let lines = elements(path, "polyline");
     let lines = lines.iter().filter(|line| line.contains(color));
@@ -40,7 +40,7 @@ pub(crate) fn points(path: &Path, color: &str) -> Vec<usize> {
         .collect()
 }
 
-/// A CSV file: the names of its columns, and the values in its other lines as texts.
+/// A CSV file: the names of its columns, and the values in the other lines as text.
 pub(crate) struct Values {
     head: Vec<String>,
     pub(crate) rows: Vec<Vec<String>>,

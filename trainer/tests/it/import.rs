@@ -1,5 +1,5 @@
-//! Tests with files that can be imported. Where PyTorch is installed, one test imports the files
-//! that the program in docs/importing.md writes.
+//! Tests of files that can be imported. If PyTorch is installed, one test imports the files written
+//! by the program in docs/importing.md.
 
 use super::export::{self, SPEC, WINDOWS, export, insert_all, write};
 use super::{Folder, assert_has, skip};
@@ -35,7 +35,7 @@ fn import(
 }
 
 /// Returns the error of the integer codes relative to the float codes, as a ratio of their RMS
-/// values, on windows that differ from those of the calibration.
+/// values, on windows other than the calibration windows.
 fn relative_code_error(model: &Artifact) -> f64 {
     let integers = model_gen::quantise(model).expect("integers");
     let encoder = FloatEncoder::new(model).expect("an encoder");
@@ -86,7 +86,7 @@ fn an_exported_network_is_imported_with_its_weights_and_codes() {
         ("imported", "random")
     );
     // The bound is wide, because random networks amplify the rounding of their inputs more than
-    // trained ones.
+    // trained networks.
     let error = relative_code_error(&model);
     assert!(error < 0.05, "{error}");
 }
@@ -102,7 +102,7 @@ fn tensors_of_other_names_and_of_64_bits_are_imported_by_the_table_of_names() {
     let (model, _) = import(&folder, &network, &spec, |file| {
         for (from, to) in [
             ("encoder.conv1.weight", "features.0.weight"),
-            // Of several entries that name a tensor or its layer, the longest one counts.
+            // If several entries name a tensor or its layer, the longest entry counts.
             ("encoder.conv1.bias", "b"),
             ("encoder.fc.bias", "to_code.offset"),
         ] {
@@ -185,12 +185,12 @@ fn a_model_in_the_folder_is_replaced_by_force_only() {
     assert_ne!(Artifact::read(&out).expect("a model").id, before.id);
 }
 
-/// The page whose Python program a test runs.
+/// The page that contains the Python program of a test.
 const PAGE: &str = include_str!("../../../docs/importing.md");
-/// Python interpreters, of which the first one with PyTorch is used.
+/// Python interpreters; the first one that has PyTorch is used.
 const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
 
-/// Returns the code block of [`PAGE`] that begins with the line `first_line`.
+/// Returns the code block of [`PAGE`] that starts with the line `first_line`.
 fn block(first_line: &str) -> &'static str {
     let (_, rest) = PAGE
         .split_once(&format!("{first_line}\n"))

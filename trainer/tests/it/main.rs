@@ -1,4 +1,4 @@
-//! Tests of the program, run as a user runs it, on small synthetic recordings and random networks.
+//! Tests of the program as a user runs it, on small synthetic recordings and random networks.
 #![forbid(unsafe_code)]
 
 mod broken_import;
@@ -28,8 +28,8 @@ use tempfile::TempDir;
 /// Labels of the electrodes in `files/montages/cyton-8.toml`.
 const LABELS: [&str; 8] = ["Fp1", "Fp2", "C3", "C4", "P7", "P8", "O1", "O2"];
 
-/// Options of a small model whose electrodes are [`LABELS`], with the recordings in the program's
-/// own folder.
+/// Options of a small model whose electrodes are [`LABELS`], with recordings in the program's
+/// working directory.
 const SMALL: &str = "--mains=50 --numbers=16 --padding=space --montage=cyton-8.toml --data=.";
 
 /// A temporary folder in which the program runs, with a copy of the montage file `cyton-8.toml`.
@@ -64,7 +64,8 @@ impl Folder {
         fs::write(self.path(name), text).expect("a file");
     }
 
-    /// Returns the command that runs the program in the folder, with arguments separated by spaces.
+    /// Returns the command that runs the program in the folder; `arguments` are separated by
+    /// spaces.
     fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trainer"));
         command
@@ -73,7 +74,7 @@ impl Folder {
         command
     }
 
-    /// Runs the program, which must end with exit status `status`; returns stdout and stderr.
+    /// Runs the program, which must exit with status `status`; returns stdout and stderr.
     fn run(&self, arguments: &str, status: i32) -> [String; 2] {
         let output = self.command(arguments).output().expect("the program");
         let [out, err] =
@@ -92,26 +93,26 @@ impl Folder {
         out
     }
 
-    /// Runs the program, which must succeed and print JSON; returns this JSON.
+    /// Runs the program, which must succeed and print JSON; returns the JSON.
     fn json(&self, arguments: &str) -> Json {
         json(&self.succeed(arguments))
     }
 
-    /// Runs the program, which must end with exit status `status`; returns what it prints to
-    /// standard error.
+    /// Runs the program, which must exit with status `status`; returns its standard error.
     fn fail(&self, arguments: &str, status: i32) -> String {
         let [_, err] = self.run(arguments, status);
         err
     }
 
-    /// Trains a small model of a mode; its folder is `model` unless the arguments name one.
+    /// Trains a small model of a mode, in the folder `model` unless the arguments name another
+    /// folder.
     fn train(&self, mode: &str, arguments: &str) -> String {
         self.succeed(&format!(
             "train {SMALL} --mode={mode} --out=model {arguments}"
         ))
     }
 
-    /// Writes a GDF file of `labels` at 250 Hz: three low-pass-filtered sources, mixed, and noise.
+    /// Writes a GDF file of `labels` at 250 Hz: three low-pass-filtered sources, mixed, plus noise.
     fn write_recording(&self, name: &str, labels: &[&str], seconds: u32, seed: u64) {
         let mix = |at: usize, sources: [f32; 3]| sources[at % 3] + 0.5 * sources[(at + 1) % 3];
         write_gdf(
@@ -125,8 +126,9 @@ impl Folder {
     }
 }
 
-/// Writes a GDF file of `seconds` seconds: three low-pass-filtered sources, which `mix` mixes for
-/// the electrode of each index, and noise of the given amplitude. `events` are rows and GDF types.
+/// Writes a GDF file of `seconds` seconds: for each electrode index, `mix` mixes three
+/// low-pass-filtered sources, and noise of the given amplitude is added. `events` are pairs of row
+/// and GDF type.
 fn write_gdf(
     path: &Path,
     labels: &[impl AsRef<str>],
@@ -178,7 +180,8 @@ fn json(text: &str) -> Json {
     serde_json::from_str(text).expect("JSON")
 }
 
-/// Prints to standard error that a test is skipped; the test harness does not capture this.
+/// Reports a skipped test on standard error directly, because the test harness captures print
+/// macros.
 fn skip(test: &str, why: &str) {
     let line = format!("SKIPPED: {test}: {why}\n");
     let _ = std::io::stderr().write_all(line.as_bytes());

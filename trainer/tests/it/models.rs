@@ -7,8 +7,8 @@ use serde_json::Value as Json;
 use std::fs;
 use std::path::Path;
 
-/// Returns a folder with two copies of the built-in model, `built-in` and `changed`, and one of the
-/// model with the paper's montage, `paper`.
+/// Returns a folder with two copies of the built-in model, `built-in` and `changed`, and a copy of
+/// the model with the paper's montage, `paper`.
 fn models() -> Folder {
     let folder = Folder::new();
     let models = concat!(env!("CARGO_MANIFEST_DIR"), "/../signal/model");
@@ -112,7 +112,7 @@ fn check_is_0_for_a_sound_model_1_for_other_golden_codes_and_2_for_a_damaged_one
     assert_eq!(object["golden_wrong"], json("[]"));
     assert_eq!(object["real_electrodes"], 61);
 
-    // The file ends with a window of 16 * 90 values. Change one in its middle: its code changes.
+    // The file ends with a window of 16 * 90 values. A change in the middle of it changes its code.
     let golden = folder.path("changed/golden.safetensors");
     let mut bytes = fs::read(&golden).expect("golden codes");
     let at = bytes.len() - 16 * 90 / 2;

@@ -9,7 +9,7 @@ use trainer::montage_check::{MontageCheck, RecordingCheck};
 const FOUR: &str = "name = \"four\"\ngrid = \"\"\"\nF3 Fz F4\nC3 _ C4\n\"\"\"\norder = [\"F3\", \"Fz\", \"F4\", \"C3\", \"C4\"]\n\
     [adc]\nchannels = 8\ngain = 24\nrate_hz = 250\n";
 
-/// Returns the check of the montage [`FOUR`] after each replacement in `changes`.
+/// Returns the check of the montage [`FOUR`] after all replacements in `changes`.
 fn check(changes: &[(&str, &str)]) -> MontageCheck {
     let mut text = FOUR.to_owned();
     for (from, to) in changes {
@@ -100,7 +100,7 @@ fn a_small_grid_and_far_neighbours_are_notes() {
     ];
     let expected = format!("2 x 4 {words}--padding space, or --mode pca");
     assert_eq!(check(&wide).notes, [expected]);
-    // On this grid, O2 lies directly below F4, from which it is far away on the head.
+    // On this grid, O2 lies directly below F4, although both are far apart on the head.
     let notes = check(&[("C3 _ C4", "C3 _ O2"), ("\"C4\"", "\"O2\"")]).notes;
     let [_, far] = notes.as_slice() else {
         panic!("{notes:?}");

@@ -6,7 +6,7 @@ use artifact::{Artifact, Mode};
 
 /// Command that adds a packed model to the artifact `model`.
 const JOIN: &str = "packed --artifact=model --mains=50 --train=run1";
-/// Command that makes a new packed model without a network, in the folder `alone`.
+/// Command that makes a packed model without a network, in the new folder `alone`.
 const ALONE: &str = "packed --montage=cyton-8.toml --out=alone --mains=50 --train=run1";
 
 /// Returns a folder with two runs, and a PCA model trained on the first run.
@@ -21,7 +21,7 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
     let folder = prepared();
     let before = folder.read("model/model.toml");
     let table = folder.succeed(&format!("{JOIN} --test=run2"));
-    // Two tables of 16 rates, each under a title and two more lines, and a blank line between them.
+    // Two tables of 16 rates, each with a title and two more lines, and a blank line between them.
     assert_eq!(table.lines().count(), 2 * 19 + 1, "{table}");
     assert_eq!(folder.read("model/model.toml"), before);
     let toml = folder.read("model/packed.toml");
@@ -37,10 +37,10 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
         assert!(bits <= figure(rate - 1, "bits_per_hop"), "{rate}");
         assert!(figure(rate, "mse") > figure(rate - 1, "mse"), "{rate}");
     }
-    // 64 coefficients represent a block's 64 values fully; only the quantiser's error remains.
+    // 64 coefficients represent a block's 64 values fully; only quantisation error remains.
     assert!(figure(0, "mse") < 0.01, "{json}");
     assert!(figure(4, "mse_smoothed") < figure(4, "mse"), "{json}");
-    // At the same error, prediction saves bits compared with the KLT without it.
+    // At equal error, prediction saves bits compared with the KLT, which does not predict.
     let klt = &json["packed_without_prediction"];
     assert_eq!(klt.as_array().map(Vec::len), Some(16));
     for rate in [2, 4, 6] {

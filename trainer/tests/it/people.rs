@@ -1,4 +1,4 @@
-//! Tests of models of several people.
+//! Tests of models trained on several people.
 
 use super::{Folder, LABELS, SMALL, assert_has, write_gdf};
 use artifact::{Artifact, Person};
@@ -7,8 +7,8 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 use std::fs;
 
-/// Writes a recording in the person's own folder. `gain` multiplies all electrodes; C4 gets noise
-/// of its own with the amplitude `noise`.
+/// Writes a recording to the person's own folder. `gain` multiplies all electrodes; C4 gets
+/// additional noise of the amplitude `noise`.
 fn write(folder: &Folder, (subject, run): (&str, u64), gain: f32, noise: f32) {
     let place = folder.path(subject);
     fs::create_dir_all(&place).expect("a folder");
@@ -22,8 +22,8 @@ fn write(folder: &Folder, (subject, run): (&str, u64), gain: f32, noise: f32) {
     write_gdf(&path, &LABELS, (250, 60), (run, 5.0 * gain), mix, &[]);
 }
 
-/// Returns a folder with recordings of three people: B is eight times as loud as A and otherwise
-/// equal, and so is C, whose C4 is bad.
+/// Returns a folder with recordings of three people: B equals A at eight times the amplitude, and C
+/// equals B except for a bad C4.
 pub(super) fn three() -> Folder {
     let folder = Folder::new();
     for run in [1, 2, 3] {
@@ -62,8 +62,8 @@ fn a_loud_person_counts_as_much_as_a_quiet_one() {
     let [a, b] = ["A1", "B1"].map(|subject| person(subject, people).sd_uv);
     assert!((b / a - 8.0).abs() < 0.01, "{people:?}");
     assert!((both.description.input.sd_uv - f64::midpoint(a, b)).abs() < 0.02 * b);
-    // Both people have the same correlations, so the model of both is that of one. Only the ADC's
-    // rounding and the scale of the filled bound of weights differ.
+    // Both people have the same correlations, so the model of both equals the model of one, except
+    // for rounding such as the ADC's.
     let weights = |model: &Artifact| {
         let shape = [16, 128];
         let tensor = model.weights.tensor("encoder.shortcut.weight", &shape);
@@ -81,13 +81,14 @@ fn a_loud_person_counts_as_much_as_a_quiet_one() {
         .map(|(one, two)| one.abs_diff(*two))
         .max();
     assert!(difference <= Some(1), "{one:?} {two:?}");
-    // The codes of the louder one must fit.
+    // The codes of the louder person must fit.
     let largest = |model: &Artifact| {
         let tensor = model.calibration.tensor("input.max_abs", &[1]);
         tensor.expect("a range")[0]
     };
     assert!((largest(&both) / largest(&alone) - 8.0).abs() < 0.01);
-    // Each person's error is that of A's model on A, which has no other electrode or source.
+    // Each person's error equals the error of A's model on A, which has no other electrode or
+    // source.
     let alone = alone.description.training.prd_percent.expect("figures");
     let tested = &both.description.training.tested;
     assert_eq!(tested.len(), 2);
@@ -117,8 +118,8 @@ fn a_bad_electrode_of_one_person_is_left_out_and_named_in_every_card() {
         }
     }
     assert_eq!(training.tested[2].bad, ["C4"]);
-    // `evaluate` interpolates as training does, so the error is the card's; the noise of C4 spoils
-    // the codes of all electrodes unless it is filled from them.
+    // `evaluate` interpolates as training does, so the error equals the card's. The noise of C4
+    // spoils the codes of all electrodes unless C4 is filled from the others.
     let [printed, log] = folder.run(
         "evaluate --artifact=model --data=[A-C]1 --test=R03 --mains=50 --json --report=report",
         0,
@@ -151,8 +152,8 @@ fn a_bad_electrode_of_one_person_is_left_out_and_named_in_every_card() {
     }
     assert!(folder.path("report/substitution-C1.svg").exists());
     assert!(!folder.path("report/substitution-A1.svg").exists());
-    // The model of the clean people is hardly better for them. With C4's noise in the training, the
-    // error would be several times as large.
+    // A model trained without C is hardly better for A and B. With C4's noise in the training,
+    // their error would be several times as large.
     let (clean, _) = train(&folder, "clean", "[AB]1");
     for (with, clean) in training
         .tested

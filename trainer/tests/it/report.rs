@@ -1,4 +1,4 @@
-//! Tests of `trainer evaluate`, and of the option `--report` of it and of `trainer train`.
+//! Tests of `trainer evaluate`, and of the option `--report` of `evaluate` and `train`.
 
 use super::files::{Values, assert_near, elements, mean, points};
 use super::{Folder, LABELS, SMALL, assert_has};
@@ -10,8 +10,8 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let train = "--train=run1 --test=run2 --epochs=1 --code-format=int8-exponent";
     let trained = folder.train("shortcut", train);
     fs::remove_file(folder.path("run1.gdf")).expect("the training file");
-    // Without `--test`, the training card's test recordings are used, which give the same figures,
-    // and those for classifiers.
+    // Without `--test`, the training card's test recordings are used. They yield the same figures
+    // as the training, and figures for classifiers.
     let again = folder.succeed("evaluate --artifact=model --data=.");
     assert!(again.starts_with(&trained), "{again}");
     assert_has(&again[trained.len()..], &["for classifiers", "\npca "]);
@@ -36,8 +36,8 @@ fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
     let origins: Vec<&str> = electrodes.column("origin");
     assert_eq!(origins[..6], ["measured"; 6]);
     assert_eq!(origins[6..], ["interpolated"; 2]);
-    // One circle is the head. Each electrode has two; the inner one is hollow if the electrode is
-    // interpolated.
+    // One circle is the head. Each electrode has two circles; the inner one is hollow if the
+    // electrode is interpolated.
     let map = elements(&folder.path("report/electrodes.svg"), "circle");
     assert_eq!(map.len(), 1 + 2 * LABELS.len());
     let is_hollow = |circle: &&String| circle.contains("r=3;") && circle.contains("fill=none;");
@@ -94,8 +94,8 @@ fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
         assert!(card.lines().any(|found| found == line), "{line}: {card}");
     }
     let picture = folder.path("report/learning.svg");
-    // Blue lines are validation errors and orange ones those of PCA; the second line of each colour
-    // is its entry in the legend, of two points.
+    // Blue lines are validation errors, and orange lines are errors of PCA. The second line of each
+    // colour is its entry in the legend, which has two points.
     assert_eq!(points(&picture, "#2B6CB0"), [4, 2]);
     assert_eq!(points(&picture, "#DD6B20"), [2, 2]);
     let page = folder.read("report/index.html");
@@ -107,7 +107,8 @@ fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
 #[test]
 fn folders_that_cannot_be_written_are_found_before_anything_is_read() {
     let folder = Folder::new();
-    // This file is no recording, and there is no model: reading either would fail with other words.
+    // This file is not a recording, and there is no model: reading either would fail with other
+    // words.
     folder.write("run1.gdf", "nothing");
     folder.write("file", "");
     let train = format!("train {SMALL} --train=run1 --out=model");

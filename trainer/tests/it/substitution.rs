@@ -28,14 +28,14 @@ fn a_table_joins_the_artifact_and_other_commands_mention_it() {
     let training = &table.description.training;
     assert_eq!(training.train_files, ["run1.gdf"]);
     assert_eq!(training.test_files, ["run2.gdf"]);
-    // Three sources in eight electrodes: each electrode follows from others but for its noise.
+    // Three sources in eight electrodes: the others predict each electrode up to its noise.
     let figures = training.figures.as_ref().expect("figures");
     assert!(
         figures.median_nmse < 0.02 && figures.worst_nmse < 0.1,
         "{figures:?}"
     );
     assert!(LABELS.contains(&figures.worst_electrode.as_str()));
-    // The noise has a variance of 5^2 / 3, a part of which the filters remove.
+    // Before the filters, which remove a part of it, the noise has a variance of 5^2 / 3.
     for units in &table.innovation {
         let uv2 = f64::from(*units) / 256.0;
         assert!((2.0..15.0).contains(&uv2), "{:?}", table.innovation);

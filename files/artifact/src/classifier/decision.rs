@@ -1,11 +1,11 @@
-//! From the features of each hop to the probability of each class.
+//! Turns the features of each hop into the probability of each class.
 
 use super::{Classifier, ClassifierError, DecisionRule};
 use std::collections::VecDeque;
 
-/// Number of levels of a feature for each doubling of its energy.
+/// Number of levels per doubling of a feature's energy.
 pub const LEVELS_PER_OCTAVE: u32 = 8;
-/// Level of the energy 1.
+/// Level that stands for an energy of 1.
 pub const LEVEL_OF_ONE: i32 = -80;
 
 /// Returns the energy that a level stands for.
@@ -13,8 +13,8 @@ pub fn energy(level: u8) -> f64 {
     (f64::from(i32::from(level) - LEVEL_OF_ONE) / f64::from(LEVELS_PER_OCTAVE)).exp2()
 }
 
-/// Returns the logarithm of each feature's mean energy over hops, each with the level of every
-/// feature.
+/// Returns the logarithm of each feature's mean energy over `hops`. Each hop is a slice with the
+/// level of every feature.
 pub fn log_energies<'a>(
     hops: &(impl Iterator<Item = &'a [u8]> + Clone),
     features: usize,
@@ -33,7 +33,7 @@ pub fn log_energies<'a>(
 #[derive(Clone, Debug)]
 pub struct Decision {
     rule: DecisionRule,
-    /// Levels of the newest hops, oldest first, at most as many as the window has; `None` for a
+    /// Levels of the newest hops, oldest first, at most as many as the window holds; `None` for a
     /// hop without usable features.
     hops: VecDeque<Option<Vec<u8>>>,
     /// The newest probabilities.
@@ -72,8 +72,8 @@ impl Decision {
         }
     }
 
-    /// Adds the levels of a hop, one for each filter, and returns the decision. Of another number
-    /// of levels, those in excess or lacking are left out.
+    /// Adds the levels of a hop, one for each filter, and returns the decision. Surplus levels are
+    /// ignored; a missing level adds nothing to the scores.
     pub fn add_hop(&mut self, levels: &[u8]) -> Prediction {
         self.push(Some(levels.to_vec()));
         let usable = self.hops.iter().flatten().map(Vec::as_slice);
@@ -87,7 +87,7 @@ impl Decision {
         }
     }
 
-    /// Adds a hop whose features are missing or not usable. The probabilities stay.
+    /// Adds a hop whose features are missing or unusable. The probabilities stay as they are.
     pub fn skip_hop(&mut self) {
         self.push(None);
     }
@@ -106,7 +106,7 @@ impl Decision {
 }
 
 impl DecisionRule {
-    /// Returns the score of each class for these features, `ln(energy)` each.
+    /// Returns the score of each class for these features, each of which is `ln(energy)`.
     pub fn scores(&self, features: &[f64]) -> Vec<f64> {
         let classes = self.weights.iter().zip(&self.bias);
         let score = |(weights, bias): (&Vec<f64>, &f64)| {
@@ -116,7 +116,7 @@ impl DecisionRule {
         classes.map(score).collect()
     }
 
-    /// Returns the probability of each class for these features: the softmax of the scores.
+    /// Returns the softmax of the scores for these features: the probability of each class.
     pub fn probabilities(&self, features: &[f64]) -> Vec<f32> {
         let scores = self.scores(features);
         let largest = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Why a file is no classifier.
+/// Why a classifier cannot be read, written or used with a device.
 #[derive(Debug, Error)]
 #[expect(
     missing_docs,

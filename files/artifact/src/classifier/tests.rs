@@ -1,12 +1,12 @@
-//! Files that are no classifier, and decisions computed by hand.
+//! Tests that invalid classifiers are refused, and that decisions equal results computed by hand.
 
 use super::*;
 
-/// A classifier of two electrodes, the difference of which is the only feature, with a window of
-/// two hops. The score of the second class is the logarithm of the energy minus that of 2^20.
+/// A classifier with a window of two hops and one feature, the difference of its two electrodes.
+/// The score of the second class is ln(energy) - ln(2^20).
 fn classifier() -> Classifier {
-    // 8 to 30 Hz at 128 Hz, as `butter(2, [8, 30], 'bandpass', fs=128)` of scipy, with the root of
-    // the gain in each section.
+    // 8 to 30 Hz at 128 Hz, as `butter(2, [8, 30], 'bandpass', fs=128)` of scipy; each section has
+    // the square root of the total gain.
     let sections = [
         [
             0.403_467_658_652_642,
@@ -127,7 +127,7 @@ fn after_a_gap_the_window_is_settled_once_half_of_it_is_usable() {
         .collect::<Vec<_>>();
     assert_eq!(settled, [false, false, false, true]);
     (0..9).for_each(|_| decision.skip_hop());
-    // The probabilities are those before the gap; energies from before it are forgotten.
+    // The probabilities stay as before the gap; the energies from before it have been dropped.
     assert!((decision.probabilities()[1] - 0.8).abs() < 1e-6);
     let prediction = decision.add_hop(&[80]);
     assert!((prediction.probabilities[1] - 0.5).abs() < 1e-6);

@@ -1,4 +1,5 @@
-//! Tests that a model survives its folder unchanged, and that invalid models are refused.
+//! Tests that a model written to a folder reads back unchanged, and that invalid models are
+//! refused.
 
 use super::*;
 use crate::description::{

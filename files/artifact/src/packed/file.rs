@@ -10,7 +10,8 @@ use safetensors::tensor::Dtype;
 
 /// Name of the file with the dimensions, units and test results of a packed model.
 pub(crate) const DESCRIPTION: &str = "packed.toml";
-/// Name of the file with the tensors of a packed model, all but one of them integers.
+/// Name of the file with the tensors of a packed model: integers, except for the synthesis and the
+/// scales of the smoother.
 pub(crate) const TENSORS: &str = "packed.safetensors";
 
 /// Names of the tensors in `packed.safetensors`.
@@ -27,7 +28,7 @@ const NAMES: [&str; 10] = [
     SYNTHESIS,
 ];
 
-/// Name of the tensor that only weighted models have.
+/// Name of the synthesis tensor, which only weighted models have.
 pub(super) const SYNTHESIS: &str = "synthesis";
 
 impl PackedModel {
@@ -88,8 +89,8 @@ impl PackedModel {
     }
 
     /// Returns the tensors of `packed.safetensors`, for blocks of `values` values. The shapes
-    /// follow from the dimensions; in a model that has not been checked, the elements can be fewer
-    /// or more.
+    /// follow from the dimensions; in a model that has not been checked, the number of elements can
+    /// differ from the shape.
     pub(super) fn tensors(&self, values: usize) -> Vec<NamedTensor<'static>> {
         let count = self.coefficients();
         let bytes = |weights: &[i8]| weights.iter().map(|w| w.cast_unsigned()).collect();

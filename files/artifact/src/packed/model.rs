@@ -1,4 +1,4 @@
-//! The integers that encoder and decoder of the packed code share, with reference computations.
+//! The integers that encoder and decoder of the packed code share, and reference computations.
 
 use crate::description::Person;
 use packed::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, RATES, Starts};
@@ -22,11 +22,11 @@ pub struct PackedDescription {
     pub unit_uv: f64,
     /// Largest magnitude of an input value; larger ones are clipped to it.
     pub input_limit: i16,
-    /// Limit for the mean square of the part of a block that its coefficients do not represent,
-    /// microvolts squared; a block above the limit is flagged as a misfit.
+    /// Limit for the mean square of the part of a block that its coefficients do not represent, in
+    /// microvolts squared. A block above the limit is flagged as a misfit.
     pub misfit_uv2: f64,
-    /// Weight of the error that the transform was fitted to; `None` if all errors weigh alike. A
-    /// weighted model has its own [synthesis](PackedModel::synthesis), and its last
+    /// Weight of the error that the transform was fitted to; `None` if all errors have equal
+    /// weight. A weighted model has its own [synthesis](PackedModel::synthesis), and its last
     /// [`packed::PROBES`] coefficients are probes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weight: Option<ErrorWeight>,
@@ -40,7 +40,7 @@ pub struct PackedDescription {
 pub struct ErrorWeight {
     /// Lower and upper edge of the band, Hz; 1 <= low < high <= 60.
     pub band_hz: [f64; 2],
-    /// Weight of the error in the band, in addition to 1 at all frequencies; above 0, no unit.
+    /// Weight of errors in the band, added to the weight 1 at all frequencies; above 0, no unit.
     pub strength: f64,
 }
 
@@ -52,7 +52,7 @@ pub struct PackedTraining {
     pub train_files: Vec<String>,
     /// File names of the test recordings.
     pub test_files: Vec<String>,
-    /// People on whom the packed model was trained, if several or with bad electrodes.
+    /// People on whom the packed model was trained, if there are several or one has bad electrodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub people: Vec<Person>,
     /// Figures (length and error) on the test recordings, one entry for each measured rate.
@@ -80,8 +80,8 @@ pub struct PackedFigures {
     pub mse_smoothed: f64,
 }
 
-/// A trained packed model. Encoder and decoder share all its integers. Only the decoder needs
-/// smoother and synthesis.
+/// A trained packed model. Encoder and decoder share all its integers. Only the decoder needs the
+/// smoother and the synthesis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedModel {
     /// Dimensions, units and test results.
@@ -101,8 +101,8 @@ pub struct PackedModel {
     /// Correction that the decoder adds to a block once the next block has arrived.
     pub smoother: Smoother,
     /// Matrix that maps coefficients to values, `[coefficient][value]`: the values with the least
-    /// weighted energy that have these coefficients. `None` for the pseudoinverse of the analysis,
-    /// if the model has no weight.
+    /// weighted energy that have these coefficients. `None` if the model has no weight; decoders
+    /// then use the pseudoinverse of the analysis.
     pub synthesis: Option<Vec<f32>>,
 }
 
@@ -115,7 +115,7 @@ impl PackedModel {
     /// Returns the coefficients of a block. Its input `values` are in the order step, electrode.
     ///
     /// # Panics
-    /// If the number of values is not that of a block.
+    /// If the number of values is not the number of values in a block.
     pub fn analyse(&self, values: &[i16]) -> Vec<i16> {
         self.analysis.multiply(values)
     }
@@ -129,7 +129,7 @@ impl PackedModel {
         self.prediction.multiply(&rounded)
     }
 
-    /// Returns how much space each magnitude with its sign takes in a coded block, in 1/16 bit.
+    /// Returns the cost of each magnitude with its sign in a coded block, in 1/16 bit.
     pub fn costs(&self) -> Box<Costs> {
         let mut costs = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
         let rows = self.starts.iter().flatten();
@@ -152,7 +152,7 @@ impl PackedModel {
     }
 }
 
-/// Returns a coefficient of the state divided by 8, rounded half up, as the prediction reads it.
+/// Returns a coefficient of the state as the prediction reads it: divided by 8, rounded half up.
 /// The result is at most 4096 in magnitude.
 pub fn rounded_state(coefficient: i16) -> i16 {
     let half = 1 << (STATE_BITS - 1);
@@ -172,9 +172,9 @@ pub struct IntegerMatrix {
 
 impl IntegerMatrix {
     /// Quantises `matrix * gain`; `matrix` is `[output][input]`. The weights of each output are
-    /// multiplied by a scale, so that they use 8 bits, but by at most what `largest_scale` returns
-    /// for them; the output's factor undoes the scale. A factor of 1/2 or more saturates, and an
-    /// artifact with such a factor is refused.
+    /// scaled up to use 8 bits, but by no more than `largest_scale` returns for them; the output's
+    /// factor undoes the scale. A factor of 1/2 or more saturates, and an artifact with such a
+    /// factor is refused.
     pub fn quantised(
         matrix: &[f64],
         inputs: usize,
@@ -205,7 +205,7 @@ impl IntegerMatrix {
     /// Returns the outputs for `inputs`, each saturated to 16 bits.
     ///
     /// # Panics
-    /// If the number of inputs is not that of the matrix.
+    /// If the number of `inputs` is not [`Self::inputs`].
     pub fn multiply(&self, inputs: &[i16]) -> Vec<i16> {
         assert_eq!(inputs.len(), self.inputs(), "inputs of the matrix");
         let rows = self.weights.chunks_exact(inputs.len().max(1));
@@ -218,7 +218,7 @@ impl IntegerMatrix {
             .collect()
     }
 
-    /// Returns the matrix that the weights and factors stand for, `[output][input]`.
+    /// Returns the matrix that weights and factors represent, `[output][input]`.
     pub fn to_float(&self) -> Vec<f64> {
         let rows = self.weights.chunks_exact(self.inputs().max(1));
         rows.zip(&self.factors)
@@ -240,12 +240,11 @@ fn requantised(sum: i32, factor: i32) -> i16 {
 }
 
 /// For each rate, a linear map from the dequantised residual of the next block to an estimate of
-/// this block's error. The error is the block's true coefficients minus its decoded ones, the
-/// state.
+/// this block's error. The error is the block's true coefficients minus its decoded coefficients,
+/// which are the state.
 ///
-/// The residual of a block depends on the error of the state from which the block was predicted,
-/// that is, of the block before it. One block later, the decoder can therefore remove a part of
-/// this error.
+/// A block is predicted from the state after the previous block, so its residual depends on the
+/// error of that state. One block later, the decoder can therefore remove a part of this error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Smoother {
     /// Weights, -127..=127, `[rate][coefficient][residual of the next block]`.
@@ -259,7 +258,7 @@ impl Smoother {
     /// `[coefficient][residual]`.
     ///
     /// # Panics
-    /// If the number of matrices is not that of the rates.
+    /// If there is not one matrix for each rate.
     pub fn quantised(matrices: &[Vec<f64>], coefficients: usize) -> Self {
         assert_eq!(matrices.len(), RATES, "one matrix for each rate");
         let mut smoother = Self {

@@ -1,4 +1,4 @@
-//! Checks that no sum of the packed code's integer encoder can leave its range.
+//! Checks that no sum in the packed code's integer encoder can overflow.
 
 use super::file::{DESCRIPTION, SYNTHESIS, TENSORS};
 use super::model::PackedModel;
@@ -6,8 +6,7 @@ use crate::description::Description;
 use crate::error::{ArtifactError, TensorProblem};
 use packed::{LEVELS, MAX_COEFFICIENTS, Tables};
 
-/// Largest magnitude of a sum of products, because the kernels compute two such sums in one
-/// register.
+/// Largest magnitude of a sum of products: the kernels compute two such sums in one register.
 pub const SUM_LIMIT: i64 = (1 << 23) - 1;
 
 /// Largest magnitude that [`rounded_state`](super::rounded_state) returns.
@@ -16,15 +15,15 @@ pub const LARGEST_STATE: i16 = 4096;
 /// Number of inputs that the encoder's matrix kernel takes at a time.
 pub const INPUTS_PER_ROUND: usize = 16;
 
-/// Returns how many inputs of a block the encoder has multiplied in total after each step: all
-/// whole rounds of 16 that have arrived, and after the last step all inputs.
+/// Returns, for each step, the total number of inputs of a block that the encoder has multiplied
+/// after it: all whole rounds of 16 that have arrived, and after the last step all inputs.
 pub fn slice_ends(electrodes: usize, steps: usize) -> Vec<usize> {
     let ends = (1..steps).map(|steps| steps * electrodes / INPUTS_PER_ROUND * INPUTS_PER_ROUND);
     ends.chain([steps * electrodes]).collect()
 }
 
 /// Checks a packed model. The error names the first part that does not fit the description, or
-/// whose sums could leave their range.
+/// whose sums could overflow.
 pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<(), ArtifactError> {
     let electrodes = description.montage.electrodes.len();
     let steps = description.window.hop;
@@ -148,8 +147,8 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
     Ok(())
 }
 
-/// Checks the lengths of all tensors. A model read from files has passed this check already; one
-/// built in memory has not.
+/// Checks the lengths of all tensors. A model read from files has already passed this check; a
+/// model built in memory has not.
 fn check_shapes(model: &PackedModel, values: usize) -> Result<(), ArtifactError> {
     for (name, kind, shape, bytes) in model.tensors(values) {
         let length = bytes.len() / (kind.bitsize() / 8);

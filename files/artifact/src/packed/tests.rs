@@ -1,4 +1,5 @@
-//! Tests that a packed model survives its files unchanged, and that invalid ones are refused.
+//! Tests that a packed model reads back from its files unchanged, and that invalid models are
+//! refused.
 
 use crate::description::Mode;
 use crate::error::{ArtifactError, TensorProblem};
@@ -70,7 +71,7 @@ fn a_packed_model_reads_back_with_the_same_id_which_covers_it() {
     assert_eq!(Artifact::read(folder.path()).unwrap(), artifact);
     let other = with(|model| model.reset_levels[3] = 5).unwrap();
     assert_ne!(other.id, artifact.id);
-    // Without the packed model, its files are removed and the id is that of the network alone.
+    // Without the packed model, its files are removed and the id is the id of the network alone.
     let plain = artifact.with_packed(None).unwrap();
     assert_eq!(plain.id, testing::pca().id);
     plain.write(folder.path()).unwrap();
@@ -96,7 +97,7 @@ fn a_weighted_model_reads_back_with_its_synthesis_which_decodes() {
     assert_eq!(read, artifact);
     let synthesis = crate::reconstruction::synthesis(&read.packed.unwrap());
     assert_eq!(synthesis, vec![0.25; values]);
-    // Weight and synthesis need each other.
+    // A weight without a synthesis is refused, and a synthesis without a weight.
     for (change, expected) in [
         (
             (|model| model.description.weight = None) as fn(&mut PackedModel),
@@ -115,7 +116,7 @@ fn a_weighted_model_reads_back_with_its_synthesis_which_decodes() {
     }
 }
 
-/// Returns a model of mode `packed`, which has the packed model but no network.
+/// Returns a model of mode `packed`: the packed model without a network.
 fn alone() -> Result<Artifact, ArtifactError> {
     let mut description = testing::description();
     description.mode = Mode::Packed;
@@ -205,7 +206,7 @@ fn a_part_of_another_length_is_refused_by_name() {
 #[test]
 fn a_tensor_that_no_packed_model_has_is_refused_by_name() {
     let [(_, toml), (_, mut tensors)] = packed().to_files().unwrap();
-    // A name as long as the old one keeps the tensors at their offsets in the file.
+    // The new name has the length of the old name, so the tensors keep their offsets in the file.
     let at = tensors
         .windows(6)
         .position(|name| name == b"starts")

@@ -12,8 +12,8 @@ pub struct HopLayout {
     /// True if a hop consists of the newest steps of its window; false if it consists of older
     /// steps, averaged over all windows that contain them.
     pub low_latency: bool,
-    /// Largest magnitude of a value, microvolts; larger values are limited to it, because a
-    /// recorder that was told this range would store them as infinite.
+    /// Largest magnitude of a value, microvolts. Larger values are clipped to it: a recorder that
+    /// was told this range would store them as infinite.
     pub full_scale_uv: f32,
 }
 
@@ -63,8 +63,8 @@ pub struct Hop {
     /// Flags of the window that was passed to [`Overlap::next_hop`] and of all windows in the
     /// average.
     pub flags: u16,
-    /// Whether the values are those of all windows that contain the hop. Windows are missing where
-    /// codes are lost, and at both ends of a stream.
+    /// Whether all windows that contain the hop contributed to the values. Windows are missing
+    /// where codes are lost, and at both ends of a stream.
     pub is_whole: bool,
 }
 
@@ -90,23 +90,24 @@ impl Overlap {
         self.earlier.clear();
     }
 
-    /// Takes the next window of the stream, writes one hop to `hop`, and returns its source and
-    /// flags.
+    /// Takes the next window of the stream, writes one hop to `hop`, and returns the hop's source
+    /// and flags.
     ///
     /// With low latency, the hop is the last one of the window; otherwise it is the first one,
     /// averaged over this window and all earlier windows that contain it.
     ///
     /// # Panics
     ///
-    /// If `hop` has another length than the layout, or the window is shorter than a hop.
+    /// If `hop` does not have the length that the layout states, or the window is shorter than a
+    /// hop.
     pub fn next_hop(&mut self, window: Window, hop: &mut [f32]) -> Hop {
         let length = self.layout.values();
         let (index, mut flags) = (window.index, window.flags);
         if self.layout.low_latency {
             self.forget();
         }
-        // After a restart of the stream, the index does not continue those of the earlier windows,
-        // and none of them contains the hop.
+        // After a restart of the stream, the index does not follow on from the earlier windows, and
+        // none of them contains the hop.
         self.earlier
             .retain(|earlier| hop_at(earlier, index, length).is_some());
         let mut shared: Vec<&[f32]> = self
@@ -164,7 +165,7 @@ fn hop_at(earlier: &Window, index: u32, length: usize) -> Option<&[f32]> {
         .get(start..start.checked_add(length)?)
 }
 
-/// Averages the steps that windows share, which lowers the error of decoding. With an earlier model
+/// Averages the steps that windows share, which lowers the decoding error. With an earlier model
 /// and two windows, the normalised squared error was 0.00971 for the average and 0.01034 for one
 /// window (recordings EEGMMIDB S001 R11 and R12). The built-in model has not been measured.
 fn average(windows: &[&[f32]], out: &mut [f32]) {
@@ -192,8 +193,8 @@ mod tests {
         full_scale_uv: 100.0,
     };
 
-    /// Returns the hops of the windows (index, values), with their sources; `None` is a lost code.
-    /// Window k has the flags 1 << k.
+    /// Returns the hops that follow from the windows (index, values), with their sources. `None`
+    /// stands for a lost code. Window k has the flags 1 << k.
     fn hops(layout: HopLayout, windows: &[(u32, Option<&[f32]>)]) -> Vec<([f32; 2], Hop)> {
         let mut overlap = Overlap::new(layout);
         let mut hop = [0.0; 2];
@@ -209,7 +210,7 @@ mod tests {
         windows.iter().map(&mut next).collect()
     }
 
-    /// Returns a hop from all windows that contain it only if it is an average.
+    /// Returns a hop that is whole if and only if its source is an average.
     fn made(source: Source, flags: u16) -> Hop {
         let is_whole = source == Source::Average;
         Hop {
@@ -219,7 +220,7 @@ mod tests {
         }
     }
 
-    /// Returns an average of fewer windows than contain the hop.
+    /// Returns an average over some, but not all, windows that contain the hop.
     fn partial(flags: u16) -> Hop {
         Hop {
             is_whole: false,

@@ -5,16 +5,17 @@ use packed::{BlockReader, Context, Magnitude, Malformed, RATES, Rate, Tables};
 
 use super::synthesis::Synthesis;
 
-/// Number of predicted blocks after a loss until the decoding error is nearly that of a stream
-/// without loss. After 8 blocks, 1.12 to 1.20 times that error was measured where 1 to 12 blocks
-/// were lost, and 1.15 times where decoding began in the middle of a run of predicted blocks.
+/// Number of predicted blocks after a loss until the decoding error is nearly as small as without
+/// loss. After 8 blocks, the error was 1.12 to 1.20 times the error without loss where 1 to 12
+/// blocks were lost, and 1.15 times where decoding began in the middle of a run of predicted
+/// blocks.
 pub const HEALING_BLOCKS: usize = 8;
 
 /// Decodes consecutive blocks of the packed code.
 ///
 /// From the first block without prediction on, the decoder's state equals the encoder's, bit for
-/// bit. After a lost block it differs, but approaches the encoder's with every block, and equals it
-/// again after the next block without prediction.
+/// bit. After a lost block the two states differ. They approach each other with every block, and
+/// are equal again after the next block without prediction.
 #[derive(Clone, Debug)]
 pub struct PackedDecoder {
     model: PackedModel,
@@ -23,8 +24,8 @@ pub struct PackedDecoder {
     /// Smoother matrix of each rate that has occurred, `[coefficient][residual of the next block]`.
     smoothers: Vec<Option<Vec<f32>>>,
     state: Vec<i16>,
-    /// Signals of every further lost block, microvolts; `None` while the prediction still changes
-    /// the state.
+    /// Signals that every further lost block yields, microvolts; `None` while the prediction still
+    /// changes the state.
     standing: Option<Vec<f32>>,
     health: Health,
 }
@@ -79,7 +80,7 @@ impl PackedDecoder {
     /// Decodes the next block. `announced` is the rate that the stream announces for its blocks.
     ///
     /// # Errors
-    /// If the bytes are no block of this model. The decoder is unchanged; call [`Self::skip`]
+    /// If the bytes are not a block of this model. The decoder is unchanged; call [`Self::skip`]
     /// instead.
     pub fn decode(&mut self, bytes: &[u8], announced: Rate) -> Result<PackedBlock, Malformed> {
         let reader = BlockReader::new(bytes, announced)?;
@@ -106,8 +107,7 @@ impl PackedDecoder {
         let smoothed = is_continuation.then(|| self.smoothed(&before, &prediction, header.rate));
         self.health = match self.health {
             _ if header.is_reset => Health::Equal,
-            // The first block that is decoded has a prediction, so the blocks before it were
-            // missed.
+            // The first block that is decoded has a prediction, so blocks before it were missed.
             Health::Unknown => Health::Healing { blocks: 1 },
             Health::Healing { blocks } => Health::Healing {
                 blocks: blocks.saturating_add(1),
@@ -121,12 +121,11 @@ impl PackedDecoder {
         })
     }
 
-    /// Skips a lost block: takes the prediction of the block as its content, and returns its
-    /// signals, microvolts.
+    /// Replaces a lost block by its prediction, and returns the predicted signals, microvolts.
     ///
     /// # Timing
-    /// Takes as long as decoding a block. After some lost blocks in a row, the prediction no longer
-    /// changes the state, and the call only copies the previous result.
+    /// Takes as long as decoding a block. After several lost blocks in a row, the prediction no
+    /// longer changes the state, and the call only copies the previous result.
     pub fn skip(&mut self) -> Vec<f32> {
         self.health = Health::Healing { blocks: 0 };
         if let Some(microvolts) = &self.standing {
@@ -163,7 +162,7 @@ impl PackedDecoder {
     }
 
     /// Returns the improved signals of the previous block, whose state was `before`. The newest
-    /// block's residual, its state minus its `prediction`, reveals a part of the error of `before`.
+    /// block's residual, its state minus its `prediction`, reveals part of the error of `before`.
     fn smoothed(&mut self, before: &[i16], prediction: &[i16], rate: Rate) -> Vec<f32> {
         let model = &self.model;
         let smoother = self

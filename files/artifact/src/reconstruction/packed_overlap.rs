@@ -5,8 +5,8 @@ use packed::{Malformed, Rate};
 
 use super::packed_decoder::PackedDecoder;
 
-/// Decodes blocks to hops. For each block it returns one hop: with low latency that of the block
-/// itself, otherwise that of the previous block, corrected with the help of the new block.
+/// Decodes blocks to hops, and returns one hop for each block. With low latency, the hop is that of
+/// the block itself; otherwise it is the hop of the previous block, corrected with the new block.
 ///
 /// `T` is a label, such as a time, that the caller passes with a block and gets back with its hop.
 #[derive(Clone, Debug)]
@@ -44,7 +44,7 @@ pub enum PackedSource {
 }
 
 impl<T: Clone> PackedOverlap<T> {
-    /// Creates an overlap that has seen no block. Values of hops are limited to the range from
+    /// Creates an overlap that has seen no block. Values of hops are clipped to the range from
     /// -`full_scale_uv` to `full_scale_uv`.
     pub fn new(model: &PackedModel, low_latency: bool, full_scale_uv: f32) -> Self {
         Self {
@@ -56,22 +56,22 @@ impl<T: Clone> PackedOverlap<T> {
         }
     }
 
-    /// Forgets all blocks, because the next one is the first of another recording.
+    /// Forgets all blocks. To be called when the next block belongs to another recording.
     pub fn restart(&mut self) {
         self.decoder.restart();
         self.newest = None;
     }
 
-    /// Takes over the newest hop and the count of malformed blocks from `before`, when another
-    /// device continues the stream that `before` decoded.
+    /// Takes over the newest hop and the count of malformed blocks from `before`. To be called when
+    /// another device continues the stream that `before` decoded.
     pub fn continue_from(&mut self, before: &mut Self) {
         self.newest = before.newest.take();
         self.malformed = before.malformed;
     }
 
-    /// Decodes the next block (its bytes and its rate as on the wire), or replaces a lost one
+    /// Decodes the next block (its bytes and its rate as on the wire), or replaces a lost block
     /// (`None`) by its prediction. Returns the hop that is now complete, if any: without low
-    /// latency, there is none for the first block. A malformed block, or one with an invalid rate,
+    /// latency, the first block completes no hop. A malformed block, or one with an invalid rate,
     /// is counted and replaced like a lost one.
     pub fn next_hop(&mut self, block: Option<(&[u8], u8)>, label: T) -> Option<PackedHop<T>> {
         let received = block.map(|(bytes, rate)| {
@@ -95,8 +95,8 @@ impl<T: Clone> PackedOverlap<T> {
     }
 
     /// Stores `newest` as the hop of the next block, without decoding the block, and returns the
-    /// hop that [`Self::next_hop`] would return, but without correction. For callers that need no
-    /// signals: blocks decoded afterwards yield wrong signals.
+    /// hop that [`Self::next_hop`] would return, but uncorrected. For callers that need no signals:
+    /// blocks decoded after this call yield wrong signals.
     pub fn pass(&mut self, newest: PackedHop<T>) -> Option<PackedHop<T>> {
         self.complete(newest, None)
     }
@@ -121,8 +121,8 @@ impl<T: Clone> PackedOverlap<T> {
         completed.map(|hop| self.limited(hop))
     }
 
-    /// Returns the last hop, which waits for a next block that will not come. `None` with low
-    /// latency, which returned this hop at once.
+    /// Returns the last hop, which still waits for a next block. Returns `None` with low latency,
+    /// where [`Self::next_hop`] has already returned this hop.
     pub fn finish(&mut self) -> Option<PackedHop<T>> {
         let newest = self.newest.take().filter(|_| !self.low_latency);
         newest.map(|hop| self.limited(hop))
@@ -134,8 +134,8 @@ impl<T: Clone> PackedOverlap<T> {
         self.newest.as_ref()
     }
 
-    /// Number of received blocks that were malformed: their bytes are no block of this model, or
-    /// their rate is invalid.
+    /// Returns the number of received blocks that were malformed: their bytes are not a block of
+    /// this model, or their rate is invalid.
     pub fn malformed(&self) -> u64 {
         self.malformed
     }

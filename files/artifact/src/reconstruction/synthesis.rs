@@ -2,8 +2,8 @@
 
 use crate::PackedModel;
 
-/// Maps coefficients to signals: the synthesis of a packed model, or the pseudoinverse of its
-/// analysis if it has none.
+/// Maps coefficients to signals with the synthesis of a packed model, or with the pseudoinverse of
+/// the analysis if the model has no synthesis.
 #[derive(Clone, Debug)]
 pub(crate) struct Synthesis {
     /// Microvolts that one unit of a coefficient adds to a value, `[coefficient][value]`.
@@ -45,8 +45,8 @@ impl Synthesis {
 }
 
 /// Returns the matrix with which decoders map coefficients to values, `[coefficient][value]`: the
-/// model's own, or the pseudoinverse of its analysis. It is not finite if rows of the analysis
-/// depend on each other.
+/// model's own, or the pseudoinverse of its analysis. The pseudoinverse is not finite if rows of
+/// the analysis are linearly dependent.
 pub fn synthesis(model: &PackedModel) -> Vec<f64> {
     if let Some(synthesis) = &model.synthesis {
         return synthesis.iter().map(|&value| f64::from(value)).collect();
@@ -100,7 +100,6 @@ fn solve(matrix: &mut [f64], right: &mut [f64], count: usize, columns: usize) {
     }
 }
 
-/// Subtracts `factor * other` from `values`.
 fn subtract(values: &mut [f64], other: &[f64], factor: f64) {
     for (value, other) in values.iter_mut().zip(other) {
         *value -= factor * other;
@@ -114,7 +113,7 @@ mod tests {
     #[test]
     fn a_system_with_a_known_solution_is_solved() {
         let mut matrix = [4.0, 2.0, 0.0, 2.0, 5.0, 1.0, 0.0, 1.0, 3.0];
-        // The right sides belong to the solutions x = (1, 2, 3) and x = (0, -1, 2).
+        // The right sides for the solutions x = (1, 2, 3) and x = (0, -1, 2).
         let mut right = [8.0, -2.0, 15.0, -3.0, 11.0, 5.0];
         solve(&mut matrix, &mut right, 3, 2);
         for (value, expected) in right.iter().zip([1.0, 0.0, 2.0, -1.0, 3.0, 2.0]) {

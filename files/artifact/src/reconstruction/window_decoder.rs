@@ -35,7 +35,7 @@ impl WindowDecoder {
     ///
     /// # Panics
     ///
-    /// If the code's length is not that of the model's codes.
+    /// If `z` does not have the length of the model's codes.
     pub fn decode(&self, z: &[f32]) -> Vec<f32> {
         let mut window = self.network.decode(z);
         for value in &mut window {
@@ -54,8 +54,8 @@ pub fn dequantise(level: i32, scale: f32, zero_point: i8) -> f32 {
     (level - i32::from(zero_point)) as f32 * scale
 }
 
-/// Returns the smallest and the largest value that any number of a code can dequantise to, if its
-/// levels are from `least` to `greatest`; zeros for a code without numbers.
+/// Returns the smallest and the largest value that any number of a code can dequantise to, for
+/// levels from `least` to `greatest`; zeros for a code without numbers.
 pub fn code_range([least, greatest]: [i32; 2], scale: &[f32], zero_point: &[i8]) -> [f32; 2] {
     if scale.is_empty() {
         return [0.0; 2];

@@ -1,4 +1,4 @@
-//! Tests that a table survives its files unchanged, and that invalid ones are refused.
+//! Tests that a table reads back from its files unchanged, and that invalid tables are refused.
 
 use super::*;
 use crate::folder::Artifact;
@@ -29,7 +29,7 @@ fn a_table_reads_back_with_the_same_id_which_covers_it() {
     assert_eq!(artifact.write(folder.path()).unwrap(), artifact.id);
     assert_eq!(Artifact::read(folder.path()).unwrap(), artifact);
     assert_ne!(with(|table| table.weights[1] = 1).unwrap().id, artifact.id);
-    // Without the table, its files are removed and the id is that of the rest alone.
+    // Without the table, its files are removed and the id is the hash of the other files alone.
     let without = artifact.clone().with_substitution(None).unwrap();
     assert_eq!(without.write(folder.path()).unwrap(), plain.id);
     assert_eq!(Artifact::read(folder.path()).unwrap(), plain);

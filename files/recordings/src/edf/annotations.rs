@@ -3,7 +3,7 @@
 use crate::event::{Event, EventLabel};
 use crate::header::decoded;
 
-/// Byte after the time stamp and after each text of an annotation list.
+/// Byte that ends the time stamp and each text of an annotation list.
 const TEXT_END: u8 = 0x14;
 /// Byte between the onset and the duration in the time stamp of an annotation list.
 const DURATION: u8 = 0x15;
@@ -11,17 +11,17 @@ const DURATION: u8 = 0x15;
 /// Number of bytes of an invalid list that a warning shows.
 const SHOWN: usize = 40;
 
-/// What the annotations of one record state.
+/// The contents of the annotations in one record.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct RecordAnnotations {
     /// Start of the record, in seconds since the start of the file: the onset of the first list
-    /// whose first text is empty. EDF+ requires such a list in each record; `None` if it is
-    /// missing.
+    /// whose first text is empty. EDF+ requires such a list in each record; `None` if the record
+    /// has none.
     pub(crate) record_start_s: Option<f64>,
     pub(crate) events: Vec<Event>,
-    /// Number of lists that are not valid.
+    /// Number of invalid lists.
     pub(crate) invalid: u64,
-    /// The start of the first list that is not valid, with escapes.
+    /// The start of the first invalid list, with escapes.
     pub(crate) first_invalid: Option<String>,
 }
 
@@ -55,7 +55,7 @@ fn parse_list(list: &[u8], found: &mut RecordAnnotations) -> bool {
         None => None,
     };
     let texts: Vec<&[u8]> = parts.collect();
-    // Every text, also the last, ends with a separator, so the last part must be empty.
+    // Every text, including the last, ends with a separator, so the last part must be empty.
     let Some((&[], texts)) = texts.split_last() else {
         return false;
     };

@@ -1,12 +1,12 @@
-//! Dates and times as the header of an EDF file writes them: in local time.
+//! Dates and times as EDF headers state them: in local time.
 
 use jiff::civil;
 use jiff::{Timestamp, tz::TimeZone};
 
-/// Start of a file that does not state when it was recorded: the first day that EDF can state.
+/// Start stated in a file whose start is unknown: the first day that EDF can state.
 const UNKNOWN: civil::DateTime = civil::DateTime::constant(1985, 1, 1, 0, 0, 0, 0);
 
-/// Start of a file by the clock of the place where it was recorded.
+/// Start of a file in the local time of this machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct LocalStart {
     local: civil::DateTime,
@@ -14,7 +14,8 @@ pub(crate) struct LocalStart {
 }
 
 impl LocalStart {
-    /// Converts nanoseconds since 1970, UTC, to the time zone `zone`; `None` for an unknown start.
+    /// Converts nanoseconds since 1970, UTC, to the time zone `zone`; `None` means an unknown
+    /// start.
     pub(crate) fn new(wall_ns: Option<i64>, zone: &TimeZone) -> LocalStart {
         let timestamp = wall_ns.and_then(|ns| Timestamp::from_nanosecond(ns.into()).ok());
         LocalStart {

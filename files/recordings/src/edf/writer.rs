@@ -1,4 +1,4 @@
-//! Writes EDF+ and BDF+ files: samples of 16 or 24 bits at one rate, and events as annotations.
+//! Writes EDF+ and BDF+ files: 16-bit or 24-bit samples at one rate, and events as annotations.
 //!
 //! Sources: Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
 
@@ -20,8 +20,8 @@ const MAX_RECORDS: u64 = 99_999_999;
 /// a point, and the bytes 0x14, 0x14, 0.
 const TIME_STAMP: usize = 20;
 
-/// An annotation to write: its rows, and its text. An empty range is an instant, without a
-/// duration.
+/// An annotation to write: its range of rows, and its text. An empty range means an instant; the
+/// annotation then has no duration.
 pub type RowAnnotation = (Range<u64>, String);
 
 /// The properties in which EDF+ and BDF+ differ.
@@ -51,7 +51,7 @@ const BDF: Variant = Variant {
 };
 
 /// Writes an EDF+ or BDF+ file record by record. A signal's range is mapped to integers of 16 or 24
-/// bits; values are rounded, and values outside the range are limited to it.
+/// bits. Values are rounded, and values outside the range are clipped to it.
 #[derive(Debug)]
 pub struct EdfWriter<W> {
     out: W,
@@ -60,10 +60,10 @@ pub struct EdfWriter<W> {
     lines: Vec<Calibration>,
     rows_per_record: usize,
     rate_hz: u32,
-    /// Length in bytes of the annotation signal in a record, a multiple of that of a sample.
+    /// Length in bytes of the annotation signal in a record, a multiple of the sample length.
     annotation_bytes: usize,
-    /// Annotations that are not written yet, each with the index of its record, in reverse order,
-    /// so that the next one can be popped.
+    /// Annotations that are not yet written, each with the index of its record, in reverse order,
+    /// so that the next annotation can be popped.
     annotations: Vec<(u64, RowAnnotation)>,
     records: u64,
     record: Vec<u8>,
@@ -71,7 +71,7 @@ pub struct EdfWriter<W> {
 
 impl<W: Write + Seek> EdfWriter<W> {
     /// Writes the header of an EDF+ file with `rows` rows. `annotations` must be in the order of
-    /// their first rows; those after the last row are put into the last record.
+    /// their first rows; annotations after the last row go into the last record.
     ///
     /// # Errors
     /// `InvalidInput` if the file does not fit the format; otherwise the operating system's error.
@@ -87,7 +87,7 @@ impl<W: Write + Seek> EdfWriter<W> {
     /// Writes the header of a BDF+ file; arguments as in [`Self::edf`].
     ///
     /// # Errors
-    /// Those of [`Self::edf`].
+    /// The errors of [`Self::edf`].
     pub fn bdf(
         out: W,
         file: &FileToWrite,
@@ -227,7 +227,7 @@ fn number(value: f64) -> String {
     fitting.next().unwrap_or_else(|| "99999999".to_owned())
 }
 
-/// Returns the time of a row in seconds since the start of the file, as text.
+/// Returns the time of a row as text, in seconds since the start of the file.
 fn onset(row: u64, rate_hz: u32) -> String {
     let rate_hz = u64::from(rate_hz.max(1));
     let (whole, rest) = (row / rate_hz, row % rate_hz);
@@ -236,8 +236,8 @@ fn onset(row: u64, rate_hz: u32) -> String {
 
 /// Encodes an annotation as a time-stamped annotation list.
 fn list((rows, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
-    // The bytes 0x14, 0x15 and 0 separate parts of a list, and MNE and edfio skip a text with a
-    // line feed.
+    // The bytes 0x14, 0x15 and 0 separate the parts of a list, and MNE and edfio skip texts that
+    // contain a line feed.
     let text = text.replace(char::is_control, " ");
     let start = onset(rows.start, rate_hz);
     let stamp = if rows.is_empty() {
@@ -248,7 +248,7 @@ fn list((rows, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
     format!("+{stamp}\x14{text}\x14\0").into_bytes()
 }
 
-/// Returns the time zone of this machine, that of `TZ` if it is set; UTC if the machine has none.
+/// Returns this machine's time zone, or the zone in `TZ` if it is set; UTC if there is none.
 fn zone() -> io::Result<TimeZone> {
     match TimeZone::try_system() {
         Err(_) if env::var_os("TZ").is_some_and(|zone| !zone.is_empty()) => Err(invalid(

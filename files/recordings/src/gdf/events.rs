@@ -14,13 +14,13 @@ pub(crate) const PREFIX: usize = 8;
 /// Length in bytes of the longest event table that is searched for: in mode 7, 20 bytes for each of
 /// 2^24 - 1 rows, the most that GDF 2 allows.
 const TABLE_MAX: u64 = PREFIX as u64 + 20 * 0x00ff_ffff;
-/// Bit of the mode for the columns of channels and durations.
+/// Bit of the mode that states that the table has columns of channels and durations.
 const DURATIONS: u8 = 2;
-/// Bit of the mode, from GDF 2.51 on, for a column of time stamps (u64) after all others.
+/// Bit of the mode, from GDF 2.51 on, for a column of time stamps (u64) after all other columns.
 const TIME_STAMPS: u8 = 4;
 
-/// First GDF version whose table prefix is mode (u8), count (u24), rate (f32); earlier ones have
-/// mode (u8), rate (u24), count (u32). The libraries biosig and MNE use the same limit.
+/// First GDF version whose table prefix is mode (u8), count (u24), rate (f32); in earlier versions
+/// it is mode (u8), rate (u24), count (u32). The libraries biosig and MNE use the same limit.
 const NEW_PREFIX: f64 = 1.94;
 
 /// The first eight bytes of an event table, which its columns follow.
@@ -62,8 +62,8 @@ impl TablePrefix {
         is_known.then_some(u64::from(self.count) * row)
     }
 
-    /// Returns whether the table states a plausible rate: at least 1 mHz. If the bytes read as the
-    /// rate are in truth a small integer, the float is far below this limit.
+    /// Returns whether the table states a plausible rate: at least 1 mHz. If the bytes are in truth
+    /// a small integer, they read as a float far below this limit.
     fn states_rate(&self) -> bool {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }
@@ -118,7 +118,7 @@ impl TablePrefix {
 /// No field of the file states where the records end. The function therefore goes backwards through
 /// the last [`TABLE_MAX`] bytes and tests, at the end of each record, whether the prefix of an
 /// event table follows: its mode and count must yield the remaining length of the file. Samples can
-/// fulfil this by chance, so [`is_table`] checks the columns too.
+/// meet this condition by chance, so [`is_table`] also checks the columns.
 ///
 /// # Errors
 /// [`RecordingError::Read`] if reading fails.
@@ -166,8 +166,8 @@ pub(crate) fn records_before_table(
 
 /// Returns whether the columns at byte offset `at` are plausible for the prefix `table`. The first
 /// 16,384 event positions must be within twice the duration that the file would have without a
-/// table. A table without rows must state its rate; otherwise samples whose bytes mean mode 1 and
-/// count 0 would be taken for a table.
+/// table. A table without rows must state a plausible rate, because samples can also have bytes
+/// that mean mode 1 and count 0.
 fn is_table(
     source: &mut dyn Source,
     header: &Header,

@@ -12,10 +12,10 @@ const MAGIC: &[u8; 8] = b"GDF 2.20";
 const RECORDS_AT: u64 = 236;
 /// GDF's type number of float32.
 const FLOAT32: u32 = 16;
-/// GDF's codes of two units: microvolts, and a number without a unit.
+/// GDF's codes of two units: microvolt and dimensionless.
 const MICROVOLT: u16 = 4275;
 const DIMENSIONLESS: u16 = 512;
-/// Largest number of rows in an event table, which states the number in 24 bits.
+/// Largest number of rows in an event table, whose header stores the number in 24 bits.
 const MAX_EVENTS: usize = 0xff_ffff;
 
 /// Writes a GDF file record by record. Values are stored unchanged as float32.
@@ -115,10 +115,10 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     bytes.extend(padded("X X", 66));
     bytes.resize(88, 0);
     bytes.extend(padded(&file.description, 64));
-    // The zeros before the time leave the place of the recording unstated.
+    // The zeros before the time mean that the place of the recording is not stated.
     bytes.resize(168, 0);
     bytes.extend(gdf_time(file.start_ns.unwrap_or(UNKNOWN_NS)).to_le_bytes());
-    // The zeros leave the patient's birthday unstated.
+    // The zeros mean that the patient's birthday is not stated.
     bytes.resize(184, 0);
     bytes.extend((count + 1).to_le_bytes());
     bytes.resize(236, 0);
@@ -156,12 +156,11 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Start of a file that does not state when it was recorded, nanoseconds since 1970: 1 January
-/// 1985, as in EDF.
+/// Start stated in a file whose start is unknown, nanoseconds since 1970: 1 January 1985, as in
+/// EDF.
 const UNKNOWN_NS: i64 = 473_385_600_000_000_000;
 /// Number of days from GDF's day 0 (1 January of the year 0) to 1 January 1970.
 const DAYS_TO_1970: i128 = 719_529;
-/// Nanoseconds in a day.
 const DAY_NS: i128 = 86_400_000_000_000;
 
 /// Converts nanoseconds since 1970 to GDF's time format: days in the upper 32 bits, the fraction of

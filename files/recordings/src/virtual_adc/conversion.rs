@@ -25,16 +25,16 @@ pub(super) struct SignalRate<'a> {
 pub(super) struct Conversion {
     pub(super) spec: AdcSpec,
     groups: Vec<RateGroup>,
-    /// For each electrode, the signals and weights whose weighted sum is its value.
+    /// For each electrode, the signals and weights whose weighted sum is the electrode's value.
     mixes: Vec<Vec<MixTerm>>,
     /// Samples converted to counts but not delivered yet; boxed, because the block is large.
     converted: Box<CountBlock>,
-    /// Dither of counts that repeat; `None` to convert exactly.
+    /// Dither of repeated counts; `None` to convert exactly.
     pub(super) dither: Option<Dither>,
     pub(super) counters: AdcCounters,
 }
 
-/// A signal and its weight in the sum that is the value of an electrode.
+/// A signal and its weight in the sum that forms an electrode's value.
 struct MixTerm {
     group: usize,
     /// Index of the signal within its rate group.
@@ -118,7 +118,7 @@ impl Conversion {
         self.converted.is_empty() && self.ready() == 0
     }
 
-    /// Returns the number of samples that all groups can resample from what has been appended.
+    /// Returns the number of samples that all groups can resample from the input appended so far.
     fn ready(&self) -> usize {
         let ready = self.groups.iter().map(|group| group.converter.ready());
         ready.min().unwrap_or(usize::MAX)
@@ -139,8 +139,8 @@ impl Conversion {
         }
     }
 
-    /// Extends every signal by its last finite sample, for as long as its resampler waits for later
-    /// samples. After the last record, this yields the outputs that are still missing.
+    /// Extends every signal by its last finite sample, by as many samples as its resampler waits
+    /// for. After the last record, this yields the remaining outputs.
     pub(super) fn flush(&mut self) {
         for group in &mut self.groups {
             group.hold(group.converter.delay().max(1));
@@ -175,7 +175,7 @@ impl Conversion {
         }
     }
 
-    /// Returns the largest number of input samples for which a resampler waits; 0 if no signal is
+    /// Returns the longest wait of a resampler for later input, in samples; 0 if no signal is
     /// resampled.
     pub(super) fn delay(&self) -> usize {
         let delays = self.groups.iter().map(|group| group.converter.delay());

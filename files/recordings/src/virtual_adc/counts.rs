@@ -1,4 +1,4 @@
-//! Converts microvolts to counts, and dithers counts that repeat.
+//! Converts microvolts to counts, and dithers repeated counts.
 
 use std::ops::RangeInclusive;
 
@@ -7,12 +7,12 @@ use super::CHANNELS;
 /// Smallest and largest output of a 24-bit ADC, counts.
 const RAILS: RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
-/// Largest number of samples converted together. One channel's values and the counts of all
-/// channels then fit a processor's first-level cache.
+/// Largest number of samples converted together. At this size, one channel's values and the counts
+/// of all channels fit a processor's first-level cache.
 const SAMPLES: usize = 64;
 
-/// A block of samples of the ADC. Microvolts are converted to counts one channel at a time, over
-/// all samples of the block, because the compiler vectorises such a loop.
+/// A block of ADC samples. Microvolts are converted to counts one channel at a time, over all
+/// samples of the block, because the compiler vectorises such a loop.
 pub(super) struct CountBlock {
     counts: [[i32; CHANNELS]; SAMPLES],
     /// Number of channels of each sample that were beyond the rails.
@@ -72,8 +72,8 @@ impl CountBlock {
         }
     }
 
-    /// Returns the next sample, and the number of its channels that were beyond the rails; zeros if
-    /// the block is empty.
+    /// Returns the next sample, and the number of its channels that were beyond the rails. Both are
+    /// zero if the block is empty.
     pub(super) fn next(&mut self) -> ([i32; CHANNELS], u64) {
         let at = self.delivered;
         let (Some(counts), Some(saturated)) = (self.counts.get(at), self.saturated.get(at)) else {
@@ -85,8 +85,7 @@ impl CountBlock {
 }
 
 /// Rounds to the nearest integer, ties away from zero, as `f64::round` does. `value` must be within
-/// [`RAILS`]. Unlike `f64::round`, for which many processors have no vector instruction, this
-/// vectorises.
+/// [`RAILS`]. This form vectorises; many processors have no vector instruction for `f64::round`.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "within i24")]
 fn rounded(value: f64) -> i32 {
@@ -102,13 +101,13 @@ const CONVERTER_CHANNELS: usize = 8;
 /// Adds one count where all channels of a chip would repeat their last sample.
 ///
 /// A real chip has noise, so its driver reports eight repeated counts as a frozen chip. A recording
-/// has no such noise: where it is flat or of low resolution, samples repeat exactly. There, every
-/// second sample is raised by one count (22.35 nV, a ninth of the chip's rms noise at 512 Hz) on
-/// each channel that is neither 0 nor at a rail. All other samples stay as they are.
+/// can be flat or of low resolution, so its samples can repeat exactly. There, every second sample
+/// is raised by one count (22.35 nV, a ninth of the chip's rms noise at 512 Hz) on each channel
+/// that is neither 0 nor at a rail. All other samples stay as they are.
 #[derive(Debug)]
 pub(super) struct Dither {
-    /// Previous sample as delivered. It starts as `i32::MIN`, which is outside the range of 24
-    /// bits, so that the first sample never counts as a repetition.
+    /// Previous sample as delivered. It starts as `i32::MIN`, which no 24-bit count reaches, so
+    /// that the first sample never counts as a repetition.
     last: [i32; CHANNELS],
 }
 
@@ -135,7 +134,7 @@ impl Dither {
     }
 }
 
-/// Returns whether a count is neither 0, as on a channel without an electrode, nor at a rail.
+/// Returns whether a count is neither at a rail nor 0, the count of channels without an electrode.
 fn is_live(count: i32) -> bool {
     let value = f64::from(count);
     count != 0 && value > *RAILS.start() && value < *RAILS.end()

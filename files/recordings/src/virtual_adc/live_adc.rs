@@ -1,15 +1,15 @@
-//! The virtual ADC for samples that arrive while they are measured.
+//! The virtual ADC for samples that arrive in real time.
 
 use crate::{error::RecordingError, montage_map::MontageMap, ratio::Ratio};
 
 use super::conversion::{Conversion, SignalRate};
 use super::{AdcCounters, AdcSpec, CHANNELS};
 
-/// Converts samples to those of an ADC as they arrive. The counts equal those of
-/// [`VirtualAdc`](super::VirtualAdc) for a recording of the same samples, bit for bit.
+/// Converts samples to ADC counts as they arrive. The counts equal those that
+/// [`VirtualAdc`](super::VirtualAdc) yields for a recording of the same samples, bit for bit.
 ///
-/// Samples at the rate of the ADC are converted at once. At other rates a sample of the ADC waits
-/// for the [`LiveAdc::delay`] samples after it.
+/// Input at the rate of the ADC is converted at once. At other rates, an output sample waits for
+/// the [`LiveAdc::delay`] input samples after it.
 ///
 /// ```
 /// use recordings::{AdcSpec, LiveAdc, Missing, MontageMap};
@@ -33,7 +33,7 @@ impl LiveAdc {
     /// must have been created from the same labels.
     ///
     /// # Errors
-    /// Those of [`VirtualAdc::new`](super::VirtualAdc::new).
+    /// The errors of [`VirtualAdc::new`](super::VirtualAdc::new).
     pub fn new<L: AsRef<str>>(
         labels: &[L],
         rate_hz: u32,
@@ -71,13 +71,13 @@ impl LiveAdc {
         (!self.conversion.is_starved()).then(|| self.conversion.next_counts())
     }
 
-    /// Returns the largest number of input samples from the time of a sample of the ADC to the last
-    /// one that it depends on; 0 if nothing is resampled.
+    /// Returns the largest number of input samples from the time of an output sample to the last
+    /// input sample that it depends on; 0 if nothing is resampled.
     pub fn delay(&self) -> usize {
         self.conversion.delay()
     }
 
-    /// Returns the numbers of saturated and non-finite values since the first sample.
+    /// Returns how many values were saturated or not finite since the first sample.
     pub fn counters(&self) -> AdcCounters {
         self.conversion.counters
     }

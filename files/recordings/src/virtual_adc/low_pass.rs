@@ -1,27 +1,27 @@
-//! Low-pass whose output can be at any position between two samples of its input.
+//! Low-pass filter whose output can be at any position between two input samples.
 
 use std::f64::consts::PI;
 
 use crate::ratio::{Ratio, quotient};
 
-/// Least attenuation of the design, dB. Kaiser's formula is exact to some dB; the tests require 90.
+/// Design attenuation, dB. Kaiser's formula is only accurate to a few dB; the tests require 90 dB.
 const ATTENUATION_DB: f64 = 93.0;
-/// Upper edge of the pass band, Hz: that of the EEG which a device encodes.
+/// Upper edge of the pass band, Hz: the upper edge of the EEG band that a device encodes.
 const PASS_HZ: f64 = 60.0;
-/// Largest upper edge of the pass band, divided by half the lower of the two rates.
+/// Largest upper edge of the pass band, as a fraction of half the lower of the two rates.
 const PASS_SHARE: f64 = 0.9;
 /// Frequency up to which the images of the input are in the stop band, Hz. The image of a frequency
-/// f is at the input's rate minus f. The images of higher frequencies lie beyond half that rate,
-/// where a device's band-pass attenuates them by more than the originals.
+/// f is at the input's rate minus f. Images of higher frequencies are outside the stop band, but
+/// above half the input's rate, where a device's band-pass attenuates them more than the originals.
 const IMAGES_HZ: f64 = 90.0;
-/// Number of taps of which the products are summed separately, so that the compiler can use vector
-/// instructions. The number of taps is a multiple of it.
+/// Number of taps whose products are summed separately, so that the compiler can use vector
+/// instructions. The number of taps is a multiple of this number.
 const LANES: usize = 4;
-/// Largest number of taps that are computed once and kept: 8 MiB.
+/// Largest number of taps that are precomputed for all phases and kept: 8 MiB.
 const KEPT_TAPS: u64 = 1 << 20;
 
-/// A sinc under a Kaiser window. The tap for a sample of the input, d samples after the position of
-/// the output, is
+/// A sinc under a Kaiser window. The tap for an input sample d samples after the output's position
+/// is
 ///
 /// ```text
 /// h(d) = g sin(pi c d) / (pi d) I0(b sqrt(1 - (2 d / T)^2))   for |d| < T / 2, otherwise 0
@@ -32,32 +32,30 @@ const KEPT_TAPS: u64 = 1 << 20;
 ///
 /// where I0 is the modified Bessel function, A the attenuation in dB, T the number of taps, p the
 /// end of the pass band and s the start of the stop band. c, p and s are frequencies divided by
-/// half the rate of the input. The stop band starts at half the rate of the output or, where the
-/// input has the lower rate, at the image of [`IMAGES_HZ`] if that is lower, but not below half the
-/// rate of the input. g makes the taps of each position sum to 1, so that a constant passes
-/// unchanged. T follows from [`ATTENUATION_DB`], rounded up to a multiple of [`LANES`], and A from
-/// this T.
+/// half the input rate. The stop band starts at half the output rate. If the input has the lower
+/// rate, it starts at the image of [`IMAGES_HZ`] if that is lower, but not below half the input
+/// rate. g makes the taps of each position sum to 1, so that a constant passes unchanged. T follows
+/// from [`ATTENUATION_DB`], rounded up to a multiple of [`LANES`], and A from this T.
 ///
 /// Source: J. F. Kaiser, "Nonrecursive digital filter design using the I0-sinh window function",
 /// IEEE Int. Symp. Circuits and Systems, 1974; b and T as in `scipy.signal.kaiserord`.
 pub(super) struct LowPass {
     /// Number of taps T.
     taps: usize,
-    /// The cut-off c: the frequency of half the amplitude, divided by half the rate of the input.
+    /// Cut-off c, at which the amplitude is halved, divided by half the input rate.
     cutoff: f64,
     /// Shape b of the window.
     beta: f64,
-    /// Number of positions between two samples at which there are outputs.
+    /// Number of output positions between two input samples.
     phases: u64,
-    /// Whether the taps of all phases are in `table`, and not only those of the newest phase.
+    /// Whether `table` holds the taps of all phases, or only the taps of the newest phase.
     is_kept: bool,
     /// Taps, `[phase][tap]`.
     table: Vec<f64>,
 }
 
 impl LowPass {
-    /// Designs the low-pass for outputs that are `step` samples of the input apart. The input has
-    /// the rate `rate_hz`.
+    /// Designs the low-pass for outputs `step` input samples apart and an input at `rate_hz`.
     pub(super) fn new(rate_hz: f64, step: Ratio) -> Self {
         let half_rate = rate_hz / 2.0;
         let half_output = 1.0 / step.value();
@@ -93,9 +91,9 @@ impl LowPass {
         self.taps
     }
 
-    /// Returns the taps for an output whose position is `phase` / (denominator of the step) of a
-    /// sample after a sample of the input. The first tap is that of the input T / 2 - 1 samples
-    /// before the latter.
+    /// Returns the taps for an output that lies `phase` / (denominator of the step) of a sample
+    /// after an input sample. The first tap belongs to the input T / 2 - 1 samples before this
+    /// input sample.
     pub(super) fn phase(&mut self, phase: u64) -> &[f64] {
         if !self.is_kept {
             self.table = self.design(phase);
@@ -105,7 +103,6 @@ impl LowPass {
         &self.table[at..at + self.taps]
     }
 
-    /// Computes the taps of a phase.
     fn design(&self, phase: u64) -> Vec<f64> {
         let half = self.taps / 2;
         let offset = quotient(phase, self.phases) + quotient(half as u64 - 1, 1);
@@ -116,7 +113,7 @@ impl LowPass {
             if rise <= 0.0 {
                 return 0.0;
             }
-            // `libm`, because the standard library's sine depends on the platform.
+            // `libm` yields the same sine on every platform; the standard library does not.
             let sinc = if distance == 0.0 {
                 self.cutoff
             } else {
@@ -133,8 +130,8 @@ impl LowPass {
     }
 }
 
-/// Returns the sum of the products of taps and input, whose lengths are equal. The order of the
-/// additions is fixed, so that the sum is the same on every machine.
+/// Returns the sum of the products of taps and input, whose lengths are equal. The additions have a
+/// fixed order, so the sum is the same on every machine.
 pub(super) fn weighted_sum(taps: &[f64], input: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
     let (taps, _) = taps.as_chunks::<LANES>();
@@ -147,8 +144,8 @@ pub(super) fn weighted_sum(taps: &[f64], input: &[f64]) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
 
-/// Returns the modified Bessel function of the first kind and order 0, by its power series, for
-/// x from 0 to some tens.
+/// Returns the modified Bessel function of the first kind and order 0, by its power series, for x
+/// from 0 to a few tens.
 fn bessel_i0(x: f64) -> f64 {
     let square = x * x / 4.0;
     let (mut sum, mut term, mut k) = (1.0, 1.0, 1.0);

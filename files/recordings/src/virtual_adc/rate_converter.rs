@@ -1,26 +1,26 @@
-//! Converts signals of one rate to the rate of the ADC, with a band limit.
+//! Resamples signals of one rate to the rate of the ADC, with a band limit.
 
 use crate::{error::RecordingError, ratio::Ratio};
 
 use super::low_pass::{LowPass, weighted_sum};
 
-/// Largest number of input samples from one output to the next. It bounds the number of taps.
+/// Largest number of input samples from one output to the next, which bounds the number of taps.
 const STEP_MAX: f64 = 1000.0;
 
-/// Number of used samples of the input after which their memory is reused. It is large enough that
+/// Number of used input samples after which they are removed from the queue. It is so large that
 /// moving the remaining samples costs little per sample.
 const USED_MAX: usize = 4096;
 
-/// Converts several signals to another rate without a time shift: output k is the input at the time
-/// k / output rate, exactly, however long the signals are. An output is available when the samples
+/// Converts several signals to another rate without a time shift: output k is exactly the input at
+/// the time k / output rate, however long the signals are. An output is available when the samples
 /// up to half the filter's length after it have been appended.
 ///
-/// Beyond its ends, a signal keeps its first or last value, so that an electrode's offset does not
-/// ring.
+/// Beyond its ends, a signal keeps its first or last value, so that an electrode's offset causes no
+/// ringing.
 pub(super) struct RateConverter {
     /// `None` if input rate and output rate are equal.
     resampler: Option<Resampler>,
-    /// Samples of each signal, uV, from its first value repeated before its start.
+    /// Samples of each signal, uV. Before its start, a resampled signal repeats its first value.
     input: Vec<Vec<f64>>,
     /// Index in `input` of the first sample that the next output depends on.
     at: usize,
@@ -28,18 +28,19 @@ pub(super) struct RateConverter {
     output: Vec<Vec<f64>>,
 }
 
-/// A filter, and the position of the next output.
+/// The resampling filter and the position of the next output.
 struct Resampler {
     low_pass: LowPass,
     /// Number of input samples from one output to the next.
     step: Ratio,
-    /// Position of the next output after a sample of the input, in 1 / denominator of the step.
+    /// Position of the next output after an input sample, in units of 1 / (denominator of the
+    /// step).
     phase: u64,
 }
 
 impl RateConverter {
-    /// Creates a converter from `rate` to `rate_hz` for `signals` signals. `label` names one of
-    /// them in errors.
+    /// Creates a converter from `rate` to `rate_hz` for `signals` signals. In errors, `label` names
+    /// one of these signals.
     ///
     /// # Errors
     /// [`RecordingError::Rate`] if `rate` is more than [`STEP_MAX`] times `rate_hz`, or if their
@@ -85,8 +86,8 @@ impl RateConverter {
         queue.extend(samples);
     }
 
-    /// Returns the largest number of input samples from the time of an output to the last sample
-    /// that it depends on; 0 if nothing is resampled.
+    /// Returns the largest number of input samples from the time of an output to the last input
+    /// sample that the output depends on; 0 if nothing is resampled.
     pub(super) fn delay(&self) -> usize {
         let resampler = self.resampler.as_ref();
         resampler.map_or(0, |resampler| resampler.low_pass.taps() / 2)
@@ -132,7 +133,7 @@ impl RateConverter {
         }
     }
 
-    /// Returns the largest number of samples in memory for one signal, including used ones.
+    /// Returns the largest number of samples in memory for one signal, including used samples.
     #[cfg(test)]
     pub(super) fn queued_samples(&self) -> usize {
         self.input.iter().map(Vec::len).max().unwrap_or(0)
@@ -140,13 +141,13 @@ impl RateConverter {
 }
 
 impl Resampler {
-    /// Returns the number of outputs for which `samples` samples, from the first one that the next
-    /// output depends on, suffice.
+    /// Returns the number of outputs that `samples` samples allow, counted from the first sample
+    /// that the next output depends on.
     fn ready(&self, samples: usize) -> usize {
         let Some(spare) = samples.checked_sub(self.low_pass.taps()) else {
             return 0;
         };
-        // Output j of them, from 0, starts at sample floor((phase + j numerator) / denominator),
+        // Output j, counted from 0, starts at sample floor((phase + j numerator) / denominator),
         // which must be at most `spare`.
         let [numerator, denominator] =
             [self.step.numerator(), self.step.denominator()].map(u128::from);
@@ -154,7 +155,7 @@ impl Resampler {
         usize::try_from(room.div_ceil(numerator)).unwrap_or(usize::MAX)
     }
 
-    /// Moves to the next output. Returns by how many samples the filter moves.
+    /// Moves to the next output. Returns the number of samples by which the filter moves.
     fn advance(&mut self) -> usize {
         let [numerator, denominator] = [self.step.numerator(), self.step.denominator()];
         let (whole, fraction) = (numerator / denominator, numerator % denominator);

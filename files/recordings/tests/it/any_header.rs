@@ -1,5 +1,5 @@
-//! Tests that a file with any legal header yields the values that its header defines, against
-//! integer arithmetic.
+//! Tests that files with any legal header yield the values that the header defines. The expected
+//! values are computed in integers.
 
 use proptest::{collection::vec, prelude::*};
 use recordings::{RecordingError, SampleType, Warning};
@@ -9,7 +9,7 @@ use crate::{
     open, read_all,
 };
 
-/// The formats and sample types. `EDF` and `BDF` are no types of GDF.
+/// The sample types: GDF's type numbers, and for EDF and BDF two numbers that GDF does not use.
 const EDF: u32 = 0;
 const BDF: u32 = 99;
 const GDF: [u32; 14] = [1, 2, 3, 4, 5, 6, 7, 8, 16, 17, 279, 535, 255 + 40, 511 + 56];
@@ -41,7 +41,7 @@ fn case(stores: &'static [u32]) -> impl Strategy<Value = Case> {
         let (least, most) = match sample_type(store) {
             SampleType::Signed(bytes) => (-1 << (8 * bytes - 1), (1 << (8 * bytes - 1)) - 1),
             SampleType::Unsigned(bytes) => (0, (1 << (8 * bytes)) - 1),
-            // The 24 bits of a float32.
+            // Integers that a float32 holds exactly.
             SampleType::Float32 | SampleType::Float64 => (1 - (1 << 24), (1 << 24) - 1),
         };
         // A float32 is below 2^128, and the limits are below 2^24 * 2^wide * 2^unit.
@@ -122,8 +122,8 @@ fn file(cases: &[Case]) -> Vec<u8> {
     }
 }
 
-/// Returns the value that the header defines, and the largest of the two terms of which it is the
-/// sum: the value of digital 0 (or of the end of the range nearest to it), and the difference.
+/// Returns the value that the header defines as a sum of two terms, and the larger magnitude of the
+/// terms: the value of digital 0 (or of the end of the range nearest to it), and the rest.
 fn expected(case: &Case) -> (f64, f64) {
     // A header of GDF and the reader round integers beyond 2^53 to the nearest float64.
     #[expect(

@@ -1,4 +1,4 @@
-//! Tests that a defect of a file is stated and costs no more than it must.
+//! Tests that a defect of a file is reported and costs no more data than necessary.
 
 use recordings::{
     AdcSpec, Event, EventLabel, Format, Missing, MontageMap, RecordingError, VirtualAdc,
@@ -10,7 +10,7 @@ use crate::{
     open, read_all,
 };
 
-/// Returns a file of one record with the signal `Cz`, of the samples 1 and 2.
+/// Returns a file of one record with the signal `Cz`, which has the samples 1 and 2.
 fn edf() -> EdfFile {
     EdfFile::edf("1", vec![EdfSignal::int16("Cz", 2, &[1, 2])])
 }
@@ -111,7 +111,8 @@ fn a_file_that_is_no_edf_file_is_not_read_as_one() {
         ..edf()
     }
     .bytes();
-    // The length of the header, the number of signals, a version that is no text, and a short file.
+    // The length of the header, the number of signals, a version that is not text, and a short
+    // file.
     let damage = |at: usize, byte: u8| {
         let mut bytes = bytes.clone();
         bytes[at] = byte;
@@ -129,8 +130,8 @@ fn a_file_that_is_no_edf_file_is_not_read_as_one() {
 
 #[test]
 fn events_are_played_at_their_sample_although_times_of_records_are_odd() {
-    // Each text holds three records, separated by blanks. In it, `|` is the byte 0x14, `^` is 0x15
-    // and `;` is 0. The events stand 0.25 s after the start of each record.
+    // Each text holds three records, separated by blanks, in which `|` stands for byte 0x14, `^`
+    // for 0x15 and `;` for 0. The events are 0.25 s after the start of each record.
     for (reserved, lists, warning) in [
         // The file starts 0.640625 s after the time in the header.
         (
@@ -152,7 +153,7 @@ fn events_are_played_at_their_sample_although_times_of_records_are_odd() {
             "+5||;+5.25|a|; +60||;+60.25|b|; +99.5||;+99.75|c|;",
             "2 gaps between records, 92.5 s",
         ),
-        // Lists that are not valid cost only themselves.
+        // Only the invalid lists are lost.
         (
             "EDF+C",
             "+0||;+0.1^|x|;+0.25|a|; rubbish;+1.25|b|; +2||;+2.25|c|;",
@@ -259,7 +260,7 @@ fn a_sparse_sample_has_a_value_instead_of_a_duration_and_is_counted() {
         assert_eq!(recording.onsets().expect("readable").seconds, [0.5]);
         let warning = recording.warnings()[0].to_string();
         assert!(warning.contains("2 sparse samples"), "{warning}");
-        // In mode 1, which has no duration column, the type is an ordinary one.
+        // Mode 1 has no duration column, so the type is an ordinary event type.
         let (label, signal) = match mode {
             1 => (EventLabel::Type(0x7fff), None),
             _ => (EventLabel::SparseSample(0xffff_fff6), Some(1)),

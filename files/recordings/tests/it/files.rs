@@ -2,8 +2,8 @@
 
 use recordings::SampleType;
 
-/// Appends all records. A signal is given as its number of bytes in a record and its data for all
-/// records.
+/// Appends all records. Each signal is given as its number of bytes per record, and its data for
+/// all records.
 fn append_records(out: &mut Vec<u8>, signals: &[(usize, &[u8])]) {
     let records = signals.iter().map(|(size, data)| data.len() / size.max(&1));
     for record in 0..records.max().unwrap_or(0) {
@@ -178,12 +178,12 @@ pub(crate) struct GdfFile {
     /// Version, unless `version_1` makes it 1.25.
     pub(crate) version: &'static str,
     pub(crate) records: i64,
-    /// Duration of a record before version 2.21, as a fraction of seconds.
+    /// Duration of a record before version 2.21, s, as numerator and denominator.
     pub(crate) duration: (u32, u32),
     /// Duration of a record from version 2.21 on, s.
     pub(crate) length_s: f64,
     pub(crate) signals: Vec<GdfSignal>,
-    /// Optional third part of the header, between those of the signals and the records.
+    /// Optional third header, between the header's part for the signals and the records.
     pub(crate) third_header: Vec<u8>,
     pub(crate) events: Vec<u8>,
 }

@@ -1,4 +1,4 @@
-//! Tests that live samples yield the counts of a recording with the same samples.
+//! Tests that live samples yield the same counts as a recording of these samples.
 
 use std::io::Cursor;
 
@@ -6,10 +6,9 @@ use recordings::{AdcSpec, FileToWrite, GdfWriter, LiveAdc, Missing, MontageMap};
 
 use crate::{open, played};
 
-/// Montage of the test; the source lacks Fz, which is interpolated from the others.
+/// Montage of the test. The source lacks Fz, which is interpolated from the other electrodes.
 const MONTAGE: [&str; 4] = ["Cz", "Fz", "Pz", "C3"];
-/// Labels of the source: in another order and spelling than the montage, and with EMG, which no
-/// electrode uses.
+/// Labels of the source, in other order and spelling than the montage. No electrode uses EMG.
 const LABELS: [&str; 4] = ["PZ.", "EMG", "c3", "Cz"];
 const SECONDS: u32 = 6;
 
@@ -41,7 +40,7 @@ fn recorded(rate_hz: u32, samples: &[f32]) -> Vec<[i32; 64]> {
 #[test]
 fn counts_are_those_of_a_recording_and_come_with_the_frame_after_the_delay() {
     for rate_hz in [128, 250, 256, 500, 512, 1000, 1024, 2000, 5000] {
-        // From 2 to 35 rows, which are whole fractions of a second or not.
+        // 2 to 35 rows per chunk; only some of these lengths divide a second.
         let rows = rate_hz as usize % 37 + 1;
         let samples = samples(rate_hz);
         let expected = recorded(rate_hz, &samples);
@@ -51,8 +50,8 @@ fn counts_are_those_of_a_recording_and_come_with_the_frame_after_the_delay() {
         for frame in samples.chunks(rows * LABELS.len()) {
             adc.append(frame);
             counts.extend(std::iter::from_fn(|| adc.next_sample()));
-            // Nothing waits for longer than the delay: the samples of the ADC reach up to the
-            // newest sample of the source, less the delay.
+            // No sample waits longer than the delay: the counts reach up to the newest sample of
+            // the source, less the delay.
             appended += frame.len() / LABELS.len();
             let reached = appended.saturating_sub(adc.delay());
             assert_eq!(

@@ -1,8 +1,8 @@
-//! Tests with real recordings, from the folder that `CORTICODE_DATA` names.
+//! Tests with real recordings, from the folder in the variable `CORTICODE_DATA`.
 //!
-//! The expected values were printed by MNE-Python 1.13.2 (`mne.io.read_raw_edf` / `_bdf` / `_gdf`),
-//! for files that it can read. MNE treats a missing unit as V, so its values of MI128 were divided
-//! by 1e6.
+//! For files that MNE-Python 1.13.2 can read, the expected values are what it printed
+//! (`mne.io.read_raw_edf` / `_bdf` / `_gdf`). MNE treats a missing unit as V, so its values of
+//! MI128 were divided by 1e6.
 
 use std::{env, io::Write, path::PathBuf};
 
@@ -10,8 +10,8 @@ use recordings::{EventLabel, Format, Missing, MontageMap, MontageMapError, Recor
 
 use crate::{event, played, read_all};
 
-/// Returns the path of a file in the data folder; `None` if the folder is not set, after printing
-/// that the test is skipped.
+/// Returns the path of a file in the data folder. If the folder is not set, prints that the test is
+/// skipped, and returns `None`.
 pub(crate) fn data(file: &str) -> Option<PathBuf> {
     let Some(folder) = env::var_os("CORTICODE_DATA") else {
         // `eprintln!` would be captured by the test harness.
@@ -83,7 +83,8 @@ fn gdf_signals_of_all_sample_types_are_equal() {
         assert_eq!(found, events, "{file}");
         let samples = read_all(&mut recording);
         assert_eq!((samples.len(), samples[0].len()), (10, 512));
-        // libgdf wrote the same random walk of integers in all types; its first value is 0x4c = 76.
+        // libgdf wrote the same random walk of integers in all sample types; its first value is
+        // 0x4c = 76.
         assert_eq!(samples[0][0], 76.0);
         for other in &samples[1..] {
             let mut pairs = other.iter().zip(&samples[0]);
@@ -153,8 +154,8 @@ fn a_10_10_cap_covers_the_scalp_grid() {
     let rms = |of: &dyn Fn(&(f64, f64)) -> f64| {
         (pairs.iter().map(|pair| of(pair).powi(2)).sum::<f64>() / f64::from(30 * 512)).sqrt()
     };
-    // The reference was resampled with a wider filter: it passes up to 80 Hz, and the virtual ADC
-    // half of the amplitude at 70 Hz. That explains a measured difference of 1.684 uV rms for a
+    // The reference was resampled with a wider filter, which passes up to 80 Hz; the virtual ADC
+    // halves the amplitude at 70 Hz. That explains a measured difference of 1.684 uV rms for a
     // signal of 52 uV rms. A shift by one sample in either direction would cause 7 uV.
     let error = rms(&|(a, b)| a - b);
     assert!(error < 2.0, "{error} uV rms of {}", rms(&|(_, b)| *b));

@@ -1,5 +1,5 @@
 //! Tests samples, events, warnings and errors of synthetic GDF files, and the number of records
-//! that is found where the header states -1.
+//! that the reader finds if the header states -1.
 
 use recordings::{Event, EventLabel, Format, Ratio, RecordingError, Warning};
 
@@ -68,7 +68,7 @@ fn each_signal_of_a_file_has_its_own_unit() {
         unit_code,
         ..GdfSignal::with_type(3, 1, vec![1, 0])
     };
-    // 4275, 4274 and 4256 are the ISO/IEEE 11073 codes of microvolts, millivolts and volts.
+    // 4275, 4274 and 4256 are the ISO/IEEE 11073 codes of microvolt, millivolt and volt.
     let signals = vec![
         signal("Fp1", "uV", 4275),
         signal("Cz", "mV", 4274),
@@ -162,9 +162,9 @@ fn unstated(per_record: u32, samples: &[f32], events: Vec<u8>) -> GdfFile {
 
 #[test]
 fn an_event_table_is_not_read_as_samples() {
-    // The 80,000 samples of 4 bytes make the search read several blocks. The tables
-    // have 20, 32, 20, 8, 26 and 20 bytes; the first four are a whole number of records of 4 bytes,
-    // so that records and table cannot be told apart by length.
+    // The 80,000 samples of 4 bytes make the search read several blocks. The tables have 20, 32,
+    // 20, 8, 26 and 20 bytes. The first four lengths are whole numbers of records of 4 bytes, so
+    // the length does not tell records and table apart.
     let samples: Vec<f32> = (0_u16..40_000).map(f32::from).collect();
     let samples = [&samples[..], &samples[..]].concat();
     let mut mode_3 = vec![3, 1, 0, 0];
@@ -191,8 +191,8 @@ fn an_event_table_is_not_read_as_samples() {
 
 #[test]
 fn samples_that_look_like_a_table_stay_samples() {
-    // Read as tables, the last bytes would be: first, mode 1 with two rows at position 1,000,000 in
-    // a file of 8 s; second, mode 1 without rows at a rate of 3e-45 Hz. Neither is plausible.
+    // Read as tables, the last bytes would mean: first, mode 1 with two rows at position 1,000,000
+    // in a file of 8 s; second, mode 1 without rows at a rate of 3e-45 Hz. Neither is plausible.
     for words in [
         vec![9, 9, 9, 0x0201, 2, 1_000_000, 1_000_000, 7],
         vec![9, 9, 9, 9, 9, 9, 1, 2],

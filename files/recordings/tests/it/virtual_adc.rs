@@ -13,14 +13,14 @@ use crate::{
 
 const ADS1299: AdcSpec = AdcSpec::ads1299(512);
 
-/// Limit of the error of a constant, uV: rounding by half a count of 22.35 nV, and some 1e-10.
+/// Largest error of a constant, uV: half a count of 22.35 nV, and a margin of about 1e-10.
 const HALF_COUNT_UV: f64 = 0.011_175_9;
 
-/// Amplitude of tones, uV. Rounding by half a count is an error of -139 dB of it.
+/// Amplitude of tones, uV, relative to which rounding by half a count is an error of -139 dB.
 const TONE_UV: f64 = 100_000.0;
-/// Offset on which the tones are, uV.
+/// Offset that is added to every tone, uV.
 const OFFSET_UV: f64 = 20_000.0;
-/// Electrodes of a file of tones: one for each.
+/// Electrodes of a file of tones; each carries one tone.
 const TONES: [&str; 4] = ["Fz", "Cz", "Pz", "Oz"];
 
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
@@ -28,13 +28,13 @@ fn seconds(sample: usize, rate: f64) -> f64 {
     sample as f64 / rate
 }
 
-/// A tone at a time from the start of the file, uV.
+/// Returns the value of a tone at a time after the start of the file, uV.
 fn tone_uv(hz: f64, time_s: f64) -> f64 {
     OFFSET_UV + TONE_UV * (TAU * hz * time_s + 1.0).sin()
 }
 
-/// Builds a file of `records` records of a fraction of seconds, with `per_record` samples each.
-/// Each of its signals is a tone.
+/// Builds a file of `records` records with `per_record` samples each. The duration of a record,
+/// `record_s`, is a fraction (numerator, denominator). Each signal is a tone.
 fn tones(hz: &[f64], per_record: u32, record_s: (u32, u32), records: usize) -> Vec<u8> {
     let rate = f64::from(per_record) * f64::from(record_s.1) / f64::from(record_s.0);
     let signals = TONES.into_iter().zip(hz).map(|(label, hz)| {
@@ -53,8 +53,8 @@ fn tones(hz: &[f64], per_record: u32, record_s: (u32, u32), records: usize) -> V
     .bytes()
 }
 
-/// Plays a file of tones. Returns the largest error of each at least `edge_s` away from both ends
-/// of the file, as a fraction of the amplitude; `expected` computes a tone from its frequency and
+/// Plays a file of tones. Returns the largest error of each tone at least `edge_s` away from both
+/// ends of the file, in dB of the amplitude; `expected` computes a tone from its frequency and
 /// time.
 fn errors_db(file: Vec<u8>, hz: &[f64], edge_s: f64, expected: fn(f64, f64) -> f64) -> Vec<f64> {
     let (counts, counters) = play(file, &TONES[..hz.len()], Missing::Refuse);
@@ -93,12 +93,12 @@ fn play(bytes: Vec<u8>, electrodes: &[&str], missing: Missing) -> (Vec<[i32; 64]
 
 #[test]
 fn a_resampled_tone_is_the_tone_at_k_over_rate() {
-    // The errors are those of all images together. At most -84.4 dB was measured.
+    // The errors include all images. At most -84.4 dB was measured.
     println!("      Hz | error of 1, 10, 30, 60 Hz, dB");
     for rate_hz in [
         100, 128, 160, 250, 256, 500, 1000, 1024, 2000, 2048, 5000, 20_000,
     ] {
-        // 0.3 samples less in a second, in one record of 10 s, make an odd ratio of rates.
+        // Rates reduced by 0.3 Hz, in one record of 10 s, make an odd ratio of rates.
         for per_record in [10 * rate_hz, 10 * rate_hz - 3] {
             let rate_hz = f64::from(per_record) / 10.0;
             // The pass band ends at 60 Hz, or at 0.9 of half the rate.
@@ -115,8 +115,8 @@ fn a_resampled_tone_is_the_tone_at_k_over_rate() {
 
 #[test]
 fn a_ratio_of_large_terms_does_not_drift() {
-    // 256.004352.. Hz: the position of an output repeats after 999,983 outputs only. After the
-    // 10 minutes, an error of the ratio of 1e-9 would be -79 dB at 30 Hz.
+    // At 256.004352.. Hz, the position of an output repeats only after 999,983 outputs. An error of
+    // 1e-9 in the ratio would amount to -79 dB at 30 Hz after the 10 minutes.
     let hz = [10.0, 30.0];
     let file = tones(&hz, 256, (999_983, 1_000_000), 600);
     let errors = errors_db(file, &hz, 0.1, tone_uv);
@@ -140,7 +140,7 @@ fn an_impulse_spreads_by_the_delay_to_both_sides_and_keeps_its_sum() {
     samples[200] = 100_000.0;
     let (counts, _) = play_cz(GdfFile::float32(2, 256, &samples).bytes());
     let counts: Vec<i32> = counts.iter().map(|counts| counts[0]).collect();
-    // At 256 Hz the filter has 16 taps, so it reaches 8 samples, which are 16 of the ADC.
+    // At 256 Hz the filter has 16 taps, so it reaches 8 input samples, which are 16 ADC samples.
     assert!(counts[..=400 - 16].iter().all(|count| *count == 0));
     assert!(counts[400 + 16..].iter().all(|count| *count == 0));
     for distance in 0..16 {
@@ -214,7 +214,7 @@ fn electrodes_can_combine_signals_of_different_rates() {
     assert_eq!(counts.len(), 8 * 512);
     for sample in &counts {
         let uv = sample.map(|count| f64::from(count) * ADS1299.lsb_uv);
-        // Cz and Pz are as far from C3 as from C4, so each is the mean of these two: 150 uV.
+        // C3 and C4 are equally far from Cz and Pz, so both are the mean of C3 and C4: 150 uV.
         for (found, expected) in uv.iter().zip([150.0, 100.0, 200.0, 150.0, 0.0]) {
             let error = (found - expected).abs();
             assert!(error < HALF_COUNT_UV, "{found} uV, expected {expected}");
@@ -264,7 +264,7 @@ fn a_rate_that_is_1000_times_as_high_is_refused_and_a_low_one_is_not() {
     let text = error.to_string();
     assert!(text.contains("resample the recording"), "{text}");
     assert_eq!(adc(510, (1, 1000)).expect("510 kHz").samples(), 0);
-    // One sample in 116 days.
+    // One sample every 116 days.
     let mut slow = adc(1, (10_000_000, 1)).expect("usable").without_dither();
     assert!(
         slow.by_ref()

@@ -20,7 +20,8 @@ fn motor() -> ErrorWeight {
     weight_for("motor").unwrap()
 }
 
-/// Weights with which sources reach the electrodes: three loud ones, and at last the rhythm.
+/// Returns the weights with which sources reach the electrodes: three loud sources, then the
+/// rhythm.
 fn mixture(seed: u64) -> [[f32; ELECTRODES]; 4] {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     std::array::from_fn(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0)))
@@ -65,7 +66,7 @@ fn the_root_is_numpys_and_its_square_times_the_inverse_is_the_identity() {
     let file = std::env::temp_dir().join(format!("corticode-weight-{}", std::process::id()));
     let bytes = track.values.iter().flat_map(|uv| uv.to_le_bytes());
     std::fs::write(&file, bytes.collect::<Vec<u8>>()).unwrap();
-    // Debian's Python, because another one on the PATH can lack numpy.
+    // Debian's Python, because another Python on the PATH can lack numpy.
     let mut python = Command::new("/usr/bin/python3");
     python
         .args(["-c", include_str!("reference.py"), "8"])
@@ -79,7 +80,7 @@ fn the_root_is_numpys_and_its_square_times_the_inverse_is_the_identity() {
     if output.is_err() || errors.contains("No module named 'numpy'") {
         let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
         assert!(!required, "python3-numpy is not installed");
-        // The test harness captures what a macro prints.
+        // The test harness would capture the output of a print macro.
         let line = b"SKIPPED: weighted error against numpy: no python3-numpy\n";
         std::io::stderr().write_all(line).unwrap();
         return;
@@ -95,8 +96,8 @@ fn the_root_is_numpys_and_its_square_times_the_inverse_is_the_identity() {
     assert!(difference < 1e-6, "{difference}");
 }
 
-/// Returns bits of a block at rates 0 to 5, and the ratio of the rhythm's power to that of its
-/// error, dB. The rhythm is seen through the filter that suppresses the loud sources.
+/// Returns the bits of a block at rates 0 to 5, and the ratio of the rhythm's power to the power of
+/// its error, dB. The rhythm is extracted with the filter that suppresses the loud sources.
 fn rhythm_snr(model: &PackedModel, track: &Track, description: &Description) -> Vec<[f64; 2]> {
     let weights = mixture(1).map(|weights| weights.map(f64::from));
     let mixture = DMatrix::from_fn(ELECTRODES, 4, |electrode, source| {
@@ -135,7 +136,7 @@ fn a_quiet_rhythm_has_a_smaller_error_at_equal_bits() {
         fit(tracks, &description, COEFFICIENTS, weight, &mut |_| ()).unwrap()
     };
     let weighted = fitted(Some(motor()));
-    // The artifact refuses integers whose sums can leave their range.
+    // The artifact refuses integers whose sums can overflow.
     let mut alone = description.clone();
     (alone.mode, alone.code.numbers) = (Mode::Packed, 0);
     Artifact::without_network(alone, 640.0, weighted.clone()).unwrap();
