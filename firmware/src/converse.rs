@@ -231,7 +231,7 @@ impl Conversation<'_, '_> {
         }
     }
 
-    /// Sends the result of a self-test when the acquisition publishes it.
+    /// Sends the result of a self-test whenever the acquisition publishes one.
     async fn report_self_test(&self) {
         loop {
             let result = self.shared.self_test_result.wait().await;

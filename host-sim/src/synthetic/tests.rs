@@ -321,7 +321,7 @@ fn counts_follow_the_gain_of_the_adc_and_microvolts_do_not() {
     let [usual, coarse] = [&spec(), &quarter].map(|spec| generate(spec, 1));
     let mut largest = 0.0_f64;
     for (usual, coarse) in usual.iter().flatten().zip(coarse.iter().flatten()) {
-        // Each of the two values is rounded by up to half of its own count.
+        // The rounding error of each value is at most half of its own `lsb_uv`.
         let rounding = 0.5 * spec().lsb_uv + 0.5 * quarter.lsb_uv + 1e-9;
         assert!(
             (usual - coarse).abs() <= rounding,

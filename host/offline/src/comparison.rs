@@ -94,7 +94,7 @@ pub struct Comparison {
     pub origins: Vec<ElectrodeOrigin>,
     /// Number of compared steps.
     pub steps: u64,
-    /// Some seconds of the original and of the decoded signal, from the middle of the recording.
+    /// A few seconds of the original and of the decoded signal, from the middle of the recording.
     pub excerpt: Excerpt,
 }
 

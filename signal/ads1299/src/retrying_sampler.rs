@@ -46,7 +46,7 @@ pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: us
     registers_doubtful: bool,
 }
 
-/// Attempt to bring the chain up again, in progress.
+/// An attempt in progress to bring the chain up again.
 #[derive(Debug)]
 struct Attempt<const CHIPS: usize> {
     bring_up: BringUp<CHIPS>,

@@ -44,7 +44,7 @@ const MEMORY_END: u64 = 0x4000_0000;
 pub(crate) struct Bus<'a> {
     pub(crate) inner: &'a mut dyn CoreBus,
     pub(crate) differences: &'a Differences,
-    /// Accesses below [`MEMORY_END`], all of which fail: address, and program counter if known.
+    /// Refused accesses to addresses below [`MEMORY_END`]: address, and program counter if known.
     pub(crate) failed: &'a mut Vec<(u64, Option<u64>)>,
 }
 

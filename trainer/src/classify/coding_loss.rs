@@ -23,7 +23,7 @@ use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::PathBuf;
 
-/// Number of components if there are no events.
+/// Largest number of spatial filters for each person if `--events` is not given.
 const COMPONENTS: usize = 6;
 
 /// Area under the curve of random guesses.

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-/// Kind of a registration. Its discriminant is the index of the kind's register.
+/// Kind of a registration. Its discriminant is the kind's index in [`Registrations::registers`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Publisher,

@@ -84,8 +84,8 @@ fn array(reference: &Path, name: &str) -> Vec<f64> {
     numpy_reference::array(reference, name).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Returns the sum of the magnitudes of the filters' impulse response, which is the largest gain
-/// that any bounded input can have.
+/// Returns the sum of the magnitudes of the cascade's impulse response: the largest ratio of the
+/// output's peak to the input's peak for any bounded input.
 fn l1_norm(sections: &[[f64; 6]]) -> f64 {
     let mut states = vec![[0.0; 2]; sections.len()];
     // Sum over 20 s: the slowest poles decay at 0.96 / s, so the response has by then decayed by

@@ -56,7 +56,7 @@ struct KernelCount {
     insn_per_code: u32,
 }
 
-/// Numbers of instructions of the encoder, and their ratios.
+/// Instruction counts of the encoder, and their ratios.
 ///
 /// The built-in network has a shortcut, and figures with `shortcut` in their names include it. The
 /// others are computed by subtracting the instructions of the shortcut's matrix products, which are
