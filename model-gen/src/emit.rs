@@ -172,7 +172,8 @@ pub const FC_PIECES: usize = {fc_pieces};
 /// Kernel of the second convolution, for pairs of input channels and columns of the input.
 pub type ConvKernel<'w, const PAIRS: usize, const COLUMNS: usize> = int8_nn::{kernel}<'w, PAIRS, COLUMNS>;
 
-/// Returns the second convolution, with the shape of a pooled plane.
+/// Returns the kernel of the second convolution, whose planes have the shape `pooled` after the
+/// max-pool.
 pub(crate) const fn conv_kernel<const PAIRS: usize, const COLUMNS: usize>(
     pooled: PlaneShape,
     weights: &[Pair],

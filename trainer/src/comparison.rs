@@ -221,9 +221,11 @@ fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> 
     of_these.map_or_else(Vec::new, |card| card.without_prediction.clone())
 }
 
-/// Evaluates the artifact in `folder`, and its PCA, on recordings. Bad electrodes are interpolated
-/// as in training. The error for each person is measured with substitution on and off. `files`
-/// selects the recordings; by default, the test recordings of the training card.
+/// Evaluates the artifact in `folder`, and its `pca.safetensors` if present, on recordings whose
+/// bad electrodes are interpolated as in training. If the model has a table of substitutions and a
+/// network, also measures the error for each person with bad electrodes substituted, and on the
+/// recordings as they are. `files` selects the recordings; by default, the test recordings of the
+/// training card.
 ///
 /// # Errors
 /// If the artifact or a recording cannot be used.

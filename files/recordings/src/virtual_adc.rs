@@ -71,12 +71,16 @@ impl AdcCounters {
 /// Plays a recording as an iterator over the samples of a virtual ADC. Each sample has [`CHANNELS`]
 /// counts, i24 in i32; sample k is the recording at the time k / `rate_hz`.
 ///
-/// The iterator yields `floor(duration * rate_hz)` samples, or ends after its first error. A signal
-/// at the rate of the ADC passes unchanged. Signals at other rates are resampled without delay: the
-/// band up to 60 Hz passes, or up to 0.9 of half the lower rate, and frequencies above half the
-/// lower rate are attenuated by 90 dB. Beyond the ends of the file, a signal keeps its first or
-/// last value. Voltages become counts by `round(uV / lsb_uv)`, ties away from zero, saturating to
-/// i24; saturation is counted. Where all eight channels of a chip would repeat their last sample,
+/// The iterator yields `floor(duration * rate_hz)` samples, or ends after its first error.
+///
+/// A signal at the rate of the ADC passes unchanged. Signals at other rates are resampled without
+/// delay. The pass band ends at 60 Hz or at 0.9 of half the lower rate, whichever is lower.
+/// Frequencies above half the lower rate are attenuated by 90 dB; in recordings at 180 to 512 Hz,
+/// images of content above 90 Hz are attenuated less (`docs/recordings.md`). Beyond the ends of the
+/// file, a signal keeps its first or last value.
+///
+/// Voltages become counts by `round(uV / lsb_uv)`, ties away from zero, saturating to i24;
+/// saturation is counted. Where all eight channels of a chip would repeat their last sample,
 /// one count is added, because a driver takes repetition for a failure
 /// (`docs/decisions/0017-dither-of-repeated-samples.md`). A signal whose unit is not a voltage is
 /// treated as uV, and the recording has a warning about it.

@@ -214,8 +214,8 @@ impl<'i> Session<'i> {
         (AckResult::Done, None)
     }
 
-    /// Answers a command about an uploaded model. If the model in use has changed, the device
-    /// introduces itself again.
+    /// Sends `ModelReceived` for a command of an upload and returns the result for its `Ack`. If the
+    /// model in use has changed, first calls [`Self::introduce`], so that the host learns of it.
     fn answer_upload(
         &mut self,
         outcome: &UploadOutcome,

@@ -9,7 +9,7 @@ use crate::constants::{HOP, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS};
 /// The integers of a packed model that the encoder needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Packed<'w> {
-    /// Matrices of the analysis, one for each step of a block; each is applied to the pairs of
+    /// Parts of the analysis matrix, one for each step of a block; each is applied to the rounds of
     /// inputs that its step completes.
     pub analysis: [Slice<'w>; HOP],
     /// Factor that turns the analysis sum of each coefficient into the coefficient, Q0.32.
@@ -39,7 +39,8 @@ pub struct Packed<'w> {
     pub rate: u8,
 }
 
-/// Part of the analysis for the inputs that one step completes.
+/// Part of the analysis matrix that the encoder applies after one step of a block. It covers the
+/// rounds of 16 inputs that this step completes; the part of the last step also covers the rest.
 #[derive(Clone, Copy, Debug)]
 pub struct Slice<'w> {
     /// Index in the block of the first pair of inputs in this slice.
@@ -56,7 +57,7 @@ impl Packed<'_> {
         let mut step = 0;
         while step < HOP {
             let Slice { first: at, matrix } = &self.analysis[step];
-            // With few electrodes, some steps complete no pair of inputs; their matrices are empty.
+            // With few electrodes, some steps complete no round of inputs; their matrices are empty.
             let is_empty = matrix.inputs == 0 && matrix.weights.is_empty();
             let fits = matrix.is_consistent(matrix.inputs, PACKED_COEFFICIENTS);
             if *at != first || !(fits || is_empty) {

@@ -50,8 +50,8 @@ impl Default for Sample {
     }
 }
 
-/// One time step at 128 Hz: filtered and quantised electrodes, with their status: clipped values,
-/// channels at the rail, settling.
+/// One time step at 128 Hz: the filtered and quantised values of the electrodes, and status such
+/// as clipped values, channels at the rail and settling filters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
     /// Index in the run, from 0, of the last ADC sample at or before the time of the step.

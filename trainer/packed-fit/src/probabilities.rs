@@ -60,9 +60,9 @@ pub(crate) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
     })
 }
 
-/// Estimates the mean magnitude of each coefficient in blocks without prediction, over all blocks
-/// except the first of each sequence. A coefficient of size `two_steps` has magnitude 1, minus the
-/// part that the quantiser's dead zone removes.
+/// Estimates the mean magnitude of each coefficient for the case that every block is coded without
+/// prediction. The first block of each sequence does not count. `two_steps` is twice the quantiser
+/// step and corresponds to magnitude 1; 0.2 is subtracted for the quantiser's dead zone.
 pub(crate) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64) -> Vec<f64> {
     let coefficients = coefficients.iter().map(Vec::as_slice);
     let size = |coefficient: &i16| (f64::from(*coefficient).abs() / two_steps - 0.2).max(0.0);

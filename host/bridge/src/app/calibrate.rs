@@ -1,5 +1,5 @@
-//! The subcommand `calibrate`: fits a packed model to a person, and a linear code if it is wanted,
-//! from the signal of a device or from recordings.
+//! The subcommand `calibrate`: fits a packed model to a person, and on request also a linear code.
+//! The signal comes from a device or from recordings.
 //!
 //! ```text
 //! device ──filtered steps──► Listening ─┐

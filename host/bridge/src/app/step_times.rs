@@ -1,4 +1,4 @@
-//! Device times of single steps, for the live page.
+//! Gives each step of a reconstructed frame its own device time, for the live page.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};

@@ -62,8 +62,8 @@ fn failure(board: &mut SimulatedBoard, image: &Image, status: u8) -> UpdateError
 
 #[test]
 fn an_image_is_written_compared_and_started_on_both_boards() {
-    // Erases three sectors of 128 KiB, of which the last gets one byte, and two of 16 KiB, of which
-    // the last gets a part of a block.
+    // The H743 image fills two sectors of 128 KiB and one byte of a third. The F446 image fills one
+    // sector of 16 KiB and part of a second, and its last transfer block is not full.
     for (kind, length, erased) in [(H743, 262_145, 393_216), (F446, 20_011, 32_768)] {
         let (mut board, new) = board(kind, length);
         let before = board.chip.borrow().flash.clone();

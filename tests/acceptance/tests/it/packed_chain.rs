@@ -1,5 +1,5 @@
-//! A user of packed blocks gets the electrode signals that the library decodes: live from a real
-//! roscore, printed, recorded, replayed, converted, and after losses.
+//! The electrode signals that a user gets from packed blocks equal those of the library: live from
+//! a real roscore, printed, recorded, replayed, converted, and after losses.
 
 use std::path::Path;
 use std::time::Duration;
