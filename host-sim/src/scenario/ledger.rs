@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use bridge_core::{Effects, HostTime, TimedPackedBlock};
+use bridge_core::{Effects, EventPlace, HostTime, TimedPackedBlock};
 use neuro_ros::{DiagnosticArray, NeuroEvent, NeuroFrame, Stamp};
 
 use super::topic::Topic;
@@ -239,7 +239,7 @@ impl Effects for Ledger {
         self.publish_frame(TopicKind::Filtered, frame);
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent, _row: Option<u64>) {
+    fn publish_event(&mut self, event: &NeuroEvent, _: EventPlace) {
         let edges = [false, true].map(|rises| NeuroEvent::trigger_edge(rises).0);
         let Some(rises) = edges.iter().position(|code| *code == event.event) else {
             return;

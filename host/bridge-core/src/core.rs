@@ -247,11 +247,7 @@ pub trait Effects {
     fn publish_prediction(&mut self, _prediction: &NeuroOutput, _words: TriWords) {}
 
     /// Publishes an event on `/events/bus`: an edge of the trigger input, or a report about data.
-    /// `row` is the row of the announced stream at which a recording must have the event, counted
-    /// from the first row published on the stream's topic; `None` before a device has introduced
-    /// itself. [`RecordingStart`](crate::RecordingStart) turns the row into the stamp for a
-    /// recorder.
-    fn publish_event(&mut self, _event: &NeuroEvent, _row: Option<u64>) {}
+    fn publish_event(&mut self, _event: &NeuroEvent, _place: EventPlace) {}
 
     /// Publishes the impedance of the electrodes, about every second while the device measures it.
     fn publish_impedance(&mut self, _report: &ImpedanceReport) {}
@@ -259,6 +255,19 @@ pub trait Effects {
     /// Compares the device's code with the float network's code for the same window. Called only if
     /// the announced device is [`decodable`](Announcement::decodable).
     fn audit(&mut self, _window: AuditedWindow) {}
+}
+
+/// Where an event is among the published data.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EventPlace {
+    /// Row of the announced stream at which a recording must have the event, counted from the first
+    /// row published on the stream's topic; `None` before a device has introduced itself.
+    /// [`RecordingStart`](crate::RecordingStart) turns the row into the stamp for a recorder.
+    pub row: Option<u64>,
+    /// Device time at which the event happened, microseconds; `None` if the device has not told it.
+    /// An edge of the trigger input happened after the ADC sample before this time, and not after
+    /// the next one.
+    pub device_us: Option<u64>,
 }
 
 /// Announcement of a device that has introduced itself, with the description that

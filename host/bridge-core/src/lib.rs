@@ -58,7 +58,7 @@ mod streams;
 mod time;
 mod wire;
 
-pub use core::{Announcement, Core, Effects};
+pub use core::{Announcement, Core, Effects, EventPlace};
 pub use decoder::audit::{AuditResult, AuditedWindow, PackedError};
 pub use decoder::back_pressure::BackPressure;
 pub use decoder::model::Model;

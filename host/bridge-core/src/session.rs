@@ -13,7 +13,7 @@ use link::{
     Substitutes, Timing, ToDevice, ToHost,
 };
 
-use crate::core::Effects;
+use crate::core::{Effects, EventPlace};
 use crate::decoder::model::Model;
 use crate::device::{Device, Identity};
 use crate::diagnostics::converters::ChainReport;
@@ -708,7 +708,12 @@ impl Session {
             BusEvent::DataLost(missing.seconds)
         };
         let wall_ns = self.clock.wall_ns(missing.start_us).unwrap_or(read.wall_ns);
-        self.side.bus.publish(&event, wall_ns, row, effects);
+        // Data that is missing before a restart began before time 0 of the run.
+        let place = EventPlace {
+            row,
+            device_us: Some(u64::try_from(missing.start_us).unwrap_or(0)),
+        };
+        self.side.bus.publish(&event, wall_ns, place, effects);
     }
 
     /// Publishes impedances, but only if this bridge started the run in which they were measured.
@@ -741,7 +746,13 @@ impl Session {
         self.exclusion = Some(report);
         let wall_ns = self.clock.wall_ns(at.device_us.into());
         let wall_ns = wall_ns.unwrap_or(at.read.wall_ns);
-        self.publish_exclusion(report.excluded, labels, wall_ns, effects);
+        self.publish_exclusion(
+            report.excluded,
+            labels,
+            wall_ns,
+            Some(at.device_us),
+            effects,
+        );
     }
 
     /// Publishes an event if the excluded electrodes have changed.
@@ -750,6 +761,7 @@ impl Session {
         excluded: u64,
         labels: Vec<String>,
         wall_ns: i64,
+        device_us: Option<u64>,
         effects: &mut dyn Effects,
     ) {
         if std::mem::replace(&mut self.excluded, excluded) == excluded {
@@ -757,7 +769,8 @@ impl Session {
         }
         let event = BusEvent::ElectrodesExcluded(labels);
         let row = self.next_row(None).map(|next| next.index);
-        self.side.bus.publish(&event, wall_ns, row, effects);
+        let place = EventPlace { row, device_us };
+        self.side.bus.publish(&event, wall_ns, place, effects);
     }
 
     /// Publishes an event if, since the report `before`, an electrode has lost or regained contact.
@@ -785,6 +798,10 @@ impl Session {
         let wall_ns = self.clock.wall_ns(at.device_us.into());
         let wall_ns = wall_ns.unwrap_or(at.read.wall_ns);
         let row = self.next_row(None).map(|next| next.index);
-        self.side.bus.publish(&event, wall_ns, row, effects);
+        let place = EventPlace {
+            row,
+            device_us: Some(at.device_us),
+        };
+        self.side.bus.publish(&event, wall_ns, place, effects);
     }
 }

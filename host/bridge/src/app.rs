@@ -8,6 +8,7 @@ pub(crate) mod config_file;
 mod convert;
 mod doctor;
 mod driver;
+mod event_times;
 mod given_options;
 mod impedance;
 pub(crate) mod log;

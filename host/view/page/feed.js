@@ -2,7 +2,7 @@
 // Reads the stream of messages of the bridge, and decodes the ROS 1 serialisation of their bodies.
 
 /** Bytes of topics, as in `ViewTopic`. */
-export const DROPPED = 0, ENCODED = 1, RECONSTRUCTED = 2, FILTERED = 3, RAW = 4, DIAGNOSTICS = 5;
+export const DROPPED = 0, ENCODED = 1, RECONSTRUCTED = 2, FILTERED = 3, RAW = 4, DIAGNOSTICS = 5, EVENTS = 6;
 
 /** Longest accepted message, bytes. Frames have at most 18 KB. */
 const MAX_MESSAGE = 1 << 20;
@@ -14,6 +14,8 @@ const SILENCE_MS = 5000;
  * @typedef {{seq: number, rate: number, eeg: Info, eegData: Float32Array, exg: Info, exgData: Float32Array,
  *   tri: Int32Array}} Frame `data` is sample-major; `tri` has eight words per sample
  * @typedef {{level: number, name: string, message: string, values: Map<string, string>}} Status
+ * @typedef {{time: number, code: number, duration: number, description: string}} DeviceEvent `time` is device
+ *   time in microseconds, -1 if the bridge does not know it; `duration` in seconds
  * @typedef {{topic: number, publishedUs: number, body: Reader}} Message
  */
 
@@ -35,6 +37,8 @@ export class Reader {
   u8() { return this.view.getUint8(this.skip(1)); }
   u16() { return this.view.getUint16(this.skip(2), true); }
   u32() { return this.view.getUint32(this.skip(4), true); }
+  i32() { return this.view.getInt32(this.skip(4), true); }
+  f32() { return this.view.getFloat32(this.skip(4), true); }
   u64() { return Number(this.view.getBigUint64(this.skip(8), true)); }
   text() {
     const length = this.u32();
@@ -54,9 +58,11 @@ export class Reader {
     const at = this.skip(bytes) + this.bytes.byteOffset;
     return /** @type {ArrayBuffer} */ (this.bytes.buffer.slice(at, at + bytes));
   }
+  /** @returns {{stampUs: number, frameId: string}} */
   header() {
-    this.skip(12);
-    this.text();
+    this.skip(4);
+    const stampUs = 1e6 * this.u32() + this.u32() / 1000;
+    return {stampUs, frameId: this.text()};
   }
 }
 
@@ -79,6 +85,17 @@ export function readFrame(r) {
   const exg = readInfo(r), exgData = new Float32Array(r.words());
   readInfo(r);
   return {seq, rate, eeg, eegData, exg, exgData, tri: new Int32Array(r.words())};
+}
+
+/** @param {Reader} r @returns {DeviceEvent} */
+export function readEvent(r) {
+  // The bridge puts the device time in the place of the stamp, and says so in `frame_id`.
+  const {stampUs, frameId} = r.header();
+  r.skip(4);
+  r.text();
+  const code = r.i32(), duration = r.f32();
+  r.skip(4);
+  return {time: frameId === 'device' ? stampUs : -1, code, duration, description: r.text()};
 }
 
 /** @param {Reader} r @returns {Status[]} without what precedes `: ` in their names */

@@ -8,6 +8,9 @@ const SVG = 'http://www.w3.org/2000/svg';
 const RADIUS = 0.085;
 /** Impedance from which a contact is fair, and bad, kilohms, as in docs/bridge.md. */
 const FAIR_KOHM = 5, BAD_KOHM = 20;
+/** Reports after which an impedance that they lack is old: it is measured about every second, and no longer
+ * once another stream takes its place. */
+const MOST_AGE = 3;
 /** Mains voltage above which an electrode is bad, microvolts, as in docs/bridge.md. */
 const MAINS_UV = 100;
 
@@ -32,6 +35,8 @@ export class Head {
     this.quality = new Map();
     /** @type {Map<string, string>} */
     this.impedance = new Map();
+    /** Reports since the one with the impedance. */
+    this.age = 0;
     /** @type {Set<string>} */
     this.off = new Set();
     /** @type {Set<string>} */
@@ -77,12 +82,16 @@ export class Head {
 
   /** @param {Status[]} statuses */
   report(statuses) {
+    this.age += 1;
+    if (this.age > MOST_AGE) this.impedance = new Map();
     for (const {name, values, message} of statuses) {
       if (name === 'signal quality') {
         this.quality = values;
         this.summary.textContent = message;
-      } else if (name === 'impedance') this.impedance = values;
-      else if (name === 'exclusion') this.substituted = labelsOf(values.get('excluded'));
+      } else if (name === 'impedance') {
+        this.impedance = values;
+        this.age = 0;
+      } else if (name === 'exclusion') this.substituted = labelsOf(values.get('excluded'));
       else if (name === 'converters') {
         const off = ['positive electrodes off', 'negative electrodes off'].map((key) => labelsOf(values.get(key)));
         this.off = new Set(off.flatMap((set) => [...set]));

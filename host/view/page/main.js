@@ -1,9 +1,14 @@
 // @ts-check
 // Connects the bridge's messages with the panels, and the controls with what they change.
 
-import {DIAGNOSTICS, DROPPED, ENCODED, FILTERED, RAW, RECONSTRUCTED, readFrame, readStatus, receive} from './feed.js';
+import {CodePanel} from './code.js';
+import {find} from './element.js';
+import {Events} from './events.js';
+import {DIAGNOSTICS, DROPPED, ENCODED, EVENTS, FILTERED, RAW, RECONSTRUCTED, readFrame, readStatus, receive} from './feed.js';
 import {Head} from './head.js';
+import {History, mostBytes} from './history.js';
 import {Link} from './link.js';
+import {SpectrumPanel} from './spectrum_panel.js';
 import {Store} from './store.js';
 import {Traces} from './traces.js';
 
@@ -16,11 +21,13 @@ const STREAMS = new Map([[RECONSTRUCTED, 'reconstructed'], [FILTERED, 'filtered'
 /** Microvolts per row, and seconds of the time axis. */
 const SCALES = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 5000, 20000, 50000], TIMES = [1, 2, 5, 10, 20, 30];
 
-/** @template {Element} [T=HTMLElement] @param {string} id @returns {T} */
-const find = (id) => /** @type {T} */ (/** @type {unknown} */ (document.getElementById(id)));
 const state = find('state'), pause = find('pause');
 /** @type {HTMLSelectElement} */
 const stream = find('stream');
+/** @type {HTMLSelectElement} */
+const over = find('over');
+/** @type {HTMLSelectElement} */
+const reference = find('reference');
 /** @type {HTMLSelectElement} */
 const scale = find('scale');
 /** @type {HTMLSelectElement} */
@@ -36,11 +43,13 @@ const plot = find('plot');
 
 /** @type {Map<number, Store>} */
 const stores = new Map();
-const link = new Link(document);
+const link = new Link(), events = new Events(), code = new CodePanel();
 const traces = new Traces(plot, (text) => {
   find('cursor').textContent = text;
   head.choose(traces.store?.labels[traces.cursor.channel] ?? '');
-});
+}, events);
+const spectrum = new SpectrumPanel(traces);
+const past = new History(traces, showPaused);
 const head = new Head(find('head'), find('quality'), (label) => {
   const channel = traces.store ? traces.store.labels.indexOf(label) : -1;
   if (channel >= 0 && traces.rows.includes(channel)) traces.place(traces.cursor.index, channel);
@@ -66,11 +75,16 @@ function onMessage({topic, publishedUs, body}) {
   if (topic === DROPPED) {
     link.dropped += body.u64();
     link.restart();
-  }
-  else if (topic === ENCODED) link.code(publishedUs);
-  else if (topic === DIAGNOSTICS) {
+  } else if (topic === ENCODED) {
+    link.code(publishedUs);
+    code.code(readFrame(body));
+  } else if (topic === EVENTS) {
+    events.add(body);
+    traces.plot.invalidate();
+  } else if (topic === DIAGNOSTICS) {
     const statuses = readStatus(body);
     head.report(statuses);
+    code.report(statuses, performance.now());
     link.report(statuses, traces.store?.fillers ?? 0);
     if ([...head.substituted].join() !== [...traces.substituted].join()) {
       traces.substituted = head.substituted;
@@ -82,40 +96,54 @@ function onMessage({topic, publishedUs, body}) {
     const frame = readFrame(body);
     let store = stores.get(topic);
     if (!store || !store.fits(frame)) {
-      store = new Store(frame);
+      store = new Store(frame, mostBytes());
       stores.set(topic, store);
       offerStreams();
     }
+    const restarts = store.restarts;
     store.append(frame);
+    if (store.restarts > restarts && topic === Number(stream.value)) events.restart();
   }
 }
 
-/** Offers the streams that were received, and shows the chosen one. */
+/** Offers the streams that were received, and shows the chosen ones. */
 function offerStreams() {
-  const chosen = Number(stream.value);
   const topics = [...STREAMS.keys()].filter((topic) => stores.has(topic));
-  stream.replaceChildren(...topics.map((topic) => new Option(STREAMS.get(topic), String(topic))));
-  stream.value = String(topics.includes(chosen) ? chosen : topics[0]);
+  for (const [select, first] of /** @type {[HTMLSelectElement, string[]][]} */ ([[stream, []], [over, ['0']]])) {
+    const chosen = select.value, options = [...first, ...topics.map(String)];
+    select.replaceChildren(...options.map((topic) => new Option(STREAMS.get(Number(topic)) ?? 'none', topic)));
+    select.value = options.includes(chosen) ? chosen : options[0];
+  }
   show();
 }
 
+/** @param {HTMLSelectElement} select @returns {import('./traces.js').Stream | null} the chosen stream */
+function chosen(select) {
+  const topic = Number(select.value), store = stores.get(topic);
+  return store ? {store, name: STREAMS.get(topic) ?? '', measured: topic !== RECONSTRUCTED} : null;
+}
+
 function show() {
-  const store = stores.get(Number(stream.value)) ?? null;
-  const changed = store !== traces.store;
-  traces.measured = Number(stream.value) !== RECONSTRUCTED;
-  traces.show(store, shown.value.split(/[\s,]+/).filter((label) => label));
-  if (changed) {
-    setPaused(false);
-    find('cursor').textContent = traces.words();
-  }
-  if (store) head.show(store.labels.slice(0, store.electrodes)).catch(() => {});
+  if (over.value === stream.value) over.value = '0';
+  const before = traces.store, first = chosen(stream), second = chosen(over);
+  traces.average = reference.value === 'average';
+  traces.show(first, second, shown.value.split(/[\s,]+/).filter((label) => label));
+  find('first-name').textContent = (first?.name ?? 'stream') + (traces.average ? ', to the average' : '');
+  find('second-legend').hidden = second === null;
+  find('second-name').textContent = second?.name ?? '';
+  for (const option of over.options) option.disabled = option.value === stream.value;
+  if (first?.store !== before) setPaused(false);
+  find('cursor').textContent = traces.words();
+  if (first) head.show(first.store.labels.slice(0, first.store.electrodes)).catch(() => {});
 }
 
 /** @param {boolean} paused */
 function setPaused(paused) {
   traces.pause(paused);
-  pause.setAttribute('aria-pressed', String(paused));
+  showPaused();
 }
+
+function showPaused() { pause.setAttribute('aria-pressed', String(traces.held !== null)); }
 
 /** @param {HTMLSelectElement} select @param {number} steps */
 function change(select, steps) {
@@ -144,14 +172,15 @@ time.addEventListener('change', () => {
   traces.seconds = Number(time.value);
   traces.invalidate();
 });
-stream.addEventListener('change', show);
+for (const select of [stream, over, reference]) select.addEventListener('change', show);
 shown.addEventListener('change', show);
 pause.addEventListener('click', () => setPaused(traces.held === null));
 find('controls').addEventListener('submit', (event) => event.preventDefault());
 find('start').addEventListener('click', () => send('start'));
 find('stop').addEventListener('click', () => send('stop'));
 
-/** What a key of the plot does. @type {Record<string, (shift: boolean) => void>} */
+/** What a key of the plot does.
+ * @type {Record<string, (shift: boolean) => void>} */
 const KEYS = {
   ArrowLeft: (shift) => traces.move(shift ? -(traces.store?.rate ?? 0) : -1, 0),
   ArrowRight: (shift) => traces.move(shift ? traces.store?.rate ?? 0 : 1, 0),
@@ -160,17 +189,37 @@ const KEYS = {
   ' ': () => setPaused(traces.held === null),
   PageUp: () => scroll(-1),
   PageDown: () => scroll(1),
+  Home: () => hold(traces.store?.begun() ?? 0),
+  End: () => setPaused(false),
+  a: () => {
+    reference.value = traces.average ? 'none' : 'average';
+    show();
+  },
   '+': () => change(scale, -1),
   '-': () => change(scale, 1),
   '[': () => change(time, -1),
   ']': () => change(time, 1),
 };
 
-/** Scrolls by half the time axis. @param {number} direction */
+/** Scrolls by half the time axis.
+ * @param {number} direction */
 function scroll(direction) {
   traces.scroll(direction * traces.seconds / 2);
-  pause.setAttribute('aria-pressed', String(traces.held !== null));
+  showPaused();
 }
+
+/** Shows the history from a device time on.
+ * @param {number} time */
+function hold(time) {
+  traces.hold(time + traces.seconds * 1e6);
+  showPaused();
+}
+
+plot.addEventListener('wheel', (event) => {
+  if (event.ctrlKey) return;
+  event.preventDefault();
+  scroll(Math.sign(event.deltaX || event.deltaY) / 5);
+}, {passive: false});
 
 plot.addEventListener('keydown', (event) => {
   const act = KEYS[event.key];
@@ -179,11 +228,20 @@ plot.addEventListener('keydown', (event) => {
   act(event.shiftKey);
 });
 
-/** Draws at the screen's rate, while the page is visible. @param {number} now */
+let reported = 0;
+
+/** Draws at the screen's rate, while the page is visible.
+ * @param {number} now */
 function frame(now) {
-  traces.draw(now);
-  document.body.dataset.drawn = `${traces.cost.count} ${(traces.cost.sum / Math.max(1, traces.cost.count)).toFixed(2)} ` +
-    traces.cost.longest.toFixed(2);
+  traces.plot.draw(now);
+  spectrum.work(now);
+  code.draw();
+  past.update();
+  if (now - reported > 1000) {
+    reported = now;
+    const {count, median, late, longest} = traces.plot.cost();
+    document.body.dataset.drawn = `${count} ${median.toFixed(2)} ${late.toFixed(2)} ${longest.toFixed(2)}`;
+  }
   requestAnimationFrame(frame);
 }
 requestAnimationFrame(frame);
@@ -207,6 +265,7 @@ async function run() {
       access.hidden = true;
       find('commands').hidden = token === '';
       link.clear();
+      code.clear();
       head.clear();
       setState(3, 'connected');
     };

@@ -31,6 +31,8 @@ pub enum ViewTopic {
     Raw = 4,
     /// Reports, as DiagnosticArrays.
     Diagnostics = 5,
+    /// Events, as NeuroEvents. With the frame `device`, the stamp is the event's device time.
+    Events = 6,
 }
 
 /// The ring of the newest messages, shared by all sinks and viewers.

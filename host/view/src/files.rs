@@ -13,7 +13,7 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Path, content type and text of every file. A request names one of these paths or is refused, so
 /// no path leads to the file system.
-const FILES: [(&str, &str, &str); 9] = [
+const FILES: [(&str, &str, &str); 21] = [
     (
         "/",
         "text/html; charset=utf-8",
@@ -29,12 +29,32 @@ const FILES: [(&str, &str, &str); 9] = [
         "image/svg+xml",
         include_str!("../page/icon.svg"),
     ),
-    ("/main.js", SCRIPT, include_str!("../page/main.js")),
+    ("/axis.js", SCRIPT, include_str!("../page/axis.js")),
+    ("/code.js", SCRIPT, include_str!("../page/code.js")),
+    ("/columns.js", SCRIPT, include_str!("../page/columns.js")),
+    ("/element.js", SCRIPT, include_str!("../page/element.js")),
+    ("/events.js", SCRIPT, include_str!("../page/events.js")),
     ("/feed.js", SCRIPT, include_str!("../page/feed.js")),
+    ("/head.js", SCRIPT, include_str!("../page/head.js")),
+    ("/history.js", SCRIPT, include_str!("../page/history.js")),
+    ("/link.js", SCRIPT, include_str!("../page/link.js")),
+    ("/main.js", SCRIPT, include_str!("../page/main.js")),
+    ("/palette.js", SCRIPT, include_str!("../page/palette.js")),
+    ("/plot.js", SCRIPT, include_str!("../page/plot.js")),
+    (
+        "/reference.js",
+        SCRIPT,
+        include_str!("../page/reference.js"),
+    ),
+    ("/spectrum.js", SCRIPT, include_str!("../page/spectrum.js")),
+    (
+        "/spectrum_panel.js",
+        SCRIPT,
+        include_str!("../page/spectrum_panel.js"),
+    ),
     ("/store.js", SCRIPT, include_str!("../page/store.js")),
     ("/traces.js", SCRIPT, include_str!("../page/traces.js")),
-    ("/head.js", SCRIPT, include_str!("../page/head.js")),
-    ("/link.js", SCRIPT, include_str!("../page/link.js")),
+    ("/welch.js", SCRIPT, include_str!("../page/welch.js")),
 ];
 
 /// Returns the file at `path`.

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use bridge_core::{Core, Effects, HostTime, Model, Settings, TimedPackedBlock};
+use bridge_core::{Core, Effects, EventPlace, HostTime, Model, Settings, TimedPackedBlock};
 use crc::{CRC_32_ISCSI, Crc};
 use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
 use link::{
@@ -162,7 +162,7 @@ impl Effects for Host {
         self.check(frame);
     }
 
-    fn publish_event(&mut self, _: &NeuroEvent, _: Option<u64>) {
+    fn publish_event(&mut self, _: &NeuroEvent, _: EventPlace) {
         self.published += 1;
     }
 

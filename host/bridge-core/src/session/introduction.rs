@@ -6,7 +6,7 @@ use artifact::ModelId;
 use link::{Capabilities, Header, Hello, Streams, Substitutes};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
-use crate::core::{Announcement, Effects};
+use crate::core::{Announcement, Effects, EventPlace};
 use crate::device::{Device, DeviceError, Identity};
 use crate::session::Session;
 use crate::settings::AnnouncedStream;
@@ -111,7 +111,7 @@ impl Session {
         self.commands.device_introduced(true);
         self.objection = objection;
         if self.exclusion.is_none() {
-            self.publish_exclusion(0, Vec::new(), read.wall_ns, effects);
+            self.publish_exclusion(0, Vec::new(), read.wall_ns, None, effects);
         }
         let (policy, unknown) = self.exclusions.policy(&device.labels);
         self.commands.set_exclusion(policy);
@@ -314,7 +314,11 @@ impl Session {
         if self.announced.is_some() {
             let event = BusEvent::DeviceRefused(why.clone());
             let row = self.next_row(None).map(|next| next.index);
-            self.side.bus.publish(&event, read.wall_ns, row, effects);
+            let place = EventPlace {
+                row,
+                device_us: None,
+            };
+            self.side.bus.publish(&event, read.wall_ns, place, effects);
         }
         self.objection = Some(why);
         self.commands.device_introduced(false);

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use link::{Event, EventKind};
 use neuro_ros::{NeuroEvent, Stamp};
 
-use crate::core::Effects;
+use crate::core::{Effects, EventPlace};
 use crate::streams::ledger::{Arrival, Ledger};
 use crate::streams::stamps::Reception;
 
@@ -48,12 +48,16 @@ impl EventStream {
         let Arrival::New { lost } = self.ledger.record(event.number) else {
             return None;
         };
+        let place = EventPlace {
+            row,
+            device_us: reception.device_us,
+        };
         let device_us = reception.device_us.map(i128::from);
         let time = device_us.and_then(|us| reception.clock.wall_ns(us));
         let wall_ns = time.unwrap_or(reception.read.wall_ns);
         if lost > 0 {
             tracing::debug!(lost, before = event.number, "events lost");
-            bus.publish(&BusEvent::EdgesLost(lost), wall_ns, row, effects);
+            bus.publish(&BusEvent::EdgesLost(lost), wall_ns, place, effects);
         }
         let (edge, level) = match event.kind {
             EventKind::TriggerRise => (BusEvent::TriggerHigh, 1),
@@ -69,7 +73,7 @@ impl EventStream {
                 return None;
             }
         };
-        bus.publish(&edge, wall_ns, row, effects);
+        bus.publish(&edge, wall_ns, place, effects);
         Some(level)
     }
 }
@@ -218,12 +222,12 @@ impl EventBus {
     }
 
     /// Publishes an event that happened at the wall-clock time `wall_ns`, nanoseconds since 1970,
-    /// and at the row `row` of the announced stream; `None` before a device has introduced itself.
+    /// and at `place`.
     pub(crate) fn publish(
         &mut self,
         event: &BusEvent,
         wall_ns: i64,
-        row: Option<u64>,
+        place: EventPlace,
         effects: &mut dyn Effects,
     ) {
         if !self.enabled {
@@ -237,7 +241,7 @@ impl EventBus {
         message.event = event.code();
         message.duration = event.duration_s();
         message.description = event.description();
-        effects.publish_event(message, row);
+        effects.publish_event(message, place);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Valid frames whose fields hold extreme numbers, as no working device sends them.
 
-use bridge_core::{AuditedWindow, Core, Effects, FillerPolicy};
+use bridge_core::{AuditedWindow, Core, Effects, EventPlace, FillerPolicy};
 use link::{
     Audit, BlockForm, ClockReading, CodeValues, CompressedRaw, Converters, Event, EventKind,
     Filtered, Flags, PackedCode, Raw, Streams, ToHost,
@@ -34,7 +34,7 @@ impl Effects for Counter {
         self.published += 1;
     }
 
-    fn publish_event(&mut self, _: &NeuroEvent, _: Option<u64>) {
+    fn publish_event(&mut self, _: &NeuroEvent, _: EventPlace) {
         self.published += 1;
     }
 

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use bridge_core::{
-    AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy,
-    ImpedanceReport, Model, Settings, StampPoint, TimedCode, TimedPackedBlock,
+    AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventPlace, EventStamps,
+    FillerPolicy, ImpedanceReport, Model, Settings, StampPoint, TimedCode, TimedPackedBlock,
 };
 use link::{CodeValues, Streams, ToDevice, ToHost};
 use neuro_ros::{
@@ -81,7 +81,7 @@ impl Effects for Recorder {
         self.predictions.push(prediction.clone());
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent, _row: Option<u64>) {
+    fn publish_event(&mut self, event: &NeuroEvent, _: EventPlace) {
         assert_eq!(event.neuroheader.seq as usize, self.events.len() + 1);
         assert_eq!(event.header.seq, event.neuroheader.seq);
         self.events.push(event.clone());

@@ -8,7 +8,7 @@
 )]
 
 use bridge_core::{
-    AnnouncedStream, Announcement, Core, Effects, EventStamps, PackedReconstruction,
+    AnnouncedStream, Announcement, Core, Effects, EventPlace, EventStamps, PackedReconstruction,
     Reconstruction, RecordingStart, Settings, TimedCode, TimedPackedBlock,
 };
 use link::{Event, EventKind, Filtered, Flags, PackedCode, Raw, Streams, ToHost};
@@ -178,12 +178,12 @@ impl Effects for Tape {
         self.write(AnnouncedStream::Filtered, frame, DELAY);
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent, row: Option<u64>) {
+    fn publish_event(&mut self, event: &NeuroEvent, place: EventPlace) {
         for recording in &mut self.recordings {
             let Some(start) = &recording.start else {
                 continue;
             };
-            let row = recording.place(start.stamp(row.unwrap()));
+            let row = recording.place(start.stamp(place.row.unwrap()));
             let common = recording.place(event.header.stamp);
             match event.event {
                 1 => recording.edges.push((self.edge_s, [row, common])),

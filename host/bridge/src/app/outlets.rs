@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use bridge_core::{
     AnnouncedStream, Announcement, AuditedWindow, BackPressure, DecoderCounts, DecoderThread,
-    Effects, HostTime, Model, PackedReconstruction, RawForm, Reconstruction, Settings, TimedCode,
-    TimedPackedBlock, report_malformed,
+    Effects, EventPlace, HostTime, Model, PackedReconstruction, RawForm, Reconstruction, Settings,
+    TimedCode, TimedPackedBlock, report_malformed,
 };
 use link::Streams;
 use neuro_ros::ros1::NodeError;
@@ -17,10 +17,11 @@ use neuro_ros::{
 };
 use serde::Serialize;
 use tokio::sync::watch::Sender;
-use view::{View, ViewTopic};
+use view::{View, ViewSink, ViewTopic};
 
 use crate::app::command_line::SinkKind;
 use crate::app::driver::PortEffects;
+use crate::app::event_times::EventTimes;
 use crate::app::outlet::{DropCount, Outlet, OutletCount, Tee};
 use crate::app::recorders::{EventTopic, Recorders};
 use crate::app::ros_node::{Namespace, RosNode};
@@ -313,9 +314,9 @@ impl Effects for Outlets {
         self.record_error(published.unwrap_or(Ok(())));
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent, row: Option<u64>) {
+    fn publish_event(&mut self, event: &NeuroEvent, place: EventPlace) {
         let events = self.sinks.events.as_mut();
-        let published = events.map(|events| events.publish(event, row));
+        let published = events.map(|events| events.publish(event, place));
         self.record_error(published.unwrap_or(Ok(())));
     }
 
@@ -363,22 +364,26 @@ pub(crate) struct Sinks {
     namespace: Namespace,
 }
 
-/// Destinations of events. The topic is separate, because it has other stamps for recorders.
+/// Destinations of events. Topic and live page are separate, because they have other stamps.
 struct Events {
     topic: Option<(EventTopic, DropCount)>,
+    view: Option<EventTimes<ViewSink<NeuroEvent>>>,
     others: Tee<NeuroEvent>,
 }
 
 impl Events {
-    fn publish(&mut self, event: &NeuroEvent, row: Option<u64>) -> Result<(), SinkError> {
-        let Some((topic, drops)) = &mut self.topic else {
-            return self.others.publish(event);
-        };
-        topic.publish(event, row);
-        drops.update(topic.dropped());
+    fn publish(&mut self, event: &NeuroEvent, place: EventPlace) -> Result<(), SinkError> {
+        if let Some((topic, drops)) = &mut self.topic {
+            topic.publish(event, place.row);
+            drops.update(topic.dropped());
+        }
+        let others = self.others.publish(event);
         // The topic goes on if all other outlets have failed.
-        let _ = self.others.publish(event);
-        Ok(())
+        let published = if self.topic.is_some() { Ok(()) } else { others };
+        if let Some(view) = &mut self.view {
+            view.publish(event, place.device_us);
+        }
+        published
     }
 
     fn dropped(&self) -> u64 {
@@ -555,7 +560,13 @@ impl Sinks {
                     _ => None,
                 };
                 let others = to.tee(&outlets, None, name, None);
-                Some(Events { topic, others })
+                let view = to.view.as_ref();
+                let view = view.map(|view| EventTimes::new(view.sink(ViewTopic::Events)));
+                Some(Events {
+                    topic,
+                    view,
+                    others,
+                })
             }
             None => None,
         };

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use bridge_core::{
-    Announcement, Device, Effects, Model, PackedReconstruction, Reconstruction, Settings,
-    TimedCode, TimedPackedBlock,
+    Announcement, Device, Effects, EventPlace, Model, PackedReconstruction, Reconstruction,
+    Settings, TimedCode, TimedPackedBlock,
 };
 use neuro_ros::{NeuroDataInfo, NeuroEvent, NeuroFrame, NeuroOutput, TriWords};
 
@@ -300,7 +300,7 @@ impl<L: Listener> Effects for Collector<L> {
         );
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent, _row: Option<u64>) {
+    fn publish_event(&mut self, event: &NeuroEvent, _: EventPlace) {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

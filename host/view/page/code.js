@@ -1,0 +1,202 @@
+// @ts-check
+// Shows the numbers of the codes, how many bits they take, and how well the device computes them.
+
+import {nice} from './axis.js';
+import {find} from './element.js';
+import {colour, fit} from './palette.js';
+import {FILLER} from './store.js';
+
+/** @typedef {import('./feed.js').Frame} Frame */
+/** @typedef {import('./feed.js').Status} Status */
+
+/** Codes in the picture: 16 s at 16 codes per second. */
+const CODES = 256;
+/** Bits of a number, and of what comes with the numbers of a code, by format.
+ * @type {Record<string, [number, number]>} */
+const BITS = {int8: [8, 0], 'int8-exponent': [8, 8], int16: [16, 0]};
+/** Seconds of bits per second that are kept. */
+const SECONDS = 120;
+
+export class CodePanel {
+  constructor() {
+    /** @type {HTMLCanvasElement} */
+    this.bars = find('numbers');
+    /** @type {HTMLCanvasElement} */
+    this.picture = find('codes');
+    /** @type {HTMLCanvasElement} */
+    this.rate = find('bits');
+    /** The newest codes, the oldest first.
+     * @type {{values: Float32Array, time: number, lost: boolean}[]} */
+    this.codes = [];
+    /** @type {string[]} */
+    this.labels = [];
+    this.unit = '';
+    this.chosen = 0;
+    this.changed = false;
+    /** Bits per second of the packed code, by report.
+     * @type {number[]} */
+    this.bits = [];
+    /** Bytes on the link in the report before, and when it came. */
+    this.before = {bytes: NaN, at: 0};
+    this.bars.addEventListener('mousemove', (event) => this.choose(Math.floor(event.offsetX / this.bars.clientWidth * this.labels.length)));
+    this.bars.addEventListener('keydown', (event) => {
+      const steps = Number(event.key === 'ArrowRight') - Number(event.key === 'ArrowLeft');
+      if (steps === 0) return;
+      event.preventDefault();
+      this.choose(this.chosen + steps * (event.shiftKey ? 10 : 1));
+    });
+    matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { this.changed = true; });
+    for (const canvas of [this.bars, this.picture]) new ResizeObserver(() => { this.changed = true; }).observe(canvas);
+  }
+
+  /** Forgets what a bridge that was lost has reported. */
+  clear() {
+    this.before = {bytes: NaN, at: 0};
+    this.bits = [];
+    this.figures([]);
+  }
+
+  /** @param {number} number of the code whose value is shown in digits */
+  choose(number) {
+    this.chosen = Math.min(this.labels.length - 1, Math.max(0, number));
+    this.changed = true;
+  }
+
+  /** Notes a code.
+   * @param {Frame} frame */
+  code(frame) {
+    if (frame.eeg.labels.join() !== this.labels.join()) {
+      this.codes = [];
+      this.labels = frame.eeg.labels;
+      this.chosen = 0;
+    }
+    this.unit = frame.eeg.unit;
+    const time = frame.tri[3] + 65536 * frame.tri[4] + 4294967296 * frame.tri[5];
+    this.codes.push({values: frame.eegData, time, lost: (frame.tri[0] & FILLER) !== 0});
+    if (this.codes.length > CODES) this.codes.shift();
+    this.changed = true;
+  }
+
+  /** @param {Status[]} statuses @param {number} now milliseconds */
+  report(statuses, now) {
+    /** @param {string} name @param {string} key */
+    const value = (name, key) => statuses.find((status) => status.name === name)?.values.get(key);
+    /** @type {[string, string | undefined][]} */
+    const figures = [];
+    const [each, more] = BITS[value('device', 'code format') ?? ''] ?? [NaN, NaN], {codes} = this;
+    const span = codes.length > 1 ? (codes[codes.length - 1].time - codes[0].time) / 1e6 : 0;
+    if (span > 0 && each > 0) {
+      const bits = (each * this.labels.length + more) * (codes.length - 1) / span;
+      figures.push([`codes, ${this.labels.length} numbers, bits/s`, bits.toFixed(0)]);
+    }
+    figures.push(['packed code, bits/s', value('packed code', 'bits per second')], ['packed rate', value('packed code', 'rate')]);
+    const bytes = Number(value('link', 'bytes') ?? NaN);
+    if (bytes > this.before.bytes) {
+      figures.push(['whole link, bits/s', (8000 * (bytes - this.before.bytes) / (now - this.before.at)).toFixed(0)]);
+    }
+    this.before = {bytes, at: now};
+    figures.push(['audit: RMS error, levels', limited(value('audit', 'rms levels'), value('audit', 'rms limit'))],
+      ['audit: largest error, levels', limited(value('audit', 'largest levels'), value('audit', 'largest limit'))],
+      ['audit: packed error, uV RMS', value('audit', 'packed: error uV RMS')],
+      ['audit: error of the variance', value('audit', 'packed: error of the variance')],
+      ['blocks that do not fit (misfits)', value('packed code', 'misfits')],
+      ['blocks too long: coarser', value('packed code', 'too long, coarser')],
+      ['blocks too long: no content', value('packed code', 'too long, no content')],
+      ['code values clipped', value('loss', 'code values clipped')]);
+    this.figures(figures.flatMap(([name, text]) => (text === undefined ? [] : [[name, text]])));
+    const bits = Number(value('packed code', 'bits per second') ?? NaN);
+    if (bits >= 0) this.bits.push(bits);
+    if (this.bits.length > SECONDS) this.bits.shift();
+    this.rate.hidden = this.bits.length === 0;
+    if (!this.rate.hidden) this.line();
+  }
+
+  /** @param {string[][]} figures */
+  figures(figures) {
+    find('code-figures').replaceChildren(...figures.flatMap((pair) => pair.map((text, k) => {
+      const node = document.createElement(k === 0 ? 'dt' : 'dd');
+      node.textContent = text;
+      return node;
+    })));
+  }
+
+  /** Draws a new code; called for each frame of the screen. */
+  draw() {
+    const newest = this.codes[this.codes.length - 1];
+    for (const canvas of [this.bars, this.picture]) canvas.hidden = !newest;
+    if (!this.changed || !newest || this.bars.clientWidth === 0) return;
+    this.changed = false;
+    const {values, time, lost} = newest;
+    find('code-cursor').textContent = `${this.labels[this.chosen]} ${Number(values[this.chosen].toPrecision(7))} ${this.unit} at ` +
+      `${(time / 1e6).toFixed(6)} s${lost ? '; replaced, was lost' : ''}`;
+    let most = 0;
+    for (const code of this.codes) for (const value of code.values) most = Math.max(most, Math.abs(value));
+    const range = most > 0 ? nice(most) : 1;
+    this.drawBars(values, range);
+    this.drawPicture(range);
+  }
+
+  /** @param {Float32Array} values @param {number} range of the axis, to both sides of 0 */
+  drawBars(values, range) {
+    const context = fit(this.bars), {width, height} = this.bars, ratio = devicePixelRatio;
+    const each = width / values.length, middle = Math.round(height / 2);
+    context.fillStyle = colour('ground').css;
+    context.fillRect(0, 0, width, height);
+    values.forEach((value, k) => {
+      context.fillStyle = colour(k === this.chosen ? 'chosen' : value < 0 ? 'trace' : 'over').css;
+      const [x, end] = [Math.round(k * each), Math.round((k + 1) * each)], length = value / range * (height / 2);
+      context.fillRect(x, Math.min(middle, middle - length), Math.max(1, end - x - (each > 3 ? 1 : 0)), Math.max(1, Math.abs(length)));
+    });
+    context.fillStyle = colour('line').css;
+    context.fillRect(0, middle, width, 1);
+    context.fillStyle = colour('faint').css;
+    context.font = `${10 * ratio}px "DejaVu Sans", sans-serif`;
+    context.textBaseline = 'top';
+    context.fillText(`+${range} ${this.unit}`, 2 * ratio, 1 * ratio);
+    context.textBaseline = 'bottom';
+    context.fillText(`-${range}`, 2 * ratio, height);
+  }
+
+  /** Draws a column for each code and a row for each number.
+   * @param {number} range */
+  drawPicture(range) {
+    const context = fit(this.picture), {width, height} = this.picture, rows = this.labels.length;
+    const image = context.createImageData(CODES, rows), pixels = new Uint32Array(image.data.buffer);
+    const [ground, filler] = [colour('ground'), colour('filler')], ends = [colour('trace'), colour('over')];
+    pixels.fill(ground.word);
+    this.codes.forEach(({values, lost}, k) => {
+      const x = CODES - this.codes.length + k;
+      for (let row = 0; row < rows; row += 1) {
+        const part = Math.min(1, Math.abs(values[row]) / range), end = ends[Number(values[row] >= 0)];
+        /** @param {'red' | 'green' | 'blue'} name */
+        const mix = (name) => Math.round(ground[name] + (end[name] - ground[name]) * part);
+        pixels[row * CODES + x] = lost ? filler.word : (255 << 24 | mix('blue') << 16 | mix('green') << 8 | mix('red')) >>> 0;
+      }
+    });
+    const small = document.createElement('canvas');
+    [small.width, small.height] = [CODES, rows];
+    small.getContext('2d')?.putImageData(image, 0, 0);
+    context.imageSmoothingEnabled = false;
+    context.drawImage(small, 0, 0, width, height);
+  }
+
+  /** Draws the bits per second of the packed code over the newest reports. */
+  line() {
+    const context = fit(this.rate), {width, height} = this.rate, ratio = devicePixelRatio;
+    const most = nice(Math.max(1, ...this.bits));
+    context.fillStyle = colour('ground').css;
+    context.fillRect(0, 0, width, height);
+    context.strokeStyle = colour('trace').css;
+    context.lineWidth = ratio;
+    context.beginPath();
+    this.bits.forEach((bits, k) => context.lineTo(width - (this.bits.length - 1 - k) * width / (SECONDS - 1), height - 1 - bits / most * (height - 2)));
+    context.stroke();
+    context.fillStyle = colour('faint').css;
+    context.font = `${10 * ratio}px "DejaVu Sans", sans-serif`;
+    context.textBaseline = 'top';
+    context.fillText(`${most / 1000} kbit/s`, 2 * ratio, 1 * ratio);
+  }
+}
+
+/** @param {string | undefined} value @param {string | undefined} limit */
+function limited(value, limit) { return value === undefined ? undefined : `${value} (limit ${limit})`; }
