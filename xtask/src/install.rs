@@ -9,10 +9,10 @@ use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_
 /// Debian packages that provide ROS 1 (roscore, rospy, rostopic, rosservice, rosbag), the service
 /// types of the node `acquisition`, numpy for tests that read arrays, the library with which
 /// ROS-Neuro's recorder writes GDF, the emulator of the microcontrollers, udev with a testbed that
-/// simulates devices, the formatter of manual pages, a browser with its remote control, the tools
-/// to build the catkin packages in `ros/` and the Debian package, and a clean Debian and a systemd
-/// to check the latter.
-const PACKAGES: [&str; 22] = [
+/// simulates devices, the formatter of manual pages, a browser with its remote control, the
+/// compiler that checks the types of the live page's scripts, the tools to build the catkin
+/// packages in `ros/` and the Debian package, and a clean Debian and a systemd to check the latter.
+const PACKAGES: [&str; 23] = [
     "ros-core",
     "python3-std-srvs",
     "python3-numpy",
@@ -35,6 +35,7 @@ const PACKAGES: [&str; 22] = [
     "groff-base",
     "chromium",
     "chromium-driver",
+    "node-typescript",
 ];
 
 /// Option of apt-get: seconds to wait while another program installs packages.

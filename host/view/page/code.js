@@ -127,8 +127,10 @@ export class CodePanel {
     if (!this.changed || !newest || this.bars.clientWidth === 0) return;
     this.changed = false;
     const {values, time, lost} = newest;
-    find('code-cursor').textContent = `${this.labels[this.chosen]} ${Number(values[this.chosen].toPrecision(7))} ${this.unit} at ` +
+    find('code-cursor').textContent = `${this.labels[this.chosen]} ${digits(values[this.chosen])} ${this.unit} at ` +
       `${(time / 1e6).toFixed(6)} s${lost ? '; replaced, was lost' : ''}`;
+    const span = (time - this.codes[0].time) / 1e6;
+    find('codes-note').textContent = `below: the newest ${this.codes.length} codes, ${span.toFixed(1)} s; a row for each number`;
     let most = 0;
     for (const code of this.codes) for (const value of code.values) most = Math.max(most, Math.abs(value));
     const range = most > 0 ? nice(most) : 1;
@@ -200,3 +202,12 @@ export class CodePanel {
 
 /** @param {string | undefined} value @param {string | undefined} limit */
 function limited(value, limit) { return value === undefined ? undefined : `${value} (limit ${limit})`; }
+
+/**
+ * The fewest digits that stand for this number and no other one of 32 bits.
+ * @param {number} value
+ */
+function digits(value) {
+  const texts = [6, 7, 8, 9].map((count) => Number(value.toPrecision(count)));
+  return String(texts.find((one) => Math.fround(one) === value) ?? value);
+}

@@ -191,6 +191,8 @@ const KEYS = {
   PageDown: () => scroll(1),
   Home: () => hold(traces.store?.begun() ?? 0),
   End: () => setPaused(false),
+  n: () => toEvent(1),
+  p: () => toEvent(-1),
   a: () => {
     reference.value = traces.average ? 'none' : 'average';
     show();
@@ -205,6 +207,12 @@ const KEYS = {
  * @param {number} direction */
 function scroll(direction) {
   traces.scroll(direction * traces.seconds / 2);
+  showPaused();
+}
+
+/** @param {number} direction */
+function toEvent(direction) {
+  traces.toEvent(direction);
   showPaused();
 }
 

@@ -1,12 +1,12 @@
 // @ts-check
 // The traces of a store, with those of a second one over them, and the cursor on their samples.
 
+import {Events} from './events.js';
 import {Plot} from './plot.js';
 import {Reference} from './reference.js';
 import {FILLER, HEALING} from './store.js';
 
 /** @typedef {import('./store.js').Store} Store */
-/** @typedef {import('./events.js').Events} Events */
 
 /** Longest time by which the second stream can be behind the first one, microseconds. The right edge waits
  * for it. */
@@ -135,6 +135,31 @@ export class Traces {
     this.onCursor(this.words());
   }
 
+  /** Moves the cursor to the next event, or to the one before it, and the paused plot with it.
+   * @param {number} direction 1 or -1 */
+  toEvent(direction) {
+    const {stream, events} = this;
+    if (!stream || !events) return;
+    const {store} = stream, shown = store.at(this.edge() + 1);
+    const from = this.cursor.index < store.first ? shown : this.cursor.index;
+    const all = events.all.map((event) => Events.sample(event, store, stream.measured)).filter((index) => index >= 0);
+    const ahead = all.filter((index) => (direction > 0 ? index > from : index < from));
+    if (ahead.length === 0) return;
+    const index = direction > 0 ? Math.min(...ahead) : Math.max(...ahead), time = store.time(index);
+    if (time > this.edge() || time < this.edge() - this.seconds * 1e6) this.hold(time + this.seconds * 5e5);
+    this.place(index, this.cursor.channel);
+  }
+
+  /** Descriptions of the events at the cursor's sample. */
+  eventsAtCursor() {
+    const {stream, events, cursor: {index}} = this;
+    if (!stream || !events) return [];
+    const time = stream.store.time(index), reach = 2e6 / stream.store.rate;
+    const near = events.between(time - reach, time + reach);
+    return near.filter((event) => Events.sample(event, stream.store, stream.measured) === index)
+      .map((event) => event.description);
+  }
+
   /** Describes the sample at the cursor with the digits that its value has at three decimals. */
   words() {
     const {stream, second} = this, {index, channel} = this.cursor, store = stream?.store;
@@ -150,6 +175,7 @@ export class Traces {
       const lost = at >= 0 && second.store.flag(at) & FILLER ? ' (was lost)' : '';
       words.push(`${second.name} ${value}${lost}`);
     }
+    words.push(...this.eventsAtCursor());
     const flags = store.flag(index);
     if (flags & FILLER) words.push('replaced, was lost');
     if (flags & HEALING) words.push('decoded without its neighbours');

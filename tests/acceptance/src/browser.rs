@@ -66,11 +66,15 @@ impl Browser {
             session,
             _driver: driver,
         };
-        let [width, height] = SIZE;
+        browser.resize(SIZE);
+        Some(browser)
+    }
+
+    /// Sets width and height of the page, CSS pixels.
+    pub fn resize(&self, [width, height]: [u32; 2]) {
         let metrics =
             json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": false});
-        browser.tell("Emulation.setDeviceMetricsOverride", &metrics);
-        Some(browser)
+        self.tell("Emulation.setDeviceMetricsOverride", &metrics);
     }
 
     /// Opens an address.

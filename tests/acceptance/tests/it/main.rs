@@ -25,6 +25,7 @@ mod own_master;
 mod packed_chain;
 mod packed_loss;
 mod packed_python;
+mod page_types;
 mod predictions;
 mod qemu_chain;
 mod quantise;

@@ -1,0 +1,57 @@
+//! What the page says of the sample at its cursor.
+
+use acceptance::browser::Browser;
+
+/// Keys as WebDriver names them.
+pub(super) const LEFT: char = '\u{e012}';
+pub(super) const RIGHT: char = '\u{e014}';
+pub(super) const DOWN: char = '\u{e015}';
+pub(super) const HOME: char = '\u{e011}';
+pub(super) const END: char = '\u{e010}';
+
+/// A line such as `Fz 1.234 uV at 5.000000 s; replaced, was lost`.
+pub(super) struct Reading {
+    pub(super) text: String,
+    pub(super) label: String,
+    pub(super) value: String,
+    /// Device time, microseconds.
+    pub(super) us: u64,
+    /// What follows the first part.
+    pub(super) notes: Vec<String>,
+}
+
+impl Reading {
+    /// Reads the line in the element `selector`.
+    ///
+    /// # Panics
+    /// When it is not such a line.
+    pub(super) fn of(browser: &Browser, selector: &str) -> Reading {
+        let text = browser.text(selector);
+        let mut parts = text.split("; ").map(str::to_owned);
+        let first = parts.next().unwrap_or_default();
+        let notes = parts.collect();
+        let words: Vec<&str> = first.split(' ').collect();
+        let &[label, value, .., time, "s"] = &words[..] else {
+            panic!("{text:?} has no value");
+        };
+        Reading {
+            label: label.to_owned(),
+            value: value.to_owned(),
+            us: microseconds(time),
+            notes,
+            text,
+        }
+    }
+
+    pub(super) fn has(&self, note: &str) -> bool {
+        self.notes.iter().any(|one| one == note)
+    }
+}
+
+/// Returns a time in seconds with six decimal places in microseconds.
+pub(super) fn microseconds(seconds: &str) -> u64 {
+    let digits = seconds.replace('.', "");
+    digits
+        .parse()
+        .unwrap_or_else(|_| panic!("{seconds:?} is no time"))
+}

@@ -1,0 +1,110 @@
+//! The samples of a topic, as the JSON lines have them.
+
+use acceptance::printing::messages;
+use serde_json::Value;
+
+/// Flag of a sample that replaces a lost one.
+const FILLER: u64 = 0x8000;
+/// Steps from the first step of a reconstructed frame to the last one of its window, whose device
+/// time all of the frame's steps have on the wire: 16 steps a window. The page shows that of each.
+const LOOKBACK_STEPS: u64 = 15;
+
+pub(super) struct Sample {
+    /// Device time, microseconds.
+    pub(super) us: u64,
+    pub(super) is_filler: bool,
+    pub(super) trigger: u64,
+    pub(super) values: Vec<f64>,
+}
+
+/// The samples of one topic, in their order.
+pub(super) struct Wire {
+    pub(super) labels: Vec<String>,
+    /// Number of electrodes, which are the first labels.
+    pub(super) electrodes: usize,
+    pub(super) samples: Vec<Sample>,
+}
+
+impl Wire {
+    pub(super) fn read(lines: &str, topic: &str) -> Wire {
+        let mut wire = Wire {
+            labels: Vec::new(),
+            electrodes: 0,
+            samples: Vec::new(),
+        };
+        for frame in messages(lines, topic) {
+            let blocks = ["eeg", "exg"].map(|name| &frame[name]);
+            if wire.labels.is_empty() {
+                let labels = blocks.map(|block| texts(&block["info"]["labels"]));
+                wire.electrodes = labels[0].len();
+                wire.labels = labels.concat();
+            }
+            let data = blocks.map(|block| numbers(&block["data"]));
+            let tri = numbers(&frame["tri"]["data"]);
+            for (step, words) in tri.chunks(8).enumerate() {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "words of 16 bits"
+                )]
+                let word = |index: usize| words[index] as u64;
+                let mut us = word(3) | word(4) << 16 | word(5) << 32;
+                if topic == "/neurodata_reconstructed" {
+                    us -= (LOOKBACK_STEPS - step as u64) * 1_000_000 / 128;
+                }
+                let rows = data.iter().map(|data| {
+                    let width = data.len() / (tri.len() / 8);
+                    &data[step * width..(step + 1) * width]
+                });
+                wire.samples.push(Sample {
+                    us,
+                    is_filler: word(0) & FILLER != 0,
+                    trigger: word(7),
+                    values: rows.flatten().copied().collect(),
+                });
+            }
+        }
+        wire
+    }
+
+    pub(super) fn channel(&self, label: &str) -> usize {
+        let mut labels = self.labels.iter();
+        labels
+            .position(|one| one == label)
+            .unwrap_or_else(|| panic!("{label} is no label"))
+    }
+
+    /// Returns the index of the sample at a device time.
+    pub(super) fn at(&self, us: u64) -> usize {
+        let index = self.samples.iter().position(|sample| sample.us == us);
+        index.unwrap_or_else(|| panic!("no sample at {us} us"))
+    }
+
+    /// Returns the index of the sample nearest to a device time.
+    pub(super) fn near(&self, us: u64) -> usize {
+        let samples = self.samples.iter().enumerate();
+        let nearest = samples.min_by_key(|(_, sample)| sample.us.abs_diff(us));
+        nearest.expect("samples").0
+    }
+
+    /// Returns the value of an electrode without the mean of all electrodes but Cz.
+    pub(super) fn to_average(&self, index: usize, label: &str) -> f64 {
+        let values = &self.samples[index].values;
+        let part = (0..self.electrodes).filter(|channel| self.labels[*channel] != "Cz");
+        let part: Vec<f64> = part.map(|channel| values[channel]).collect();
+        #[expect(clippy::cast_precision_loss, reason = "60 electrodes")]
+        let mean = part.iter().sum::<f64>() / part.len() as f64;
+        values[self.channel(label)] - mean
+    }
+}
+
+fn texts(list: &Value) -> Vec<String> {
+    let list = list.as_array().into_iter().flatten();
+    list.filter_map(|text| text.as_str().map(str::to_owned))
+        .collect()
+}
+
+fn numbers(list: &Value) -> Vec<f64> {
+    let list = list.as_array().into_iter().flatten();
+    list.filter_map(Value::as_f64).collect()
+}
