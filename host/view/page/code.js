@@ -14,6 +14,8 @@ const CODES = 256;
 /** Bits of a number, and of what comes with the numbers of a code, by format.
  * @type {Record<string, [number, number]>} */
 const BITS = {int8: [8, 0], 'int8-exponent': [8, 8], int16: [16, 0]};
+/** Part of a logarithmic axis's end below which it is linear. */
+const LINEAR = 1e-3;
 /** Seconds of bits per second that are kept. */
 const SECONDS = 120;
 
@@ -25,6 +27,9 @@ export class CodePanel {
     this.picture = find('codes');
     /** @type {HTMLCanvasElement} */
     this.rate = find('bits');
+    /** @type {HTMLSelectElement} */
+    this.axis = find('code-axis');
+    this.axis.addEventListener('change', () => { this.changed = true; });
     /** The newest codes, the oldest first.
      * @type {{values: Float32Array, time: number, lost: boolean}[]} */
     this.codes = [];
@@ -138,15 +143,33 @@ export class CodePanel {
     this.drawPicture(range);
   }
 
-  /** @param {Float32Array} values @param {number} range of the axis, to both sides of 0 */
+  /**
+   * Place of a value on the axis, from -1 to 1. The logarithmic one is linear near 0: the numbers of a
+   * linear code differ by three orders of magnitude.
+   * @param {number} value
+   * @param {number} range end of the axis
+   */
+  place(value, range) {
+    const part = Math.min(1, Math.abs(value) / range), isLinear = this.axis.value === 'linear';
+    return Math.sign(value) * (isLinear ? part : Math.log1p(part / LINEAR) / Math.log1p(1 / LINEAR));
+  }
+
+  /**
+   * @param {Float32Array} values
+   * @param {number} range of the axis, to both sides of 0
+   */
   drawBars(values, range) {
     const context = fit(this.bars), {width, height} = this.bars, ratio = devicePixelRatio;
     const each = width / values.length, middle = Math.round(height / 2);
     context.fillStyle = colour('ground').css;
     context.fillRect(0, 0, width, height);
+    context.fillStyle = colour('line').css;
+    for (const part of this.axis.value === 'linear' ? [-0.5, 0.5] : [-0.1, -0.01, 0.01, 0.1]) {
+      context.fillRect(0, Math.round(middle - this.place(part * range, range) * (height / 2)), width, 1);
+    }
     values.forEach((value, k) => {
       context.fillStyle = colour(k === this.chosen ? 'chosen' : value < 0 ? 'trace' : 'over').css;
-      const [x, end] = [Math.round(k * each), Math.round((k + 1) * each)], length = value / range * (height / 2);
+      const [x, end] = [Math.round(k * each), Math.round((k + 1) * each)], length = this.place(value, range) * (height / 2);
       context.fillRect(x, Math.min(middle, middle - length), Math.max(1, end - x - (each > 3 ? 1 : 0)), Math.max(1, Math.abs(length)));
     });
     context.fillStyle = colour('line').css;
@@ -169,7 +192,7 @@ export class CodePanel {
     this.codes.forEach(({values, lost}, k) => {
       const x = CODES - this.codes.length + k;
       for (let row = 0; row < rows; row += 1) {
-        const part = Math.min(1, Math.abs(values[row]) / range), end = ends[Number(values[row] >= 0)];
+        const part = Math.abs(this.place(values[row], range)), end = ends[Number(values[row] >= 0)];
         /** @param {'red' | 'green' | 'blue'} name */
         const mix = (name) => Math.round(ground[name] + (end[name] - ground[name]) * part);
         pixels[row * CODES + x] = lost ? filler.word : (255 << 24 | mix('blue') << 16 | mix('green') << 8 | mix('red')) >>> 0;

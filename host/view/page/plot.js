@@ -241,9 +241,18 @@ export class Plot {
       context.clip();
       context.fillStyle = colour(name).css;
       context.fillRect(x, top / 2, Math.max(1, Math.round(ratio)), top / 2);
-      context.fillText(text, x + 4 * ratio, top / 2);
+      context.fillText(this.shorten(text, next - x - 6 * ratio), x + 4 * ratio, top / 2);
       context.restore();
     });
+  }
+
+  /** Returns as much of a text as fits.
+   * @param {string} text @param {number} width */
+  shorten(text, width) {
+    if (this.context.measureText(text).width <= width) return text;
+    let end = text.length - 1;
+    while (end > 0 && this.context.measureText(`${text.slice(0, end)}\u2026`).width > width) end -= 1;
+    return end > 0 ? `${text.slice(0, end)}\u2026` : '';
   }
 
   /** Marks the cursor's sample on the time axis.

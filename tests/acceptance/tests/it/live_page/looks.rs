@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use acceptance::browser::{Browser, SIZE};
 use acceptance::workspace;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::choose;
 

@@ -176,7 +176,7 @@ pub(super) fn packed_figures_equal_the_reports(browser: &Browser, shown: &Shown)
     let lines = shown.lines();
     let reports = messages(&lines, "/diagnostics").filter_map(|report| {
         let statuses = report["status"].as_array()?.clone();
-        let packed = statuses.into_iter();
+        let mut packed = statuses.into_iter();
         let packed = packed.find(|status| status["name"] == "corticode: packed code")?;
         let value = |key: &str| {
             let values = packed["values"].as_array()?.iter();
