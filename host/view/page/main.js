@@ -79,8 +79,8 @@ function onMessage({topic, publishedUs, body}) {
     link.code(publishedUs);
     code.code(readFrame(body));
   } else if (topic === EVENTS) {
-    events.add(body);
-    traces.plot.invalidate();
+    // An event mostly comes before its sample. Otherwise its column is already drawn.
+    if (events.add(body) <= traces.edge()) traces.plot.invalidate();
   } else if (topic === DIAGNOSTICS) {
     const statuses = readStatus(body);
     head.report(statuses);
