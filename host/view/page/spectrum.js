@@ -7,8 +7,9 @@ import {Periodogram} from './welch.js';
 /** @typedef {import('./reference.js').Reference} Reference */
 /** @typedef {import('./store.js').Store} Store */
 
-/** Segments in a spectrum: 16 s of segments of 2 s that overlap by half. */
-export const SEGMENTS = 15;
+/** Most segments in a spectrum, 16 s if none is left out: they have 2 s and overlap by half. Those that are
+ * used are among the newest `REACH`, so of the newest minute. */
+const SEGMENTS = 15, REACH = 60;
 /** Bands of EEG: name, and frequencies from which and below which they reach, Hz.
  * @type {[string, number, number][]} */
 export const BANDS = [['delta', 1, 4], ['theta', 4, 8], ['alpha', 8, 13], ['beta', 13, 30], ['gamma', 30, 45]];
@@ -16,7 +17,8 @@ export const BANDS = [['delta', 1, 4], ['theta', 4, 8], ['alpha', 8, 13], ['beta
 /**
  * Mean density of the segments that were used. `density` has `bins` values for each channel of the store.
  * @typedef {{density: Float64Array, bins: number, step: number, used: number, from: number, to: number,
- *   length: number}} Result `from` and `to` are the device times of the first and the last sample, microseconds
+ *   length: number, leftOut: number}} Result `leftOut` is the number of segments with fillers or gaps among
+ *   those that are used; `from` and `to` are the device times of the first and the last sample, microseconds
  */
 
 export class Spectrum {
@@ -47,12 +49,32 @@ export class Spectrum {
     this.key = key;
   }
 
-  /** Segments of the newest samples up to the device time `edge`.
-   * @param {Store} store @param {number} edge */
+  /**
+   * Numbers of the newest segments without fillers up to the device time `edge`, the oldest first, and the
+   * number of those that are left out.
+   * @param {Store} store
+   * @param {number} edge
+   */
   wanted(store, edge) {
-    const {length} = this.periodogram, last = Math.floor((store.at(edge + 1) - length) / (length / 2));
-    const first = Math.max(Math.ceil(store.first / (length / 2)), last - SEGMENTS + 1);
-    return Array.from({length: Math.max(0, last - first + 1)}, (_, k) => first + k);
+    const {length, bins} = this.periodogram, half = length / 2;
+    const last = Math.floor((store.at(edge + 1) - length) / half);
+    const first = Math.max(Math.ceil(store.first / half), last - REACH + 1);
+    for (const k of this.segments.keys()) if (k < first || k > last) this.segments.delete(k);
+    /** @type {number[]} */
+    const used = [];
+    let leftOut = 0;
+    for (let k = last, passed = 0; k >= first && used.length < SEGMENTS; k -= 1) {
+      if (!this.segments.has(k)) {
+        this.segments.set(k, this.isWhole(store, k * half) ?
+          {done: new Uint8Array(store.channels), density: new Float32Array(store.channels * bins)} : null);
+      }
+      if (this.segments.get(k)) {
+        used.unshift(k);
+        leftOut += passed;
+        passed = 0;
+      } else passed += 1;
+    }
+    return {used, leftOut};
   }
 
   /**
@@ -64,34 +86,27 @@ export class Spectrum {
   work(edge, channels, until) {
     const {reference, periodogram, segments} = this;
     if (!reference) return null;
-    const {store} = reference, {length, bins, step} = periodogram, wanted = this.wanted(store, edge);
-    for (const k of segments.keys()) if (!wanted.includes(k)) segments.delete(k);
-    for (const k of wanted) {
-      let segment = segments.get(k);
-      if (segment === undefined) {
-        segment = this.isWhole(store, k * length / 2) ?
-          {done: new Uint8Array(store.channels), density: new Float32Array(store.channels * bins)} : null;
-        segments.set(k, segment);
-      }
-      const missing = segment ? channels.filter((channel) => !segment?.done[channel]) : [];
+    const {store} = reference, {length, bins, step} = periodogram, half = length / 2;
+    const {used, leftOut} = this.wanted(store, edge), density = new Float64Array(store.channels * bins);
+    for (const k of used) {
+      const segment = segments.get(k), missing = segment ? channels.filter((channel) => !segment.done[channel]) : [];
       if (!segment || missing.length === 0) continue;
-      this.read(k * length / 2, null);
+      this.read(k * half, null);
       for (const channel of missing) {
         if (performance.now() > until) return null;
-        this.read(k * length / 2, channel);
+        this.read(k * half, channel);
         periodogram.density(this.samples, segment.density.subarray(channel * bins, (channel + 1) * bins));
         segment.done[channel] = 1;
       }
     }
-    const used = wanted.flatMap((k) => segments.get(k) ?? []), density = new Float64Array(store.channels * bins);
-    for (const channel of channels) {
-      for (let n = channel * bins; n < (channel + 1) * bins; n += 1) {
-        for (const one of used) density[n] += one.density[n] / used.length;
+    for (const one of used.flatMap((k) => segments.get(k) ?? [])) {
+      for (const channel of channels) {
+        for (let n = channel * bins; n < (channel + 1) * bins; n += 1) density[n] += one.density[n] / used.length;
       }
     }
-    if (wanted.length === 0) return {density, bins, step, used: 0, from: 0, to: 0, length};
-    const from = store.time(wanted[0] * length / 2), to = store.time(wanted[wanted.length - 1] * length / 2 + length - 1);
-    return {density, bins, step, used: used.length, from, to, length};
+    const [from, to] = used.length === 0 ? [0, 0] :
+      [store.time(used[0] * half), store.time(used[used.length - 1] * half + length - 1)];
+    return {density, bins, step, used: used.length, leftOut, from, to, length};
   }
 
   /** Whether a segment has neither fillers nor gaps.

@@ -4,7 +4,7 @@
 import {nice} from './axis.js';
 import {find} from './element.js';
 import {colour, fit} from './palette.js';
-import {BANDS, SEGMENTS, Spectrum, bandPowers} from './spectrum.js';
+import {BANDS, Spectrum, bandPowers} from './spectrum.js';
 
 /** @typedef {import('./spectrum.js').Result} Result */
 /** @typedef {import('./traces.js').Traces} Traces */
@@ -85,11 +85,11 @@ export class SpectrumPanel {
     const {result, traces} = this, {store} = traces;
     if (!store || !result) return;
     const channel = this.channel(), label = store.labels[channel];
-    const note = find('spectrum-note'), {length, used, step, from, to} = result;
+    const note = find('spectrum-note'), {length, used, leftOut, step, from, to} = result;
     const seconds = (length / store.rate).toFixed(2);
     note.textContent = used === 0 ? `no segment of ${seconds} s without fillers yet` :
-      `${traces.stream?.name}${traces.average ? ', to the average' : ''}: ${used} of ${SEGMENTS} segments of ` +
-      `${seconds} s, ${(from / 1e6).toFixed(6)} to ${(to / 1e6).toFixed(6)} s; those with fillers are left out`;
+      `${traces.stream?.name}${traces.average ? ', to the average' : ''}: ${used} segments of ${seconds} s, ` +
+      `${(from / 1e6).toFixed(6)} to ${(to / 1e6).toFixed(6)} s; ${leftOut} with fillers left out`;
     if (used === 0) find('spectrum-cursor').textContent = 'no spectrum yet';
     else {
       const value = result.density[channel * result.bins + Math.round(this.hertz / step)];

@@ -19,8 +19,11 @@ pub(super) fn a_drawing_takes_less_than_a_frame(browser: &Browser) {
         };
         let times: Vec<f64> = times.iter().filter_map(Value::as_f64).collect();
         println!(
-            "{name}: drawing {:.2} ms in the median, p99 {:.2} ms, longest {:.2} ms",
-            times[0], times[1], times[2]
+            "{}: drawing {:.2} ms in the median, p99 {:.2} ms, longest {:.2} ms",
+            name.as_str().unwrap_or_default(),
+            times[0],
+            times[1],
+            times[2]
         );
         assert!(times[0] < FRAME_MS, "{result}");
     }
@@ -61,7 +64,7 @@ pub(super) fn an_hour_is_kept_in_bounded_memory(browser: &Browser) {
         steps[64]
     );
     let seconds = result["steps"]["seconds"].as_f64().expect("seconds");
-    assert!((3599.9..3640.0).contains(&seconds), "{seconds} s");
+    assert!((3599.9..3664.0).contains(&seconds), "{seconds} s");
     // 64 MiB are eight minutes of 64 channels at 512 Hz.
     assert!(
         tablet.iter().all(|bytes| *bytes <= 64.0 * MIB),

@@ -36,18 +36,15 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
     ] {
         let is_average = stream == "raw";
         choose(browser, "stream", stream);
-        browser.type_keys("#plot", if is_average { " a" } else { " " });
+        if is_average {
+            browser.type_keys("#plot", "a");
+        }
+        let average = if is_average { ", to the average" } else { "" };
+        let start = format!("{stream}{average}: ");
+        browser.wait_for_text("#spectrum-note", &start);
+        browser.type_keys("#plot", " ");
         browser.type_keys("#plot", &DOWN.to_string().repeat(7));
         let label = Reading::of(browser, "#cursor").label;
-        let start = format!(
-            "{stream}{}",
-            if is_average {
-                ", to the average: "
-            } else {
-                ": "
-            }
-        );
-        browser.wait_for_text("#spectrum-note", &start);
         browser.wait_for_text("#spectrum-cursor", &format!("{label} "));
         // The panel computes for the paused plot at once, in some frames of the screen.
         std::thread::sleep(Duration::from_secs(2));
@@ -59,9 +56,9 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
         let (note, bands) = (browser.text("#spectrum-note"), browser.run(BAND_TEXTS));
         browser.type_keys("#plot", if is_average { "a " } else { " " });
 
-        // `filtered: 12 of 15 segments of 2.00 s, 84.507813 to 100.500000 s; ...`
+        // `filtered: 15 segments of 2.00 s, 84.507813 to 100.500000 s; 7 with ...`
         let words: Vec<&str> = note[start.len()..].split(' ').collect();
-        let (used, [from, to]) = (words[0], [words[6], words[8]].map(microseconds));
+        let (used, [from, to]) = (words[0], [words[5], words[7]].map(microseconds));
         let wire = Wire::read(&shown.lines(), topic);
         let [from, to] = [from, to].map(|us| wire.at(us));
         let samples = from..=to;

@@ -43,7 +43,7 @@ impl Shown {
         let output = format!("tcp:127.0.0.1:{port}");
         let board = board(folder.path(), &output);
         let mut shown = Shown {
-            cable: LossyCable::new(port, 3).expect("a cable"),
+            cable: LossyCable::new(port, 1).expect("a cable"),
             folder,
             _board: board,
             bridge: None,
