@@ -135,7 +135,7 @@ export class CodePanel {
     find('code-cursor').textContent = `${this.labels[this.chosen]} ${digits(values[this.chosen])} ${this.unit} at ` +
       `${(time / 1e6).toFixed(6)} s${lost ? '; replaced, was lost' : ''}`;
     const span = (time - this.codes[0].time) / 1e6;
-    find('codes-note').textContent = `below: the newest ${this.codes.length} codes, ${span.toFixed(1)} s; a row for each number`;
+    find('codes-note').textContent = `below: newest ${this.codes.length} codes, ${span.toFixed(1)} s, a row per number`;
     let most = 0;
     for (const code of this.codes) for (const value of code.values) most = Math.max(most, Math.abs(value));
     const range = most > 0 ? nice(most) : 1;

@@ -61,7 +61,7 @@ export function draw(image, reference, rows, begins, first, width, thickness) {
   const cross = (index, time) => {
     if (index <= store.first || index >= store.next || store.gap(index)) return;
     const [from, to] = [store.time(index - 1), store.time(index)];
-    if (to > from && time > from && time < to) add(index - 1, index, (time - from) / (to - from));
+    if (to > from && time >= from && time <= to) add(index - 1, index, (time - from) / (to - from));
   };
   for (let k = 0; k + 1 < begins.length; k += 1) {
     const [from, to] = [begins[k], begins[k + 1]];

@@ -121,7 +121,7 @@ export class Link {
     const labels = [[0, 'left', -20], [canvas.width / 2, 'center', 0], [canvas.width, 'right', 20]];
     for (const [x, align, offset] of labels) {
       context.textAlign = align;
-      context.fillText(`${(mean + offset * bin).toFixed(1)} ms`, x, canvas.height);
+      context.fillText(`${Math.max(0, mean + offset * bin).toFixed(1)} ms`, x, canvas.height);
     }
   }
 }

@@ -51,8 +51,14 @@ fn the_page_shows_what_was_received_to_those_who_may_see_it() {
     traces::the_history_reaches_back_to_the_opening_of_the_page(&browser, &shown);
     assert_eq!(browser.console(), Vec::<String>::new());
     traces::two_streams_and_the_average_are_those_on_the_wire(&browser, &shown);
-    let hidden = browser.run(include_str!("live_page/hidden_spikes.js"));
-    assert_eq!(hidden, Value::Array(Vec::new()), "spikes");
+    for script in [
+        include_str!("live_page/hidden_spikes.js"),
+        include_str!("live_page/unbroken.js"),
+        include_str!("live_page/incremental.js"),
+    ] {
+        let found = browser.run(script);
+        assert_eq!(found, Value::Array(Vec::new()), "{script}");
+    }
     measured::a_drawing_takes_less_than_a_frame(&browser);
     measured::an_hour_is_kept_in_bounded_memory(&browser);
     // The browser advises against reading pixels, which only this test does.

@@ -47,13 +47,15 @@ pub(super) fn the_page_looks_right(browser: &Browser) {
     browser.resize(SIZE);
     choose(browser, "stream", "filtered");
     choose(browser, "over", "reconstructed");
-    choose(browser, "scale", "50 uV");
+    choose(browser, "time", "5 s");
+    show(browser, "Fp1 F3 Fz F4 C3 Cz C4 P3 Pz P4 O1 Oz O2");
     std::thread::sleep(Duration::from_secs(2));
     draw(browser, "light.webp");
     browser.prefer_dark(true);
     choose(browser, "over", "none");
     choose(browser, "stream", "raw");
-    choose(browser, "scale", "100 uV");
+    choose(browser, "time", "10 s");
+    show(browser, "");
     browser.run("document.getElementById('numbers').scrollIntoView()");
     std::thread::sleep(Duration::from_secs(2));
     draw(browser, "dark.webp");
@@ -62,7 +64,17 @@ pub(super) fn the_page_looks_right(browser: &Browser) {
     choose(browser, "which", "the electrode");
 }
 
+/// Shows the electrodes with these labels, or all of them.
+fn show(browser: &Browser, labels: &str) {
+    browser.run(&format!(
+        "const field = document.getElementById('shown');
+        field.value = {labels:?};
+        field.dispatchEvent(new Event('change'));"
+    ));
+}
+
 fn draw(browser: &Browser, name: &str) {
+    browser.run("document.activeElement.blur()");
     let path = pictures().join(name);
     browser.draw(&path);
     let bytes = fs::metadata(path).expect("a picture").len();
