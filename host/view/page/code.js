@@ -38,6 +38,10 @@ export class CodePanel {
     this.unit = '';
     this.chosen = 0;
     this.changed = false;
+    /** The picture with a pixel for each number, what its colours depend on, and the codes received so far. */
+    this.pixels = document.createElement('canvas');
+    this.drawn = {key: '', received: 0};
+    this.received = 0;
     /** Bits per second of the packed code, by report.
      * @type {number[]} */
     this.bits = [];
@@ -79,6 +83,7 @@ export class CodePanel {
     const time = frame.tri[3] + 65536 * frame.tri[4] + 4294967296 * frame.tri[5];
     this.codes.push({values: frame.eegData, time, lost: (frame.tri[0] & FILLER) !== 0});
     if (this.codes.length > CODES) this.codes.shift();
+    this.received += 1;
     this.changed = true;
   }
 
@@ -91,7 +96,8 @@ export class CodePanel {
     const [each, more] = BITS[value('device', 'code format') ?? ''] ?? [NaN, NaN], {codes} = this;
     const span = codes.length > 1 ? (codes[codes.length - 1].time - codes[0].time) / 1e6 : 0;
     if (span > 0 && each > 0) {
-      const bits = (each * this.labels.length + more) * (codes.length - 1) / span;
+      const received = codes.slice(1).filter(({lost}) => !lost).length;
+      const bits = (each * this.labels.length + more) * received / span;
       figures.push([`codes, ${this.labels.length} numbers, bits/s`, bits.toFixed(0)]);
     }
     figures.push(['packed code, bits/s', value('packed code', 'bits per second')], ['packed rate', value('packed code', 'rate')]);
@@ -185,24 +191,39 @@ export class CodePanel {
   /** Draws a column for each code and a row for each number.
    * @param {number} range */
   drawPicture(range) {
-    const context = fit(this.picture), {width, height} = this.picture, rows = this.labels.length;
-    const image = context.createImageData(CODES, rows), pixels = new Uint32Array(image.data.buffer);
-    const [ground, filler] = [colour('ground'), colour('filler')], ends = [colour('trace'), colour('over')];
+    const rows = this.labels.length, key = `${rows} ${range} ${this.axis.value} ${colour('ground').css}`;
+    const from = key === this.drawn.key ? Math.min(this.codes.length, this.received - this.drawn.received) : CODES;
+    this.drawn = {key, received: this.received};
+    const small = this.pixels, context = /** @type {CanvasRenderingContext2D} */ (small.getContext('2d', {alpha: false}));
+    if (small.height !== rows) [small.width, small.height] = [CODES, rows];
+    if (from > 0) this.addColumns(context, from, range);
+    const shown = fit(this.picture);
+    shown.imageSmoothingEnabled = false;
+    shown.drawImage(small, 0, 0, this.picture.width, this.picture.height);
+  }
+
+  /**
+   * Moves older codes to the left, and draws the newest ones.
+   * @param {CanvasRenderingContext2D} context
+   * @param {number} from number of new columns
+   * @param {number} range
+   */
+  addColumns(context, from, range) {
+    const rows = this.labels.length, [ground, filler] = [colour('ground'), colour('filler')];
+    const ends = [colour('trace'), colour('over')];
+    context.drawImage(context.canvas, -from, 0);
+    const image = context.createImageData(from, rows), pixels = new Uint32Array(image.data.buffer);
     pixels.fill(ground.word);
-    this.codes.forEach(({values, lost}, k) => {
-      const x = CODES - this.codes.length + k;
+    this.codes.slice(-from).forEach(({values, lost}, k, {length}) => {
       for (let row = 0; row < rows; row += 1) {
         const part = Math.abs(this.place(values[row], range)), end = ends[Number(values[row] >= 0)];
         /** @param {'red' | 'green' | 'blue'} name */
         const mix = (name) => Math.round(ground[name] + (end[name] - ground[name]) * part);
-        pixels[row * CODES + x] = lost ? filler.word : (255 << 24 | mix('blue') << 16 | mix('green') << 8 | mix('red')) >>> 0;
+        const word = lost ? filler.word : (255 << 24 | mix('blue') << 16 | mix('green') << 8 | mix('red')) >>> 0;
+        pixels[row * from + from - length + k] = word;
       }
     });
-    const small = document.createElement('canvas');
-    [small.width, small.height] = [CODES, rows];
-    small.getContext('2d')?.putImageData(image, 0, 0);
-    context.imageSmoothingEnabled = false;
-    context.drawImage(small, 0, 0, width, height);
+    context.putImageData(image, CODES - from, 0);
   }
 
   /** Draws the bits per second of the packed code over the newest reports. */

@@ -151,9 +151,9 @@ pub(super) fn codes_equal_the_lines(browser: &Browser, shown: &Shown) {
     let mut labels: Vec<&String> = seen.iter().map(|reading| &reading.label).collect();
     labels.dedup();
     assert_eq!(labels.len(), 10, "{labels:?}");
-    // 16 codes a second of 128 bytes; fillers take their places.
+    // 16 codes a second of 128 bytes and an exponent, but for those that the cable loses.
     let bits = figure(browser, "codes, 128 numbers, bits/s").expect("bits per second");
-    assert!((bits / 16384.0 - 1.0).abs() < 0.02, "{bits}");
+    assert!((0.9..=1.001).contains(&(bits / 16512.0)), "{bits}");
     let end = Instant::now() + TIMEOUT;
     while figure(browser, "audit: RMS error, levels").is_none() {
         assert!(Instant::now() < end, "no audit");
