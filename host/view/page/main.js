@@ -230,7 +230,7 @@ plot.addEventListener('wheel', (event) => {
 }, {passive: false});
 
 plot.addEventListener('keydown', (event) => {
-  const act = KEYS[event.key];
+  const act = KEYS[event.key] ?? KEYS[event.key.toLowerCase()];
   if (!act || event.ctrlKey || event.altKey || event.metaKey) return;
   event.preventDefault();
   act(event.shiftKey);

@@ -38,6 +38,7 @@ pub(crate) struct Recorder {
     pub(crate) filtered: Vec<NeuroFrame>,
     pub(crate) predictions: Vec<NeuroOutput>,
     pub(crate) events: Vec<NeuroEvent>,
+    pub(crate) places: Vec<EventPlace>,
     pub(crate) audits: Vec<AuditedWindow>,
     /// Number of measurements of impedances.
     pub(crate) impedances: usize,
@@ -81,10 +82,11 @@ impl Effects for Recorder {
         self.predictions.push(prediction.clone());
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent, _: EventPlace) {
+    fn publish_event(&mut self, event: &NeuroEvent, place: EventPlace) {
         assert_eq!(event.neuroheader.seq as usize, self.events.len() + 1);
         assert_eq!(event.header.seq, event.neuroheader.seq);
         self.events.push(event.clone());
+        self.places.push(place);
     }
 
     fn publish_impedance(&mut self, _: &ImpedanceReport) {

@@ -55,6 +55,7 @@ fn the_page_shows_what_was_received_to_those_who_may_see_it() {
         include_str!("live_page/hidden_spikes.js"),
         include_str!("live_page/unbroken.js"),
         include_str!("live_page/incremental.js"),
+        include_str!("live_page/restart.js"),
     ] {
         let found = browser.run(script);
         assert_eq!(found, Value::Array(Vec::new()), "{script}");
