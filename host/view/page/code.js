@@ -47,7 +47,9 @@ export class CodePanel {
     this.bits = [];
     /** Bytes on the link in the report before, and when it came. */
     this.before = {bytes: NaN, at: 0};
-    this.bars.addEventListener('mousemove', (event) => this.choose(Math.floor(event.offsetX / this.bars.clientWidth * this.labels.length)));
+    this.bars.addEventListener('mousemove', (event) => {
+      this.choose(Math.floor(event.offsetX / this.bars.clientWidth * this.labels.length));
+    });
     this.bars.addEventListener('keydown', (event) => {
       const steps = Number(event.key === 'ArrowRight') - Number(event.key === 'ArrowLeft');
       if (steps === 0) return;
@@ -100,7 +102,8 @@ export class CodePanel {
       const bits = (each * this.labels.length + more) * received / span;
       figures.push([`codes, ${this.labels.length} numbers, bits/s`, bits.toFixed(0)]);
     }
-    figures.push(['packed code, bits/s', value('packed code', 'bits per second')], ['packed rate', value('packed code', 'rate')]);
+    figures.push(['packed code, bits/s', value('packed code', 'bits per second')],
+      ['packed rate', value('packed code', 'rate')]);
     const bytes = Number(value('link', 'bytes') ?? NaN);
     if (bytes > this.before.bytes) {
       figures.push(['whole link, bits/s', (8000 * (bytes - this.before.bytes) / (now - this.before.at)).toFixed(0)]);
@@ -175,8 +178,9 @@ export class CodePanel {
     }
     values.forEach((value, k) => {
       context.fillStyle = colour(k === this.chosen ? 'chosen' : value < 0 ? 'trace' : 'over').css;
-      const [x, end] = [Math.round(k * each), Math.round((k + 1) * each)], length = this.place(value, range) * (height / 2);
-      context.fillRect(x, Math.min(middle, middle - length), Math.max(1, end - x - (each > 3 ? 1 : 0)), Math.max(1, Math.abs(length)));
+      const [x, end] = [Math.round(k * each), Math.round((k + 1) * each)], length = this.place(value, range) * height / 2;
+      const bar = Math.max(1, end - x - (each > 3 ? 1 : 0));
+      context.fillRect(x, Math.min(middle, middle - length), bar, Math.max(1, Math.abs(length)));
     });
     context.fillStyle = colour('line').css;
     context.fillRect(0, middle, width, 1);
@@ -194,7 +198,8 @@ export class CodePanel {
     const rows = this.labels.length, key = `${rows} ${range} ${this.axis.value} ${colour('ground').css}`;
     const from = key === this.drawn.key ? Math.min(this.codes.length, this.received - this.drawn.received) : CODES;
     this.drawn = {key, received: this.received};
-    const small = this.pixels, context = /** @type {CanvasRenderingContext2D} */ (small.getContext('2d', {alpha: false}));
+    const small = this.pixels;
+    const context = /** @type {CanvasRenderingContext2D} */ (small.getContext('2d', {alpha: false}));
     if (small.height !== rows) [small.width, small.height] = [CODES, rows];
     if (from > 0) this.addColumns(context, from, range);
     const shown = fit(this.picture);
@@ -235,7 +240,10 @@ export class CodePanel {
     context.strokeStyle = colour('trace').css;
     context.lineWidth = ratio;
     context.beginPath();
-    this.bits.forEach((bits, k) => context.lineTo(width - (this.bits.length - 1 - k) * width / (SECONDS - 1), height - 1 - bits / most * (height - 2)));
+    this.bits.forEach((bits, k) => {
+      const x = width * (1 - (this.bits.length - 1 - k) / (SECONDS - 1));
+      context.lineTo(x, height - 1 - bits / most * (height - 2));
+    });
     context.stroke();
     context.fillStyle = colour('faint').css;
     context.font = `${10 * ratio}px "DejaVu Sans", sans-serif`;

@@ -4,7 +4,9 @@
 import {CodePanel} from './code.js';
 import {find} from './element.js';
 import {Events} from './events.js';
-import {DIAGNOSTICS, DROPPED, ENCODED, EVENTS, FILTERED, RAW, RECONSTRUCTED, readFrame, readStatus, receive} from './feed.js';
+import {
+  DIAGNOSTICS, DROPPED, ENCODED, EVENTS, FILTERED, RAW, RECONSTRUCTED, readFrame, readStatus, receive,
+} from './feed.js';
 import {Head} from './head.js';
 import {History, mostBytes} from './history.js';
 import {Link} from './link.js';

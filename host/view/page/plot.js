@@ -148,7 +148,8 @@ export class Plot {
       const places = rows.flatMap((channel, row) => {
         const label = /** @type {Store} */ (store).labels[channel];
         const own = k === 0 ? channel : reference.store.labels.indexOf(label);
-        const name = k > 0 ? 'over' : channel === cursor.channel ? 'chosen' : substituted.has(label) ? 'substituted' : 'trace';
+        const plain = substituted.has(label) ? 'substituted' : 'trace';
+        const name = k > 0 ? 'over' : channel === cursor.channel ? 'chosen' : plain;
         const middle = pitch * (row + 0.5), centre = this.centres[k][own];
         return own < 0 ? [] : [{channel: own, middle, centre, scale: pitch / microvolts, colour: colour(name)}];
       });
@@ -175,7 +176,8 @@ export class Plot {
    * @param {ImageData} image @param {number} first @param {number} last */
   lines(image, first, last) {
     const {ratio} = this.geometry();
-    for (const {at, name} of this.events(first, last)) this.bar(image, at - first, Math.max(1, Math.round(ratio)), name);
+    const width = Math.max(1, Math.round(ratio));
+    for (const {at, name} of this.events(first, last)) this.bar(image, at - first, width, name);
   }
 
   /** Events with their columns in `first..last`.
@@ -196,7 +198,9 @@ export class Plot {
   bar(image, x, width, name) {
     const pixels = new Uint32Array(image.data.buffer), {word} = colour(name);
     const from = Math.max(0, x), to = Math.min(image.width, x + width);
-    for (let y = 0; from < to && y < image.height; y += 1) pixels.fill(word, y * image.width + from, y * image.width + to);
+    for (let start = 0; from < to && start < pixels.length; start += image.width) {
+      pixels.fill(word, start + from, start + to);
+    }
   }
 
   /** Draws the axis of device time.

@@ -13,6 +13,8 @@ import {BANDS, Spectrum, bandPowers} from './spectrum.js';
 const LEFT = 36, BOTTOM = 17;
 /** Time between two spectra, and time for their computation in each frame of the screen, milliseconds. */
 const PERIOD_MS = 1000, WORK_MS = 2;
+/** Greek letters of the bands. */
+const SYMBOLS = ['\u03b4', '\u03b8', '\u03b1', '\u03b2', '\u03b3'];
 /** Largest frequency on a linear axis, Hz, and decades of a logarithmic axis of power. */
 const MOST_HZ = 128, DECADES = 6;
 
@@ -56,7 +58,8 @@ export class SpectrumPanel {
     if (!store || !reference || this.canvas.clientWidth === 0) return;
     const channels = this.which.value === 'all' ? rows : [cursor.channel];
     const wants = `${channels.join()} ${traces.held} ${traces.average}`;
-    if (reference.store === this.spectrum.reference?.store && wants === this.wants && now - this.begun < PERIOD_MS) return;
+    const isSame = reference.store === this.spectrum.reference?.store && wants === this.wants;
+    if (isSame && now - this.begun < PERIOD_MS) return;
     this.spectrum.use(reference);
     const result = this.spectrum.work(traces.edge(), channels, performance.now() + WORK_MS);
     if (!result) return;
@@ -93,7 +96,8 @@ export class SpectrumPanel {
     if (used === 0) find('spectrum-cursor').textContent = 'no spectrum yet';
     else {
       const value = result.density[channel * result.bins + Math.round(this.hertz / step)];
-      find('spectrum-cursor').textContent = `${label} ${value.toPrecision(5)} ${store.unit}\u00b2/Hz at ${this.hertz.toFixed(3)} Hz`;
+      find('spectrum-cursor').textContent = `${label} ${value.toPrecision(5)} ${store.unit}\u00b2/Hz ` +
+        `at ${this.hertz.toFixed(3)} Hz`;
     }
     const powers = bandPowers(result, channel), sum = powers.reduce((all, one) => all + (one || 0), 0);
     find('bands').replaceChildren(...BANDS.map(([name, low, high], k) => {
@@ -117,7 +121,8 @@ export class SpectrumPanel {
     const step = this.result?.step ?? 1, half = ((this.result?.bins ?? 2) - 1) * step;
     const isLog = this.frequency.value === 'log';
     const [low, high] = isLog ? [step, half] : [0, Math.min(half, MOST_HZ)];
-    return {ratio, left, top: 4 * ratio, width: all - left - 4 * ratio, height: whole - (BOTTOM + 4) * ratio, isLog, low, high};
+    const [width, height] = [all - left - 4 * ratio, whole - (BOTTOM + 4) * ratio];
+    return {ratio, left, top: 4 * ratio, width, height, isLog, low, high};
   }
 
   /** Pixel of a frequency.
@@ -140,15 +145,14 @@ export class SpectrumPanel {
     context.fillStyle = colour('panel').css;
     context.fillRect(0, 0, this.canvas.width, this.canvas.height);
     context.font = `${10 * ratio}px "DejaVu Sans", sans-serif`;
-    BANDS.forEach(([name, from, to], k) => {
+    BANDS.forEach(([, from, to], k) => {
       if (to > high) return;
       context.fillStyle = colour(k % 2 === 0 ? 'ground' : 'panel').css;
       context.fillRect(this.x(from), top, this.x(to) - this.x(from), height);
       context.fillStyle = colour('faint').css;
       context.textAlign = 'center';
       context.textBaseline = 'top';
-      context.fillText({delta: '\u03b4', theta: '\u03b8', alpha: '\u03b1', beta: '\u03b2', gamma: '\u03b3'}[name] ?? name,
-        this.x(Math.sqrt(from * to)), top + 2 * ratio);
+      context.fillText(SYMBOLS[k], this.x(Math.sqrt(from * to)), top + 2 * ratio);
     });
     const last = Math.min(bins - 1, Math.floor(high / step));
     let [least, most] = [Infinity, 0];
@@ -166,7 +170,9 @@ export class SpectrumPanel {
         context.globalAlpha = one === channel ? 1 : 0.4;
         context.lineWidth = (one === channel ? 1.5 : 1) * ratio;
         context.beginPath();
-        for (let n = 1; n <= last; n += 1) context.lineTo(this.x(n * step), Math.min(top + height, Math.max(top, y(density[one * bins + n]))));
+        for (let n = 1; n <= last; n += 1) {
+          context.lineTo(this.x(n * step), Math.min(top + height, Math.max(top, y(density[one * bins + n]))));
+        }
         context.stroke();
       }
       context.globalAlpha = 1;
@@ -194,14 +200,16 @@ export class SpectrumPanel {
     context.textBaseline = 'middle';
     const isLog = this.power.value === 'log', end = isLog ? Math.ceil(Math.log10(most)) : nice(most);
     const begin = isLog ? Math.max(end - DECADES, Math.floor(Math.log10(least))) : 0;
-    const ticks = isLog ? Array.from({length: end - begin + 1}, (_, k) => begin + k) : [0, 0.25, 0.5, 0.75, 1].map((part) => part * end);
+    const ticks = isLog ? Array.from({length: end - begin + 1}, (_, k) => begin + k) :
+      [0, 0.25, 0.5, 0.75, 1].map((part) => part * end);
     /** @param {number} place */
     const y = (place) => top + height * (1 - (place - begin) / Math.max(1e-12, end - begin));
     for (const tick of ticks) {
       context.fillStyle = colour('line').css;
       context.fillRect(left, Math.round(y(tick)), width, 1);
       context.fillStyle = colour('faint').css;
-      const text = isLog ? tick < -2 || tick > 3 ? `1e${tick}` : String(Number((10 ** tick).toPrecision(1))) : String(Number(tick.toPrecision(3)));
+      const decade = tick < -2 || tick > 3 ? `1e${tick}` : String(Number((10 ** tick).toPrecision(1)));
+      const text = isLog ? decade : String(Number(tick.toPrecision(3)));
       context.fillText(text, left - 3 * ratio, Math.max(top + 4 * ratio, y(tick)));
     }
     return /** @param {number} value */ (value) => y(isLog ? Math.log10(Math.max(value, 1e-30)) : value);

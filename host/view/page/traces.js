@@ -166,7 +166,8 @@ export class Traces {
     if (!store || index < store.first) return 'no sample at the cursor';
     const label = store.labels[channel], time = store.time(index);
     const [reference, other] = this.references;
-    const to = this.average && channel < store.electrodes ? ` to the average of ${reference.part.length} electrodes` : '';
+    const isAverage = this.average && channel < store.electrodes;
+    const to = isAverage ? ` to the average of ${reference.part.length} electrodes` : '';
     const words = [`${label} ${reference.value(index, channel).toFixed(3)} ${store.unit}${to} at ` +
       `${(time / 1e6).toFixed(6)} s`];
     if (second) {
