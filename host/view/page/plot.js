@@ -216,7 +216,7 @@ export class Plot {
     context.font = `${11 * ratio}px ${FONT}`;
     context.textAlign = 'center';
     context.textBaseline = 'bottom';
-    const tick = [0.1, 0.2, 0.5, 1, 2, 5].find((one) => seconds / one <= 10) ?? 5;
+    const tick = [0.1, 0.2, 0.5, 1, 2, 5].find((one) => seconds / one <= width / ratio / 64) ?? 10;
     const right = end * column / 1e6;
     for (let n = Math.max(0, Math.ceil((right - seconds) / tick)); n * tick < right; n += 1) {
       const x = left + width - end + Math.floor(n * tick * 1e6 / column);
