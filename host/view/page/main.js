@@ -136,7 +136,8 @@ function show() {
   for (const option of over.options) option.disabled = option.value === stream.value;
   if (first?.store !== before) setPaused(false);
   find('cursor').textContent = traces.words();
-  if (first) head.show(first.store.labels.slice(0, first.store.electrodes)).catch(() => {});
+  const choose = () => head.choose(first?.store.labels[traces.cursor.channel] ?? '');
+  if (first) head.show(first.store.labels.slice(0, first.store.electrodes)).then(choose, () => {});
 }
 
 /** @param {boolean} paused */
