@@ -2,7 +2,8 @@
 
 use std::env;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use emulator::skip::skip_unless_required;
 
@@ -27,6 +28,18 @@ pub fn python(test: &str) -> Option<PathBuf> {
     );
     skip_unless_required(test, why);
     None
+}
+
+/// Returns the library of the Lab Streaming Layer in the package pylsl of the interpreter `python`.
+///
+/// # Panics
+/// When Python does not start.
+pub fn liblsl(python: &Path) -> PathBuf {
+    let program = "import importlib.util; print(importlib.util.find_spec('pylsl').origin)";
+    let output = Command::new(python).args(["-c", program]).output();
+    let module = output.expect("python starts").stdout;
+    let module = PathBuf::from(String::from_utf8(module).expect("a path"));
+    module.with_file_name("lib").join("liblsl.so")
 }
 
 /// Returns the environment's folder, in the target folder in which cargo has built this program:
