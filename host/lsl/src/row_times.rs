@@ -5,8 +5,9 @@ use bridge_core::StampPoint;
 /// Largest difference between the measured and the nominal period, as a fraction: that of devices
 /// whose clock the bridge follows.
 const MAX_ERROR: f64 = 0.045;
-/// Part of a new measurement of the period in the estimate.
-const WEIGHT: f64 = 0.25;
+/// Number of measurements of the period, of which the median counts: where the fit of the device's
+/// clock moves, one of them is wrong.
+const MEASUREMENTS: usize = 5;
 
 /// Estimates the period of a stream's samples from the times of its frames, and returns the time of
 /// each sample. All times are microseconds of the host's clock.
@@ -14,7 +15,9 @@ const WEIGHT: f64 = 0.25;
 pub(crate) struct RowTimes {
     point: StampPoint,
     nominal_us: f64,
-    period_us: f64,
+    /// The newest measurements of the period, in a ring; nominal before them.
+    measured_us: [f64; MEASUREMENTS],
+    next: usize,
     /// Stamp and length of the previous frame.
     previous: Option<(f64, usize)>,
 }
@@ -26,7 +29,8 @@ impl RowTimes {
         RowTimes {
             point,
             nominal_us,
-            period_us: nominal_us,
+            measured_us: [nominal_us; MEASUREMENTS],
+            next: 0,
             previous: None,
         }
     }
@@ -44,10 +48,13 @@ impl RowTimes {
             let measured = (stamp_us - before_us) / count(rows_before.max(1));
             // Anything else is a gap, or a step of the clock, and not a rate.
             if (measured / self.nominal_us - 1.0).abs() < MAX_ERROR {
-                self.period_us += WEIGHT * (measured - self.period_us);
+                self.measured_us[self.next] = measured;
+                self.next = (self.next + 1) % MEASUREMENTS;
             }
         }
-        let period_us = self.period_us;
+        let mut sorted = self.measured_us;
+        sorted.sort_by(f64::total_cmp);
+        let period_us = sorted[MEASUREMENTS / 2];
         let first_us = match self.point {
             StampPoint::First => stamp_us,
             StampPoint::Last | StampPoint::Arrival => {
@@ -69,18 +76,19 @@ mod tests {
         let mut times = RowTimes::new(512, StampPoint::First);
         let mut worst: f64 = 0.0;
         for frame in 0..200 {
-            let gap = if frame >= 100 { 3e6 } else { 0.0 };
+            // The gap, and a step of the fit by 1 ms.
+            let gap = if frame >= 100 { 3e6 } else { 0.0 } + if frame >= 150 { 1e3 } else { 0.0 };
             let stamp_us = 1e6 + f64::from(frame) * 32.0 * period_us + gap;
             for (row, time) in times.of_frame(stamp_us, 32).enumerate() {
                 let error = time - (stamp_us + row as f64 * period_us);
-                if frame >= 16 {
+                if frame >= 3 {
                     worst = worst.max(error.abs());
                 }
-                // Before the first two frames nothing but the nominal rate is known.
+                // Before three measurements the rate counts as nominal.
                 assert!(error.abs() < 650.0, "frame {frame}: {error} us");
             }
         }
-        assert!(worst < 10.0, "{worst} us");
+        assert!(worst < 0.01, "{worst} us");
     }
 
     #[test]

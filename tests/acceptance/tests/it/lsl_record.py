@@ -99,7 +99,10 @@ def described(recording):
     info = recording.info
     root = ET.fromstring(info.as_xml())
     channels = [
-        {child.tag: child.text or {axis.tag: float(axis.text) for axis in child} for child in one}
+        {
+            child.tag: {axis.tag: float(axis.text) for axis in child} if len(child) else child.text
+            for child in one
+        }
         for one in root.findall("desc/channels/channel")
     ]
     text = lambda path: root.findtext(path)
