@@ -26,11 +26,10 @@ pub(crate) struct ClockMap {
 /// A time between two suspensions.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
-    /// First and newest reading, microseconds of the host's clock.
-    from_us: i64,
-    to_us: i64,
+    /// Host's times of the first and the newest reading, microseconds.
+    read_us: [i64; 2],
     /// Time of liblsl's clock minus that of the host's clock, microseconds.
-    offset_us: f64,
+    offset: f64,
 }
 
 impl ClockMap {
@@ -53,19 +52,18 @@ impl ClockMap {
     fn observe(&mut self, host_us: i64, lsl_us: f64) {
         let offset_us = lsl_us - host_us as f64;
         if let Some(newest) = self.segments.back_mut()
-            && (newest.offset_us - offset_us).abs() < LEAST_SLEEP_US
+            && (newest.offset - offset_us).abs() < LEAST_SLEEP_US
         {
-            newest.to_us = host_us;
-            newest.offset_us = offset_us;
+            newest.read_us[1] = host_us;
+            newest.offset = offset_us;
             return;
         }
         if self.segments.len() == MOST_SEGMENTS {
             self.segments.pop_front();
         }
         self.segments.push_back(Segment {
-            from_us: host_us,
-            to_us: host_us,
-            offset_us,
+            read_us: [host_us; 2],
+            offset: offset_us,
         });
     }
 
@@ -79,13 +77,13 @@ impl ClockMap {
             }
             later = Some(segment);
         }
-        later.map(|first| (host_us + first.offset_us) * 1e-6)
+        later.map(|first| (host_us + first.offset) * 1e-6)
     }
 
     /// Returns the host's time, microseconds, at a time of liblsl's clock, seconds; `None` before
     /// the first reading.
     pub(crate) fn host_us(&self, lsl_s: f64) -> Option<f64> {
-        Some(lsl_s * 1e6 - self.segments.back()?.offset_us)
+        Some(lsl_s * 1e6 - self.segments.back()?.offset)
     }
 }
 
@@ -94,21 +92,22 @@ impl Segment {
     /// segment. `later` is the next segment.
     #[expect(clippy::cast_precision_loss, reason = "below 2^53 us (285 years)")]
     fn lsl_us(&self, host_us: f64, later: Option<&Segment>) -> Option<f64> {
-        let [from_us, to_us] = [self.from_us, self.to_us].map(|us| us as f64);
+        let [from_us, to_us] = self.read_us.map(|us| us as f64);
         if host_us < from_us {
             return None;
         }
         let Some(later) = later.filter(|_| host_us > to_us) else {
-            return Some(host_us + self.offset_us);
+            return Some(host_us + self.offset);
         };
-        let end_us = later.from_us as f64;
+        let end_us = later.read_us[0] as f64;
         let part = (host_us - to_us) / (end_us - to_us);
-        let [at_start, at_end] = [to_us + self.offset_us, end_us + later.offset_us];
+        let [at_start, at_end] = [to_us + self.offset, end_us + later.offset];
         Some(at_start + part * (at_end - at_start))
     }
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_precision_loss, reason = "small whole numbers")]
 mod tests {
     use super::*;
 

@@ -60,12 +60,11 @@ pub struct Acquisition {
 impl Acquisition {
     /// Returns what streams say of this device.
     pub fn new(device: &Device) -> Acquisition {
-        let model = device.model_id.iter();
         Acquisition {
             board: device.board.clone(),
             serial: device.uid.clone(),
             firmware: device.firmware.clone(),
-            model: model.map(|byte| format!("{byte:02x}")).collect(),
+            model: format!("{:016x}", u64::from_be_bytes(device.model_id)),
             filter_delay_s: f64::from(device.group_delay_us) * 1e-6,
         }
     }

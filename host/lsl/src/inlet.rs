@@ -24,8 +24,8 @@ const MOST_SAMPLES: usize = 4096;
 /// Time between two questions for the difference between the clocks.
 const CORRECTION_PERIOD: Duration = Duration::from_secs(2);
 /// Difference between a sample's time and the present from which on the times cannot be those of
-/// LSL's clock, seconds.
-const MOST_AGE_S: f64 = 600.0;
+/// LSL's clock, microseconds.
+const MOST_AGE_US: i64 = 600_000_000;
 
 /// Units that a stream may state, in small letters, and microvolts in one of them.
 const UNITS: &[(&str, f32)] = &[
@@ -117,7 +117,7 @@ impl From<CallError> for InletError {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Received {
     /// Samples, and the time at which the last one was made.
-    Frame(NeuroFrame, HostTime),
+    Frame(Box<NeuroFrame>, HostTime),
     /// Number of streams that match, after it has changed.
     Matching(usize),
     /// The stream cannot be used, for now.
@@ -220,7 +220,10 @@ fn stream(
                      so their delay is not known"
                 );
             }
-            let received = Received::Frame(channels.frame(&frame, samples), end.unwrap_or(now));
+            let received = Received::Frame(
+                Box::new(channels.frame(&frame, samples)),
+                end.unwrap_or(now),
+            );
             if !pass(received) {
                 return Ok(false);
             }
@@ -240,8 +243,7 @@ fn host_time(host_us: f64, now: HostTime) -> Option<HostTime> {
         reason = "within 2^53 us (285 years)"
     )]
     let ago_us = (now.monotonic_us as f64 - host_us).round() as i64;
-    let most_us = (MOST_AGE_S * 1e6) as i64;
-    (-1_000_000..most_us).contains(&ago_us).then(|| {
+    (-1_000_000..MOST_AGE_US).contains(&ago_us).then(|| {
         let ago_us = ago_us.max(0);
         HostTime {
             monotonic_us: now.monotonic_us - ago_us,

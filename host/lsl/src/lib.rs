@@ -24,6 +24,8 @@ mod outlet;
 mod row_times;
 mod sink;
 
+/// What the stamp of a frame refers to, a part of [`LslOptions`].
+pub use bridge_core::StampPoint;
 pub use description::{Acquisition, StreamKind};
 pub use inlet::{InletError, InletOptions, Received, receive};
 pub use library::{Library, LibraryError};

@@ -5,9 +5,9 @@ use bridge_core::StampPoint;
 /// Largest difference between the measured and the nominal period, as a fraction: that of devices
 /// whose clock the bridge follows.
 const MAX_ERROR: f64 = 0.045;
-/// Number of measurements of the period, of which the median counts: where the fit of the device's
-/// clock moves, one of them is wrong.
-const MEASUREMENTS: usize = 5;
+/// Number of measurements of the period, of which the median counts, 1 s of frames: while the fit of
+/// the device's clock settles or moves, some of them are wrong.
+const MEASUREMENTS: usize = 15;
 
 /// Estimates the period of a stream's samples from the times of its frames, and returns the time of
 /// each sample. All times are microseconds of the host's clock.
@@ -79,12 +79,12 @@ mod tests {
             // The gap, and a step of the fit by 1 ms.
             let gap = if frame >= 100 { 3e6 } else { 0.0 } + if frame >= 150 { 1e3 } else { 0.0 };
             let stamp_us = 1e6 + f64::from(frame) * 32.0 * period_us + gap;
-            for (row, time) in times.of_frame(stamp_us, 32).enumerate() {
-                let error = time - (stamp_us + row as f64 * period_us);
-                if frame >= 3 {
+            for (time, row) in times.of_frame(stamp_us, 32).zip(0_u32..) {
+                let error = time - (stamp_us + f64::from(row) * period_us);
+                if frame >= 8 {
                     worst = worst.max(error.abs());
                 }
-                // Before three measurements the rate counts as nominal.
+                // Before eight measurements the rate counts as nominal.
                 assert!(error.abs() < 650.0, "frame {frame}: {error} us");
             }
         }

@@ -239,14 +239,14 @@ mod tests {
 
     use super::*;
 
-    fn frame(electrodes: usize, spare: usize) -> NeuroFrame {
-        let info = |count: usize| NeuroDataInfo {
+    fn frame(electrodes: u16, spare: u16) -> NeuroFrame {
+        let info = |count: u16| NeuroDataInfo {
             nsamples: 2,
             ..NeuroDataInfo::default().with_labels((0..count).map(|i| i.to_string()).collect())
         };
         let mut frame = NeuroFrame::zeros(512, "electrodes", info(electrodes), info(spare));
-        frame.eeg.data = (0..2 * electrodes).map(|value| value as f32).collect();
-        frame.exg.data = (0..2 * spare).map(|value| 100.0 + value as f32).collect();
+        frame.eeg.data = (0..2 * electrodes).map(f32::from).collect();
+        frame.exg.data = (0..2 * spare).map(|value| f32::from(100 + value)).collect();
         frame.tri.data[8] = FILLER | 1;
         frame
     }

@@ -86,7 +86,7 @@ impl Frames {
                 match stream.received.recv().await? {
                     Received::Frame(frame, made) => {
                         stream.matching = 1;
-                        return Some(Ok((frame, made)));
+                        return Some(Ok((*frame, made)));
                     }
                     Received::Matching(count) => stream.matching = count,
                     Received::Refused(error) => return Some(Err(error.into())),

@@ -3,13 +3,15 @@
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use acceptance::printing::{bridge, messages};
 use acceptance::process::Process;
 use acceptance::programs::programs;
 use acceptance::wheels::{self, liblsl};
 use acceptance::workspace;
+use lsl::{Library, Lsl, LslOptions, StampPoint, StreamKind};
+use neuro_ros::{NeuroDataInfo, NeuroFrame, Sink};
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -336,6 +338,52 @@ fn the_streams_of_two_bridges_are_both_found() {
     sources.dedup();
     assert_eq!(sources.len(), 8, "{sources:?}");
     drop(started);
+}
+
+#[test]
+fn a_stream_of_another_shape_replaces_the_old_one() {
+    let Some(interpreter) = wheels::python("a stream that changes") else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let library = Library::load(Some(&liblsl(&interpreter))).expect("liblsl");
+    let name = unique("shape");
+    let options = LslOptions {
+        name: name.clone(),
+        stamp: StampPoint::First,
+    };
+    let lsl = Lsl::start(library, options).expect("a thread");
+    let mut sink = lsl.frames(StreamKind::Raw, 100);
+    for channels in [2, 3, 2] {
+        let labels = (0..channels).map(|channel: u16| format!("E{channel}"));
+        let info = NeuroDataInfo {
+            nsamples: 32,
+            ..NeuroDataInfo::default().with_labels(labels.collect())
+        };
+        let frame = NeuroFrame::zeros(512, "electrodes", info, NeuroDataInfo::default());
+        sink.publish(&frame).expect("a stream");
+        sink.publish(&frame).expect("a stream");
+        // The old stream may answer a search for as long as it closes.
+        let end = Instant::now() + SLACK;
+        let found = loop {
+            let mut find = python(&interpreter, folder.path(), "lsl_find", &[&name, "1"]);
+            assert!(find.wait(SLACK).success(), "{}", find.log());
+            let lines: Vec<Value> = find
+                .output()
+                .lines()
+                .map(|line| serde_json::from_str(line).expect("JSON"))
+                .collect();
+            if let [stream] = &lines[..]
+                && stream["channels"] == channels
+            {
+                break lines;
+            }
+            assert!(Instant::now() < end, "{lines:?}");
+        };
+        assert_eq!(found[0]["source_id"], format!("{name}::raw"));
+    }
+    assert_eq!(sink.dropped(), 0);
+    lsl.finish();
 }
 
 #[test]

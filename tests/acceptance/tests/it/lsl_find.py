@@ -10,5 +10,10 @@ import pylsl
 
 name, count = sys.argv[1], int(sys.argv[2])
 for info in pylsl.resolve_bypred(f"starts-with(name,'{name}')", minimum=count, timeout=60):
-    stream = {"name": info.name(), "host": info.hostname(), "source_id": info.source_id()}
+    stream = {
+        "name": info.name(),
+        "host": info.hostname(),
+        "source_id": info.source_id(),
+        "channels": info.channel_count(),
+    }
     print(json.dumps(stream), flush=True)
