@@ -79,13 +79,12 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         }
     };
     let connect = async |node: &Node, namespace: &Namespace| {
-        let frames = match stream {
-            Some(stream) => stream,
-            None => {
-                let topic = namespace.resolve("neurodata");
-                let topic = node.subscribe(&topic, NeuroFrame::TYPE, QUEUE_FRAMES);
-                Frames::Topic(topic.await?)
-            }
+        let frames = if let Some(stream) = stream {
+            stream
+        } else {
+            let topic = namespace.resolve("neurodata");
+            let topic = node.subscribe(&topic, NeuroFrame::TYPE, QUEUE_FRAMES);
+            Frames::Topic(topic.await?)
         };
         Ok(SourceFeed::new(frames, mains, Stamp::now().nsecs))
     };

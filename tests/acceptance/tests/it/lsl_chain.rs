@@ -113,7 +113,7 @@ fn check_signal(
     recorded: &Value,
     lines: &str,
     (stream, topic, rate_hz): (&str, &str, f64),
-) -> (usize, f64) {
+) -> (u32, f64) {
     let described = &recorded["streams"][stream];
     assert_eq!(described["rate"], rate_hz, "{stream}");
     let sent = rows(lines, topic, rate_hz);
@@ -150,7 +150,8 @@ fn check_signal(
         worst_s = worst_s.max((wall_s(*time) - row.wall_s).abs());
     }
     assert!(worst_s < TOLERANCE_S, "{stream}: {worst_s} s");
-    (times.len(), worst_s)
+    let samples = u32::try_from(times.len()).expect("some thousand");
+    (samples, worst_s)
 }
 
 /// Checks the labels, units and positions of a stream of electrodes.
@@ -272,7 +273,11 @@ fn every_sample_is_received_at_its_time_also_after_a_restart_of_the_board() {
             signal.0,
             worst_s * 1e6
         );
-        assert!(samples as f64 > 8.0 * signal.2, "{}: {samples}", signal.0);
+        assert!(
+            f64::from(samples) > 8.0 * signal.2,
+            "{}: {samples}",
+            signal.0
+        );
     }
     for stream in ["raw", "filtered", "reconstructed"] {
         check_channels(&recorded["streams"][stream]);
