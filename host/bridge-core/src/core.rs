@@ -209,6 +209,12 @@ pub trait Effects {
     /// Queues a complete frame, whose bytes go to the device unchanged.
     fn send(&mut self, frame: &[u8]);
 
+    /// Notes what the stamps of the following frames and events mean. Stamps of frames are
+    /// `_offset_ns` nanoseconds larger than the host's monotonic time; those of events are also
+    /// `_event_shift_us` microseconds later than the events. Called before each message of the
+    /// device is handled.
+    fn note_stamps(&mut self, _offset_ns: i64, _event_shift_us: i64) {}
+
     /// Announces the device that sends the following codes. Called again when another compatible
     /// device connects, when the mains frequency changes, or when the device refuses packed blocks
     /// and its signals are therefore decoded from codes.

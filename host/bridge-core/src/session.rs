@@ -297,6 +297,7 @@ impl Session {
         read: HostTime,
         effects: &mut dyn Effects,
     ) {
+        effects.note_stamps(self.clock.follow(read), self.side.bus.shift_us());
         // Note the next row now: if data is missing before this message, the gap begins there.
         let row = self.next_row(None).map(|next| next.index);
         self.handle_message(frame, read, effects);

@@ -7,6 +7,7 @@ pub(crate) mod ros_checks;
 
 use std::fmt;
 
+use lsl::LibraryError;
 use serde::Serialize;
 
 use crate::realtime::{REMEDY, Refusal};
@@ -127,6 +128,19 @@ impl fmt::Display for Report {
 
 /// Free disk space below which the check warns, bytes: two hours of all streams, at 8 MB a minute.
 const LEAST_SPACE: u64 = 120 * 8_000_000;
+
+/// Checks that liblsl could be loaded; `library` is its description of itself.
+pub(crate) fn check_lsl(library: Result<String, LibraryError>) -> Check {
+    const NAME: &str = "lsl";
+    match library {
+        Ok(description) => Check::ok(NAME, description),
+        Err(error) => {
+            let finding = error.to_string();
+            let remedy = "pip install pylsl (then run with its python3 first on the PATH)";
+            Check::error(NAME, finding, remedy)
+        }
+    }
+}
 
 /// Checks that NTP has set the clock. `synchronised` is `None` if this cannot be found out.
 pub(crate) fn check_clock(synchronised: Option<bool>) -> Check {

@@ -54,6 +54,9 @@ pub enum BridgeError {
     /// `--classifier` names no classifier.
     #[error("the classifier {} cannot be used", .0.display())]
     Classifier(PathBuf, #[source] artifact::classifier::ClassifierError),
+    /// The Lab Streaming Layer is an outlet, and its library cannot be used.
+    #[error(transparent)]
+    Liblsl(#[from] lsl::LibraryError),
     /// The user asks for features, but names no classifier that uses them.
     #[error(
         "the stream features needs a classifier; name its file with --classifier (`trainer classify` writes one)"
@@ -317,6 +320,7 @@ impl BridgeError {
             | BridgeError::AnnouncedNotStreamed
             | BridgeError::Classifier(..)
             | BridgeError::NoClassifier
+            | BridgeError::Liblsl(_)
             | BridgeError::Config(..)
             | BridgeError::MasterAddress(..)
             | BridgeError::ViewAddress(..)

@@ -8,11 +8,13 @@ use bridge::{
 };
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
+use lsl::Library;
 use neuro_ros::ros1::{Node, NodeOptions};
 use neuro_ros::{NeuroFrame, RosMessage, Stamp};
 
-use crate::command_line::Options;
+use crate::command_line::{Options, SourceKind};
 use crate::feed::SourceFeed;
+use crate::frames::Frames;
 
 /// Number of received frames that can wait for this program: 64 s at 16 frames per second.
 const QUEUE_FRAMES: usize = 1024;
@@ -68,12 +70,23 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         realtime: options.realtime.realtime,
     };
     let mains = options.mains();
+    let stream = match options.source.clone() {
+        SourceKind::Ros => None,
+        SourceKind::Lsl(query) => {
+            let library = Library::load(options.stream.liblsl.as_deref())?;
+            tracing::info!("{}", library.description());
+            Some(Frames::from_stream(library, options.stream.inlet(query))?)
+        }
+    };
     let connect = async |node: &Node, namespace: &Namespace| {
-        let topic = namespace.resolve("neurodata");
-        let subscriber = node
-            .subscribe(&topic, NeuroFrame::TYPE, QUEUE_FRAMES)
-            .await?;
-        Ok(SourceFeed::new(subscriber, mains, Stamp::now().nsecs))
+        let frames = if let Some(stream) = stream {
+            stream
+        } else {
+            let topic = namespace.resolve("neurodata");
+            let topic = node.subscribe(&topic, NeuroFrame::TYPE, QUEUE_FRAMES);
+            Frames::Topic(topic.await?)
+        };
+        Ok(SourceFeed::new(frames, mains, Stamp::now().nsecs))
     };
     let summary = runtime.block_on(Box::pin(publication.publish(log, connect)));
     // Dropping the runtime would wait for an unfinished lookup of a host name.

@@ -7,7 +7,8 @@ use bridge::{
 };
 use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
-use clap::{ArgAction, CommandFactory, Parser};
+use clap::{ArgAction, Args, CommandFactory, Parser};
+use lsl::InletOptions;
 use pipeline::Mains;
 
 use crate::encoder_device::CODES;
@@ -15,7 +16,8 @@ use crate::encoder_device::CODES;
 /// Encode the EEG of any ROS-Neuro acquisition and publish its codes.
 ///
 /// Subscribes to /neurodata (rosneuro_msgs/NeuroFrame): float microvolts, any frame size, 128 Hz or
-/// more, electrodes by label. Publishes /encoded, /neurodata_reconstructed and /diagnostics as
+/// more, electrodes by label; or, with --source lsl:NAME, to the stream of any amplifier that
+/// streams to the Lab Streaming Layer. Publishes /encoded, /neurodata_reconstructed and /diagnostics as
 /// corticode-bridge does for a board, and serves ~get_info, ~start, ~stop and ~quit, as the node
 /// `corticode`. A recorder of /encoded needs the remapping
 /// /acquisition/get_info:=/corticode/get_info. Waits for an absent ROS master or acquisition. ROS's
@@ -39,6 +41,12 @@ pub(crate) struct Options {
         value_name = "PREFIX"
     )]
     pub(crate) topic_prefix: String,
+    /// Source of the EEG: `ros`, the topic /neurodata, or `lsl:NAME`, a stream of the Lab Streaming
+    /// Layer; lsl:type=EEG, lsl:source_id=ID and lsl:hostname=HOST find it by another property
+    #[arg(long, env = "CORTICODE_SOURCE", value_name = "ros|lsl:NAME", default_value = "ros", value_parser = source)]
+    pub(crate) source: SourceKind,
+    #[command(flatten)]
+    pub(crate) stream: StreamOptions,
     /// Mains frequency that the notch filter removes, Hz
     #[arg(
         long,
@@ -94,6 +102,58 @@ pub(crate) struct Options {
     pub(crate) verbose: bool,
 }
 
+/// Where the acquisition's frames come from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum SourceKind {
+    /// The topic /neurodata.
+    Ros,
+    /// The stream of the Lab Streaming Layer with this property and value.
+    Lsl([String; 2]),
+}
+
+fn source(text: &str) -> Result<SourceKind, String> {
+    match text.split_once(':') {
+        None if text == "ros" => Ok(SourceKind::Ros),
+        Some(("lsl", query)) => Ok(SourceKind::Lsl(InletOptions::parse_query(query)?)),
+        _ => Err("the source is ros, or lsl:NAME".to_owned()),
+    }
+}
+
+/// Options that replace what a stream of the Lab Streaming Layer says of itself.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct StreamOptions {
+    /// With --source lsl, labels of all channels of the stream, such as Fp1,Fp2, in place of its own
+    #[arg(
+        long,
+        env = "CORTICODE_SOURCE_LABELS",
+        value_name = "LABELS",
+        value_delimiter = ','
+    )]
+    source_labels: Vec<String>,
+    /// With --source lsl, unit of the samples in place of the stream's own
+    #[arg(long, env = "CORTICODE_SOURCE_UNIT", value_parser = ["microvolts", "millivolts", "volts"])]
+    source_unit: Option<String>,
+    /// With --source lsl, rate of the samples in place of the stream's own, Hz
+    #[arg(long, env = "CORTICODE_SOURCE_RATE", value_name = "HZ")]
+    source_rate: Option<u16>,
+    /// File of liblsl, the library of the Lab Streaming Layer [default: the system's, else that of
+    /// the Python package pylsl]
+    #[arg(long, env = "PYLSL_LIB", value_name = "FILE")]
+    pub(crate) liblsl: Option<PathBuf>,
+}
+
+impl StreamOptions {
+    /// Returns the options for receiving the stream that `query` describes.
+    pub(crate) fn inlet(&self, query: [String; 2]) -> InletOptions {
+        InletOptions {
+            query,
+            labels: self.source_labels.clone(),
+            unit: self.source_unit.clone(),
+            rate_hz: self.source_rate,
+        }
+    }
+}
+
 fn announced(name: &str) -> AnnouncedStream {
     match name {
         "reconstructed" => AnnouncedStream::Reconstructed,
@@ -147,7 +207,7 @@ mod tests {
     use clap::{CommandFactory, Parser};
     use pipeline::Mains;
 
-    use super::Options;
+    use super::{Options, SourceKind};
 
     #[test]
     fn every_option_has_the_type_of_its_values_and_refuses_others() {
@@ -180,9 +240,21 @@ mod tests {
             &["--announce=raw"],
             &["-q", "-v"],
             &["--port=x"],
+            &["--source=lsl"],
+            &["--source=lsl:colour=red"],
+            &["--source-unit=furlongs"],
         ] {
             assert!(parse(wrong).is_err(), "{wrong:?}");
         }
+        let options = parse(&["--source=lsl:type=EEG", "--source-labels=Cz,Pz"]).unwrap();
+        let SourceKind::Lsl(query) = options.source.clone() else {
+            panic!("{:?}", options.source);
+        };
+        let inlet = options.stream.inlet(query);
+        assert_eq!(
+            (inlet.query.join("="), inlet.labels.len()),
+            ("type=EEG".to_owned(), 2)
+        );
         let names = Options::parameter_names();
         assert!(names.contains(&"mains".to_owned()) && !names.contains(&"quiet".to_owned()));
     }

@@ -1,15 +1,15 @@
-//! Connects the topic with the acquisition's frames to the bridge's core.
+//! Connects the acquisition's frames to the bridge's core.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
 
 use bridge::{BridgeError, Feed, FeedEvent};
 use bridge_core::HostTime;
-use neuro_ros::ros1::Subscriber;
-use neuro_ros::{DiagnosticStatus, NeuroFrame, Wire};
+use neuro_ros::{DiagnosticStatus, NeuroFrame};
 use pipeline::Mains;
 use tokio::time::{Instant, sleep_until, timeout_at};
 
+use crate::frames::Frames;
 use crate::refusal::Refusal;
 use crate::sequence::Arrival;
 use crate::source::Source;
@@ -24,7 +24,7 @@ const STATS_PERIOD: Duration = Duration::from_secs(1);
 
 /// The acquisition, which the bridge's core takes for a device that it commands.
 pub(crate) struct SourceFeed {
-    subscriber: Subscriber,
+    frames: Frames,
     mains: Mains,
     session_id: u32,
     /// Encoder of the frames; `None` before the first frame that can be encoded.
@@ -47,10 +47,10 @@ pub(crate) struct SourceFeed {
 }
 
 impl SourceFeed {
-    pub(crate) fn new(subscriber: Subscriber, mains: Mains, session_id: u32) -> SourceFeed {
-        tracing::info!("waiting for frames on {}", subscriber.topic());
+    pub(crate) fn new(frames: Frames, mains: Mains, session_id: u32) -> SourceFeed {
+        tracing::info!("waiting for frames on {}", frames.name());
         SourceFeed {
-            subscriber,
+            frames,
             mains,
             session_id,
             source: None,
@@ -80,15 +80,13 @@ impl SourceFeed {
         Some(count)
     }
 
-    /// Handles a message that arrived at `read`. Returns whether it has created the device, which
-    /// then counts as connected.
-    fn handle_message(&mut self, body: &[u8], read: HostTime) -> bool {
-        self.newest = Some(read);
-        let handled = match (NeuroFrame::from_bytes(body), self.subscriber.publishers()) {
-            (Ok(_), publishers @ 2..) => Err(Refusal::Mixed(publishers)),
-            (Ok(frame), _) => self.handle_frame(frame, read),
-            (Err(error), _) => Err(error.into()),
-        };
+    /// Handles a frame, with the time of its arrival, or a reason why there is none. Returns whether
+    /// it has created the device, which then counts as connected.
+    fn handle_received(&mut self, received: Result<(NeuroFrame, HostTime), Refusal>) -> bool {
+        let handled = received.and_then(|(frame, read)| {
+            self.newest = Some(read);
+            self.handle_frame(frame, read)
+        });
         handled.unwrap_or_else(|refusal| {
             self.refuse(&refusal);
             false
@@ -98,7 +96,7 @@ impl SourceFeed {
     fn handle_frame(&mut self, frame: NeuroFrame, read: HostTime) -> Result<bool, Refusal> {
         let Some(source) = &mut self.source else {
             let source = Source::new(&frame, self.mains, self.session_id)?;
-            log_source(&source, self.subscriber.topic());
+            log_source(&source, self.frames.name());
             self.source = Some(source);
             self.held = Some((frame, read, Instant::now() + START_TIMEOUT));
             return Ok(true);
@@ -143,7 +141,7 @@ impl SourceFeed {
         if self.logged.insert(refusal.kind()) {
             tracing::error!(
                 "frames on {} are refused: {refusal}; /diagnostics counts further ones",
-                self.subscriber.topic()
+                self.frames.name()
             );
         }
     }
@@ -155,14 +153,15 @@ impl SourceFeed {
             .map(|newest| HostTime::now().monotonic_us - newest.monotonic_us);
         let delay_us = source.map_or(0, Source::delay_us);
         SourceFacts {
-            topic: self.subscriber.topic().to_owned(),
+            topic: self.frames.name().to_owned(),
+            is_stream: matches!(self.frames, Frames::Stream(_)),
             layout: source.map(|source| source.layout().to_string()),
-            publishers: self.subscriber.publishers(),
-            unreachable: self.subscriber.unreachable(),
+            publishers: self.frames.publishers(),
+            unreachable: self.frames.unreachable(),
             counts: source.map(Source::counts).unwrap_or_default(),
             refused: self.refused,
             refusal: self.refusal.clone(),
-            dropped: self.subscriber.dropped(),
+            dropped: self.frames.dropped(),
             silent_s: silent_us.map(seconds),
             is_unnumbered: source.is_some_and(Source::is_unnumbered),
             delay_s: seconds(i64::try_from(delay_us).unwrap_or(i64::MAX)),
@@ -204,12 +203,9 @@ impl Feed for SourceFeed {
             }
             // An absolute deadline, because the caller drops this future at each of its ticks.
             let deadline = self.passed + STATS_PERIOD;
-            let message = timeout_at(deadline, self.subscriber.recv()).await;
-            // Read the clock before the frame is encoded: this is the frame's arrival.
-            let read = HostTime::now();
-            match message {
-                Ok(Some(body)) => {
-                    if self.handle_message(&body, read) {
+            match timeout_at(deadline, self.frames.recv()).await {
+                Ok(Some(received)) => {
+                    if self.handle_received(received) {
                         return Ok(FeedEvent::Opened);
                     }
                 }
@@ -231,7 +227,7 @@ impl Feed for SourceFeed {
     }
 
     fn name(&self) -> String {
-        self.subscriber.topic().to_owned()
+        self.frames.name().to_owned()
     }
 
     fn read_time(&self) -> HostTime {

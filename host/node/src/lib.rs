@@ -34,6 +34,7 @@ mod app;
 mod command_line;
 mod encoder_device;
 mod feed;
+mod frames;
 mod layout;
 mod pauses;
 mod refusal;

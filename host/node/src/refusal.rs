@@ -67,6 +67,9 @@ pub enum Refusal {
     /// Holds the number of these nodes.
     #[error("{0} nodes publish the topic and their frames are mixed; stop all but one")]
     Mixed(usize),
+    /// The stream of the Lab Streaming Layer cannot be used.
+    #[error(transparent)]
+    Stream(#[from] lsl::InletError),
     /// The virtual ADC cannot convert the samples.
     #[error("the samples cannot be converted: {0}")]
     Conversion(#[from] RecordingError),
@@ -85,6 +88,7 @@ impl Refusal {
             Refusal::Changed { .. } => "changed layout",
             Refusal::Repeated(_) => "repeated",
             Refusal::Mixed(_) => "mixed",
+            Refusal::Stream(_) => "stream",
             Refusal::Conversion(_) => "conversion",
         }
     }

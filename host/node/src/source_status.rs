@@ -12,6 +12,8 @@ const SILENCE_S: f64 = 2.0;
 pub(crate) struct SourceFacts {
     /// Full name of the topic with the acquisition's frames.
     pub(crate) topic: String,
+    /// Whether the frames come from a stream of the Lab Streaming Layer, and `topic` names it.
+    pub(crate) is_stream: bool,
     /// Layout of the frames; `None` before the first frame that can be encoded.
     pub(crate) layout: Option<String>,
     /// Number of nodes that publish the topic.
@@ -40,10 +42,12 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
     let refused = facts.refused - before.refused;
     let topic = &facts.topic;
     let (level, message) = if facts.publishers > 1 {
-        let message = format!(
-            "{} nodes publish {topic}, and their frames are mixed; stop all but one",
-            facts.publishers
-        );
+        let count = facts.publishers;
+        let message = if facts.is_stream {
+            format!("{count} streams match {topic}; name one more exactly")
+        } else {
+            format!("{count} nodes publish {topic}, and their frames are mixed; stop all but one")
+        };
         (DiagnosticLevel::Error, message)
     } else if refused > 0 {
         let why = facts.refusal.as_deref().unwrap_or_default();
@@ -55,7 +59,12 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
         let message = format!("the publisher of {topic} cannot be reached: {fault}");
         (DiagnosticLevel::Error, message)
     } else if facts.publishers == 0 {
-        (DiagnosticLevel::Error, format!("no node publishes {topic}"))
+        let message = if facts.is_stream {
+            format!("no stream matches {topic}")
+        } else {
+            format!("no node publishes {topic}")
+        };
+        (DiagnosticLevel::Error, message)
     } else if facts.silent_s.is_none_or(|seconds| seconds > SILENCE_S) {
         (DiagnosticLevel::Error, format!("no frames come on {topic}"))
     } else if lost > 0 {

@@ -221,6 +221,11 @@ impl EventBus {
         self.shift_us = shift_us;
     }
 
+    /// Returns by how much stamps are later than the events, microseconds.
+    pub(crate) fn shift_us(&self) -> i64 {
+        self.shift_us
+    }
+
     /// Publishes an event that happened at the wall-clock time `wall_ns`, nanoseconds since 1970,
     /// and at `place`.
     pub(crate) fn publish(

@@ -155,6 +155,16 @@ impl Clock {
         true
     }
 
+    /// Follows the wall clock to the present time `read`. Returns the time of the smoothed wall
+    /// clock minus that of the monotonic clock, nanoseconds.
+    pub(crate) fn follow(&mut self, read: HostTime) -> i64 {
+        if self.wall.is_some() {
+            self.follow_wall(read);
+        }
+        let offset_ns = self.wall.map(|wall| wall.offset_ns);
+        offset_ns.unwrap_or_else(|| read.wall_offset_ns())
+    }
+
     fn follow_wall(&mut self, read: HostTime) {
         let observed = read.wall_offset_ns();
         let Some(wall) = &mut self.wall else {

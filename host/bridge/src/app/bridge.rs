@@ -10,6 +10,7 @@ use bridge_core::{
     AnnouncedStream, Core, EventStamps, Exclusions, HostTime, Model, Settings, Summary, Upload,
 };
 use link::Streams;
+use lsl::{Library, Lsl};
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{
     AcquisitionCommand, AcquisitionInfo, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError,
@@ -144,7 +145,11 @@ impl Publication {
         let run = self.prepare()?;
         let ros = self.start_ros(&run, log).await?;
         let feed = connect(&ros.ros.node, &run.namespace).await?;
-        self.stream(run, feed, Some(ros), None, None).await
+        let parts = Parts {
+            ros: Some(ros),
+            ..Parts::default()
+        };
+        self.stream(run, feed, parts).await
     }
 
     /// Reads the model, and gets ready for signals and commands.
@@ -202,10 +207,14 @@ impl Publication {
         self,
         mut run: Run,
         feed: F,
-        ros: Option<RosParts>,
-        lines: Option<NdjsonWriter>,
-        view: Option<Arc<View>>,
+        parts: Parts,
     ) -> Result<FinalCounts, BridgeError> {
+        let Parts {
+            ros,
+            lines,
+            view,
+            lsl,
+        } = parts;
         let (ros, announcements, recorders) = match ros {
             Some(parts) => (Some(parts.ros), Some(parts.announcements), parts.recorders),
             None => (None, None, None),
@@ -214,6 +223,7 @@ impl Publication {
             ros: ros.as_ref().map(|node| RosOutlet { node, recorders }),
             lines: lines.as_ref(),
             view,
+            lsl,
         };
         let predictions = self.classifying.as_ref().map(|of| of.topic.as_str());
         let sinks = Sinks::new(destinations, run.settings, &run.namespace, predictions).await?;
@@ -244,6 +254,15 @@ impl Publication {
             Err(error) => Err(error),
         }
     }
+}
+
+/// The outlets that the user has chosen, started.
+#[derive(Default)]
+struct Parts {
+    ros: Option<RosParts>,
+    lines: Option<NdjsonWriter>,
+    view: Option<Arc<View>>,
+    lsl: Option<Lsl>,
 }
 
 /// What a run of the program has before its outlets.
@@ -332,6 +351,17 @@ pub(super) async fn stream(
     let has = |kind| options.ros.sink.contains(&kind);
     let mut publication = publication;
     let run = publication.prepare()?;
+    let lsl = if has(SinkKind::Lsl) {
+        let library = Library::load(options.lsl.liblsl.as_deref())?;
+        tracing::info!("{}", library.description());
+        let named = lsl::LslOptions {
+            name: options.lsl.lsl_name,
+            stamp: settings.stamp,
+        };
+        Some(Lsl::start(library, named)?)
+    } else {
+        None
+    };
     let view = if has(SinkKind::View) {
         let commands = run.command_sender.clone();
         Some(Arc::new(start_view(options.viewing, commands)?))
@@ -348,7 +378,13 @@ pub(super) async fn stream(
     } else {
         None
     };
-    publication.stream(run, connection, ros, lines, view).await
+    let parts = Parts {
+        ros,
+        lines,
+        view,
+        lsl,
+    };
+    publication.stream(run, connection, parts).await
 }
 
 /// Starts the live page, whose commands go to the bridge.

@@ -62,6 +62,8 @@ pub(crate) struct Options {
     pub(crate) ros: RosOptions,
     #[command(flatten)]
     pub(crate) viewing: ViewOptions,
+    #[command(flatten)]
+    pub(crate) lsl: LslOptions,
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, help_heading = DECODING, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
@@ -490,11 +492,11 @@ pub(crate) struct PortsOptions {
     pub(crate) udev_rule: bool,
 }
 
-/// Check what the bridge needs: port, device, model, ROS, clock, disk and real-time priority.
+/// Check what the bridge needs: port, device, model, ROS, LSL, clock, disk, real-time priority.
 ///
 /// Prints one line for each check, with ok, warning, error or unknown, and a second line with the
 /// command that helps. Asks the device to identify itself, and leaves its streams as they are. With
-/// --sink without ros, ROS is not checked. host-sim on TCP serves one host at a time: the check
+/// --sink without ros, ROS is not checked, and LSL is with --sink lsl. host-sim on TCP serves one host at a time: the check
 /// interrupts a bridge that is connected to it.
 ///
 /// Exit status: 0 no errors, 1 an error.
@@ -508,6 +510,8 @@ pub(crate) struct DoctorOptions {
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) ros: RosOptions,
+    #[command(flatten)]
+    pub(crate) lsl: LslOptions,
     #[command(flatten)]
     pub(crate) asked: StreamOptions,
     #[command(flatten)]
@@ -643,6 +647,8 @@ pub(crate) enum SinkKind {
     Ndjson,
     /// A live page for a browser, whose address is printed.
     View,
+    /// Streams of the Lab Streaming Layer.
+    Lsl,
 }
 
 impl SinkKind {
@@ -652,8 +658,22 @@ impl SinkKind {
             SinkKind::Ros => "ros",
             SinkKind::Ndjson => "ndjson",
             SinkKind::View => "view",
+            SinkKind::Lsl => "lsl",
         }
     }
+}
+
+/// Options of the Lab Streaming Layer.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct LslOptions {
+    /// File of liblsl, the library of the Lab Streaming Layer [default: the system's, else that of
+    /// the Python package pylsl]
+    #[arg(long, help_heading = OUTPUTS, env = "PYLSL_LIB", value_name = "FILE")]
+    pub(crate) liblsl: Option<PathBuf>,
+    /// First part of the names of the streams of --sink lsl, such as corticode-raw; give each of
+    /// several bridges its own
+    #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_LSL_NAME", value_name = "NAME", default_value = "corticode")]
+    pub(crate) lsl_name: String,
 }
 
 /// Options of the live page.

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use bridge_core::{AnnouncedStream, Model};
 use link::Streams;
+use lsl::Library;
 use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
 use neuro_ros::ros1::{NodeOptions, SystemState};
 use tokio::time::{Instant, timeout, timeout_at};
@@ -15,7 +16,7 @@ use crate::app::ros_node::Namespace;
 use crate::doctor::device_checks::{DeviceAnswer, Probe, check_device};
 use crate::doctor::port_checks::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
 use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros, master_is_here};
-use crate::doctor::{Level, Report, check_clock, check_disk, check_realtime};
+use crate::doctor::{Level, Report, check_clock, check_disk, check_lsl, check_realtime};
 use crate::ports::access::Program;
 use crate::ports::finder::{BoardFinder, FindError};
 use crate::ports::system_root::{Likeness, SystemRoot};
@@ -58,6 +59,10 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     }
     if options.ros.sink.contains(&SinkKind::Ros) {
         checks.extend(check_ros(&ros_facts(options, ros).await));
+    }
+    if options.ros.sink.contains(&SinkKind::Lsl) {
+        let library = Library::load(options.lsl.liblsl.as_deref());
+        checks.push(check_lsl(library.map(Library::description)));
     }
     checks.push(check_clock(clock_is_synchronised().await));
     let disk = rustix::fs::statvfs(".");

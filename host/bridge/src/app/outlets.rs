@@ -10,6 +10,7 @@ use bridge_core::{
     TimedCode, TimedPackedBlock, report_malformed,
 };
 use link::Streams;
+use lsl::{Acquisition, Lsl, StampScale, StreamKind};
 use neuro_ros::ros1::NodeError;
 use neuro_ros::{
     AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue, NdjsonWriter,
@@ -104,9 +105,13 @@ impl Outlets {
             decoder,
             outlets,
             view,
+            lsl,
             ..
         } = self.sinks;
         let counts = decoder.finish(DECODER_TIMEOUT);
+        if let Some(lsl) = lsl {
+            lsl.finish();
+        }
         if not_decoded > 0 {
             tracing::warn!(
                 not_decoded,
@@ -198,7 +203,10 @@ impl Outlets {
         ];
         let view = sinks.view.iter();
         let viewers = view.map(|view| KeyValue::new("viewers", &view.viewers()));
-        let outlets = outlets.iter().map(OutletCount::value).chain(viewers);
+        let lsl = sinks.lsl.iter();
+        let received = lsl.map(|lsl| KeyValue::new("lsl streams received", &lsl.received()));
+        let receivers = viewers.chain(received);
+        let outlets = outlets.iter().map(OutletCount::value).chain(receivers);
         let topics = sinks.topics.iter().flat_map(|topics| topics.values());
         let topic = sinks
             .events
@@ -244,7 +252,16 @@ impl Effects for Outlets {
         self.outgoing.extend_from_slice(frame);
     }
 
+    fn note_stamps(&mut self, offset_ns: i64, event_shift_us: i64) {
+        if let Some(scale) = &self.sinks.scale {
+            scale.set(offset_ns, event_shift_us);
+        }
+    }
+
     fn announce(&mut self, announcement: &Announcement) {
+        if let Some(lsl) = &self.sinks.lsl {
+            lsl.set_device(Acquisition::new(&announcement.device));
+        }
         if announcement.decodable {
             let (device, model) = (&announcement.device, &self.model);
             let packed = PackedReconstruction::new(device, model, self.settings);
@@ -359,6 +376,10 @@ pub(crate) struct Sinks {
     ros: Option<Arc<RosStatus>>,
     /// The live page; `None` without this outlet.
     view: Option<Arc<View>>,
+    /// The streams of the Lab Streaming Layer; `None` without this outlet.
+    lsl: Option<Lsl>,
+    /// What stamps mean, for these streams.
+    scale: Option<Arc<StampScale>>,
     /// Number of steps from a reconstructed frame's first step to the last one of its window.
     lookback: Arc<AtomicU32>,
     namespace: Namespace,
@@ -416,11 +437,12 @@ pub(crate) struct Destinations<'a> {
     pub(crate) ros: Option<RosOutlet<'a>>,
     pub(crate) lines: Option<&'a NdjsonWriter>,
     pub(crate) view: Option<Arc<View>>,
+    pub(crate) lsl: Option<Lsl>,
 }
 
 impl Destinations<'_> {
-    /// Creates a sink of the topic `name` at every outlet. `ros` is that of ROS. `shown` is the
-    /// topic's place on the live page, if it has one.
+    /// Creates a sink of the topic `name` at every outlet that takes its messages as they are. `ros`
+    /// is that of ROS. `shown` is the topic's place on the live page, if it has one.
     fn tee<M: Serialize + Wire + 'static>(
         &self,
         outlets: &[Arc<Outlet>],
@@ -438,6 +460,7 @@ impl Destinations<'_> {
                     let view = self.view.as_ref().zip(shown);
                     view.map(|(view, shown)| boxed(view.sink(shown)))
                 }
+                SinkKind::Lsl => None,
             };
             if let Some(sink) = sink {
                 tee.add(outlet, sink);
@@ -451,8 +474,33 @@ impl Destinations<'_> {
         let ros = self.ros.as_ref().map(|_| SinkKind::Ros);
         let lines = self.lines.map(|_| SinkKind::Ndjson);
         let view = self.view.as_ref().map(|_| SinkKind::View);
-        let kinds = [ros, lines, view].into_iter().flatten();
+        let lsl = self.lsl.as_ref().map(|_| SinkKind::Lsl);
+        let kinds = [ros, lines, view, lsl].into_iter().flatten();
         kinds.map(Outlet::new).collect()
+    }
+
+    /// Adds a stream of the Lab Streaming Layer to the sinks of frames, if it is an outlet.
+    fn add_lsl(
+        &self,
+        outlets: &[Arc<Outlet>],
+        tee: &mut Tee<NeuroFrame>,
+        kind: StreamKind,
+        queue: usize,
+    ) {
+        let outlet = outlets.iter().find(|outlet| outlet.kind() == SinkKind::Lsl);
+        if let Some((outlet, lsl)) = outlet.zip(self.lsl.as_ref()) {
+            tee.add(outlet, boxed(lsl.frames(kind, queue)));
+        }
+    }
+}
+
+/// Returns the stream of the Lab Streaming Layer with these frames.
+const fn lsl_kind(stream: AnnouncedStream) -> StreamKind {
+    match stream {
+        AnnouncedStream::Encoded => StreamKind::Codes,
+        AnnouncedStream::Reconstructed => StreamKind::Reconstructed,
+        AnnouncedStream::Raw => StreamKind::Raw,
+        AnnouncedStream::Filtered => StreamKind::Filtered,
     }
 }
 
@@ -506,7 +554,9 @@ impl Sinks {
             let recorders = recorders.clone().filter(|_| is_recorded);
             let topic = topics.as_ref();
             let topic = topic.map(|topics| topics.frames(name, queue, recorders));
-            Ok(to.tee(&outlets, topic.transpose()?.map(boxed), name, shown))
+            let mut tee = to.tee(&outlets, topic.transpose()?.map(boxed), name, shown);
+            to.add_lsl(&outlets, &mut tee, lsl_kind(stream), queue);
+            Ok(tee)
         };
         let optional = |name: &Option<String>, stream, shown| {
             let name = name.as_ref();
@@ -559,7 +609,11 @@ impl Sinks {
                     }
                     _ => None,
                 };
-                let others = to.tee(&outlets, None, name, None);
+                let mut others = to.tee(&outlets, None, name, None);
+                let of_lsl = outlets.iter().find(|outlet| outlet.kind() == SinkKind::Lsl);
+                if let Some((outlet, lsl)) = of_lsl.zip(to.lsl.as_ref()) {
+                    others.add(outlet, boxed(lsl.events(QUEUE_EVENTS)));
+                }
                 let view = to.view.as_ref();
                 let view = view.map(|view| EventTimes::new(view.sink(ViewTopic::Events)));
                 Some(Events {
@@ -585,6 +639,8 @@ impl Sinks {
             topics,
             ros: to.ros.map(|ros| Arc::clone(&ros.node.status)),
             view: to.view,
+            scale: to.lsl.as_ref().map(Lsl::scale),
+            lsl: to.lsl,
             lookback,
             namespace: namespace.clone(),
         })

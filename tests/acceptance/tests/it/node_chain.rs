@@ -11,6 +11,7 @@ use acceptance::files::write_gdf;
 use acceptance::process::Process;
 use acceptance::programs::programs;
 use acceptance::ros::{Ros, TIMEOUT};
+use acceptance::wheels::{self, liblsl};
 use acceptance::{real_data, ros, workspace};
 use link::{Decoder, Flags, MAX_FRAME, ToHost};
 use neuro_ros::ros1::{Node, NodeOptions, Subscriber};
@@ -111,11 +112,31 @@ impl Eeg {
         dequantised_codes(&fs::read(codes).expect("the codes"))
     }
 
-    /// Starts a rospy node that publishes the samples as NeuroFrames in real time.
-    fn publish(&self, ros: &Ros<'_>, folder: &Path, number: u32) -> Process {
+    /// Writes the values to a file, and returns its path.
+    fn write_values(&self, folder: &Path) -> PathBuf {
         let path = folder.join("values.f32");
         let bytes: Vec<u8> = self.values.iter().flat_map(|v| v.to_le_bytes()).collect();
         fs::write(&path, bytes).expect("a file");
+        path
+    }
+
+    /// Starts a program that streams the samples to the Lab Streaming Layer in real time.
+    fn stream(&self, python: &Path, folder: &Path, name: &str, unit: &str) -> Process {
+        let script = workspace::root().join("tests/acceptance/tests/it/lsl_play.py");
+        let mut player = Command::new(python);
+        player.arg(script).arg(name).arg(self.write_values(folder));
+        player.args([
+            &self.rate_hz.to_string(),
+            &SAMPLES.to_string(),
+            &self.labels.join(","),
+            unit,
+        ]);
+        Process::start("player", &mut player, folder).expect("python starts")
+    }
+
+    /// Starts a rospy node that publishes the samples as NeuroFrames in real time.
+    fn publish(&self, ros: &Ros<'_>, folder: &Path, number: u32) -> Process {
+        let path = self.write_values(folder);
         let mut python = ros.command("python3");
         python.arg(script()).arg("/neurodata").arg(path).args([
             &self.rate_hz.to_string(),
@@ -178,21 +199,44 @@ fn is_filler(frame: &NeuroFrame) -> bool {
     frame.tri.data[0] & i32::from(Flags::FILLER.bits()) != 0
 }
 
+/// Where corticode-node gets its samples from.
+enum Through<'a> {
+    Rospy,
+    /// A stream of the Lab Streaming Layer, from a program for this Python, in this unit.
+    Lsl(&'a Path, &'a str),
+}
+
 /// Checks that corticode-node publishes the codes that host-sim computes from `eeg`.
-async fn passes(eeg: &Eeg) {
+async fn passes(eeg: &Eeg, through: Through<'_>) {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let expected = eeg.codes_of_host_sim(folder);
     assert!(expected.len() > 100, "only {} codes", expected.len());
     let ros = Ros::start(folder).expect("roscore starts");
-    let node = start_node(&ros, folder, &[]);
+    let stream = format!("amplifier{}", std::process::id());
+    let options = match &through {
+        Through::Rospy => Vec::new(),
+        Through::Lsl(python, unit) => {
+            let library = liblsl(python).display().to_string();
+            vec![
+                format!("--source=lsl:{stream}"),
+                format!("--source-unit={unit}"),
+                format!("--liblsl={library}"),
+            ]
+        }
+    };
+    let options: Vec<&str> = options.iter().map(String::as_str).collect();
+    let node = start_node(&ros, folder, &options);
     let (_listener, mut encoded) = subscribe(&ros, "/encoded").await;
     let deadline = Instant::now() + TIMEOUT;
     while encoded.publishers() == 0 {
         assert!(Instant::now() < deadline, "{}", node.log());
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
-    let _amplifier = eeg.publish(&ros, folder, 0);
+    let _amplifier = match through {
+        Through::Rospy => eeg.publish(&ros, folder, 0),
+        Through::Lsl(python, _) => eeg.stream(python, folder, &stream, "unknown"),
+    };
     for (window, code) in expected.iter().enumerate() {
         let frame = next_frame(&mut encoded, &node).await;
         assert!(!is_filler(&frame), "window {window}: {}", node.log());
@@ -218,7 +262,7 @@ fn block_on(test: impl Future<Output = ()>) {
 #[test]
 fn codes_of_a_rospy_acquisition_are_those_of_host_sim_bit_for_bit() {
     if ros::available("synthetic EEG from rospy") {
-        block_on(passes(&Eeg::synthetic()));
+        block_on(passes(&Eeg::synthetic(), Through::Rospy));
     }
 }
 
@@ -229,8 +273,40 @@ fn codes_of_a_real_recording_from_rospy_are_those_of_host_sim_bit_for_bit() {
         return;
     }
     if let Some(path) = real_data::path(test, real_data::GDF_F32) {
-        block_on(passes(&Eeg::read(&path)));
+        block_on(passes(&Eeg::read(&path), Through::Rospy));
     }
+}
+
+#[test]
+fn codes_of_a_stream_of_lsl_are_those_of_host_sim_bit_for_bit() {
+    let test = "a stream of the Lab Streaming Layer to corticode-node";
+    if !ros::available(test) {
+        return;
+    }
+    if let Some(python) = wheels::python(test) {
+        block_on(passes(
+            &Eeg::synthetic(),
+            Through::Lsl(&python, "microvolts"),
+        ));
+    }
+}
+
+#[test]
+fn a_stream_of_lsl_without_a_known_unit_is_refused_with_the_remedy() {
+    let test = "a stream of the Lab Streaming Layer without a unit";
+    let Some(python) = wheels::python(test).filter(|_| ros::available(test)) else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let ros = Ros::start(folder).expect("roscore starts");
+    let name = format!("unitless{}", std::process::id());
+    let _player = Eeg::synthetic().stream(&python, folder, &name, "furlongs");
+    let library = format!("--liblsl={}", liblsl(&python).display());
+    let mut node = start_node(&ros, folder, &[&format!("--source=lsl:{name}"), &library]);
+    let refusal = "has the unit \"furlongs\"; state it with --source-unit microvolts";
+    node.wait_until("a refusal", TIMEOUT, |node| node.errors().contains(refusal));
+    assert!(node.stop(Signal::TERM, EXIT_TIMEOUT).success());
 }
 
 #[test]

@@ -1,0 +1,166 @@
+//! The host's monotonic clock mapped to liblsl's clock.
+
+use std::collections::VecDeque;
+
+use bridge_core::HostTime;
+
+/// Change of the difference between the clocks from which on the host was suspended in between,
+/// microseconds. Two readings of both clocks differ by some microseconds at most.
+const LEAST_SLEEP_US: f64 = 1_000.0;
+/// Number of suspensions that are kept: samples can wait in the device or in a queue for minutes.
+const MOST_SEGMENTS: usize = 16;
+/// Number of readings, of which the one that took the least time counts.
+const READINGS: usize = 3;
+
+/// Time on liblsl's clock at times of the host's monotonic clock.
+///
+/// The host's clock counts while the machine is suspended, and liblsl's (`std::steady_clock`,
+/// CLOCK_MONOTONIC on Linux) does not. Each suspension begins a segment. A time within a
+/// suspension, or within the 0.1 s before it, is mapped to the straight line between its ends, so
+/// the map is monotone and has no jump.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ClockMap {
+    segments: VecDeque<Segment>,
+}
+
+/// A time between two suspensions.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    /// Host's times of the first and the newest reading, microseconds.
+    read_us: [i64; 2],
+    /// Time of liblsl's clock minus that of the host's clock, microseconds.
+    offset: f64,
+}
+
+impl ClockMap {
+    /// Reads both clocks; `lsl_clock` returns liblsl's time in seconds.
+    pub(crate) fn read(&mut self, lsl_clock: impl Fn() -> f64) {
+        let reading = || {
+            let before = HostTime::now().monotonic_us;
+            let lsl_us = lsl_clock() * 1e6;
+            let after = HostTime::now().monotonic_us;
+            (after - before, before + (after - before) / 2, lsl_us)
+        };
+        let readings = std::iter::repeat_with(reading).take(READINGS);
+        if let Some((_, host_us, lsl_us)) = readings.min_by_key(|(took, ..)| *took) {
+            self.observe(host_us, lsl_us);
+        }
+    }
+
+    /// Takes note of the times of both clocks at one instant, microseconds.
+    #[expect(clippy::cast_precision_loss, reason = "below 2^53 us (285 years)")]
+    fn observe(&mut self, host_us: i64, lsl_us: f64) {
+        let offset_us = lsl_us - host_us as f64;
+        if let Some(newest) = self.segments.back_mut()
+            && (newest.offset - offset_us).abs() < LEAST_SLEEP_US
+        {
+            newest.read_us[1] = host_us;
+            newest.offset = offset_us;
+            return;
+        }
+        if self.segments.len() == MOST_SEGMENTS {
+            self.segments.pop_front();
+        }
+        self.segments.push_back(Segment {
+            read_us: [host_us; 2],
+            offset: offset_us,
+        });
+    }
+
+    /// Returns liblsl's time, seconds, at a time of the host's clock, microseconds; `None` before
+    /// the first reading.
+    pub(crate) fn lsl_s(&self, host_us: f64) -> Option<f64> {
+        let mut later: Option<&Segment> = None;
+        for segment in self.segments.iter().rev() {
+            if let Some(lsl_us) = segment.lsl_us(host_us, later) {
+                return Some(lsl_us * 1e-6);
+            }
+            later = Some(segment);
+        }
+        later.map(|first| (host_us + first.offset) * 1e-6)
+    }
+
+    /// Returns the host's time, microseconds, at a time of liblsl's clock, seconds; `None` before
+    /// the first reading.
+    pub(crate) fn host_us(&self, lsl_s: f64) -> Option<f64> {
+        Some(lsl_s * 1e6 - self.segments.back()?.offset)
+    }
+}
+
+impl Segment {
+    /// Returns liblsl's time at `host_us`, both microseconds; `None` if that is before this
+    /// segment. `later` is the next segment.
+    #[expect(clippy::cast_precision_loss, reason = "below 2^53 us (285 years)")]
+    fn lsl_us(&self, host_us: f64, later: Option<&Segment>) -> Option<f64> {
+        let [from_us, to_us] = self.read_us.map(|us| us as f64);
+        if host_us < from_us {
+            return None;
+        }
+        let Some(later) = later.filter(|_| host_us > to_us) else {
+            return Some(host_us + self.offset);
+        };
+        let end_us = later.read_us[0] as f64;
+        let part = (host_us - to_us) / (end_us - to_us);
+        let [at_start, at_end] = [to_us + self.offset, end_us + later.offset];
+        Some(at_start + part * (at_end - at_start))
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::cast_precision_loss, reason = "small whole numbers")]
+mod tests {
+    use super::*;
+
+    fn close(found: Option<f64>, expected: f64) {
+        let found = found.expect("a reading");
+        assert!((found - expected).abs() < 1e-9, "{found} != {expected}");
+    }
+
+    #[test]
+    fn times_before_during_and_after_a_suspension_have_their_own_difference() {
+        let mut map = ClockMap::default();
+        assert_eq!(map.lsl_s(0.0), None);
+        // Both clocks run; the host's is 5 s ahead.
+        for host_us in (10_000_000..20_000_000).step_by(100_000) {
+            map.observe(host_us, (host_us - 5_000_000) as f64 + 0.5);
+        }
+        close(map.lsl_s(12e6), 7.000_000_5);
+        close(map.host_us(7.000_000_5), 12e6);
+        // Suspended for an hour, 60 ms after the newest reading, and read 40 ms after waking up.
+        let woken_us = 19_900_000 + 3_600_000_000 + 100_000;
+        map.observe(woken_us, 15_000_000.5);
+        close(map.lsl_s(19.9e6), 14.900_000_5);
+        close(map.lsl_s(woken_us as f64), 15.000_000_5);
+        close(
+            map.lsl_s((19_900_000 + woken_us) as f64 / 2.0),
+            14.950_000_5,
+        );
+        close(map.lsl_s(woken_us as f64 + 2e6), 17.000_000_5);
+        // A sample from before the first reading.
+        close(map.lsl_s(9e6), 4.000_000_5);
+        // Nothing goes back.
+        let times = (0..400).map(|i| map.lsl_s(19e6 + f64::from(i) * 10e6));
+        assert!(times.collect::<Vec<_>>().is_sorted());
+    }
+
+    #[test]
+    fn suspensions_are_kept_in_bounded_number() {
+        let mut map = ClockMap::default();
+        for sleep in 0..40 {
+            map.observe(sleep * 10_000_000, (sleep * 1_000_000) as f64);
+        }
+        assert_eq!(map.segments.len(), MOST_SEGMENTS);
+        close(map.lsl_s(390e6), 39.0);
+        close(map.lsl_s(380e6), 38.0);
+    }
+
+    #[test]
+    fn both_clocks_are_read_at_the_same_instant() {
+        let mut map = ClockMap::default();
+        let clock = || HostTime::now().monotonic_us as f64 * 1e-6 - 3.0;
+        map.read(clock);
+        let now = HostTime::now().monotonic_us as f64;
+        let error = map.lsl_s(now).expect("a reading") - (now * 1e-6 - 3.0);
+        assert!(error.abs() < 1e-3, "{error}");
+    }
+}

@@ -1,0 +1,192 @@
+//! Cuts a stream of samples into frames of equal length, and finds gaps by the samples' times.
+
+/// Part of a sample's deviation by which the expected times follow it: a clock that is wrong by
+/// 1 % then deviates by half a sample, and the jitter of a chunk of samples averages out.
+const GAIN: f64 = 0.02;
+/// Deviation of a sample's time from which on samples are missing before it, seconds. Programs that
+/// stamp whole chunks when they arrive deviate by less.
+const LEAST_GAP_S: f64 = 0.25;
+/// Number by which a frame's number jumps when the stream starts again.
+const RESTART: u32 = 1 << 30;
+
+/// A frame of samples.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct CutFrame {
+    /// Number of the frame. Numbers of missing frames are left out.
+    pub(crate) number: u32,
+    /// Sample by sample.
+    pub(crate) values: Vec<f32>,
+    /// Time after the last sample's period, seconds, on the clock of the samples' times.
+    pub(crate) end_s: f64,
+}
+
+/// Takes samples one by one, and returns frames.
+///
+/// The times of samples state where samples are missing, because a stream of the Lab Streaming
+/// Layer has no numbers. Jitter is averaged out. A gap costs the unfinished frame before it and the
+/// samples after it up to the next frame, so that a frame never holds an invented sample.
+#[derive(Clone, Debug)]
+pub(crate) struct FrameCutter {
+    period_s: f64,
+    samples: usize,
+    values: Vec<f32>,
+    filled: usize,
+    number: u32,
+    /// Expected time of the next sample, seconds; `None` before the first.
+    next_s: Option<f64>,
+    /// Number of samples that are left out until the next frame begins.
+    skipped: usize,
+}
+
+impl FrameCutter {
+    /// Creates a cutter for samples at `rate_hz`, into frames of `samples`.
+    pub(crate) fn new(rate_hz: u16, samples: u16) -> FrameCutter {
+        FrameCutter {
+            period_s: 1.0 / f64::from(rate_hz.max(1)),
+            samples: usize::from(samples.max(1)),
+            values: Vec::new(),
+            filled: 0,
+            number: 1,
+            next_s: None,
+            skipped: 0,
+        }
+    }
+
+    /// Takes a sample that was taken at `time_s`. Returns the frame that it completes, if any.
+    pub(crate) fn push(
+        &mut self,
+        time_s: f64,
+        values: impl Iterator<Item = f32>,
+    ) -> Option<CutFrame> {
+        let expected_s = self.next_s.unwrap_or(time_s);
+        let deviation_s = time_s - expected_s;
+        if deviation_s > LEAST_GAP_S {
+            self.leave_gap(deviation_s);
+            self.next_s = Some(time_s + self.period_s);
+        } else if deviation_s < -LEAST_GAP_S {
+            // The clock of the times has gone back: the sender has started again.
+            self.number = self.number.wrapping_add(RESTART);
+            (self.filled, self.skipped) = (0, 0);
+            self.values.clear();
+            self.next_s = Some(time_s + self.period_s);
+        } else {
+            self.next_s = Some(expected_s + GAIN * deviation_s + self.period_s);
+        }
+        if self.skipped > 0 {
+            self.skipped -= 1;
+            return None;
+        }
+        self.values.extend(values);
+        self.filled += 1;
+        if self.filled < self.samples {
+            return None;
+        }
+        self.filled = 0;
+        let frame = CutFrame {
+            number: self.number,
+            values: std::mem::take(&mut self.values),
+            end_s: time_s + self.period_s,
+        };
+        self.number = self.number.wrapping_add(1);
+        Some(frame)
+    }
+
+    /// Leaves out the samples of a gap, and as many around it as belong to unfinished frames.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "positive, and saturates"
+    )]
+    fn leave_gap(&mut self, gap_s: f64) {
+        let missing = (gap_s / self.period_s).round() as usize;
+        // Places since the start of the unfinished frame, in which the new sample is the next one.
+        let places = (self.filled + self.skipped_places()).saturating_add(missing);
+        let frames = places.div_ceil(self.samples);
+        self.number = self
+            .number
+            .wrapping_add(u32::try_from(frames).unwrap_or(RESTART));
+        self.skipped = frames.saturating_mul(self.samples) - places;
+        self.filled = 0;
+        self.values.clear();
+    }
+
+    /// Returns the number of places before the next sample in a frame whose start is left out; its
+    /// number is already counted.
+    fn skipped_places(&mut self) -> usize {
+        if self.skipped == 0 {
+            return 0;
+        }
+        self.number = self.number.wrapping_sub(1);
+        self.samples - self.skipped
+    }
+}
+
+#[cfg(test)]
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::float_cmp,
+    reason = "small whole numbers"
+)]
+mod tests {
+    use super::*;
+
+    /// Cuts samples at these indices of a 100 Hz stream with these errors of their times. Returns
+    /// the number and the first value, which is the index, of each frame of 10.
+    fn cut(samples: impl Iterator<Item = (u32, f64)>) -> Vec<(u32, f32)> {
+        let mut cutter = FrameCutter::new(100, 10);
+        let frames = samples.filter_map(|(index, error_s)| {
+            let time_s = 50.0 + f64::from(index) / 100.0 + error_s;
+            cutter.push(time_s, std::iter::once(index as f32))
+        });
+        frames
+            .map(|frame| {
+                assert_eq!(frame.values.len(), 10);
+                let steps = frame.values.windows(2).map(|pair| pair[1] - pair[0]);
+                assert!(steps.clone().all(|step| step == 1.0), "{frame:?}");
+                (frame.number, frame.values[0])
+            })
+            .collect()
+    }
+
+    /// Every frame must lie where its number says.
+    fn assert_placed(frames: &[(u32, f32)]) {
+        for (number, first) in frames {
+            assert_eq!((*number - 1) as f32 * 10.0, *first, "{frames:?}");
+        }
+    }
+
+    #[test]
+    fn frames_after_gaps_of_any_length_have_the_number_of_their_place() {
+        for (start, length) in [(30, 40), (33, 40), (39, 30), (5, 26), (71, 1234)] {
+            let missing = start..start + length;
+            let samples = (0..3000).filter(|index| !missing.contains(index));
+            let frames = cut(samples.map(|index| (index, 0.0)));
+            assert_placed(&frames);
+            let around = length.div_ceil(10) + 1;
+            assert!(frames.len() >= 300 - around as usize, "{}", frames.len());
+        }
+        // Two gaps in a row, of which the second begins while samples are left out.
+        let samples = (0..600).filter(|i| !(33..70).contains(i) && !(73..111).contains(i));
+        assert_placed(&cut(samples.map(|index| (index, 0.0))));
+    }
+
+    #[test]
+    fn jitter_and_a_wrong_rate_are_no_gap() {
+        // Chunks of 20 samples that have the time of the last one, and a clock 1 % off.
+        let samples = (0..5000_u32).map(|index| {
+            let chunk_s = f64::from(19 - index % 20) / 100.0;
+            (index, chunk_s + f64::from(index) * 1e-4)
+        });
+        let frames = cut(samples);
+        assert_eq!(frames.len(), 500);
+        assert_placed(&frames);
+    }
+
+    #[test]
+    fn times_that_go_back_are_a_restart() {
+        let samples = (0..100_u32).map(|index| (index, if index < 55 { 0.0 } else { -30.0 }));
+        let frames = cut(samples);
+        assert_eq!(frames[4], (5, 40.0));
+        assert_eq!(frames[5], (6 + RESTART, 55.0));
+    }
+}

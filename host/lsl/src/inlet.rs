@@ -1,0 +1,393 @@
+//! The stream of an amplifier, received as NeuroFrames.
+
+use std::collections::BTreeSet;
+use std::time::{Duration, Instant};
+
+use bridge_core::HostTime;
+use neuro_ros::{NeuroDataInfo, NeuroFrame};
+use thiserror::Error;
+
+use crate::clock_map::ClockMap;
+use crate::frame_cutter::{CutFrame, FrameCutter};
+use crate::liblsl::{CallError, Info, Inlet};
+use crate::library::Library;
+
+/// Number of frames per second into which samples are cut.
+const FRAMES_PER_SECOND: u16 = 16;
+/// Seconds of one search for the stream, and for which the stream may take to answer.
+const SEARCH_S: f64 = 2.0;
+const ANSWER_S: f64 = 10.0;
+/// Longest wait for samples, seconds, after which the caller is asked whether to go on.
+const PULL_S: f64 = 0.1;
+/// Largest number of samples that are taken at once.
+const MOST_SAMPLES: usize = 4096;
+/// Time between two questions for the difference between the clocks.
+const CORRECTION_PERIOD: Duration = Duration::from_secs(2);
+/// Difference between a sample's time and the present from which on the times cannot be those of
+/// LSL's clock, microseconds.
+const MOST_AGE_US: i64 = 600_000_000;
+
+/// Units that a stream may state, in small letters, and microvolts in one of them.
+const UNITS: &[(&str, f32)] = &[
+    ("microvolts", 1.0),
+    ("microvolt", 1.0),
+    ("uv", 1.0),
+    ("µv", 1.0),
+    ("μv", 1.0),
+    ("millivolts", 1e3),
+    ("millivolt", 1e3),
+    ("mv", 1e3),
+    ("volts", 1e6),
+    ("volt", 1e6),
+    ("v", 1e6),
+];
+
+/// Which stream to receive, and what replaces its metadata.
+#[derive(Clone, Debug, Default)]
+pub struct InletOptions {
+    /// Property of the stream, `name`, `type`, `source_id` or `hostname`, and its value.
+    pub query: [String; 2],
+    /// Labels of all channels; those of the metadata if empty.
+    pub labels: Vec<String>,
+    /// Unit of all channels; that of the metadata if `None`.
+    pub unit: Option<String>,
+    /// Rate of the samples, Hz; the nominal one if `None`.
+    pub rate_hz: Option<u16>,
+}
+
+impl InletOptions {
+    /// Parses `NAME`, or `PROPERTY=VALUE`.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong, and what to write.
+    pub fn parse_query(text: &str) -> Result<[String; 2], String> {
+        let (property, value) = text.split_once('=').unwrap_or(("name", text));
+        if !["name", "type", "source_id", "hostname"].contains(&property) {
+            return Err(format!(
+                "lsl:{text}: streams are found by name, type, source_id or hostname, such as lsl:type=EEG"
+            ));
+        }
+        if value.is_empty() || value.contains('\'') {
+            return Err(format!("lsl:{text} names no stream, such as lsl:NAME"));
+        }
+        Ok([property, value].map(str::to_owned))
+    }
+}
+
+/// Why a stream cannot be encoded.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum InletError {
+    /// Several streams have the property. Holds their names and hosts.
+    #[error("{} streams match: {}; choose one with --source lsl:NAME or lsl:source_id=ID", .0.len(), .0.join(", "))]
+    Several(Vec<String>),
+    /// The stream holds strings.
+    #[error("the stream {0} holds texts; name one with signals")]
+    Text(String),
+    /// The nominal rate is 0, or no whole number. Holds name and rate.
+    #[error(
+        "the stream {0} has {1}, and codes need a regular one of a whole number of Hz; state it with --source-rate HZ"
+    )]
+    Rate(String, String),
+    /// A channel has no label.
+    #[error(
+        "channel {1} of the stream {0} has no label; name all channels with --source-labels Fp1,Fp2,..."
+    )]
+    Label(String, usize),
+    /// The labels that the user has named are not as many as the channels.
+    #[error("the stream {0} has {1} channels, and --source-labels names {2}")]
+    Labels(String, usize, usize),
+    /// A channel's unit is missing or unknown. Holds the stream, the channel's label and the unit.
+    #[error(
+        "channel {1} of the stream {0} has the unit \"{2}\"; state it with --source-unit microvolts (or millivolts, volts)"
+    )]
+    Unit(String, String, String),
+    /// The stream has ended before it described itself, or liblsl fails.
+    #[error("{0}")]
+    Call(String),
+}
+
+impl From<CallError> for InletError {
+    fn from(error: CallError) -> InletError {
+        InletError::Call(error.to_string())
+    }
+}
+
+/// What the inlet passes on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Received {
+    /// Samples, and the time at which the last one was made.
+    Frame(Box<NeuroFrame>, HostTime),
+    /// Number of streams that match, after it has changed.
+    Matching(usize),
+    /// The stream cannot be used, for now.
+    Refused(InletError),
+}
+
+/// Receives the stream that the options describe, and passes frames on until `pass` returns false.
+/// Waits for an absent stream, and for one that has ended to return. Blocks; call it in a thread of
+/// its own.
+pub fn receive(library: Library, options: &InletOptions, mut pass: impl FnMut(Received) -> bool) {
+    let mut reported = None;
+    loop {
+        let received = receive_one(library, options, &mut pass);
+        match received {
+            Ok(goes_on) => {
+                reported = None;
+                if !goes_on {
+                    return;
+                }
+            }
+            Err(error) => {
+                if reported.as_ref() != Some(&error) {
+                    reported = Some(error.clone());
+                    if !pass(Received::Refused(error)) {
+                        return;
+                    }
+                }
+                // A stream that is refused is found at once, and its metadata stay the same.
+                std::thread::sleep(Duration::from_secs(1));
+            }
+        }
+    }
+}
+
+/// Searches the stream once and receives it until it ends. Returns whether to go on.
+fn receive_one(
+    library: Library,
+    options: &InletOptions,
+    pass: &mut impl FnMut(Received) -> bool,
+) -> Result<bool, InletError> {
+    let [property, value] = &options.query;
+    let query = format!("{property}='{value}'");
+    let found = library.functions.resolve(&query, SEARCH_S)?;
+    if !pass(Received::Matching(found.len())) {
+        return Ok(false);
+    }
+    let info = match &*found {
+        [] => return Ok(true),
+        [info] => info,
+        several => {
+            let names = several
+                .iter()
+                .map(|info| format!("{} on {}", info.name(), info.host()));
+            return Err(InletError::Several(names.collect()));
+        }
+    };
+    let inlet = Inlet::new(info)?;
+    let channels = Channels::read(&inlet.info(ANSWER_S)?, options)?;
+    match stream(library, &inlet, &channels, pass) {
+        Err(CallError::Lost) => Ok(true),
+        ended => Ok(ended?),
+    }
+}
+
+fn stream(
+    library: Library,
+    inlet: &Inlet,
+    channels: &Channels,
+    pass: &mut impl FnMut(Received) -> bool,
+) -> Result<bool, CallError> {
+    let mut correction_s = inlet.time_correction(ANSWER_S)?;
+    let mut corrected = Instant::now();
+    let mut clock = ClockMap::default();
+    let mut values = vec![0.0; MOST_SAMPLES * channels.all];
+    let mut times = vec![0.0; MOST_SAMPLES];
+    let samples = (channels.rate_hz / FRAMES_PER_SECOND).max(1);
+    let mut cutter = FrameCutter::new(channels.rate_hz, samples);
+    let mut has_foreign_clock = false;
+    loop {
+        let count = inlet.pull(&mut values, &mut times, PULL_S)?;
+        clock.read(|| library.functions.local_clock());
+        let now = HostTime::now();
+        if corrected.elapsed() > CORRECTION_PERIOD {
+            corrected = Instant::now();
+            // Asks no one: liblsl measures in the background. Without an answer the old one stays.
+            if let Ok(newest) = inlet.time_correction(0.0) {
+                correction_s = newest;
+            }
+        }
+        let rows = values.chunks_exact(channels.all).zip(&times);
+        for (row, time_s) in rows.take(count) {
+            let Some(frame) = cutter.push(time_s + correction_s, channels.microvolts(row)) else {
+                continue;
+            };
+            let end_us = clock.host_us(frame.end_s);
+            let end = end_us.and_then(|us| host_time(us, now));
+            if end.is_none() && !std::mem::replace(&mut has_foreign_clock, true) {
+                tracing::warn!(
+                    "the stream's times are not those of LSL's clock; codes get the time at which samples arrive, \
+                     so their delay is not known"
+                );
+            }
+            let received = Received::Frame(
+                Box::new(channels.frame(&frame, samples)),
+                end.unwrap_or(now),
+            );
+            if !pass(received) {
+                return Ok(false);
+            }
+        }
+        if count == 0 && !pass(Received::Matching(1)) {
+            return Ok(false);
+        }
+    }
+}
+
+/// Returns the host's time `host_us`, at the latest the present; `None` if it is too far away to
+/// be that of a sample.
+fn host_time(host_us: f64, now: HostTime) -> Option<HostTime> {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        reason = "within 2^53 us (285 years)"
+    )]
+    let ago_us = (now.monotonic_us as f64 - host_us).round() as i64;
+    (-1_000_000..MOST_AGE_US).contains(&ago_us).then(|| {
+        let ago_us = ago_us.max(0);
+        HostTime {
+            monotonic_us: now.monotonic_us - ago_us,
+            wall_ns: now.wall_ns - ago_us * 1000,
+        }
+    })
+}
+
+/// The channels that are passed on.
+struct Channels {
+    /// Number of all channels of the stream.
+    all: usize,
+    rate_hz: u16,
+    /// Place of each channel that is passed on, and microvolts in its unit.
+    used: Vec<(usize, f32)>,
+    info: NeuroDataInfo,
+}
+
+impl Channels {
+    /// Reads the metadata of a stream. Channels whose type is stated and not EEG are left out.
+    fn read(info: &Info, options: &InletOptions) -> Result<Channels, InletError> {
+        let name = info.name();
+        if info.is_text() {
+            return Err(InletError::Text(name));
+        }
+        let all = usize::try_from(info.channels()).unwrap_or(0);
+        let described: Vec<[String; 3]> = info
+            .desc()
+            .child("channels")
+            .children("channel")
+            .map(|channel| ["label", "unit", "type"].map(|key| channel.text(key)))
+            .collect();
+        let labels = &options.labels;
+        if !labels.is_empty() && labels.len() != all {
+            return Err(InletError::Labels(name, all, labels.len()));
+        }
+        let content = info.content();
+        let (mut used, mut names) = (Vec::new(), Vec::new());
+        let mut seen = BTreeSet::new();
+        for place in 0..all {
+            let [label, unit, kind] = described.get(place).cloned().unwrap_or_default();
+            let is_eeg = kind.is_empty() || kind.eq_ignore_ascii_case("eeg") || kind == content;
+            if !is_eeg && labels.is_empty() {
+                continue;
+            }
+            let label = labels.get(place).cloned().unwrap_or(label);
+            if label.is_empty() {
+                return Err(InletError::Label(name, place + 1));
+            }
+            let unit = options.unit.clone().unwrap_or(unit);
+            let known = UNITS
+                .iter()
+                .find(|(known, _)| *known == unit.trim().to_lowercase());
+            let Some((_, microvolts)) = known else {
+                return Err(InletError::Unit(name, label, unit));
+            };
+            if seen.insert(label.clone()) {
+                used.push((place, *microvolts));
+                names.push(label);
+            }
+        }
+        Ok(Channels {
+            all,
+            rate_hz: rate(info, options)?,
+            used,
+            info: NeuroDataInfo {
+                unit: "uV".to_owned(),
+                transducter: "electrodes".to_owned(),
+                minmax: vec![f64::from(f32::MIN), f64::from(f32::MAX)],
+                ..NeuroDataInfo::default().with_labels(names)
+            },
+        })
+    }
+
+    /// Returns the values of a sample that are passed on, in microvolts.
+    fn microvolts<'r>(&'r self, row: &'r [f32]) -> impl Iterator<Item = f32> + 'r {
+        let used = self.used.iter();
+        used.map(|(place, microvolts)| row[*place] * microvolts)
+    }
+
+    fn frame(&self, cut: &CutFrame, samples: u16) -> NeuroFrame {
+        let eeg = NeuroDataInfo {
+            nsamples: samples,
+            ..self.info.clone()
+        };
+        let mut frame =
+            NeuroFrame::zeros(self.rate_hz, "electrodes", eeg, NeuroDataInfo::default());
+        frame.neuroheader.seq = cut.number;
+        frame.header.seq = cut.number;
+        frame.eeg.data.clone_from(&cut.values);
+        frame
+    }
+}
+
+/// Returns the rate of a stream, Hz.
+fn rate(info: &Info, options: &InletOptions) -> Result<u16, InletError> {
+    if let Some(rate_hz) = options.rate_hz {
+        return Ok(rate_hz);
+    }
+    let nominal = info.rate_hz();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturates, and is compared"
+    )]
+    let rate_hz = nominal.round() as u16;
+    if rate_hz == 0 || (f64::from(rate_hz) - nominal).abs() > 1e-6 * nominal {
+        let found = if nominal == 0.0 {
+            "no regular rate".to_owned()
+        } else {
+            format!("a rate of {nominal} Hz")
+        };
+        return Err(InletError::Rate(info.name(), found));
+    }
+    Ok(rate_hz)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn queries_name_a_property_or_are_a_name() {
+        let parse = |text| InletOptions::parse_query(text);
+        assert_eq!(
+            parse("actiCHamp-1"),
+            Ok(["name", "actiCHamp-1"].map(str::to_owned))
+        );
+        assert_eq!(parse("type=EEG"), Ok(["type", "EEG"].map(str::to_owned)));
+        for wrong in ["", "type=", "colour=red", "a'b"] {
+            assert!(parse(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_sample_is_never_later_than_the_present_and_other_clocks_are_found() {
+        let now = HostTime {
+            monotonic_us: 1_000_000_000,
+            wall_ns: 1_700_000_000_000_000_000,
+        };
+        let at = |host_us| host_time(host_us, now).map(|time| time.monotonic_us);
+        assert_eq!(at(999_000_000.0), Some(999_000_000));
+        assert_eq!(at(1_000_000_500.0), Some(1_000_000_000));
+        assert_eq!(at(1.7e15), None);
+        assert_eq!(at(1e8), None);
+    }
+}

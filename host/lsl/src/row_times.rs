@@ -1,0 +1,102 @@
+//! Times of the single samples of a frame.
+
+use bridge_core::StampPoint;
+
+/// Largest difference between the measured and the nominal period, as a fraction: that of devices
+/// whose clock the bridge follows.
+const MAX_ERROR: f64 = 0.045;
+/// Number of measurements of the period, of which the median counts, 1 s of frames: while the fit of
+/// the device's clock settles or moves, some of them are wrong.
+const MEASUREMENTS: usize = 15;
+
+/// Estimates the period of a stream's samples from the times of its frames, and returns the time of
+/// each sample. All times are microseconds of the host's clock.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RowTimes {
+    point: StampPoint,
+    nominal_us: f64,
+    /// The newest measurements of the period, in a ring; nominal before them.
+    measured_us: [f64; MEASUREMENTS],
+    next: usize,
+    /// Stamp and length of the previous frame.
+    previous: Option<(f64, usize)>,
+}
+
+impl RowTimes {
+    /// Creates the times of a stream with this nominal rate. `point` is what stamps refer to.
+    pub(crate) fn new(rate_hz: u16, point: StampPoint) -> RowTimes {
+        let nominal_us = 1e6 / f64::from(rate_hz.max(1));
+        RowTimes {
+            point,
+            nominal_us,
+            measured_us: [nominal_us; MEASUREMENTS],
+            next: 0,
+            previous: None,
+        }
+    }
+
+    /// Returns the times of the `rows` samples of a frame with this stamp: evenly spaced, at the
+    /// rate that the frames before had.
+    pub(crate) fn of_frame(
+        &mut self,
+        stamp_us: f64,
+        rows: usize,
+    ) -> impl Iterator<Item = f64> + use<> {
+        #[expect(clippy::cast_precision_loss, reason = "some hundred samples")]
+        let count = |rows: usize| rows as f64;
+        if let Some((before_us, rows_before)) = self.previous.replace((stamp_us, rows)) {
+            let measured = (stamp_us - before_us) / count(rows_before.max(1));
+            // Anything else is a gap, or a step of the clock, and not a rate.
+            if (measured / self.nominal_us - 1.0).abs() < MAX_ERROR {
+                self.measured_us[self.next] = measured;
+                self.next = (self.next + 1) % MEASUREMENTS;
+            }
+        }
+        let mut sorted = self.measured_us;
+        sorted.sort_by(f64::total_cmp);
+        let period_us = sorted[MEASUREMENTS / 2];
+        let first_us = match self.point {
+            StampPoint::First => stamp_us,
+            StampPoint::Last | StampPoint::Arrival => {
+                stamp_us - period_us * count(rows.saturating_sub(1))
+            }
+        };
+        (0..rows).map(move |row| first_us + period_us * count(row))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_evenly_spaced_at_the_rate_of_the_frames() {
+        // A clock that is 1 % slow, and a gap of 3 s.
+        let period_us = 1e6 / 512.0 * 1.01;
+        let mut times = RowTimes::new(512, StampPoint::First);
+        let mut worst: f64 = 0.0;
+        for frame in 0..200 {
+            // The gap, and a step of the fit by 1 ms.
+            let gap = if frame >= 100 { 3e6 } else { 0.0 } + if frame >= 150 { 1e3 } else { 0.0 };
+            let stamp_us = 1e6 + f64::from(frame) * 32.0 * period_us + gap;
+            for (time, row) in times.of_frame(stamp_us, 32).zip(0_u32..) {
+                let error = time - (stamp_us + f64::from(row) * period_us);
+                if frame >= 8 {
+                    worst = worst.max(error.abs());
+                }
+                // Before eight measurements the rate counts as nominal.
+                assert!(error.abs() < 650.0, "frame {frame}: {error} us");
+            }
+        }
+        assert!(worst < 0.01, "{worst} us");
+    }
+
+    #[test]
+    fn the_stamp_is_that_of_the_chosen_sample() {
+        let mut first = RowTimes::new(100, StampPoint::First);
+        let mut last = RowTimes::new(100, StampPoint::Last);
+        let times = |times: &mut RowTimes| times.of_frame(1e6, 3).collect::<Vec<_>>();
+        assert_eq!(times(&mut first), [1_000_000.0, 1_010_000.0, 1_020_000.0]);
+        assert_eq!(times(&mut last), [980_000.0, 990_000.0, 1_000_000.0]);
+    }
+}

@@ -1,0 +1,439 @@
+//! The streams of `--sink lsl`, as pylsl receives them and pyxdf reads them back from a file.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use acceptance::printing::{bridge, messages};
+use acceptance::process::Process;
+use acceptance::programs::programs;
+use acceptance::wheels::{self, liblsl};
+use acceptance::workspace;
+use lsl::{Library, Lsl, LslOptions, StampPoint, StreamKind};
+use neuro_ros::{NeuroDataInfo, NeuroFrame, Sink};
+use rustix::process::Signal;
+use serde_json::Value;
+
+/// Longest wait for a program to end or to reach a condition, enough on a busy machine.
+const SLACK: Duration = Duration::from_mins(1);
+/// Duration of each of the two runs of the board, seconds.
+const SECONDS: [&str; 2] = ["9", "8"];
+/// Largest error of a sample's time, seconds.
+const TOLERANCE_S: f64 = 1e-3;
+/// The same in the first seconds, in which the rate of the board's clock is not known.
+const UNSETTLED_TOLERANCE_S: f64 = 5e-3;
+const SETTLING_S: f64 = 3.0;
+/// Flag of a sample that replaces a lost one.
+const FILLER: u64 = 0x8000;
+/// Streams with regular samples: name, topic, rate in Hz.
+const SIGNALS: [(&str, &str, f64); 4] = [
+    ("codes", "/encoded", 16.0),
+    ("reconstructed", "/neurodata_reconstructed", 128.0),
+    ("filtered", "/neurodata_corticode", 128.0),
+    ("raw", "/neurodata", 512.0),
+];
+
+/// Starts one of the Python programs beside this file.
+fn python(python: &Path, folder: &Path, name: &str, arguments: &[&str]) -> Process {
+    let script = workspace::root().join("tests/acceptance/tests/it");
+    let mut command = Command::new(python);
+    command.arg(script.join(name).with_extension("py"));
+    Process::start(name, command.args(arguments), folder).expect("python starts")
+}
+
+/// Starts a simulated board at a pseudoterminal.
+fn board(folder: &Path, name: &str, port: &str, seconds: &str, more: &[&str]) -> Process {
+    let mut board = Command::new(&programs().host_sim);
+    board
+        .args(["run", "--input=synthetic", "--seed=7", "--realtime"])
+        .args(["--duration", seconds, "--output", &format!("pty:{port}")])
+        .args(more);
+    Process::start(name, &mut board, folder).expect("host-sim starts")
+}
+
+/// Starts a bridge whose streams have names that start with `name`.
+fn streaming(folder: &Path, liblsl: &Path, name: &str, port: &str, more: &[&str]) -> Process {
+    let library = liblsl.display().to_string();
+    let arguments = ["--port", port, "--liblsl", &library, "--lsl-name", name];
+    bridge(folder, name, &[&arguments[..], more].concat())
+}
+
+/// A name that no other test on this machine has.
+fn unique(name: &str) -> String {
+    format!("{name}{}", std::process::id())
+}
+
+/// One sample as a JSON line has it.
+struct Row {
+    wall_s: f64,
+    values: Vec<f32>,
+    is_filler: bool,
+}
+
+/// Returns the samples of a topic, each with its time on the wall clock: that of its frame's stamp,
+/// and its place in the frame at the nominal rate. A rate that is wrong by 300 ppm makes 19 us.
+fn rows(lines: &str, topic: &str, rate_hz: f64) -> Vec<Row> {
+    let numbers = |block: &Value| -> Vec<f32> {
+        let values = block["data"].as_array().into_iter().flatten();
+        #[expect(clippy::cast_possible_truncation, reason = "printed from a float32")]
+        values
+            .map(|value| value.as_f64().expect("a number") as f32)
+            .collect()
+    };
+    let frames = messages(lines, topic).flat_map(|frame| {
+        let stamp = &frame["header"]["stamp"];
+        let part = |name: &str| stamp[name].as_f64().expect("a number");
+        let stamp_s = part("secs") + part("nsecs") * 1e-9;
+        let tri = frame["tri"]["data"].as_array().expect("words");
+        let [eeg, exg] = ["eeg", "exg"].map(|block| numbers(&frame[block]));
+        let samples = tri.len() / 8;
+        let rows = tri.chunks(8).zip(0_u32..).map(|(words, row)| {
+            let of = |values: &[f32]| {
+                let width = values.len() / samples;
+                values[row as usize * width..][..width].to_vec()
+            };
+            Row {
+                wall_s: stamp_s + f64::from(row) / rate_hz,
+                values: [of(&eeg), of(&exg)].concat(),
+                is_filler: words[0].as_u64().expect("a word") & FILLER != 0,
+            }
+        });
+        rows.collect::<Vec<Row>>()
+    });
+    frames.collect()
+}
+
+fn read<const N: usize>(folder: &Path, file: &str) -> Vec<[u8; N]> {
+    let bytes = fs::read(folder.join(file)).expect(file);
+    bytes.as_chunks().0.to_vec()
+}
+
+/// Checks one stream against the JSON lines, and returns how many of its samples were recorded, and
+/// the largest error of a time in seconds.
+fn check_signal(
+    folder: &Path,
+    recorded: &Value,
+    lines: &str,
+    (stream, topic, rate_hz): (&str, &str, f64),
+) -> (u32, f64) {
+    let described = &recorded["streams"][stream];
+    assert_eq!(described["rate"], rate_hz, "{stream}");
+    let sent = rows(lines, topic, rate_hz);
+    let times: Vec<f64> = read(folder, &format!("{stream}.f64"))
+        .into_iter()
+        .map(f64::from_le_bytes)
+        .collect();
+    let values: Vec<f32> = read(folder, &format!("{stream}.f32"))
+        .into_iter()
+        .map(f32::from_le_bytes)
+        .collect();
+    let channels = described["channels"].as_array().expect("channels").len();
+    assert_eq!(values.len(), times.len() * channels, "{stream}");
+
+    // The first sample that came is found by its time; from there on none may be missing.
+    let offset_s = recorded["wall_minus_lsl"].as_f64().expect("a number");
+    let correction_s = described["corrections"][0].as_f64().expect("a number");
+    assert!(
+        correction_s.abs() < TOLERANCE_S,
+        "{correction_s} s on one machine"
+    );
+    let wall_s = |time: f64| time + offset_s + correction_s;
+    let near = |row: &Row| (row.wall_s - wall_s(times[0])).abs() < 0.4 / rate_hz;
+    let first = sent.iter().position(near).expect("the first sample");
+    let settled_s = sent[0].wall_s + SETTLING_S;
+    let sent = &sent[first..];
+    assert_eq!(
+        times.len(),
+        sent.len(),
+        "{stream}: samples since the first one"
+    );
+    let mut worst_s: f64 = 0.0;
+    for ((row, time), values) in sent.iter().zip(&times).zip(values.chunks(channels)) {
+        assert_eq!(row.values, values, "{stream} at {time}");
+        let error_s = (wall_s(*time) - row.wall_s).abs();
+        assert!(error_s < UNSETTLED_TOLERANCE_S, "{stream}: {error_s} s");
+        if row.wall_s > settled_s {
+            worst_s = worst_s.max(error_s);
+        }
+    }
+    assert!(worst_s < TOLERANCE_S, "{stream}: {worst_s} s");
+    let samples = u32::try_from(times.len()).expect("some thousand");
+    (samples, worst_s)
+}
+
+/// Checks the labels, units and positions of a stream of electrodes.
+fn check_channels(described: &Value) {
+    let channels = described["channels"].as_array().expect("channels");
+    let labels = model::LABELS.split(' ');
+    for (channel, label) in channels.iter().zip(labels) {
+        assert_eq!(channel["label"], label);
+        assert_eq!(channel["unit"], "microvolts");
+        assert_eq!(channel["type"], "EEG");
+        let axis = |name| channel["location"][name].as_f64().expect("millimetres");
+        let radius = ["X", "Y", "Z"]
+            .map(axis)
+            .map(|mm| mm * mm)
+            .iter()
+            .sum::<f64>();
+        assert!((radius.sqrt() - 95.0).abs() < 0.1, "{label}: {radius}");
+    }
+    let axis = |label: &str, name: &str| {
+        let channel = channels.iter().find(|channel| channel["label"] == label);
+        channel.expect("an electrode")["location"][name]
+            .as_f64()
+            .expect("mm")
+    };
+    // Right, front and top are positive.
+    assert!(axis("C4", "X") > 40.0 && axis("C3", "X") < -40.0);
+    assert!(axis("Fz", "Y") > 40.0 && axis("Pz", "Y") < -40.0);
+    assert!((axis("Cz", "Z") - 95.0).abs() < 0.1);
+    assert_eq!(described["drops"], "false");
+    assert_eq!(described["model"], "host-sim");
+}
+
+/// Checks that pyxdf reads the same samples from the file, and that each mark of a filler has the
+/// time of its sample. Returns the number of marks.
+fn check_file(recorded: &Value, name: &str, lines: &str) -> usize {
+    let events = &recorded["streams"]["events"];
+    let marks = events["markers"].as_array().expect("markers");
+    let read_back = &recorded["xdf"][format!("{name}-events")];
+    assert_eq!(read_back["samples"], marks.len());
+    let mut checked = 0;
+    for (stream, topic, rate_hz) in SIGNALS {
+        let sent = rows(lines, topic, rate_hz);
+        let offset_s = recorded["wall_minus_lsl"].as_f64().expect("a number");
+        let of_file = &recorded["xdf"][format!("{name}-{stream}")];
+        let rate = of_file["rate"].as_f64().expect("a rate");
+        assert!((rate / rate_hz - 1.0).abs() < 0.01, "{stream}: {rate} Hz");
+        let changes = sent.windows(2).filter_map(|pair| {
+            let [before, row] = pair else { return None };
+            (before.is_filler != row.is_filler).then_some(row)
+        });
+        for row in changes {
+            let change = if row.is_filler { "begin" } else { "end" };
+            let text = format!("filler {change} {stream}");
+            let at = |mark: &&Value| {
+                let time = mark[0].as_f64().expect("a time") + offset_s;
+                mark[1] == text && (time - row.wall_s).abs() < TOLERANCE_S
+            };
+            assert!(
+                marks.iter().any(|mark| at(&mark)),
+                "{text} at {}: {marks:?}",
+                row.wall_s
+            );
+            checked += 1;
+        }
+    }
+    let texts = read_back["texts"].as_array().expect("texts");
+    assert!(texts.contains(&Value::from("trigger high")), "{texts:?}");
+    checked
+}
+
+#[test]
+fn every_sample_is_received_at_its_time_also_after_a_restart_of_the_board() {
+    let Some(interpreter) = wheels::python("streams of the Lab Streaming Layer") else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let port = folder.join("board-port").display().to_string();
+    let name = unique("chain");
+    let library = liblsl(&interpreter);
+    let options = ["--sink=lsl,ndjson", "--streams=codes,raw,filtered,events"];
+    let bridge = streaming(folder, &library, &name, &port, &options);
+    let start = |number: usize, more: &[&str]| {
+        let of = format!("board{number}");
+        let trigger = [&["--trigger-every=0.7"], more].concat();
+        board(folder, &of, &port, SECONDS[number], &trigger)
+    };
+    let mut first = start(0, &[]);
+    let streams = ["codes", "reconstructed", "filtered", "raw", "events"];
+    let arguments = [&[folder.to_str().expect("UTF-8"), &name], &streams[..]].concat();
+    let mut recorder = python(&interpreter, folder, "lsl_record", &arguments);
+    let raw = format!("{name}-raw");
+    let mut stuck = python(&interpreter, folder, "lsl_subscribe", &[&raw]);
+    stuck.wait_until("a subscription", SLACK, |stuck| !stuck.output().is_empty());
+    // From now on nothing takes this subscriber's samples from its socket.
+    stuck.signal(Signal::STOP);
+    recorder.wait_until("all streams", SLACK, |recorder| {
+        !recorder.output().is_empty()
+    });
+    assert!(first.wait(SLACK).success(), "{}", first.log());
+    // The second board's clock is fast, and the time between both is filled.
+    let mut second = start(1, &["--clock-ppm=300"]);
+    assert!(second.wait(SLACK).success(), "{}", second.log());
+    std::thread::sleep(Duration::from_secs(1));
+
+    let outputs = ["out", "err"].map(|end| folder.join(&name).with_extension(end));
+    assert!(bridge.stop(Signal::TERM, SLACK).success());
+    let [lines, log] = outputs.map(|file| fs::read_to_string(file).expect("an output"));
+    assert!(recorder.wait(SLACK).success(), "{}", recorder.log());
+    assert!(log.contains("lsl dropped 0"), "{log}");
+    assert!(log.contains("ndjson dropped 0"), "{log}");
+
+    let recorded = fs::read_to_string(folder.join("recorded.json")).expect("a result");
+    let recorded: Value = serde_json::from_str(&recorded).expect("JSON");
+    for signal in SIGNALS {
+        let (samples, worst_s) = check_signal(folder, &recorded, &lines, signal);
+        println!(
+            "{}: {samples} samples, times within {:.0} us",
+            signal.0,
+            worst_s * 1e6
+        );
+        assert!(
+            f64::from(samples) > 8.0 * signal.2,
+            "{}: {samples}",
+            signal.0
+        );
+    }
+    for stream in ["raw", "filtered", "reconstructed"] {
+        check_channels(&recorded["streams"][stream]);
+    }
+    let codes = &recorded["streams"]["codes"];
+    assert_eq!(
+        codes["channels"].as_array().map(Vec::len),
+        Some(model::CODE)
+    );
+    let serial = recorded["streams"]["raw"]["serial"]
+        .as_str()
+        .expect("a number");
+    assert_eq!(
+        recorded["streams"]["raw"]["source_id"],
+        format!("{name}:{serial}:raw")
+    );
+    assert_eq!(recorded["streams"]["raw"]["lag_s"], 0.0);
+    assert!(
+        check_file(&recorded, &name, &lines) >= 8,
+        "marks of one gap in four streams"
+    );
+}
+
+#[test]
+fn the_streams_of_two_bridges_are_both_found() {
+    let Some(interpreter) = wheels::python("two bridges on the Lab Streaming Layer") else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let library = liblsl(&interpreter);
+    let name = unique("pair");
+    let started: Vec<[Process; 2]> = ["left", "right"]
+        .map(|side| {
+            let port = folder.join(side).display().to_string();
+            let board = board(folder, &format!("board-{side}"), &port, "60", &[]);
+            let name = format!("{name}{side}");
+            let options = ["--sink=lsl", "--streams=codes,raw"];
+            [board, streaming(folder, &library, &name, &port, &options)]
+        })
+        .into();
+    // Codes, reconstructed and raw samples, and events.
+    let mut found = python(&interpreter, folder, "lsl_find", &[&name, "8"]);
+    assert!(found.wait(SLACK).success(), "{}", found.log());
+    let found: Vec<Value> = found
+        .output()
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("JSON"))
+        .collect();
+    assert_eq!(found.len(), 8, "{found:?}");
+    for side in ["left", "right"] {
+        let of_side = format!("{name}{side}-raw");
+        assert!(
+            found.iter().any(|stream| stream["name"] == of_side),
+            "{found:?}"
+        );
+    }
+    let mut sources: Vec<&str> = found
+        .iter()
+        .filter_map(|of| of["source_id"].as_str())
+        .collect();
+    sources.sort_unstable();
+    sources.dedup();
+    assert_eq!(sources.len(), 8, "{sources:?}");
+    drop(started);
+}
+
+#[test]
+fn a_stream_of_another_shape_replaces_the_old_one() {
+    let Some(interpreter) = wheels::python("a stream that changes") else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let library = Library::load(Some(&liblsl(&interpreter))).expect("liblsl");
+    let name = unique("shape");
+    let options = LslOptions {
+        name: name.clone(),
+        stamp: StampPoint::First,
+    };
+    let lsl = Lsl::start(library, options).expect("a thread");
+    let mut sink = lsl.frames(StreamKind::Raw, 100);
+    for channels in [2, 3, 2] {
+        let labels = (0..channels).map(|channel: u16| format!("E{channel}"));
+        let info = NeuroDataInfo {
+            nsamples: 32,
+            ..NeuroDataInfo::default().with_labels(labels.collect())
+        };
+        let frame = NeuroFrame::zeros(512, "electrodes", info, NeuroDataInfo::default());
+        sink.publish(&frame).expect("a stream");
+        sink.publish(&frame).expect("a stream");
+        // The old stream may answer a search for as long as it closes.
+        let end = Instant::now() + SLACK;
+        let found = loop {
+            let mut find = python(&interpreter, folder.path(), "lsl_find", &[&name, "1"]);
+            assert!(find.wait(SLACK).success(), "{}", find.log());
+            let lines: Vec<Value> = find
+                .output()
+                .lines()
+                .map(|line| serde_json::from_str(line).expect("JSON"))
+                .collect();
+            if let [stream] = &lines[..]
+                && stream["channels"] == channels
+            {
+                break lines;
+            }
+            assert!(Instant::now() < end, "{lines:?}");
+        };
+        assert_eq!(found[0]["source_id"], format!("{name}::raw"));
+    }
+    assert_eq!(sink.dropped(), 0);
+    lsl.finish();
+}
+
+#[test]
+fn without_liblsl_the_error_has_the_remedy() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |arguments: &[&str]| {
+        let mut bridge = Command::new(&programs().bridge);
+        // A PATH without python3, and no library of the system.
+        bridge
+            .args(arguments)
+            .env("PATH", folder.path())
+            .env("CORTICODE_CONFIG", "/dev/null")
+            .env_remove("PYLSL_LIB");
+        let output = bridge.output().expect("the bridge starts");
+        let text = [output.stdout, output.stderr].concat();
+        (
+            output.status.code(),
+            String::from_utf8_lossy(&text).into_owned(),
+        )
+    };
+    let (status, text) = run(&["--sink=lsl", "--port=tcp:127.0.0.1:9"]);
+    assert_eq!(status, Some(2), "{text}");
+    assert!(
+        text.contains("liblsl") && text.contains("pip install pylsl"),
+        "{text}"
+    );
+    let (status, text) = run(&[
+        "--sink=lsl",
+        "--liblsl=/no/such.so",
+        "--port=tcp:127.0.0.1:9",
+    ]);
+    assert_eq!(status, Some(2), "{text}");
+    assert!(text.contains("/no/such.so cannot be loaded"), "{text}");
+    let (status, text) = run(&["doctor", "--sink=lsl", "--port=tcp:127.0.0.1:9"]);
+    assert_eq!(status, Some(1), "{text}");
+    assert!(
+        text.contains("lsl") && text.contains("pip install pylsl"),
+        "{text}"
+    );
+}
