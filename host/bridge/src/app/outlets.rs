@@ -393,6 +393,35 @@ struct Events {
 }
 
 impl Events {
+    /// Creates the sinks of events at all outlets; `topics` are those of ROS.
+    async fn new(
+        to: &Destinations<'_>,
+        outlets: &[Arc<Outlet>],
+        topics: Option<&RosTopics>,
+        name: &str,
+    ) -> Result<Events, BridgeError> {
+        let topic = match (topics, &to.ros, outlets.first()) {
+            (Some(topics), Some(ros), Some(outlet)) => {
+                let sink = topics.shared(name, QUEUE_EVENTS).await?;
+                let topic = EventTopic::new(sink, ros.recorders.clone());
+                Some((topic, DropCount::new(Arc::clone(outlet))))
+            }
+            _ => None,
+        };
+        let mut others = to.tee(outlets, None, name, None);
+        let of_lsl = outlets.iter().find(|outlet| outlet.kind() == SinkKind::Lsl);
+        if let Some((outlet, lsl)) = of_lsl.zip(to.lsl.as_ref()) {
+            others.add(outlet, boxed(lsl.events(QUEUE_EVENTS)));
+        }
+        let view = to.view.as_ref();
+        let view = view.map(|view| EventTimes::new(view.sink(ViewTopic::Events)));
+        Ok(Events {
+            topic,
+            view,
+            others,
+        })
+    }
+
     fn publish(&mut self, event: &NeuroEvent, place: EventPlace) -> Result<(), SinkError> {
         if let Some((topic, drops)) = &mut self.topic {
             topic.publish(event, place.row);
@@ -600,28 +629,7 @@ impl Sinks {
             None => None,
         };
         let events = match &names.events {
-            Some(name) => {
-                let topic = match (&topics, outlets.first()) {
-                    (Some(topics), Some(outlet)) => {
-                        let sink = topics.shared(name, QUEUE_EVENTS).await?;
-                        let topic = EventTopic::new(sink, recorders.clone());
-                        Some((topic, DropCount::new(Arc::clone(outlet))))
-                    }
-                    _ => None,
-                };
-                let mut others = to.tee(&outlets, None, name, None);
-                let of_lsl = outlets.iter().find(|outlet| outlet.kind() == SinkKind::Lsl);
-                if let Some((outlet, lsl)) = of_lsl.zip(to.lsl.as_ref()) {
-                    others.add(outlet, boxed(lsl.events(QUEUE_EVENTS)));
-                }
-                let view = to.view.as_ref();
-                let view = view.map(|view| EventTimes::new(view.sink(ViewTopic::Events)));
-                Some(Events {
-                    topic,
-                    view,
-                    others,
-                })
-            }
+            Some(name) => Some(Events::new(&to, &outlets, topics.as_deref(), name).await?),
             None => None,
         };
         if let Some(topics) = &topics {
