@@ -203,7 +203,11 @@ impl Streams {
         };
         let host_us = signal
             .times
-            .of_frame(frame.stamp_us, frame.fillers.len())
+            .of_frame(
+                frame.stamp_us,
+                frame.fillers.len(),
+                frame.fillers.contains(&true),
+            )
             .collect::<Vec<f64>>();
         let times_s = host_us
             .iter()

@@ -18,7 +18,7 @@ pub(crate) struct RowTimes {
     /// The newest measurements of the period, in a ring; nominal before them.
     measured_us: [f64; MEASUREMENTS],
     next: usize,
-    /// Stamp and length of the previous frame.
+    /// Stamp and length of the previous frame; `None` if it held fillers.
     previous: Option<(f64, usize)>,
 }
 
@@ -36,15 +36,19 @@ impl RowTimes {
     }
 
     /// Returns the times of the `rows` samples of a frame with this stamp: evenly spaced, at the
-    /// rate that the frames before had.
+    /// rate that the frames before had. The frame counts for this rate unless it `holds_fillers`,
+    /// whose stamps share out the length of a gap.
     pub(crate) fn of_frame(
         &mut self,
         stamp_us: f64,
         rows: usize,
+        holds_fillers: bool,
     ) -> impl Iterator<Item = f64> + use<> {
         #[expect(clippy::cast_precision_loss, reason = "some hundred samples")]
         let count = |rows: usize| rows as f64;
-        if let Some((before_us, rows_before)) = self.previous.replace((stamp_us, rows)) {
+        let newest = (!holds_fillers).then_some((stamp_us, rows));
+        let previous = std::mem::replace(&mut self.previous, newest);
+        if let Some((before_us, rows_before)) = previous.filter(|_| !holds_fillers) {
             let measured = (stamp_us - before_us) / count(rows_before.max(1));
             // Anything else is a gap, or a step of the clock, and not a rate.
             if (measured / self.nominal_us - 1.0).abs() < MAX_ERROR {
@@ -79,7 +83,7 @@ mod tests {
             // The gap, and a step of the fit by 1 ms.
             let gap = if frame >= 100 { 3e6 } else { 0.0 } + if frame >= 150 { 1e3 } else { 0.0 };
             let stamp_us = 1e6 + f64::from(frame) * 32.0 * period_us + gap;
-            for (time, row) in times.of_frame(stamp_us, 32).zip(0_u32..) {
+            for (time, row) in times.of_frame(stamp_us, 32, false).zip(0_u32..) {
                 let error = time - (stamp_us + f64::from(row) * period_us);
                 if frame >= 8 {
                     worst = worst.max(error.abs());
@@ -92,10 +96,25 @@ mod tests {
     }
 
     #[test]
+    fn fillers_that_stretch_over_a_gap_do_not_change_the_rate() {
+        let mut times = RowTimes::new(128, StampPoint::First);
+        let mut stamp_us = 0.0;
+        for frame in 0..60 {
+            let is_filler = (20..50).contains(&frame);
+            let all = times.of_frame(stamp_us, 8, is_filler).collect::<Vec<_>>();
+            assert!(
+                (all[7] - all[0] - 7.0 / 128.0 * 1e6).abs() < 1e-3,
+                "{frame}"
+            );
+            stamp_us += if is_filler { 60_300.0 } else { 62_500.0 };
+        }
+    }
+
+    #[test]
     fn the_stamp_is_that_of_the_chosen_sample() {
         let mut first = RowTimes::new(100, StampPoint::First);
         let mut last = RowTimes::new(100, StampPoint::Last);
-        let times = |times: &mut RowTimes| times.of_frame(1e6, 3).collect::<Vec<_>>();
+        let times = |times: &mut RowTimes| times.of_frame(1e6, 3, false).collect::<Vec<_>>();
         assert_eq!(times(&mut first), [1_000_000.0, 1_010_000.0, 1_020_000.0]);
         assert_eq!(times(&mut last), [980_000.0, 990_000.0, 1_000_000.0]);
     }

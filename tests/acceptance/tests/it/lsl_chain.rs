@@ -131,7 +131,7 @@ fn check_signal(
     let channels = described["channels"].as_array().expect("channels").len();
     assert_eq!(values.len(), times.len() * channels, "{stream}");
 
-    // The first sample that came is found by its time; from there on none may be missing.
+    // The first sample that came is found by time and values; from there on none may be missing.
     let offset_s = recorded["wall_minus_lsl"].as_f64().expect("a number");
     let correction_s = described["corrections"][0].as_f64().expect("a number");
     assert!(
@@ -139,7 +139,10 @@ fn check_signal(
         "{correction_s} s on one machine"
     );
     let wall_s = |time: f64| time + offset_s + correction_s;
-    let near = |row: &Row| (row.wall_s - wall_s(times[0])).abs() < 0.4 / rate_hz;
+    let near = |row: &Row| {
+        let error_s = (row.wall_s - wall_s(times[0])).abs();
+        error_s < 0.05 && row.values == values[..channels]
+    };
     let first = sent.iter().position(near).expect("the first sample");
     let settled_s = sent[0].wall_s + SETTLING_S;
     let sent = &sent[first..];
