@@ -16,6 +16,7 @@ mod impedance;
 mod inputs;
 mod licences;
 mod live_page;
+mod live_session;
 mod manual;
 mod messages;
 mod node_chain;
