@@ -52,6 +52,9 @@ enum Verb {
         /// Seed of the synthetic EEG
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        /// Show synthetic EEG on a live page instead, and open it in a browser; until Ctrl-C
+        #[arg(long, conflicts_with = "seconds")]
+        live: bool,
     },
     /// Show a closed loop: a recording with cues, virtual board, bridge, classifier, a picture
     Loop {
@@ -159,7 +162,10 @@ enum Verb {
 fn main() -> ExitCode {
     let result = match Arguments::parse().verb {
         Verb::Test { fast, boards } => stages::test(fast, boards),
-        Verb::Demo { seconds, seed } => programs::demo(seconds, seed),
+        Verb::Demo {
+            seed, live: true, ..
+        } => programs::live_demo(seed),
+        Verb::Demo { seconds, seed, .. } => programs::demo(seconds, seed),
         Verb::Loop {
             recording,
             classifier,

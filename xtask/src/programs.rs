@@ -6,7 +6,8 @@ use std::process::Command;
 use clap::ValueEnum;
 
 use crate::command::{
-    AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, replace, run, succeeds, target_folder, typed,
+    AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, cargo, replace, run, succeeds, target_folder,
+    typed,
 };
 use crate::images::{self, Board, Rig};
 use crate::install;
@@ -22,6 +23,40 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     run(&mut cargo(build), AFTER_A_BUILD)?;
     let mut demo = Command::new(target_folder().join("quick/demo"));
     replace(demo.args([seconds.to_string(), seed.to_string()]))
+}
+
+/// Builds host-sim and the bridge, then shows synthetic EEG on a live page until Ctrl-C.
+pub(crate) fn live_demo(seed: u64) -> Result<(), Failure> {
+    eprintln!(
+        "Synthetic EEG, virtual board, bridge and live page, without ROS, until Ctrl-C.\n\
+         First its programs are built, which takes about two minutes the first time."
+    );
+    let build = "build --profile quick --package host-sim --package bridge --bins";
+    run(&mut cargo(build), AFTER_A_BUILD)?;
+    let programs = target_folder().join("quick");
+    let folder = target_folder().join("live");
+    std::fs::create_dir_all(&folder).or_fail("the folder of the port", "make room on the disk")?;
+    let port = folder.join("board");
+    let mut board = Command::new(programs.join("host-sim"));
+    board.args(["run", "-q", "--input=synthetic", "--realtime"]);
+    board.arg(format!("--seed={seed}"));
+    board.arg(format!("--output=pty:{}", port.display()));
+    let next = "end another `cargo demo --live`";
+    let mut running = board.spawn().or_fail(typed(&board), next)?;
+    let mut bridge = Command::new(programs.join("corticode-bridge"));
+    bridge.arg("--port").arg(port).args([
+        "--sink=view",
+        "--streams=codes,packed,raw,filtered,events",
+        "--open-browser",
+    ]);
+    let shown = run(
+        &mut bridge,
+        "choose another --view-address: CORTICODE_VIEW_ADDRESS",
+    );
+    // An error means that Ctrl-C has ended it already.
+    let _ = running.kill();
+    let _ = running.wait();
+    shown
 }
 
 /// Builds the demo, host-sim, the bridge and the trainer with one call of cargo, then runs the

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use artifact::classifier::Classifier;
-use link::{Counters, Decoder, MAX_FRAME, ToHost};
+use link::{Counters, Decoder, Frame, MAX_FRAME, Streams, ToHost};
 use neuro_ros::{AcquisitionInfo, DiagnosticArray, NeuroEvent, NeuroFrame, NeuroOutput, TriWords};
 
 use crate::decoder::audit::AuditedWindow;
@@ -14,6 +14,7 @@ use crate::decoder::reconstruction::TimedCode;
 use crate::device::Device;
 use crate::exclusion::Exclusions;
 use crate::impedance::ImpedanceReport;
+use crate::query::report::SelfTestReport;
 use crate::session::Session;
 use crate::session::diagnosis::{diagnose, electrode_faults};
 use crate::session::summary::Summary;
@@ -78,7 +79,10 @@ impl Core {
     pub fn handle(&mut self, mut bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
         while let Some(outcome) = self.decoder.next::<ToHost>(&mut bytes) {
             match outcome {
-                Ok(frame) => self.session.handle_frame(&frame, read, effects),
+                Ok(frame) => {
+                    effects.received(&frame);
+                    self.session.handle_frame(&frame, read, effects);
+                }
                 Err(error) => self.session.handle_error(error, read),
             }
         }
@@ -109,7 +113,72 @@ impl Core {
     /// Sets the user's choice of electrodes to exclude. The core sends it to a device when the
     /// device has introduced itself, and again after a restart.
     pub fn set_exclusions(&mut self, exclusions: Exclusions) {
-        self.session.exclusions = exclusions;
+        self.session.set_exclusions(exclusions);
+    }
+
+    /// Returns what the user has decided about the exclusion of electrodes.
+    pub fn exclusions(&self) -> &Exclusions {
+        &self.session.exclusions
+    }
+
+    /// Returns the labels of the device's electrodes; `None` before a device has introduced itself.
+    pub fn electrodes(&self) -> Option<&[String]> {
+        self.session.electrodes()
+    }
+
+    /// Returns the device's answer to [`Core::set_exclusions`]: its reason, worded for the user, if
+    /// it refuses; `None` until it has answered, which it does while it is to stream.
+    pub fn exclusion_answer(&self) -> Option<Result<(), String>> {
+        self.session.commands.exclusion_answer().map(words::answer)
+    }
+
+    /// Returns the device's answer to [`Core::set_packed_rate`], as [`Core::exclusion_answer`]
+    /// does.
+    pub fn packed_rate_answer(&self) -> Option<Result<(), String>> {
+        self.session.commands.rate_answer().map(words::answer)
+    }
+
+    /// Returns the streams that the device is asked for.
+    pub fn streams(&self) -> Streams {
+        self.session.commands.streams()
+    }
+
+    /// Returns whether the user wants the device to stream.
+    pub fn is_streaming_wanted(&self) -> bool {
+        self.session.commands.wants_stream()
+    }
+
+    /// Returns whether the device streams, by its acknowledgements.
+    pub fn is_streaming(&self) -> bool {
+        self.session.commands.is_streaming()
+    }
+
+    /// Asks a device that does not stream to test its converters. [`Core::take_self_test`] returns
+    /// the result.
+    ///
+    /// # Errors
+    ///
+    /// Why this is not possible, and what the user can do.
+    pub fn start_self_test(&mut self) -> Result<(), &'static str> {
+        self.session.start_self_test()
+    }
+
+    /// Removes and returns the result of a self-test, or the reason, worded for the user, why there
+    /// is none; `None` while it is underway.
+    pub fn take_self_test(&mut self) -> Option<Result<Box<SelfTestReport>, String>> {
+        self.session.take_self_test()
+    }
+
+    /// Publishes an event with a text of the user, which happens at `now`, and returns whether
+    /// events are published. A recording by `rosneuro_recorder` has it at the next row.
+    pub fn mark(&mut self, text: &str, now: HostTime, effects: &mut dyn Effects) -> bool {
+        self.session.mark(text, now, effects)
+    }
+
+    /// Returns the device time at the host time `now`, microseconds, by the fit of the clocks;
+    /// `None` before the first frame. It is as late as the stamps, see [`Clock`](crate::Clock).
+    pub fn device_us_at(&self, now: HostTime) -> Option<i64> {
+        self.session.device_us_at(now)
     }
 
     /// Sets the packed model to upload to every device that does not have it, before the device
@@ -214,6 +283,9 @@ pub trait Effects {
     /// `_event_shift_us` microseconds later than the events. Called before each message of the
     /// device is handled.
     fn note_stamps(&mut self, _offset_ns: i64, _event_shift_us: i64) {}
+
+    /// Notes a frame from the device, before the core handles it.
+    fn received(&mut self, _frame: &Frame<ToHost>) {}
 
     /// Announces the device that sends the following codes. Called again when another compatible
     /// device connects, when the mains frequency changes, or when the device refuses packed blocks

@@ -304,6 +304,12 @@ impl Query {
     }
 }
 
+/// Returns why the device refuses a self-test, and what the user can do, as a sentence.
+pub(crate) fn refusal_of_self_test(result: AckResult) -> String {
+    let (what, why) = refusal(Request::SelfTest, result);
+    QueryError::Refused { what, why }.to_string()
+}
+
 /// Returns what the device refuses to do, such as "to restart", and the reason with advice.
 fn refusal(request: Request, result: AckResult) -> (&'static str, &'static str) {
     let what = match request {

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use artifact::classifier::Classifier;
 use link::{
     Ack, AckResult, BandPass, Code, Encoder, Exclusion, FeatureFilters, Features, Frame,
-    FrameError, Header, Impedance, MAX_FRAME, PackedCode, Quality, StageTiming, Stats, Streams,
-    Substitutes, Timing, ToDevice, ToHost,
+    FrameError, Header, Impedance, MAX_FRAME, PackedCode, Quality, SelfTest, StageTiming, Stats,
+    Streams, Substitutes, Timing, ToDevice, ToHost,
 };
 
 use crate::core::{Effects, EventPlace};
@@ -21,6 +21,7 @@ use crate::diagnostics::packed::PackedReport;
 use crate::diagnostics::{LinkLog, closest_to_deadline};
 use crate::exclusion::{self, Exclusions};
 use crate::impedance::ImpedanceReport;
+use crate::query::report::{DeviceSummary, SelfTestReport};
 use crate::settings::{AnnouncedStream, Settings, StreamKind};
 use crate::streams::code::CodeStream;
 use crate::streams::event::{BusEvent, Trigger};
@@ -36,6 +37,7 @@ use crate::time::HostTime;
 use crate::time::clock::Clock;
 use crate::time::round_trip::RoundTrips;
 use crate::wire::commands::{AckEffect, Commands};
+use crate::wire::self_test::SelfTestState;
 use crate::wire::upload::Upload;
 use crate::wire::words;
 
@@ -91,6 +93,8 @@ pub(crate) struct Session {
     /// Of all processing stages reported, the one with the largest ratio of worst time to deadline.
     worst_stage: Option<StageTiming>,
     converters: Option<ChainReport>,
+    /// Result of the self-test that the user has asked for, until it is taken.
+    self_test: Option<Box<SelfTestReport>>,
     /// Electrodes without a recorded signal, according to the device's newest introduction.
     substitutes: Substitutes,
     /// The user's choice of electrodes to exclude.
@@ -196,6 +200,7 @@ impl Session {
             timing: None,
             worst_stage: None,
             converters: None,
+            self_test: None,
             substitutes: Substitutes::NONE,
             exclusions: Exclusions::default(),
             upload: None,
@@ -318,8 +323,9 @@ impl Session {
             return;
         }
         match &frame.message {
-            // `Hello` was handled above. A session requests no self-test, so ignore a result.
-            ToHost::Hello(_) | ToHost::SelfTest(_) => {}
+            // `Hello` was handled above.
+            ToHost::Hello(_) => {}
+            ToHost::SelfTest(test) => self.handle_self_test(test),
             ToHost::Substitutes(substitutes) => self.substitutes = *substitutes,
             ToHost::Capabilities(capabilities) => {
                 self.handle_capabilities(capabilities, read, effects);
@@ -715,6 +721,79 @@ impl Session {
             device_us: Some(u64::try_from(missing.start_us).unwrap_or(0)),
         };
         self.side.bus.publish(&event, wall_ns, place, effects);
+    }
+
+    /// Keeps the result of a self-test that the user has asked for; ignores any other.
+    fn handle_self_test(&mut self, test: &SelfTest) {
+        let (Some(identity), Some(codes)) = (&self.identity, &self.codes) else {
+            return;
+        };
+        if !self.commands.self_test.is_underway() {
+            return;
+        }
+        let device = codes.device();
+        let summary = DeviceSummary::new(&identity.as_hello());
+        let channels = usize::from(device.channels);
+        let report = SelfTestReport::new(summary, test, channels, &device.labels);
+        self.self_test = Some(Box::new(report));
+        self.commands.self_test = SelfTestState::NotWanted;
+    }
+
+    /// Asks a device that does not stream to test its converters. Returns why that is not possible.
+    pub(crate) fn start_self_test(&mut self) -> Result<(), &'static str> {
+        if !self.introduced || self.codes.is_none() {
+            return Err("no device answers; connect it and try again");
+        }
+        if !self.commands.is_stopped() {
+            return Err("the device streams, and a self-test interrupts that; stop it first");
+        }
+        self.self_test = None;
+        self.commands.self_test = SelfTestState::Due { since_us: None };
+        Ok(())
+    }
+
+    /// Removes and returns the result of a self-test; `None` while it is underway.
+    pub(crate) fn take_self_test(&mut self) -> Option<Result<Box<SelfTestReport>, String>> {
+        if let Some(report) = self.self_test.take() {
+            return Some(Ok(report));
+        }
+        let SelfTestState::Failed(why) = &mut self.commands.self_test else {
+            return None;
+        };
+        let why = std::mem::take(why);
+        self.commands.self_test = SelfTestState::NotWanted;
+        Some(Err(why))
+    }
+
+    /// Publishes an event with a text of the user, which happened now. Returns whether events are
+    /// published.
+    pub(crate) fn mark(&mut self, text: &str, now: HostTime, effects: &mut dyn Effects) -> bool {
+        let row = self.next_row(None).map(|next| next.index);
+        let event = BusEvent::Marker(text.to_owned());
+        let device_us = self.device_us_at(now);
+        let device_us = device_us.and_then(|us| u64::try_from(us).ok());
+        let place = EventPlace { row, device_us };
+        self.side.bus.publish(&event, now.wall_ns, place, effects)
+    }
+
+    /// Sets what the user decides about the exclusion of electrodes, and tells the device.
+    pub(crate) fn set_exclusions(&mut self, exclusions: Exclusions) {
+        if let Some(codes) = &self.codes {
+            let (policy, _) = exclusions.policy(&codes.device().labels);
+            self.commands.set_exclusion(policy);
+        }
+        self.exclusions = exclusions;
+    }
+
+    /// Returns the labels of the device's electrodes; `None` before it has introduced itself.
+    pub(crate) fn electrodes(&self) -> Option<&[String]> {
+        Some(&self.codes.as_ref()?.device().labels)
+    }
+
+    /// Returns the device time at the host time `now`, microseconds, by the fit of the clocks;
+    /// `None` before the first frame.
+    pub(crate) fn device_us_at(&self, now: HostTime) -> Option<i64> {
+        self.clock.device_us_at(now.monotonic_us)
     }
 
     /// Publishes impedances, but only if this bridge started the run in which they were measured.

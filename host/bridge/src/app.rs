@@ -1,6 +1,7 @@
 //! The program `corticode-bridge`: reads the options, runs a task and returns the exit status.
 
 pub(crate) mod bridge;
+mod browser;
 mod calibrate;
 pub(crate) mod classifying;
 pub(crate) mod command_line;
@@ -11,16 +12,19 @@ mod driver;
 mod event_times;
 mod given_options;
 mod impedance;
+mod live_recording;
 pub(crate) mod log;
 mod manual;
 mod master;
 mod outlet;
 mod outlets;
+mod page_commands;
 pub(crate) mod parameters;
 mod ports;
 mod record;
 mod recorders;
 mod replay;
+mod replay_feed;
 pub(crate) mod ros_node;
 mod ros_status;
 mod ros_topics;
@@ -95,7 +99,12 @@ fn perform(task: Task, ros: NodeOptions, config: Option<PathBuf>) -> Result<Exit
         }
         Task::Replay(options) => {
             init_log(&ros, None)?;
-            print_summary(&Runtime::new()?.block_on(replay::replay(&options))?);
+            if options.live {
+                let shown = one_thread()?.block_on(Box::pin(replay::show(options, ros)));
+                print_summary(&shown?);
+            } else {
+                print_summary(&Runtime::new()?.block_on(replay::replay(&options))?);
+            }
         }
         Task::Convert(options) => {
             init_log(&ros, config)?;

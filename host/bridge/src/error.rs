@@ -343,6 +343,17 @@ impl BridgeError {
     }
 }
 
+/// Returns an error and its causes as one sentence.
+pub(crate) fn causes(error: &BridgeError) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        text = format!("{text}, because {cause}");
+        source = cause.source();
+    }
+    text
+}
+
 /// Returns in words, for an error message, which subjects have models.
 fn known_words(known: &[String]) -> String {
     match known {

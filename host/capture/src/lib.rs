@@ -15,6 +15,7 @@ mod conversion;
 mod recording;
 
 pub use conversion::{Conversion, ConvertError, ConvertSummary, FileFormat, convert};
+pub use recording::handshake::Handshake;
 pub use recording::reader::{LeftOut, RecordingReader};
 pub use recording::recorder::Recorder;
 pub use recording::replayer::{Pace, ReplayCounts, Replayer};

@@ -8,9 +8,11 @@
 //! `docs/recording-format.md` describes the bytes of a file; a test compares its hex dumps with
 //! what this module writes.
 
+pub(crate) mod handshake;
 pub(crate) mod introduction;
 pub(crate) mod reader;
 pub(crate) mod recorder;
+pub(crate) mod renumbering;
 pub(crate) mod replayer;
 
 use std::io;
@@ -147,6 +149,11 @@ pub enum RecordKind {
     Sent,
     /// The user ended the recording. The commands and frames after this record stop the device.
     Ending,
+    /// The user has marked this moment with a text, which is the payload, in UTF-8.
+    Marker,
+    /// The device streamed already when the recording began. Before this record stand the device's
+    /// newest introduction, and the commands that it has acknowledged.
+    Joined,
     /// A kind of record that only newer programs know. Holds its number.
     Newer(u8),
 }
@@ -159,6 +166,8 @@ impl RecordKind {
             RecordKind::Received => 2,
             RecordKind::Sent => 3,
             RecordKind::Ending => 4,
+            RecordKind::Marker => 5,
+            RecordKind::Joined => 6,
             RecordKind::Newer(number) => number,
         }
     }
@@ -170,6 +179,8 @@ impl RecordKind {
             2 => RecordKind::Received,
             3 => RecordKind::Sent,
             4 => RecordKind::Ending,
+            5 => RecordKind::Marker,
+            6 => RecordKind::Joined,
             newer => RecordKind::Newer(newer),
         }
     }
@@ -182,7 +193,7 @@ pub struct Record<'a> {
     pub kind: RecordKind,
     /// When it happened. The monotonic clock counts from the start of the host's machine.
     pub time: HostTime,
-    /// Bytes that were received or sent; empty for other events.
+    /// Bytes that were received or sent, or the text of a marker; empty for other events.
     pub payload: &'a [u8],
 }
 

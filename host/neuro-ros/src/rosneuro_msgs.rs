@@ -111,6 +111,10 @@ impl NeuroEvent {
     /// Bit of [`NeuroEvent::event`] that marks the end of an event, which ROS-Neuro calls OFF.
     pub const END: i32 = 0x8000;
 
+    /// Event code of a text that the user has typed, which is the description. It is the project's
+    /// own, because the codes 1 to 255 belong to the experiment.
+    pub const MARKER: i32 = 0x7f05;
+
     /// Returns an event of the trigger input, still without sequence number, time and event code.
     pub fn on_bus() -> NeuroEvent {
         let mut event = NeuroEvent {

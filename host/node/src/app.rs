@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use bridge::{
-    BridgeError, Namespace, Publication, ignore_empty_variable, parameters_to_flags,
+    BridgeError, LivePage, Namespace, Publication, ignore_empty_variable, parameters_to_flags,
     read_parameters, start_log,
 };
 use clap::parser::ValueSource;
@@ -68,7 +68,11 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         classifying: classifier.map(|classifier| options.predicting.classifying(classifier)),
         exit_at_end: false,
         realtime: options.realtime.realtime,
+        record_dir: options.viewing.record_dir.clone(),
     };
+    let page = options
+        .page()
+        .map(|page| LivePage::new("corticode-node", page));
     let mains = options.mains();
     let stream = match options.source.clone() {
         SourceKind::Ros => None,
@@ -88,7 +92,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         };
         Ok(SourceFeed::new(frames, mains, Stamp::now().nsecs))
     };
-    let summary = runtime.block_on(Box::pin(publication.publish(log, connect)));
+    let summary = runtime.block_on(Box::pin(publication.publish(log, connect, page)));
     // Dropping the runtime would wait for an unfinished lookup of a host name.
     runtime.shutdown_background();
     let summary = summary?;

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use bridge::{
-    ClassifierOptions, ExclusionOptions, PersonOptions, PredictionOptions, RealtimeOption, choice,
+    ClassifierOptions, ExclusionOptions, PersonOptions, PredictionOptions, RealtimeOption,
+    ViewOptions, choice,
 };
 use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
@@ -94,6 +95,18 @@ pub(crate) struct Options {
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) person: PersonOptions,
+    /// Outlets, comma-separated: ros publishes topics, which the node always does; view also serves
+    /// a live page for a browser
+    #[arg(
+        long,
+        env = "CORTICODE_SINK",
+        default_value = "ros",
+        value_delimiter = ',',
+        value_parser = PossibleValuesParser::new(["ros", "view"])
+    )]
+    pub(crate) sink: Vec<String>,
+    #[command(flatten)]
+    pub(crate) viewing: ViewOptions,
     /// Log warnings and errors only
     #[arg(short, long, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
@@ -186,6 +199,12 @@ impl Options {
         }
     }
 
+    /// Returns the options of the live page; `None` without it.
+    pub(crate) fn page(&self) -> Option<ViewOptions> {
+        let is_shown = self.sink.iter().any(|sink| sink == "view");
+        is_shown.then(|| self.viewing.clone())
+    }
+
     /// Returns the mains frequency that the notch filter shall remove.
     pub(crate) fn mains(&self) -> Mains {
         Mains::from_hz(self.mains).unwrap_or(Mains::Hz50)
@@ -225,6 +244,7 @@ mod tests {
             "--mains=60",
             "--announce=reconstructed",
             "--low-latency",
+            "--sink=ros,view",
             "-q",
         ]);
         let options = options.unwrap();
@@ -235,6 +255,7 @@ mod tests {
         let settings = options.settings();
         assert_eq!(settings.announced, AnnouncedStream::Reconstructed);
         assert!(settings.low_latency && settings.mains_hz == 60);
+        assert!(options.page().is_some());
         for wrong in [
             &["--mains=55"][..],
             &["--announce=raw"],
@@ -243,6 +264,7 @@ mod tests {
             &["--source=lsl"],
             &["--source=lsl:colour=red"],
             &["--source-unit=furlongs"],
+            &["--sink=lsl"],
         ] {
             assert!(parse(wrong).is_err(), "{wrong:?}");
         }

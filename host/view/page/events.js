@@ -24,18 +24,18 @@ export class Events {
     this.unplaced = 0;
   }
 
-  /** @param {Reader} body @returns {number} its device time, microseconds; -1 if it is not known */
+  /** @param {Reader} body @returns {DeviceEvent} the event */
   add(body) {
     const event = readEvent(body);
     if (event.time < 0) {
       this.unplaced += 1;
-      return event.time;
+      return event;
     }
     let at = this.all.length;
     while (at > 0 && this.all[at - 1].time > event.time) at -= 1;
     this.all.splice(at, 0, {...event, received: performance.now()});
     if (this.all.length > MOST) this.all.shift();
-    return event.time;
+    return event;
   }
 
   /** The device counts its time from 0 again: forgets the events of the run before. */

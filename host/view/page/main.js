@@ -10,6 +10,7 @@ import {
 import {Head} from './head.js';
 import {History, mostBytes} from './history.js';
 import {Link} from './link.js';
+import {Session} from './session.js';
 import {SpectrumPanel} from './spectrum_panel.js';
 import {Store} from './store.js';
 import {Traces} from './traces.js';
@@ -65,6 +66,7 @@ if (given !== null) {
   history.replaceState(null, '', '/');
 }
 let token = sessionStorage.getItem('token') ?? '';
+const session = new Session(() => token);
 
 /** @param {number} level @param {string} text */
 function setState(level, text) {
@@ -82,11 +84,14 @@ function onMessage({topic, publishedUs, body}) {
     code.code(readFrame(body));
   } else if (topic === EVENTS) {
     // An event mostly comes before its sample. Otherwise its column is already drawn.
-    if (events.add(body) <= traces.edge()) traces.plot.invalidate();
+    const event = events.add(body);
+    if (event.time <= traces.edge()) traces.plot.invalidate();
+    session.event(event);
   } else if (topic === DIAGNOSTICS) {
     const statuses = readStatus(body);
     head.report(statuses);
     code.report(statuses, performance.now());
+    session.report(statuses);
     link.report(statuses, traces.store?.fillers ?? 0);
     if ([...head.substituted].join() !== [...traces.substituted].join()) {
       traces.substituted = head.substituted;
@@ -137,6 +142,7 @@ function show() {
   if (first?.store !== before) setPaused(false);
   find('cursor').textContent = traces.words();
   const choose = () => head.choose(first?.store.labels[traces.cursor.channel] ?? '');
+  if (first) session.offer(first.store.labels.slice(0, first.store.electrodes));
   if (first) head.show(first.store.labels.slice(0, first.store.electrodes)).then(choose, () => {});
 }
 
@@ -156,13 +162,6 @@ function change(select, steps) {
   select.dispatchEvent(new Event('change'));
 }
 
-/** @param {string} command */
-async function send(command) {
-  const headers = {Authorization: `Bearer ${token}`};
-  const response = await fetch(`/${command}`, {method: 'POST', headers}).catch(() => null);
-  if (!response?.ok) setState(2, `${command} is refused: ${response?.status ?? 'no answer'}`);
-}
-
 scale.append(...SCALES.map((uv) => new Option(uv < 1000 ? `${uv} uV` : `${uv / 1000} mV`, String(uv))));
 time.append(...TIMES.map((seconds) => new Option(`${seconds} s`, String(seconds))));
 scale.value = String(traces.microvolts);
@@ -179,8 +178,8 @@ for (const select of [stream, over, reference]) select.addEventListener('change'
 shown.addEventListener('change', show);
 pause.addEventListener('click', () => setPaused(traces.held === null));
 find('controls').addEventListener('submit', (event) => event.preventDefault());
-find('start').addEventListener('click', () => send('start'));
-find('stop').addEventListener('click', () => send('stop'));
+find('start').addEventListener('click', () => session.send('start'));
+find('stop').addEventListener('click', () => session.send('stop'));
 
 /** What a key of the plot does.
  * @type {Record<string, (shift: boolean) => void>} */
@@ -259,28 +258,43 @@ requestAnimationFrame(frame);
 
 /** @type {() => void} */
 let retry = () => {};
-access.addEventListener('submit', (event) => {
+/** Whether messages arrive, and whether the bridge has accepted the token. */
+let isOpen = false, wasRight = false;
+access.addEventListener('submit', async (event) => {
   event.preventDefault();
-  token = tokenField.value;
+  const typed = tokenField.value;
+  // A page that looks without a token goes on in the same traces.
+  if (isOpen && !await session.check(typed)) return;
+  token = typed;
   sessionStorage.setItem('token', token);
-  retry();
+  if (isOpen) showAccess();
+  else retry();
 });
+
+/** Shows what the user can do with the token that the bridge has accepted, or without one. */
+function showAccess() {
+  wasRight = token !== '';
+  access.hidden = token !== '';
+  find('commands').hidden = token === '';
+  session.allow();
+}
 
 /** Receives messages, again and again. */
 async function run() {
-  let wait = RETRY_MS, wasRight = false;
+  let wait = RETRY_MS;
   for (;;) {
     const onOpen = () => {
       wait = RETRY_MS;
-      wasRight = token !== '';
-      access.hidden = true;
-      find('commands').hidden = token === '';
+      isOpen = true;
+      showAccess();
       link.clear();
       code.clear();
       head.clear();
+      session.clear();
       setState(3, 'connected');
     };
     const status = await receive(token, onOpen, onMessage);
+    isOpen = false;
     if (status === 401 && wasRight) {
       // The bridge has started again, with a new token. On loopback it lets the page look without one.
       wasRight = false;
@@ -291,6 +305,7 @@ async function run() {
     if (status === 401) {
       setState(2, 'the token is missing or wrong');
       access.hidden = false;
+      session.allow();
       find('commands').hidden = true;
       await new Promise((resolve) => { retry = () => resolve(undefined); });
       continue;

@@ -13,7 +13,7 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// Path, content type and text of every file. A request names one of these paths or is refused, so
 /// no path leads to the file system.
-const FILES: [(&str, &str, &str); 21] = [
+const FILES: [(&str, &str, &str); 22] = [
     (
         "/",
         "text/html; charset=utf-8",
@@ -30,6 +30,7 @@ const FILES: [(&str, &str, &str); 21] = [
         include_str!("../page/icon.svg"),
     ),
     ("/axis.js", SCRIPT, include_str!("../page/axis.js")),
+    ("/session.js", SCRIPT, include_str!("../page/session.js")),
     ("/code.js", SCRIPT, include_str!("../page/code.js")),
     ("/columns.js", SCRIPT, include_str!("../page/columns.js")),
     ("/element.js", SCRIPT, include_str!("../page/element.js")),

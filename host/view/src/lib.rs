@@ -13,7 +13,7 @@
 //! use neuro_ros::{NeuroFrame, Sink};
 //! use view::{View, ViewTopic};
 //!
-//! let view = View::start("127.0.0.1:0".parse()?, None, |_command| {})?;
+//! let view = View::start("127.0.0.1:0".parse()?, None, |_command, reply| reply.done("done"))?;
 //! let mut sink = view.sink(ViewTopic::Filtered);
 //! sink.publish(&NeuroFrame::default())?;
 //! assert!(view.url().starts_with("http://127.0.0.1:"));
@@ -22,6 +22,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod command;
 mod feed;
 mod files;
 mod request;
@@ -35,19 +36,12 @@ use neuro_ros::Wire;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 
+pub use crate::command::{Answer, Command, Decision, MAX_MARKER, Reply};
 use crate::feed::Feed;
 pub use crate::feed::{ViewSink, ViewTopic};
+pub use crate::request::{Refusal, Request};
 use crate::server::Server;
 pub use crate::token::{Token, TokenError};
-
-/// What a user of the page can ask for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// Start the streams of the device.
-    Start,
-    /// Stop the streams of the device.
-    Stop,
-}
 
 /// The live page, served until this value is dropped.
 #[derive(Debug)]
@@ -61,7 +55,8 @@ pub struct View {
 impl View {
     /// Serves the page at `address` in a new thread. Without a `token`, a random one is used, and
     /// is a part of [`View::url`].
-    /// `on_command` is called for each command of a user who has the token, and must not wait.
+    /// `on_command` is called for each command of a user who has the token, and must not wait: the
+    /// user reads what is passed to the [`Reply`], at most 30 s later.
     ///
     /// # Errors
     ///
@@ -69,7 +64,7 @@ impl View {
     pub fn start(
         address: SocketAddr,
         token: Option<Token>,
-        on_command: impl Fn(Command) + Send + Sync + 'static,
+        on_command: impl Fn(Command, Reply) + Send + Sync + 'static,
     ) -> io::Result<View> {
         let listener = std::net::TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;

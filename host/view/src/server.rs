@@ -1,30 +1,37 @@
 //! Serves the page, its stream of messages and its commands, each only to who may have it.
 
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use tokio::io::AsyncWriteExt as _;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::task::AbortHandle;
 use tokio::time::{sleep, timeout};
 
-use crate::Command;
+use crate::command::{Command, Reply};
 use crate::feed::Feed;
 use crate::files::{file, places};
 use crate::request::{
-    self, CONTENT_TOO_LARGE, FORBIDDEN, METHOD_NOT_ALLOWED, NOT_FOUND, Refusal, Request,
-    UNAUTHORIZED, UNAVAILABLE,
+    self, BAD_REQUEST, CONTENT_TOO_LARGE, FORBIDDEN, METHOD_NOT_ALLOWED, NOT_FOUND, Refusal,
+    Request, UNAUTHORIZED, UNAVAILABLE,
 };
 use crate::token::Token;
 
-/// Largest number of connections that are served at a time. A further one is closed.
+/// Largest number of connections that are served at a time. For a further one, the oldest that has
+/// not sent its request is closed.
 const MAX_CONNECTIONS: usize = 64;
 /// Largest number of pages that receive messages at a time.
 const MAX_VIEWERS: usize = 8;
 /// Longest time in which a client must take what is written. A page that comes back later connects
 /// again.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
+/// Longest time until a command is answered: a self-test takes some seconds.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(30);
+/// Longest time for which the rest of a refused request is read, so that its client reads why.
+const LINGER: Duration = Duration::from_secs(1);
 /// Time until a connection is accepted again after an error, such as too many open files.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
@@ -44,15 +51,17 @@ pub(crate) struct Server {
     address: SocketAddr,
     token: Token,
     feed: Feed,
-    on_command: Box<dyn Fn(Command) + Send + Sync>,
+    on_command: Box<dyn Fn(Command, Reply) + Send + Sync>,
+    /// Tasks of the connections whose request has not arrived, by the order of their start.
+    waiting: Mutex<BTreeMap<u64, AbortHandle>>,
 }
 
 /// What a request is answered with.
 enum Answer {
     Text(&'static str, String),
     Stream,
-    /// The command was passed on.
-    Done,
+    /// A command of a user who may send it.
+    Command(Command),
 }
 
 impl Server {
@@ -60,14 +69,19 @@ impl Server {
         address: SocketAddr,
         token: Token,
         feed: Feed,
-        on_command: impl Fn(Command) + Send + Sync + 'static,
+        on_command: impl Fn(Command, Reply) + Send + Sync + 'static,
     ) -> Server {
         Server {
             address,
             token,
             feed,
             on_command: Box::new(on_command),
+            waiting: Mutex::default(),
         }
+    }
+
+    fn waiting(&self) -> MutexGuard<'_, BTreeMap<u64, AbortHandle>> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Serves every connection in a task of its own.
@@ -75,44 +89,55 @@ impl Server {
         let server = Arc::new(self);
         let connections = Arc::new(Semaphore::new(MAX_CONNECTIONS));
         let viewers = Arc::new(Semaphore::new(MAX_VIEWERS));
-        loop {
+        for number in 0.. {
             let Ok((stream, _)) = listener.accept().await else {
                 sleep(ACCEPT_PAUSE).await;
                 continue;
             };
-            if let Ok(permit) = Arc::clone(&connections).try_acquire_owned() {
-                let (server, viewers) = (Arc::clone(&server), Arc::clone(&viewers));
-                tokio::spawn(async move {
-                    server.converse(stream, &viewers).await;
-                    drop(permit);
-                });
+            if connections.available_permits() == 0 {
+                let Some((_, oldest)) = server.waiting().pop_first() else {
+                    continue;
+                };
+                oldest.abort();
             }
+            // The task that was ended returns its permit as soon as it is dropped.
+            let Ok(permit) = Arc::clone(&connections).acquire_owned().await else {
+                return;
+            };
+            let (of_task, viewers) = (Arc::clone(&server), Arc::clone(&viewers));
+            let task = tokio::spawn(async move {
+                of_task.converse(stream, number, &viewers).await;
+                drop(permit);
+            });
+            server.waiting().insert(number, task.abort_handle());
         }
     }
 
     /// Reads a request and answers it.
-    async fn converse(&self, mut stream: TcpStream, viewers: &Arc<Semaphore>) {
+    async fn converse(&self, mut stream: TcpStream, number: u64, viewers: &Arc<Semaphore>) {
         // A message is written at once; waiting for more bytes would delay it.
         let _ = stream.set_nodelay(true);
-        let Some(request) = request::read(&mut stream).await else {
+        let request = request::read(&mut stream).await;
+        self.waiting().remove(&number);
+        let Some(request) = request else {
             return;
         };
         let answer = request.and_then(|request| self.answer(&request));
         // A client that has left needs no answer.
         let _ = match answer {
             Ok(Answer::Text(kind, text)) => respond(&mut stream, "200 OK", kind, &text).await,
-            Ok(Answer::Done) => respond(&mut stream, "204 No Content", "text/plain", "").await,
+            Ok(Answer::Command(command)) => self.perform(command, &mut stream).await,
             Ok(Answer::Stream) => match Arc::clone(viewers).try_acquire_owned() {
                 Ok(permit) => self.stream(stream, permit).await,
-                Err(_) => respond(&mut stream, UNAVAILABLE, "text/plain", UNAVAILABLE).await,
+                Err(_) => refuse(&mut stream, UNAVAILABLE).await,
             },
-            Err(refusal) => respond(&mut stream, refusal, "text/plain", refusal).await,
+            Err(refusal) => refuse(&mut stream, refusal).await,
         };
     }
 
     /// Decides what a request is answered with, and passes on a command.
     fn answer(&self, request: &Request) -> Result<Answer, Refusal> {
-        if request.has_body {
+        if request.method != "POST" && !request.body.is_empty() {
             return Err(CONTENT_TOO_LARGE);
         }
         let own_origin = format!("http://{}", request.host);
@@ -142,19 +167,41 @@ impl Server {
                 let file = file(path).ok_or(NOT_FOUND)?;
                 Ok(Answer::Text(file.content_type, file.text.to_owned()))
             }
-            ("POST", "/start" | "/stop") if !has_token => Err(UNAUTHORIZED),
-            // Browsers send the origin with every request that is not a GET.
-            ("POST", "/start" | "/stop") if origin.is_none() => Err(FORBIDDEN),
-            ("POST", "/start") => Ok(self.pass_on(Command::Start)),
-            ("POST", "/stop") => Ok(self.pass_on(Command::Stop)),
+            ("POST", path) => {
+                let command = Command::parse(path, &request.body).ok_or(METHOD_NOT_ALLOWED)?;
+                if !has_token {
+                    return Err(UNAUTHORIZED);
+                }
+                // Browsers send the origin with every request that is not a GET.
+                if origin.is_none() {
+                    return Err(FORBIDDEN);
+                }
+                let command = command.map_err(|why| Refusal { why, ..BAD_REQUEST })?;
+                Ok(Answer::Command(command))
+            }
             _ => Err(METHOD_NOT_ALLOWED),
         }
     }
 
-    fn pass_on(&self, command: Command) -> Answer {
+    /// Passes on a command, and answers what the program replies.
+    async fn perform(&self, command: Command, stream: &mut TcpStream) -> Option<()> {
         tracing::info!(?command, "from the live page");
-        (self.on_command)(command);
-        Answer::Done
+        let (reply, answer) = Reply::new();
+        (self.on_command)(command, reply);
+        match timeout(REPLY_TIMEOUT, answer).await {
+            Ok(Ok(Ok(value))) => {
+                respond(stream, "200 OK", "application/json", &value.to_string()).await
+            }
+            Ok(Ok(Err(why))) => respond(stream, "409 Conflict", TEXT, &why).await,
+            Ok(Err(_)) => {
+                let why = "the program has ended";
+                respond(stream, UNAVAILABLE.status, TEXT, why).await
+            }
+            Err(_) => {
+                let why = "the program has not answered within 30 s; see its log";
+                respond(stream, "504 Gateway Timeout", TEXT, why).await
+            }
+        }
     }
 
     /// Returns whether a browser can have reached this server under the name `host`. On loopback no
@@ -180,6 +227,18 @@ impl Server {
         }
         Some(())
     }
+}
+
+/// Content type of a text for the user.
+const TEXT: &str = "text/plain; charset=utf-8";
+
+/// Says why a request is not carried out. The rest of a request that is too long is read for a
+/// while, because closing earlier would take the answer from a client that still writes.
+async fn refuse(stream: &mut TcpStream, refusal: Refusal) -> Option<()> {
+    respond(stream, refusal.status, TEXT, refusal.why).await?;
+    let mut rest = [0; 4096];
+    let read_rest = async { while stream.read(&mut rest).await.is_ok_and(|count| count > 0) {} };
+    timeout(LINGER, read_rest).await.ok()
 }
 
 async fn respond(stream: &mut TcpStream, status: &str, kind: &str, text: &str) -> Option<()> {

@@ -51,7 +51,11 @@ impl LossyCable {
     }
 }
 
-fn connect(port: u16) -> io::Result<TcpStream> {
+/// Connects to TCP port `port` of 127.0.0.1 once a board has opened it.
+///
+/// # Errors
+/// The board does not open its port in time.
+pub fn connect(port: u16) -> io::Result<TcpStream> {
     let end = Instant::now() + START;
     loop {
         match TcpStream::connect(SocketAddr::from((Ipv4Addr::LOCALHOST, port))) {

@@ -8,6 +8,7 @@
 mod files;
 mod model;
 mod mutation;
+mod page;
 #[path = "../../../files/recordings/tests/it/files.rs"]
 #[expect(dead_code, reason = "the tests of `recordings` use more of it")]
 mod recording_files;
@@ -58,7 +59,7 @@ impl Outcome {
 
 /// All targets, in alphabetical order. The tests search each for some seconds.
 #[rustfmt::skip]
-pub const TARGETS: [Target; 12] = [
+pub const TARGETS: [Target; 13] = [
     Target { name: "artifact", seeds: model::seeds, read: model::artifact, inputs: 5_000 },
     Target { name: "bdf", seeds: files::bdf_seeds, read: files::recording, inputs: 1_500 },
     Target { name: "code_file", seeds: files::code_file_seeds, read: files::code_file, inputs: 300 },
@@ -69,6 +70,7 @@ pub const TARGETS: [Target; 12] = [
     Target { name: "gdf", seeds: files::gdf_seeds, read: files::recording, inputs: 1_500 },
     Target { name: "tcpros", seeds: ros::tcpros_seeds, read: ros::tcpros, inputs: 50_000 },
     Target { name: "uploaded_model", seeds: upload::seeds, read: upload::uploaded_model, inputs: 150 },
+    Target { name: "view_request", seeds: page::request_seeds, read: page::request, inputs: 50_000 },
     Target { name: "wire_recording", seeds: files::wire_recording_seeds, read: files::wire_recording, inputs: 10_000 },
     Target { name: "xmlrpc", seeds: ros::xmlrpc_seeds, read: ros::xmlrpc, inputs: 50_000 },
 ];

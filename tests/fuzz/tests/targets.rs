@@ -30,6 +30,7 @@ targets! {
     gdf,
     tcpros,
     uploaded_model,
+    view_request,
     wire_recording,
     xmlrpc,
 }

@@ -125,6 +125,14 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
             &StreamKind::names(session.commands.streams()),
         ),
     ];
+    if let Some(identity) = &session.identity {
+        let hello = identity.as_hello();
+        values.push(KeyValue::new(
+            "session",
+            &format_args!("{:08x}", hello.session_id),
+        ));
+        values.push(KeyValue::new("fault", &hello.fault));
+    }
     if let Some(codes) = &session.codes {
         let device = codes.device();
         values.push(KeyValue::new("firmware", &device.firmware));

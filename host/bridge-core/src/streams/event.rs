@@ -140,6 +140,8 @@ pub(crate) enum BusEvent {
     /// The device has changed the electrodes that it excludes from its codes and fills. Holds the
     /// labels of all excluded electrodes; empty if there are none any more.
     ElectrodesExcluded(Vec<String>),
+    /// The user has marked this moment. Holds their text.
+    Marker(String),
     /// The device made data that the bridge did not receive. Holds the duration, in seconds.
     DataLost(f32),
     /// The bridge did not receive some edges of the trigger input. Holds their number.
@@ -162,6 +164,7 @@ impl BusEvent {
             BusEvent::ElectrodesOn => 0x0105 | NeuroEvent::END,
             BusEvent::ElectrodesExcluded(labels) if labels.is_empty() => 0x7f04 | NeuroEvent::END,
             BusEvent::ElectrodesExcluded(_) => 0x7f04,
+            BusEvent::Marker(_) => NeuroEvent::MARKER,
             BusEvent::DataLost(_) => 0x7f01,
             BusEvent::EdgesLost(_) => 0x7f02,
             BusEvent::DeviceRefused(_) => 0x7f03,
@@ -190,6 +193,7 @@ impl BusEvent {
             BusEvent::ElectrodesExcluded(labels) => {
                 format!("electrodes excluded: {}", labels.join(" "))
             }
+            BusEvent::Marker(text) => text.clone(),
             BusEvent::DataLost(seconds) => format!("data lost: {seconds:.3} s"),
             BusEvent::EdgesLost(edges) => format!("trigger edges lost: {edges}"),
             BusEvent::DeviceRefused(why) => format!("device refused: {why}"),
@@ -227,16 +231,16 @@ impl EventBus {
     }
 
     /// Publishes an event that happened at the wall-clock time `wall_ns`, nanoseconds since 1970,
-    /// and at `place`.
+    /// and at `place`. Returns whether events are published.
     pub(crate) fn publish(
         &mut self,
         event: &BusEvent,
         wall_ns: i64,
         place: EventPlace,
         effects: &mut dyn Effects,
-    ) {
+    ) -> bool {
         if !self.enabled {
-            return;
+            return false;
         }
         let message = &mut self.message;
         let stamp_ns = wall_ns.saturating_add(self.shift_us.saturating_mul(1000));
@@ -247,6 +251,7 @@ impl EventBus {
         message.duration = event.duration_s();
         message.description = event.description();
         effects.publish_event(message, place);
+        true
     }
 }
 

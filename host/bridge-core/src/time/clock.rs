@@ -205,6 +205,17 @@ impl Clock {
         wall.offset_ns += off.clamp(-most, most);
     }
 
+    /// Returns the device time at which the host's monotonic clock shows `host_us`, microseconds;
+    /// `None` before the first observation. It is exact near the newest frame.
+    pub(crate) fn device_us_at(&self, host_us: i64) -> Option<i64> {
+        let (device_origin, _) = self.origin?;
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let newest_us = i64::try_from(device_origin).ok()? + self.newest.round() as i64;
+        let lag_us = self.lag_us(u64::try_from(newest_us).ok()?, host_us)?;
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        Some(newest_us + lag_us.round() as i64)
+    }
+
     /// Returns the fitted time on the host's monotonic clock at the device time `device_us`,
     /// microseconds; `None` before the first observation.
     pub fn host_us(&self, device_us: i128) -> Option<f64> {

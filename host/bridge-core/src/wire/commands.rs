@@ -4,6 +4,7 @@ use link::{
     AckResult, ExclusionPolicy, FeatureFilters, ModelBegin, ModelReceived, Start, Streams, ToDevice,
 };
 
+use crate::wire::self_test::SelfTestState;
 use crate::wire::upload::{Upload, Uploading};
 use crate::wire::wanted::{ClockQuery, WantedStreams};
 use crate::wire::words;
@@ -28,14 +29,14 @@ pub(crate) struct Commands {
     mains_hz: u8,
     /// Wanted rate of the packed code, 0 (finest) to 15 (coarsest); `None`: the device chooses.
     rate: Option<u8>,
-    /// Newest rate for which the device has answered the command to set it, with any result.
-    answered_rate: Option<u8>,
+    /// Newest rate for which the device has answered the command to set it, and its answer.
+    answered_rate: Option<(u8, AckResult)>,
     /// What the user wants to be excluded.
     exclusion: ExclusionPolicy,
     /// The policy that the device has, by its newest report or answer.
     known_exclusion: ExclusionPolicy,
-    /// The policy that the device has refused.
-    refused_exclusion: Option<ExclusionPolicy>,
+    /// The policy that the device has refused, and its answer.
+    refused_exclusion: Option<(ExclusionPolicy, AckResult)>,
     /// Filters of the classifier, whose weights are in `filter_weights`; `None` without one.
     filters: Option<FeatureFilters<'static>>,
     filter_weights: Vec<u8>,
@@ -43,6 +44,8 @@ pub(crate) struct Commands {
     answered_filters: Option<u32>,
     /// Whether the device must be asked to measure the impedance of the electrodes.
     impedance: ImpedanceState,
+    /// A self-test that the user has asked for.
+    pub(crate) self_test: SelfTestState,
     /// The model that the device is given before it streams.
     upload: UploadState,
     /// Whether the device takes a packed model, if it must to be started.
@@ -146,6 +149,7 @@ impl Commands {
             filter_weights: Vec::new(),
             answered_filters: None,
             impedance: ImpedanceState::NotWanted,
+            self_test: SelfTestState::NotWanted,
             upload: UploadState::NotDue,
             slot: SlotState::NotRequired,
             asked_bytes: 0,
@@ -182,6 +186,7 @@ impl Commands {
 
     /// Records that the port was closed or lost. Until the next connection, no command is due.
     pub(crate) fn disconnected(&mut self) {
+        self.self_test.interrupt("the connection was lost");
         self.device = Introduction::Missing;
         self.stream = StreamState::Stopped;
         self.pending = None;
@@ -202,6 +207,24 @@ impl Commands {
     /// Sets which electrodes the device excludes. [`Self::next_command`] then returns the command.
     pub(crate) fn set_exclusion(&mut self, policy: ExclusionPolicy) {
         self.exclusion = policy;
+    }
+
+    /// Returns the device's answer to the wanted exclusion; `None` until it has answered.
+    pub(crate) fn exclusion_answer(&self) -> Option<AckResult> {
+        if self.known_exclusion == self.exclusion {
+            return Some(AckResult::Done);
+        }
+        let refused = self.refused_exclusion;
+        let (_, result) = refused.filter(|(policy, _)| *policy == self.exclusion)?;
+        Some(result)
+    }
+
+    /// Returns the device's answer to the wanted rate; `None` until it has answered.
+    pub(crate) fn rate_answer(&self) -> Option<AckResult> {
+        let (_, result) = self
+            .answered_rate
+            .filter(|(rate, _)| Some(*rate) == self.rate)?;
+        Some(result)
     }
 
     /// Sets the filters of the features; [`Self::next_command`] then returns the command.
@@ -314,6 +337,7 @@ impl Commands {
         self.ask_for_impedance_again();
         self.known_exclusion = ExclusionPolicy::AUTOMATIC;
         self.refused_exclusion = None;
+        self.self_test.interrupt("the device restarted");
         self.upload = UploadState::NotDue;
         if self.slot != SlotState::NotRequired {
             self.slot = SlotState::Unknown;
@@ -424,6 +448,7 @@ impl Commands {
             self.last_stream_us = self.last_stream_us.map(|_| now_us);
         }
         self.last_tick_us = now_us;
+        self.self_test.tick(now_us);
         if !self.connected {
             return None;
         }
@@ -474,10 +499,7 @@ impl Commands {
                 }))
             }
             (true, _) if let Some(rate) = self.due_rate() => Some(ToDevice::SetRate { rate }),
-            (true, _)
-                if self.known_exclusion != self.exclusion
-                    && self.refused_exclusion != Some(self.exclusion) =>
-            {
+            (true, _) if self.exclusion_answer().is_none() => {
                 Some(ToDevice::SetExclusion(self.exclusion))
             }
             (true, _) if let Some(filters) = self.due_filters() => {
@@ -491,6 +513,9 @@ impl Commands {
                 }))
             }
             (false, StreamState::Unconfirmed | StreamState::Running) => Some(ToDevice::Stop),
+            (false, StreamState::Stopped) if let Some(command) = self.self_test.command() => {
+                Some(command)
+            }
             // After `Start`, so that codes go on where they cannot stream beside the measurement.
             (true, StreamState::Running) if self.impedance == ImpedanceState::Due => {
                 Some(ToDevice::SetImpedance { on: true })
@@ -512,7 +537,9 @@ impl Commands {
     /// Returns the rate of the packed code, if the device must be set to it now.
     fn due_rate(&self) -> Option<u8> {
         let has_packed = self.streams.asked().contains(Streams::PACKED);
-        let is_due = |rate: &u8| has_packed && self.answered_rate != Some(*rate);
+        let is_due = |rate: &u8| {
+            has_packed && self.answered_rate.map(|(answered, _)| answered) != Some(*rate)
+        };
         self.rate.filter(is_due)
     }
 
@@ -549,6 +576,11 @@ impl Commands {
             return self.handle_upload(pending.command, result);
         }
         match (pending.command, result) {
+            (ToDevice::SelfTest, result) => {
+                self.pending = None;
+                self.self_test.acknowledge(result, now_us);
+                return AckEffect::NoChange;
+            }
             // A device that cannot measure while these streams run is not asked again.
             (ToDevice::SetImpedance { .. }, AckResult::Busy) => {
                 self.impedance = ImpedanceState::Answered(result);
@@ -587,15 +619,15 @@ impl Commands {
                     refused_us: now_us,
                 });
             }
-            (ToDevice::SetRate { rate }, _) => {
-                self.answered_rate = Some(rate);
+            (ToDevice::SetRate { rate }, result) => {
+                self.answered_rate = Some((rate, result));
                 self.pending = None;
             }
             (ToDevice::SetExclusion(policy), result) => {
                 if result == AckResult::Done {
                     self.known_exclusion = policy;
                 } else {
-                    self.refused_exclusion = Some(policy);
+                    self.refused_exclusion = Some((policy, result));
                 }
                 self.pending = None;
             }
@@ -615,7 +647,6 @@ impl Commands {
             (ToDevice::Identify, _) => {}
             (
                 ToDevice::Ping
-                | ToDevice::SelfTest
                 | ToDevice::SyncTime { .. }
                 | ToDevice::Reset(_)
                 | ToDevice::ModelBegin(_)

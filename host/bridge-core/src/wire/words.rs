@@ -35,6 +35,14 @@ pub(crate) fn reason(result: AckResult) -> String {
     }
 }
 
+/// Returns an answer of the device: its reason if it refuses a command.
+pub(crate) fn answer(result: AckResult) -> Result<(), String> {
+    match result {
+        AckResult::Done => Ok(()),
+        result => Err(reason(result)),
+    }
+}
+
 /// Returns a sentence for the log: which command the device refuses, why, and what the user can do.
 pub(crate) fn refusal(refused: &ToDevice, result: AckResult) -> String {
     let remedy = match (refused, result) {

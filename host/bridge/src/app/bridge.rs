@@ -16,13 +16,16 @@ use neuro_ros::{
     AcquisitionCommand, AcquisitionInfo, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError,
 };
 use tokio::sync::{mpsc, watch};
-use view::{Command, View};
+use view::View;
 
+use crate::app::browser;
 use crate::app::classifying::Classifying;
 use crate::app::command_line::{Options, SinkKind, ViewOptions};
 use crate::app::driver::{DRAIN_TIMEOUT, Driver};
+use crate::app::live_recording::LiveRecording;
 use crate::app::outlet::OutletCount;
 use crate::app::outlets::{Destinations, Outlets, RosOutlet, Sinks};
+use crate::app::page_commands::PageCommands;
 use crate::app::recorders::Recorders;
 use crate::app::ros_node::{Namespace, NodeCommand, RosNode};
 use crate::app::rosout;
@@ -64,6 +67,8 @@ pub struct Publication {
     pub exit_at_end: bool,
     /// Whether to ask for real-time scheduling.
     pub realtime: bool,
+    /// Folder for what the user of the live page records.
+    pub record_dir: PathBuf,
 }
 
 impl Publication {
@@ -131,7 +136,7 @@ impl Publication {
     /// Publishes the streams of a device through a ROS node until a signal (such as SIGTERM), a
     /// call of `~quit` or `rosnode kill` ends the program. Then stops the device and unregisters
     /// the node. `connect` is called when the node has started, and returns the connection to the
-    /// device. `log` yields the lines for `/rosout`.
+    /// device. `log` yields the lines for `/rosout`. With a `page`, the streams are shown there too.
     ///
     /// # Errors
     ///
@@ -141,12 +146,33 @@ impl Publication {
         mut self,
         log: mpsc::Receiver<Log>,
         connect: impl AsyncFnOnce(&Node, &Namespace) -> Result<F, NodeError>,
+        page: Option<LivePage>,
     ) -> Result<FinalCounts, BridgeError> {
         let run = self.prepare()?;
+        let view = page.map(|page| page.start(&run)).transpose()?;
         let ros = self.start_ros(&run, log).await?;
         let feed = connect(&ros.ros.node, &run.namespace).await?;
         let parts = Parts {
             ros: Some(ros),
+            view,
+            ..Parts::default()
+        };
+        self.stream(run, feed, parts).await
+    }
+
+    /// Shows the streams of a device on a live page, without ROS, until a signal ends the program.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError`] if the program cannot run.
+    pub(crate) async fn show<F: Feed>(
+        mut self,
+        feed: F,
+        page: LivePage,
+    ) -> Result<FinalCounts, BridgeError> {
+        let run = self.prepare()?;
+        let parts = Parts {
+            view: Some(page.start(&run)?),
             ..Parts::default()
         };
         self.stream(run, feed, parts).await
@@ -168,6 +194,7 @@ impl Publication {
             settings,
             command_sender,
             commands,
+            page: PageCommands::default(),
         })
     }
 
@@ -227,10 +254,13 @@ impl Publication {
         };
         let predictions = self.classifying.as_ref().map(|of| of.topic.as_str());
         let sinks = Sinks::new(destinations, run.settings, &run.namespace, predictions).await?;
-        let outlets = Outlets::new(sinks, run.settings, Arc::clone(&run.model), announcements);
+        let recording = LiveRecording::new(self.record_dir.clone(), run.settings);
+        let model = Arc::clone(&run.model);
+        let outlets = Outlets::new(sinks, run.settings, model, announcements, recording);
         schedule(self.realtime);
         let core = self.core(run.settings, &run.model, run.upload);
-        let bridge = Bridge::new(core, feed, run.commands, outlets, self.exit_at_end);
+        let commands = (run.commands, run.page);
+        let bridge = Bridge::new(core, feed, commands, outlets, self.exit_at_end);
         let (counts, has_ended, outcome) = bridge.run_to_end(&mut run.shutdown).await;
         let timeout = if has_ended {
             END_TIMEOUT
@@ -275,6 +305,7 @@ struct Run {
     /// Kept here so that the channel stays open without ROS.
     command_sender: mpsc::UnboundedSender<NodeCommand>,
     commands: mpsc::UnboundedReceiver<NodeCommand>,
+    page: PageCommands,
 }
 
 /// The ROS node, and the channels to its services.
@@ -347,6 +378,7 @@ pub(super) async fn stream(
         classifying: classifier.map(|classifier| options.predicting.classifying(classifier)),
         exit_at_end: options.exit_at_end,
         realtime: options.realtime.realtime,
+        record_dir: options.viewing.record_dir.clone(),
     };
     let has = |kind| options.ros.sink.contains(&kind);
     let mut publication = publication;
@@ -362,12 +394,8 @@ pub(super) async fn stream(
     } else {
         None
     };
-    let view = if has(SinkKind::View) {
-        let commands = run.command_sender.clone();
-        Some(Arc::new(start_view(options.viewing, commands)?))
-    } else {
-        None
-    };
+    let page = has(SinkKind::View).then(|| LivePage::new("corticode-bridge", options.viewing));
+    let view = page.map(|page| page.start(&run)).transpose()?;
     let ros = if has(SinkKind::Ros) {
         Some(publication.start_ros(&run, log).await?)
     } else {
@@ -387,24 +415,36 @@ pub(super) async fn stream(
     publication.stream(run, connection, parts).await
 }
 
-/// Starts the live page, whose commands go to the bridge.
-fn start_view(
+/// A live page to start, and the name of the program that prints its address.
+#[derive(Clone, Debug)]
+pub struct LivePage {
+    program: &'static str,
     options: ViewOptions,
-    commands: mpsc::UnboundedSender<NodeCommand>,
-) -> Result<View, BridgeError> {
-    let address = options.view_address;
-    let view = View::start(address, options.view_token, move |command| {
-        let command = match command {
-            Command::Start => AcquisitionCommand::Start,
-            Command::Stop => AcquisitionCommand::Stop,
-        };
-        // Sending fails only if the bridge is shutting down.
-        let _ = commands.send(NodeCommand::Acquisition(command));
-    });
-    let view = view.map_err(|error| BridgeError::ViewAddress(address, error))?;
-    // Not in the log, which goes to `/rosout` too, because the address can hold the token.
-    new_file::message!("corticode-bridge: live page at {}", view.url());
-    Ok(view)
+}
+
+impl LivePage {
+    /// Creates the page of a program, with the options that its user has chosen.
+    pub fn new(program: &'static str, options: ViewOptions) -> LivePage {
+        LivePage { program, options }
+    }
+
+    /// Starts the page, whose commands go to the bridge, and prints its address.
+    fn start(self, run: &Run) -> Result<Arc<View>, BridgeError> {
+        let address = self.options.view_address;
+        let commands = run.page.sender();
+        let view = View::start(address, self.options.view_token, move |command, reply| {
+            commands.send(command, reply);
+        });
+        let view = view.map_err(|error| BridgeError::ViewAddress(address, error))?;
+        // Not in the log, which goes to `/rosout` too, because the address can hold the token.
+        new_file::message!("{}: live page at {}", self.program, view.url());
+        if self.options.open_browser
+            && let Err(error) = browser::open(view.url())
+        {
+            tracing::warn!("no browser opens ({error}); open the address above yourself");
+        }
+        Ok(Arc::new(view))
+    }
 }
 
 /// A running bridge: the core at its port, the commands from ROS, and the outlets that execute the
@@ -412,6 +452,7 @@ fn start_view(
 struct Bridge<F> {
     driver: Driver<F>,
     commands: mpsc::UnboundedReceiver<NodeCommand>,
+    page: PageCommands,
     outlets: Outlets,
     exit_at_end: bool,
     /// Whether the bridge ends because the device has disconnected.
@@ -423,13 +464,14 @@ impl<F: Feed> Bridge<F> {
     fn new(
         core: Core,
         connection: F,
-        commands: mpsc::UnboundedReceiver<NodeCommand>,
+        (commands, page): (mpsc::UnboundedReceiver<NodeCommand>, PageCommands),
         outlets: Outlets,
         exit_at_end: bool,
     ) -> Bridge<F> {
         Bridge {
             driver: Driver::new(core, connection),
             commands,
+            page,
             outlets,
             exit_at_end,
             has_ended: false,
@@ -486,12 +528,17 @@ impl<F: Feed> Bridge<F> {
                         NodeCommand::PackedRate(rate) => core.set_packed_rate(rate),
                     }
                 }
+                asked = self.page.next() => {
+                    self.page.perform(asked, &mut self.driver.core, &mut self.outlets);
+                }
                 reason = shutdown.requested(), if !self.driver.is_ending() => {
                     tracing::info!("shutting down: {reason}");
                     self.driver.end(&mut self.outlets);
                 }
             }
             self.outlets.start_decoding().await;
+            self.outlets.recording.write();
+            self.page.answer(&mut self.driver.core);
             if let Some(error) = self.outlets.sink_error.take()
                 && failure.is_none()
             {

@@ -678,7 +678,7 @@ pub(crate) struct LslOptions {
 
 /// Options of the live page.
 #[derive(Args, Clone, Debug)]
-pub(crate) struct ViewOptions {
+pub struct ViewOptions {
     /// Address and port of the live page; an address that other machines can reach needs the token
     #[arg(
         long,
@@ -692,6 +692,22 @@ pub(crate) struct ViewOptions {
     /// is printed after each start
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_VIEW_TOKEN", hide_env_values = true)]
     pub(crate) view_token: Option<Token>,
+    /// Folder for recordings of the wire that the live page starts; each is named after the time
+    #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_RECORD_DIR", value_name = "FOLDER", default_value = ".")]
+    pub record_dir: PathBuf,
+    /// Open the live page in the desktop's browser
+    #[arg(
+        long,
+        help_heading = OUTPUTS,
+        env = "CORTICODE_OPEN_BROWSER",
+        action = ArgAction::Set,
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "false",
+        default_missing_value = "true",
+        value_parser = BoolishValueParser::new()
+    )]
+    pub(crate) open_browser: bool,
 }
 
 /// Returns a parser that accepts the names of the choices of `T` and describes them in `--help`.

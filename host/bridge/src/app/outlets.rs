@@ -9,7 +9,7 @@ use bridge_core::{
     Effects, EventPlace, HostTime, Model, PackedReconstruction, RawForm, Reconstruction, Settings,
     TimedCode, TimedPackedBlock, report_malformed,
 };
-use link::Streams;
+use link::{Frame, Streams, ToHost};
 use lsl::{Acquisition, Lsl, StampScale, StreamKind};
 use neuro_ros::ros1::NodeError;
 use neuro_ros::{
@@ -23,6 +23,7 @@ use view::{View, ViewSink, ViewTopic};
 use crate::app::command_line::SinkKind;
 use crate::app::driver::PortEffects;
 use crate::app::event_times::EventTimes;
+use crate::app::live_recording::LiveRecording;
 use crate::app::outlet::{DropCount, Outlet, OutletCount, Tee};
 use crate::app::recorders::{EventTopic, Recorders};
 use crate::app::ros_node::{Namespace, RosNode};
@@ -30,6 +31,7 @@ use crate::app::ros_status::RosStatus;
 use crate::app::ros_topics::RosTopics;
 use crate::app::step_times::StepTimes;
 use crate::error::BridgeError;
+use crate::wire::connection::Event;
 
 /// Longest time to wait for the decoder when the bridge ends. A service manager kills a program
 /// that does not end in time: systemd after 90 s.
@@ -51,6 +53,8 @@ pub(crate) struct Outlets {
     reported: u64,
     /// Number of malformed packed blocks in the previous report to `/diagnostics`.
     reported_malformed: u64,
+    /// What the user records while the bridge runs.
+    pub(crate) recording: LiveRecording,
     /// Bytes for the device that have not been written to the port yet.
     outgoing: Vec<u8>,
     /// Error of the sink that failed most recently. The main loop takes it and shuts down.
@@ -63,6 +67,7 @@ impl Outlets {
         settings: Settings,
         model: Arc<Model>,
         announcements: Option<Sender<Option<AcquisitionInfo>>>,
+        recording: LiveRecording,
     ) -> Outlets {
         Outlets {
             settings,
@@ -73,6 +78,7 @@ impl Outlets {
             announced: None,
             reported: 0,
             reported_malformed: 0,
+            recording,
             outgoing: Vec::new(),
             sink_error: None,
         }
@@ -98,7 +104,12 @@ impl Outlets {
     /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and returns the
     /// counts of decoder and outlets. Logs how many codes were not decoded, and how many frames on
     /// `/encoded` were dropped for slow subscribers.
-    pub(crate) fn finish(self) -> (DecoderCounts, Vec<OutletCount>) {
+    pub(crate) fn finish(mut self) -> (DecoderCounts, Vec<OutletCount>) {
+        if let Ok(ended) = self.recording.stop(HostTime::now())
+            && let Err(why) = ended.finish()
+        {
+            tracing::error!("the recording is not complete: {why}");
+        }
         let dropped = self.sinks.encoded.dropped();
         let not_decoded = self.sinks.decoder.counts().not_decoded;
         let Sinks {
@@ -137,6 +148,9 @@ impl Outlets {
         let before = std::mem::replace(&mut self.reported_malformed, malformed);
         report_malformed(&mut report, malformed, malformed - before);
         report.status.push(self.status());
+        if self.sinks.view.is_some() {
+            report.status.push(self.recording.status());
+        }
         let ros = self.sinks.ros.iter();
         report.status.extend(ros.map(|status| status.status()));
         if let Some(mut audits) = self.sinks.decoder.audit_status() {
@@ -245,16 +259,31 @@ impl PortEffects for Outlets {
     fn outgoing(&mut self) -> &mut Vec<u8> {
         &mut self.outgoing
     }
+
+    fn note(&mut self, event: Event, bytes: &[u8], at: HostTime) {
+        if self.sinks.view.is_some() {
+            self.recording.note(event, bytes, at);
+        }
+    }
 }
 
 impl Effects for Outlets {
     fn send(&mut self, frame: &[u8]) {
+        if self.sinks.view.is_some() {
+            self.recording.sent(frame);
+        }
         self.outgoing.extend_from_slice(frame);
     }
 
     fn note_stamps(&mut self, offset_ns: i64, event_shift_us: i64) {
         if let Some(scale) = &self.sinks.scale {
             scale.set(offset_ns, event_shift_us);
+        }
+    }
+
+    fn received(&mut self, frame: &Frame<ToHost>) {
+        if self.sinks.view.is_some() {
+            self.recording.received(frame);
         }
     }
 

@@ -4,7 +4,7 @@
 use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -268,6 +268,18 @@ impl RecordingFile {
         bytes.is_empty() || self.chunks.send(bytes).is_ok()
     }
 
+    /// Queues bytes for the file as [`RecordingFile::append`] does, but never waits.
+    pub(crate) fn offer(&self, bytes: Vec<u8>) -> Offer {
+        if bytes.is_empty() {
+            return Offer::Taken;
+        }
+        match self.chunks.try_send(bytes) {
+            Ok(()) => Offer::Taken,
+            Err(TrySendError::Full(_)) => Offer::Lost,
+            Err(TrySendError::Disconnected(_)) => Offer::Closed,
+        }
+    }
+
     /// Waits until all bytes are on the disk.
     ///
     /// # Errors
@@ -279,6 +291,16 @@ impl RecordingFile {
         let ended = ended.unwrap_or_else(|_| Err(io::Error::other("the writing thread failed")));
         ended.map_err(|source| BridgeError::FileWrite(self.path, source))
     }
+}
+
+/// What became of bytes for a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Offer {
+    Taken,
+    /// The queue is full, because the disk is too slow.
+    Lost,
+    /// The file takes no more bytes; [`RecordingFile::finish`] returns the reason.
+    Closed,
 }
 
 /// Appends each chunk as it arrives, so that it survives the end of this process. Once a second

@@ -1,4 +1,5 @@
-//! The subcommand `replay`: plays a recording to a host at a pseudoterminal or TCP port.
+//! The subcommand `replay`: plays a recording to a host at a pseudoterminal or TCP port, or to a
+//! live page.
 
 use std::fs::File;
 use std::os::fd::OwnedFd;
@@ -7,10 +8,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use std::{fmt, io};
 
-use bridge_core::HostTime;
+use bridge_core::{AnnouncedStream, Exclusions, HostTime, Settings};
 use capture::{Pace, RecordingError, ReplayCounts, Replayer};
 use clap::Parser;
 use indicatif::ProgressBar;
+use link::Streams;
+use neuro_ros::GET_INFO_SERVICE;
+use neuro_ros::ros1::NodeOptions;
 use rustix::fs::{Mode, OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
@@ -18,6 +22,9 @@ use tokio::net::TcpListener;
 use tokio::net::unix::pipe::{Receiver, Sender};
 use tokio::time::{Instant, sleep, sleep_until};
 
+use crate::app::bridge::{FinalCounts, LivePage, Publication};
+use crate::app::command_line::ViewOptions;
+use crate::app::replay_feed::ReplayFeed;
 use crate::app::shutdown::Shutdown;
 use crate::error::BridgeError;
 use crate::wire::port::{Port, PortAddress, Transfer};
@@ -31,7 +38,8 @@ const MAX_WAITING: usize = 64 * 1024;
 /// Time between two updates of the progress display.
 const TICK: Duration = Duration::from_millis(100);
 
-/// Play a recording as the device that was recorded, at a pseudoterminal or a TCP port.
+/// Play a recording as the device that was recorded, at a pseudoterminal or a TCP port, or on a
+/// live page with --live.
 ///
 /// The bridge connects to it with --port as to a board: Identify is answered with the recorded
 /// device's introduction, and each Start plays the recording from its beginning. Self-test, reset
@@ -47,9 +55,19 @@ pub(crate) struct ReplayOptions {
     #[arg(
         long,
         value_name = "pty:PATH|tcp:HOST:PORT",
-        value_parser = PortAddress::parse_output
+        value_parser = PortAddress::parse_output,
+        required_unless_present = "live"
     )]
-    pub(crate) output: PortAddress,
+    pub(crate) output: Option<PortAddress>,
+    /// Show the recording on a live page for a browser instead, whose address is printed; runs until
+    /// Ctrl-C
+    #[arg(long, conflicts_with_all = ["output", "fast"])]
+    pub(crate) live: bool,
+    /// Folder of the model to decode with for --live, instead of the built-in one
+    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
+    pub(crate) model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) viewing: ViewOptions,
     /// Send as fast as the host reads, not in real time; times of arrival then mean nothing
     #[arg(long)]
     pub(crate) fast: bool,
@@ -87,17 +105,21 @@ impl fmt::Display for ReplaySummary {
 pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, BridgeError> {
     let mut shutdown = Shutdown::new()?;
     let unusable = |source| BridgeError::Recording(options.file.clone(), source);
-    let unopened = |source| BridgeError::Output(options.output.to_string(), source);
-    let file = File::open(&options.file);
-    let file = file.map_err(|error| unusable(RecordingError::Read(error)))?;
+    let Some(output) = &options.output else {
+        return Err(BridgeError::Output(
+            "nothing".to_owned(),
+            io::ErrorKind::InvalidInput.into(),
+        ));
+    };
+    let unopened = |source| BridgeError::Output(output.to_string(), source);
     let pace = if options.fast {
         Pace::Fast
     } else {
         Pace::RealTime
     };
-    let mut replayer = Replayer::new(file, pace).map_err(unusable)?;
-    let mut port = ReplayPort::open(&options.output).await.map_err(unopened)?;
-    tracing::info!("playing at {}", options.output);
+    let mut replayer = open(&options.file, pace)?;
+    let mut port = ReplayPort::open(output).await.map_err(unopened)?;
+    tracing::info!("playing at {output}");
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(TICK);
     let (mut buffer, mut outgoing) = (vec![0; 4096], Vec::new());
@@ -139,9 +161,57 @@ pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, Bri
     })
 }
 
+/// Opens the recording at `path`.
+pub(crate) fn open(path: &Path, pace: Pace) -> Result<Replayer<File>, BridgeError> {
+    let unusable = |source| BridgeError::Recording(path.to_owned(), source);
+    let file = File::open(path).map_err(|error| unusable(RecordingError::Read(error)))?;
+    Replayer::new(file, pace).map_err(unusable)
+}
+
+/// Shows a recording on a live page, until a signal ends the program.
+///
+/// # Errors
+///
+/// [`BridgeError`] if the recording or the page's address cannot be used.
+pub(super) async fn show(
+    options: ReplayOptions,
+    ros: NodeOptions,
+) -> Result<FinalCounts, BridgeError> {
+    let feed = ReplayFeed::new(open(&options.file, Pace::RealTime)?, options.file);
+    let header = feed.header();
+    // Nothing decides from features without their classifier.
+    let streams = header.streams.without(Streams::FEATURES);
+    let announced = if streams.contains(Streams::CODES) {
+        AnnouncedStream::Encoded
+    } else {
+        AnnouncedStream::Reconstructed
+    };
+    let publication = Publication {
+        settings: Settings {
+            mains_hz: header.mains_hz,
+            announced,
+            streams,
+            ..Settings::default()
+        },
+        model: options.model,
+        upload_model: None,
+        ros,
+        topic_prefix: String::new(),
+        get_info: GET_INFO_SERVICE,
+        exclusions: Exclusions::default(),
+        impedance: None,
+        classifying: None,
+        exit_at_end: false,
+        realtime: false,
+        record_dir: options.viewing.record_dir.clone(),
+    };
+    let page = LivePage::new("corticode-bridge", options.viewing);
+    Box::pin(publication.show(feed, page)).await
+}
+
 /// Returns when to send the next frame; `None` while nothing is played, or while the `waiting`
 /// bytes for the host reach [`MAX_WAITING`].
-fn next_due(replayer: &Replayer<File>, waiting: usize) -> Option<Instant> {
+pub(crate) fn next_due(replayer: &Replayer<File>, waiting: usize) -> Option<Instant> {
     let now_us = HostTime::now().monotonic_us;
     let due_us = replayer.due_us(now_us).filter(|_| waiting < MAX_WAITING)?;
     let wait_us = u64::try_from(due_us.saturating_sub(now_us)).unwrap_or(0);

@@ -22,6 +22,7 @@ mod packed_block;
 #[path = "../../../capture/tests/it/packed_recording.rs"]
 #[expect(dead_code, reason = "the tests of the core use more of it")]
 mod packed_recording;
+mod page;
 mod process;
 mod query;
 mod record;

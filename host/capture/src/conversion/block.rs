@@ -117,14 +117,14 @@ impl Block {
     }
 }
 
-/// An edge of the trigger input, with its times.
+/// An edge of the trigger input or a marker of the user, with its times.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct TimedEvent {
-    /// Number of restarts of the device before the edge happened.
+    /// Number of restarts of the device before the event happened.
     pub(crate) run: u32,
-    /// Device time of the edge, microseconds.
+    /// Device time of the event, microseconds.
     pub(crate) device_us: i64,
-    /// Wall clock when the edge happened, nanoseconds since 1970.
+    /// Wall clock when the event happened, nanoseconds since 1970.
     pub(crate) wall_ns: i64,
     /// Event code, as in GDF's table of events and on ROS-Neuro's event bus.
     pub(crate) code: u16,

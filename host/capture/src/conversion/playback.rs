@@ -5,9 +5,10 @@ use std::mem::discriminant;
 use std::sync::Arc;
 
 use bridge_core::{Core, Effects, HostTime, Identity, Model, Settings, Summary};
-use link::{Ack, Decoder, Frame, MAX_FRAME, ToDevice, ToHost};
+use link::{Ack, AckResult, Decoder, Frame, Header, MAX_FRAME, ToDevice, ToHost};
 
 use crate::conversion::collector::{Collector, Listener};
+use crate::recording::renumbering::{Hop, Renumbering};
 use crate::recording::{Record, RecordKind};
 
 /// Time between two calls of [`Core::tick`], microseconds.
@@ -36,6 +37,8 @@ pub(crate) struct Playback<L> {
     from_device: Decoder<MAX_FRAME>,
     from_host: Decoder<MAX_FRAME>,
     identity: Option<Identity>,
+    hop: Option<Hop>,
+    renumbering: Renumbering,
     /// Time of the newest record if the core has not been ticked for it yet.
     due: Option<HostTime>,
     /// Time of the newest record.
@@ -54,6 +57,8 @@ impl<L: Listener> Playback<L> {
             from_device: Decoder::new(),
             from_host: Decoder::new(),
             identity: None,
+            hop: None,
+            renumbering: Renumbering::Off,
             due: None,
             newest: None,
             first: None,
@@ -103,6 +108,9 @@ impl<L: Listener> Playback<L> {
                 while let Some(outcome) = self.from_host.next::<ToDevice>(&mut bytes) {
                     if let Ok(frame) = outcome {
                         let command = frame.message.without_bytes();
+                        if matches!(command, ToDevice::Start(_)) {
+                            self.renumbering = Renumbering::Off;
+                        }
                         self.recorded.insert(frame.header.seq, command);
                     }
                 }
@@ -113,6 +121,12 @@ impl<L: Listener> Playback<L> {
                 self.receive(record.payload, time);
                 self.due = Some(time);
             }
+            RecordKind::Marker => {
+                let text = String::from_utf8_lossy(record.payload).into_owned();
+                let device_us = self.core.device_us_at(time);
+                self.collector.mark(text, device_us, time.wall_ns);
+            }
+            RecordKind::Joined => self.renumbering = Renumbering::joined(self.hop),
             RecordKind::Newer(_) => {}
         }
         self.newest = Some(time);
@@ -146,7 +160,7 @@ impl<L: Listener> Playback<L> {
     fn receive(&mut self, payload: &[u8], read: HostTime) {
         let mut bytes = payload;
         let mut decoder = std::mem::take(&mut self.from_device);
-        let mut answer = None;
+        let mut changed = None;
         while let Some(outcome) = decoder.next::<ToHost>(&mut bytes) {
             let Ok(frame) = outcome else { continue };
             self.collector.frame_us = frame.header.device_time_us;
@@ -155,15 +169,27 @@ impl<L: Listener> Playback<L> {
                     let same = |identity: &Identity| identity.is_same_start(&hello);
                     if self.identity.as_ref().is_some_and(|known| !same(known)) {
                         self.collector.run += 1;
+                        self.renumbering = Renumbering::Off;
                     }
                     self.identity = Some(Identity::new(&hello));
                 }
-                ToHost::Ack(ack) => answer = self.own_answer(&frame, ack),
+                ToHost::Capabilities(ref capabilities) => self.hop = Hop::of(capabilities),
+                ToHost::Ack(ack) => changed = self.own_answer(&frame, ack),
+                _ if self.renumbering != Renumbering::Off => {
+                    // A message from before the recording becomes one without a meaning, so that
+                    // its frame does not count as lost.
+                    let none = ToHost::Ack(Ack {
+                        of: NOT_SENT,
+                        result: AckResult::Done,
+                    });
+                    let message = self.renumbering.apply(&frame.message).unwrap_or(none);
+                    changed = encoded(&frame.header, &message);
+                }
                 _ => {}
             }
         }
         self.from_device = decoder;
-        let bytes = answer.as_deref().unwrap_or(payload);
+        let bytes = changed.as_deref().unwrap_or(payload);
         self.core.handle(bytes, read, &mut self.collector);
     }
 
@@ -174,10 +200,7 @@ impl<L: Listener> Playback<L> {
         let mut own = self.own.iter().rev();
         let own = own.find(|(_, own)| discriminant(own) == recorded);
         let of = own.map_or(NOT_SENT, |(of, _)| *of);
-        let ack = ToHost::Ack(Ack { of, ..ack });
-        let mut buffer = [0; MAX_FRAME];
-        let bytes = link::encode(&frame.header, &ack, &mut buffer).ok()?;
-        Some(bytes.to_vec())
+        encoded(&frame.header, &ToHost::Ack(Ack { of, ..ack }))
     }
 
     fn note_commands(&mut self) {
@@ -192,4 +215,10 @@ impl<L: Listener> Playback<L> {
             }
         }
     }
+}
+
+fn encoded(header: &Header, message: &ToHost) -> Option<Vec<u8>> {
+    let mut buffer = [0; MAX_FRAME];
+    let bytes = link::encode(header, message, &mut buffer).ok()?;
+    Some(bytes.to_vec())
 }

@@ -6,6 +6,8 @@ use std::collections::HashMap;
 use bridge_core::Identity;
 use link::{Ack, AckResult, Decoder, Hello, MAX_FRAME, Streams, ToDevice, ToHost};
 
+use crate::recording::renumbering::Hop;
+
 /// The newest recorded frames in which a device introduces itself.
 #[derive(Debug, Default)]
 pub(crate) struct Introduction {
@@ -15,6 +17,7 @@ pub(crate) struct Introduction {
     substitutes: Option<Vec<u8>>,
     capabilities: Option<Vec<u8>>,
     converters: Option<Vec<u8>>,
+    hop: Option<Hop>,
 }
 
 impl Introduction {
@@ -35,6 +38,7 @@ impl Introduction {
             }
             ToHost::Capabilities(capabilities) => {
                 self.mains_hz = capabilities.mains_hz;
+                self.hop = Hop::of(&capabilities);
                 self.capabilities = Some(payload.to_vec());
             }
             ToHost::Substitutes(_) => self.substitutes = Some(payload.to_vec()),
@@ -59,6 +63,11 @@ impl Introduction {
         self.mains_hz
     }
 
+    /// Returns the length of the device's hops.
+    pub(crate) fn hop(&self) -> Option<Hop> {
+        self.hop
+    }
+
     /// Returns the bytes of the introduction's frames, in the order in which a device sends them.
     pub(crate) fn payloads(&self) -> Vec<Vec<u8>> {
         let frames = [
@@ -81,8 +90,9 @@ impl RecordedStarts {
         self.0.clear();
     }
 
-    /// Notes the command in `payload`, the bytes of a frame to the device.
-    pub(crate) fn note(&mut self, mut payload: &[u8]) {
+    /// Notes the command in `payload`, the bytes of a frame to the device. Returns whether it is a
+    /// `Start`.
+    pub(crate) fn note(&mut self, mut payload: &[u8]) -> bool {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         if let Some(Ok(frame)) = decoder.next::<ToDevice>(&mut payload) {
             let streams = match frame.message {
@@ -90,7 +100,9 @@ impl RecordedStarts {
                 _ => None,
             };
             self.0.insert(frame.header.seq, streams);
+            return streams.is_some();
         }
+        false
     }
 
     /// Returns the streams of the `Start` that `payload`, the bytes of a frame from the device,

@@ -64,6 +64,18 @@ impl Recorder {
         self.append(RecordKind::Ending, now, &[]);
     }
 
+    /// Records a text with which the user has marked this moment. What is longer than a payload is
+    /// cut off.
+    pub fn marker(&mut self, text: &str, now: HostTime) {
+        let end = text.floor_char_boundary(MAX_PAYLOAD);
+        self.append(RecordKind::Marker, now, &text.as_bytes()[..end]);
+    }
+
+    /// Records that the device streamed already when the recording began.
+    pub(crate) fn joined(&mut self, now: HostTime) {
+        self.append(RecordKind::Joined, now, &[]);
+    }
+
     /// Records the bytes of an unfinished frame, if there are any.
     pub fn finish_piece(&mut self, now: HostTime) {
         let mut piece = std::mem::take(&mut self.piece);

@@ -9,7 +9,8 @@ use link::{
 
 use crate::recording::introduction::{Introduction, RecordedStarts};
 use crate::recording::reader::RecordingReader;
-use crate::recording::{RecordKind, RecordingError};
+use crate::recording::renumbering::Renumbering;
+use crate::recording::{FileHeader, RecordKind, RecordingError};
 
 /// How fast a recording is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +35,7 @@ pub struct Replayer<R> {
     /// How the device introduced itself at the present place of the recording.
     introduction: Introduction,
     recorded_starts: RecordedStarts,
+    renumbering: Renumbering,
     /// Streams that the recorded device sent at the present place of the recording.
     recorded_streams: Streams,
     outgoing: Vec<u8>,
@@ -80,6 +82,7 @@ impl<R: Read + Seek> Replayer<R> {
             from_device: Decoder::new(),
             introduction: Introduction::default(),
             recorded_starts: RecordedStarts::default(),
+            renumbering: Renumbering::Off,
             recorded_streams: Streams::empty(),
             outgoing: Vec::new(),
             seq: 0,
@@ -96,6 +99,11 @@ impl<R: Read + Seek> Replayer<R> {
         };
         replayer.rewind()?;
         Ok(replayer)
+    }
+
+    /// Returns the header of the recording.
+    pub fn header(&self) -> &FileHeader {
+        self.reader.header()
     }
 
     /// Removes and returns the bytes to send to the host.
@@ -243,6 +251,7 @@ impl<R: Read + Seek> Replayer<R> {
         self.reader.rewind()?;
         self.introduction = Introduction::default();
         self.recorded_starts.clear();
+        self.renumbering = Renumbering::Off;
         self.recorded_streams = self.reader.header().streams;
         self.next_window = 0;
         self.offset_us = None;
@@ -270,11 +279,19 @@ impl<R: Read + Seek> Replayer<R> {
                     return Ok(Some((record.time.monotonic_us, record.payload.to_vec())));
                 }
                 RecordKind::Sent => {
-                    self.recorded_starts.note(record.payload);
+                    if self.recorded_starts.note(record.payload) {
+                        self.renumbering = Renumbering::Off;
+                    }
+                }
+                RecordKind::Joined => {
+                    self.renumbering = Renumbering::joined(self.introduction.hop());
                 }
                 // What follows stops the recorded device; the replay's host sends a `Stop` itself.
                 RecordKind::Ending => return Ok(None),
-                RecordKind::Opened | RecordKind::Closed | RecordKind::Newer(_) => {}
+                RecordKind::Opened
+                | RecordKind::Closed
+                | RecordKind::Marker
+                | RecordKind::Newer(_) => {}
             }
         }
         Ok(None)
@@ -323,26 +340,30 @@ impl<R: Read + Seek> Replayer<R> {
         }
         self.recorded_seq = Some(seq);
         self.device_us = device_time_us;
-        match &frame.message {
+        let Some(message) = self.renumbering.apply(&frame.message) else {
+            return;
+        };
+        match &message {
             ToHost::Hello(hello) if !self.introduction.is_session(hello) => {
                 self.introduction.note(payload);
                 self.next_window = 0;
                 self.restarted = true;
-                self.send(&frame.message);
+                self.renumbering = Renumbering::Off;
+                self.send(&message);
             }
             ToHost::Substitutes(_) | ToHost::Capabilities(_) | ToHost::Converters(_) => {
                 self.introduction.note(payload);
-                self.send(&frame.message);
+                self.send(&message);
             }
             message if !self.is_wanted(message) => {}
             ToHost::Code(code) => {
                 self.next_window = code.window.wrapping_add(1);
                 self.counts.codes += 1;
-                self.send(&frame.message);
+                self.send(&message);
             }
             ToHost::PackedCode(_) => {
                 self.counts.blocks += 1;
-                self.send(&frame.message);
+                self.send(&message);
             }
             message => self.send(message),
         }

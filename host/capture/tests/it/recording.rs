@@ -71,6 +71,8 @@ fn the_hex_dumps_of_the_page_are_what_the_recorder_writes() {
     check("sent", recorder.take());
     recorder.received(&answer(), at(3_400));
     check("received", recorder.take());
+    recorder.marker("eyes closed", at(4_000_000));
+    check("marker", recorder.take());
     recorder.ending(at(5_000_000));
     check("ending", recorder.take());
     recorder.closed(at(5_100_000));

@@ -2,9 +2,9 @@
 
 use std::io::{Read as _, Write as _};
 
-use view::{Command, View};
+use view::{Command, Decision, View};
 
-use crate::client::{Served, TOKEN, status};
+use crate::client::{Served, TOKEN, body, status};
 
 fn bearer(token: &str) -> String {
     format!("Authorization: Bearer {token}\r\n")
@@ -34,11 +34,69 @@ fn a_command_needs_the_token_and_the_own_origin() {
         served.commands.try_recv().is_err(),
         "a command was passed on"
     );
-    for (path, command) in [("/start", Command::Start), ("/stop", Command::Stop)] {
-        let response = served.request(&format!("POST {path}"), &format!("{own}{right}"));
-        assert_eq!(status(&response), "204");
+}
+
+#[test]
+fn every_command_is_passed_on_and_answered() {
+    let served = Served::start("127.0.0.1:0");
+    let cz = Command::Exclude {
+        label: "Cz".to_owned(),
+        decision: Decision::Always,
+    };
+    for (path, parameter, command) in [
+        ("/start", "", Command::Start),
+        ("/stop", "", Command::Stop),
+        ("/record", "start", Command::Record),
+        ("/record", "stop", Command::EndRecording),
+        ("/marker", "\u{e4}h", Command::Marker("\u{e4}h".to_owned())),
+        ("/exclude", "Cz always", cz),
+        ("/rate", "3", Command::Rate(3)),
+    ] {
+        let response = served.command(path, parameter);
+        assert_eq!(status(&response), "200", "{response}");
+        assert_eq!(body(&response), r#"{"message":"as you say"}"#);
         assert_eq!(served.commands.try_recv(), Ok(command));
     }
+    let refused = served.command("/rate", "16");
+    assert_eq!(
+        (status(&refused), body(&refused)),
+        ("409", "rates are 0 to 15")
+    );
+    let ended = served.command("/self-test", "");
+    assert_eq!(
+        (status(&ended), body(&ended)),
+        ("503", "the program has ended")
+    );
+}
+
+#[test]
+fn a_malformed_command_is_refused_with_its_form() {
+    let served = Served::start("127.0.0.1:0");
+    let (long, longest) = ("x".repeat(201), "x".repeat(1025));
+    for (path, parameter, expected, why) in [
+        ("/stop", "now", "400", "no body"),
+        ("/record", "", "400", "start or stop"),
+        ("/record", "/etc/passwd", "400", "start or stop"),
+        ("/marker", "", "400", "1 to 200 characters"),
+        ("/marker", "two\nlines", "400", "no line breaks"),
+        ("/marker", &long, "400", "1 to 200 characters"),
+        ("/marker", &longest, "413", "Too Large"),
+        ("/exclude", "Cz", "400", "an electrode and always"),
+        ("/exclude", "Cz sometimes", "400", "an electrode and always"),
+        ("/rate", "many", "400", "one or two digits"),
+        ("/quit", "", "405", "Not Allowed"),
+    ] {
+        let response = served.command(path, parameter);
+        assert_eq!(status(&response), expected, "{path} {parameter}");
+        assert!(body(&response).contains(why), "{response}");
+    }
+    // Without the token, nobody learns the form of a command.
+    let response = served.request("POST /record", "");
+    assert_eq!(
+        (status(&response), body(&response)),
+        ("401", "401 Unauthorized")
+    );
+    assert!(served.commands.try_recv().is_err());
 }
 
 #[test]
@@ -127,11 +185,7 @@ fn long_and_malformed_requests_are_refused() {
     let served = Served::start("127.0.0.1:0");
     let fields = format!("Field: {}\r\n", "x".repeat(10 << 20));
     let response = served.request("GET /", &fields);
-    // The client can be cut off before it has read the response.
-    assert!(
-        response.is_empty() || status(&response) == "431",
-        "{response}"
-    );
+    assert_eq!(status(&response), "431");
     for request in [
         "\r\n\r\n",
         "\u{16}\u{3}\u{1}\r\n\r\n",
@@ -143,14 +197,29 @@ fn long_and_malformed_requests_are_refused() {
         let response = std::io::read_to_string(stream).unwrap();
         assert_eq!(status(&response), "400", "{request:?}");
     }
-    let body = format!("Content-Length: {}\r\n", 10 << 20);
-    assert_eq!(status(&served.request("POST /start", &body)), "413");
+}
+
+#[test]
+fn ten_megabytes_are_refused_and_cost_no_other_client_a_thing() {
+    let served = Served::start("127.0.0.1:0");
+    let body_of = "x".repeat(10 << 20);
+    let own = format!("Origin: http://{}\r\n{}", served.address, bearer(TOKEN));
+    let stated = format!("{own}Content-Length: {}\r\n", body_of.len());
+    for (fields, expected) in [
+        (stated.as_str(), "413"),
+        (&format!("{own}Transfer-Encoding: chunked\r\n"), "413"),
+    ] {
+        let response = served.request_with("POST /marker", fields, &body_of);
+        assert_eq!(status(&response), expected, "{response}");
+    }
+    assert_eq!(status(&served.command("/start", "")), "200");
+    assert_eq!(served.commands.try_recv(), Ok(Command::Start));
 }
 
 #[test]
 fn only_a_random_token_is_in_the_address() {
     assert!(!Served::start("127.0.0.1:0").view.url().contains(TOKEN));
-    let view = View::start("127.0.0.1:0".parse().unwrap(), None, |_| {}).unwrap();
+    let view = View::start("127.0.0.1:0".parse().unwrap(), None, |_, _| {}).unwrap();
     let (_, token) = view.url().split_once("/#token=").unwrap();
     assert_eq!(token.len(), 32);
 }

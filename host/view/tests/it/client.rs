@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use view::{Command, View};
+use view::{Command, Reply, View};
 
 /// Timeout of every wait in these tests, sufficient for a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
@@ -22,7 +22,15 @@ pub(crate) struct Served {
 impl Served {
     pub(crate) fn start(address: &str) -> Served {
         let (sender, commands) = channel();
-        let on_command = move |command| sender.send(command).unwrap();
+        let on_command = move |command, reply: Reply| {
+            match &command {
+                Command::Rate(16..) => reply.refuse("rates are 0 to 15"),
+                // Its reply is dropped, as that of a program that ends.
+                Command::SelfTest => drop(reply),
+                _ => reply.done("as you say"),
+            }
+            sender.send(command).unwrap();
+        };
         let token = Some(TOKEN.parse().unwrap());
         let view = View::start(address.parse().unwrap(), token, on_command).unwrap();
         let url = view.url().trim_start_matches("http://");
@@ -45,13 +53,29 @@ impl Served {
 
     /// Sends a request with further `fields`, each with a line end. Returns the whole response.
     pub(crate) fn request(&self, line: &str, fields: &str) -> String {
+        self.request_with(line, fields, "")
+    }
+
+    /// Sends a request with a body, whose length `fields` state.
+    pub(crate) fn request_with(&self, line: &str, fields: &str, body: &str) -> String {
         let mut stream = self.connect();
-        let request = format!("{line} HTTP/1.1\r\nHost: {}\r\n{fields}\r\n", self.address);
+        let host = self.address;
+        let request = format!("{line} HTTP/1.1\r\nHost: {host}\r\n{fields}\r\n{body}");
         let mut response = String::new();
         // The server closes the connection without reading all of a request that is too long.
         let _ = stream.write_all(request.as_bytes());
         let _ = stream.read_to_string(&mut response);
         response
+    }
+
+    /// Sends a command as the page does.
+    pub(crate) fn command(&self, path: &str, body: &str) -> String {
+        let address = self.address;
+        let length = body.len();
+        let fields = format!(
+            "Origin: http://{address}\r\nAuthorization: Bearer {TOKEN}\r\nContent-Length: {length}\r\n"
+        );
+        self.request_with(&format!("POST {path}"), &fields, body)
     }
 
     /// Starts a stream of messages, and returns the connection after the response's head.
@@ -71,6 +95,11 @@ impl Served {
         assert!(head.starts_with(b"HTTP/1.1 200 "));
         stream
     }
+}
+
+/// Returns the body of a response.
+pub(crate) fn body(response: &str) -> &str {
+    response.split_once("\r\n\r\n").unwrap().1
 }
 
 /// Returns the status code of a response.

@@ -16,6 +16,7 @@ mod impedance;
 mod inputs;
 mod licences;
 mod live_page;
+mod live_session;
 mod lsl_chain;
 mod manual;
 mod messages;

@@ -1,0 +1,316 @@
+//! A recording of the wire that the user starts and ends while the bridge runs.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
+use bridge_core::{HostTime, Settings};
+use capture::{FileHeader, Handshake, Recorder};
+use jiff::Timestamp;
+use link::{Frame, ToHost};
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
+use new_file::{Existing, NewFileError};
+
+use crate::app::record::{Offer, RecordingFile};
+use crate::error::{BridgeError, causes};
+use crate::wire::connection::Event;
+
+/// Form of the time in the name of a recording, in UTC, without characters that a file system or a
+/// shell takes amiss.
+const NAME: &str = "corticode-%Y%m%dT%H%M%SZ";
+/// Number of recordings that can begin within a second.
+const MAX_NUMBER: u32 = 9;
+/// Longest part of a frame that is kept until the rest arrives, bytes.
+const MAX_PARTIAL: usize = 4096;
+
+/// The recording in progress, if there is one, and what the next one must begin with.
+///
+/// Nothing here waits for the disk: a thread writes the file, and what does not fit into its queue
+/// is lost and counted.
+pub(crate) struct LiveRecording {
+    folder: PathBuf,
+    settings: Settings,
+    handshake: Handshake,
+    /// Bytes since the end of the newest whole frame.
+    partial: Vec<u8>,
+    active: Option<Active>,
+    /// How the last recording has ended, and whether it was by itself.
+    ended: Option<(DiagnosticLevel, String)>,
+    room: Arc<Room>,
+}
+
+struct Active {
+    recorder: Recorder,
+    file: RecordingFile,
+    path: PathBuf,
+    start: Instant,
+    markers: u64,
+    lost_bytes: u64,
+}
+
+/// Free bytes of the disk, measured by a thread that may wait for it.
+#[derive(Default)]
+struct Room {
+    bytes: AtomicU64,
+    is_measured: AtomicBool,
+    is_busy: AtomicBool,
+}
+
+/// A recording that was ended, whose last bytes may not be on the disk yet.
+pub(crate) struct Ended {
+    file: RecordingFile,
+    summary: String,
+}
+
+impl Ended {
+    /// Waits for the disk. Returns what to tell the user.
+    pub(crate) fn finish(self) -> Result<String, String> {
+        let finished = self.file.finish();
+        finished.map_err(|error| causes(&error))?;
+        Ok(self.summary)
+    }
+}
+
+impl LiveRecording {
+    /// Recordings go to `folder`.
+    pub(crate) fn new(folder: PathBuf, settings: Settings) -> LiveRecording {
+        LiveRecording {
+            folder,
+            settings,
+            handshake: Handshake::default(),
+            partial: Vec::new(),
+            active: None,
+            ended: None,
+            room: Arc::default(),
+        }
+    }
+
+    /// Notes an event at the port, with the bytes that were read.
+    pub(crate) fn note(&mut self, event: Event, bytes: &[u8], at: HostTime) {
+        match event {
+            Event::Opened => {
+                self.handshake.opened();
+                self.partial.clear();
+            }
+            Event::Closed => self.handshake.closed(),
+            Event::Bytes(_) => match bytes.iter().rposition(|byte| *byte == 0) {
+                Some(end) => bytes[end + 1..].clone_into(&mut self.partial),
+                None if self.partial.len() + bytes.len() <= MAX_PARTIAL => {
+                    self.partial.extend(bytes);
+                }
+                None => self.partial.clear(),
+            },
+        }
+        let Some(active) = &mut self.active else {
+            return;
+        };
+        match event {
+            Event::Opened => active.recorder.opened(at),
+            Event::Bytes(_) => active.recorder.received(bytes, at),
+            Event::Closed => active.recorder.closed(at),
+        }
+    }
+
+    /// Notes a command that is sent to the device.
+    pub(crate) fn sent(&mut self, frame: &[u8]) {
+        self.handshake.sent(frame);
+        if let Some(active) = &mut self.active {
+            active.recorder.sent(frame, HostTime::now());
+        }
+    }
+
+    /// Notes a frame from the device.
+    pub(crate) fn received(&mut self, frame: &Frame<ToHost>) {
+        self.handshake.received(frame);
+    }
+
+    /// Begins a recording. Returns the path of its file.
+    pub(crate) fn start(&mut self, now: HostTime) -> Result<PathBuf, String> {
+        if let Some(active) = &self.active {
+            return Err(format!("{} is being recorded already", name(&active.path)));
+        }
+        let created = self.create(now);
+        let (path, file) = created
+            .map_err(|error| format!("{}; --record-dir names another folder", causes(&error)))?;
+        let mut recorder = Recorder::new(FileHeader {
+            created_ns: now.wall_ns,
+            streams: self.settings.streams,
+            mains_hz: self.settings.mains_hz,
+        });
+        self.handshake.begin(&mut recorder, now);
+        recorder.received(&self.partial, now);
+        tracing::info!("recording to {}", path.display());
+        self.ended = None;
+        self.active = Some(Active {
+            recorder,
+            file,
+            path: path.clone(),
+            start: Instant::now(),
+            markers: 0,
+            lost_bytes: 0,
+        });
+        self.write();
+        Ok(path)
+    }
+
+    /// Creates a file that is named after the time.
+    fn create(&self, now: HostTime) -> Result<(PathBuf, RecordingFile), BridgeError> {
+        let time = Timestamp::from_nanosecond(now.wall_ns.into()).unwrap_or_default();
+        let stem = time.strftime(NAME).to_string();
+        let mut number = 1;
+        loop {
+            let end = match number {
+                1 => String::new(),
+                number => format!("-{number}"),
+            };
+            let path = self.folder.join(format!("{stem}{end}.wire"));
+            match RecordingFile::create(&path, Existing::Refuse) {
+                Err(BridgeError::NewFile(NewFileError::Exists { .. })) if number < MAX_NUMBER => {
+                    number += 1;
+                }
+                created => return Ok((path, created?)),
+            }
+        }
+    }
+
+    /// Ends the recording.
+    pub(crate) fn stop(&mut self, now: HostTime) -> Result<Ended, &'static str> {
+        let mut active = self.active.take().ok_or("nothing is being recorded")?;
+        active.recorder.finish_piece(now);
+        active.write();
+        let summary = active.summary();
+        tracing::info!("{summary}");
+        let level = if active.lost_bytes > 0 {
+            DiagnosticLevel::Warn
+        } else {
+            DiagnosticLevel::Ok
+        };
+        self.ended = Some((level, summary.clone()));
+        let file = active.file;
+        Ok(Ended { file, summary })
+    }
+
+    /// Records a marker. Returns whether a recording is in progress.
+    pub(crate) fn marker(&mut self, text: &str, at: HostTime) -> bool {
+        let Some(active) = &mut self.active else {
+            return false;
+        };
+        active.recorder.marker(text, at);
+        active.markers += 1;
+        self.write();
+        true
+    }
+
+    /// Passes what was recorded to the thread that writes. If the disk takes no more, the recording
+    /// ends, and says why.
+    pub(crate) fn write(&mut self) {
+        let Some(active) = &mut self.active else {
+            return;
+        };
+        if active.write() {
+            return;
+        }
+        let Some(active) = self.active.take() else {
+            return;
+        };
+        let summary = active.summary();
+        let why = match active.file.finish() {
+            Ok(()) => "the file takes no more".to_owned(),
+            Err(error) => causes(&error),
+        };
+        let ended = format!("the recording has ended: {why}; what was written stays: {summary}");
+        tracing::error!("{ended}");
+        self.ended = Some((DiagnosticLevel::Error, ended));
+    }
+
+    /// Returns the status `recording`.
+    pub(crate) fn status(&self) -> DiagnosticStatus {
+        self.room.measure(&self.folder);
+        let mut values = Vec::new();
+        let (level, message) = match (&self.active, &self.ended) {
+            (Some(active), _) => {
+                values = vec![
+                    KeyValue::new("file", &name(&active.path)),
+                    KeyValue::new("bytes", &active.bytes()),
+                    KeyValue::new("seconds", &active.start.elapsed().as_secs()),
+                    KeyValue::new("markers", &active.markers),
+                    KeyValue::new("bytes lost", &active.lost_bytes),
+                ];
+                if active.lost_bytes > 0 {
+                    let message = "the disk is too slow: a part of the recording is lost";
+                    (DiagnosticLevel::Warn, message.to_owned())
+                } else {
+                    (
+                        DiagnosticLevel::Ok,
+                        format!("recording {}", name(&active.path)),
+                    )
+                }
+            }
+            (None, Some((level, message))) => (*level, message.clone()),
+            (None, None) => (DiagnosticLevel::Ok, "not recording".to_owned()),
+        };
+        values.push(KeyValue::new("folder", &self.folder.display()));
+        if self.room.is_measured.load(Ordering::Relaxed) {
+            let room = self.room.bytes.load(Ordering::Relaxed);
+            values.push(KeyValue::new("disk left bytes", &room));
+        }
+        DiagnosticStatus {
+            level,
+            name: "corticode: recording".to_owned(),
+            message,
+            hardware_id: String::new(),
+            values,
+        }
+    }
+}
+
+impl Active {
+    /// Passes what was recorded on. Returns whether the file still takes bytes.
+    fn write(&mut self) -> bool {
+        let bytes = self.recorder.take();
+        let count = bytes.len() as u64;
+        match self.file.offer(bytes) {
+            Offer::Taken => true,
+            Offer::Lost => {
+                self.lost_bytes += count;
+                true
+            }
+            Offer::Closed => false,
+        }
+    }
+
+    fn bytes(&self) -> u64 {
+        self.recorder.bytes() - self.lost_bytes
+    }
+
+    fn summary(&self) -> String {
+        let (path, seconds) = (self.path.display(), self.start.elapsed().as_secs());
+        let (bytes, markers, lost) = (self.bytes(), self.markers, self.lost_bytes);
+        format!("{path}: {seconds} s, {bytes} bytes, {markers} markers, {lost} bytes lost")
+    }
+}
+
+impl Room {
+    /// Measures in another thread, unless the last measurement still waits for the disk.
+    fn measure(self: &Arc<Room>, folder: &Path) {
+        if self.is_busy.swap(true, Ordering::Relaxed) {
+            return;
+        }
+        let (room, folder) = (Arc::clone(self), folder.to_owned());
+        tokio::task::spawn_blocking(move || {
+            let found = rustix::fs::statvfs(&folder);
+            if let Ok(found) = &found {
+                let bytes = found.f_bavail.saturating_mul(found.f_frsize);
+                room.bytes.store(bytes, Ordering::Relaxed);
+            }
+            room.is_measured.store(found.is_ok(), Ordering::Relaxed);
+            room.is_busy.store(false, Ordering::Relaxed);
+        });
+    }
+}
+
+fn name(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
