@@ -1,18 +1,19 @@
-//! Installs the Debian packages and the parts of Rust that `cargo xtask test` needs, if this user
-//! has the right to install them.
+//! Installs the Debian packages, the Python packages and the parts of Rust that `cargo xtask test`
+//! needs, if this user has the right to install them.
 
 use std::path::Path;
 use std::process::Command;
 
 use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_toolchain};
+use crate::wheels;
 
 /// Debian packages that provide ROS 1 (roscore, rospy, rostopic, rosservice, rosbag), the service
 /// types of the node `acquisition`, numpy for tests that read arrays, the library with which
 /// ROS-Neuro's recorder writes GDF, the emulator of the microcontrollers, udev with a testbed that
 /// simulates devices, the formatter of manual pages, a browser with its remote control, the tools
-/// to build the catkin packages in `ros/` and the Debian package, and a clean Debian and a systemd
-/// to check the latter.
-const PACKAGES: [&str; 22] = [
+/// to build the catkin packages in `ros/` and the Debian package, a clean Debian and a systemd to
+/// check the latter, and Python's environments.
+const PACKAGES: [&str; 23] = [
     "ros-core",
     "python3-std-srvs",
     "python3-numpy",
@@ -35,6 +36,7 @@ const PACKAGES: [&str; 22] = [
     "groff-base",
     "chromium",
     "chromium-driver",
+    "python3-venv",
 ];
 
 /// Option of apt-get: seconds to wait while another program installs packages.
@@ -44,7 +46,8 @@ const WAIT: &str = "DPkg::Lock::Timeout=600";
 pub(crate) fn install() -> Result<(), Failure> {
     board_target()?;
     virtual_board_compiler()?;
-    debian_packages()
+    debian_packages()?;
+    wheels::install()
 }
 
 /// Adds Rust's standard library for the microcontrollers, if it is missing.

@@ -14,6 +14,7 @@ mod install;
 mod programs;
 mod qemu;
 mod stages;
+mod wheels;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -31,4 +31,5 @@ pub mod programs;
 pub mod real_data;
 pub mod ros;
 pub mod ros_messages;
+pub mod wheels;
 pub mod workspace;

@@ -1,0 +1,54 @@
+//! The Python environment of the acceptance tests, with the packages of `wheels.txt`.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use crate::command::{Failure, OrFail, root, run, succeeds, target_folder};
+
+/// File with the packages, relative to the workspace's root.
+const LIST: &str = "tests/acceptance/wheels.txt";
+/// Name of the environment's folder, in cargo's target folder.
+const FOLDER: &str = "wheels";
+/// Copy of the list, in the environment's folder. It is written last, so it exists only in a whole
+/// environment.
+const INSTALLED: &str = "installed.txt";
+/// Debian's Python. Another one on the PATH may lack the module `venv`.
+const PYTHON: &str = "/usr/bin/python3";
+
+/// Makes the environment, unless it has the packages of the list.
+pub(crate) fn install() -> Result<(), Failure> {
+    let list = root().join(LIST);
+    let packages = fs::read_to_string(&list).or_fail(list.display(), "restore the file")?;
+    let folder = target_folder().join(FOLDER);
+    if is_complete(&folder, &packages) {
+        return Ok(());
+    }
+    let next = "see the message above; the packages come from the index that pip is set up for";
+    run(
+        Command::new(PYTHON)
+            .args(["-m", "venv", "--clear"])
+            .arg(&folder),
+        next,
+    )?;
+    // Without compiling, because a test loads only a few of the modules. All versions are given, so
+    // pip need not resolve dependencies, and one that is not listed is an error of `pip check`.
+    let mut pip = Command::new(folder.join("bin/python"));
+    pip.args(["-m", "pip", "install", "--quiet", "--no-deps"]);
+    pip.args(["--no-compile", "--only-binary=:all:", "--requirement"]);
+    run(pip.arg(&list), next)?;
+    let mut check = Command::new(folder.join("bin/python"));
+    run(
+        check.args(["-m", "pip", "check"]),
+        &format!("list it in {LIST}"),
+    )?;
+    let copy = folder.join(INSTALLED);
+    fs::write(&copy, packages).or_fail(copy.display(), "make room on the disk")
+}
+
+/// Returns whether the environment has the packages of the list, and its Python still starts.
+fn is_complete(folder: &Path, packages: &str) -> bool {
+    let installed = fs::read_to_string(folder.join(INSTALLED));
+    installed.is_ok_and(|installed| installed == packages)
+        && succeeds(Command::new(folder.join("bin/python")).args(["-c", "import numpy"]))
+}
