@@ -24,6 +24,7 @@ use crate::app::outlet::OutletCount;
 use crate::app::outlets::{Destinations, Outlets, RosOutlet, Sinks};
 use crate::app::recorders::Recorders;
 use crate::app::ros_node::{Namespace, NodeCommand, RosNode};
+use crate::app::ros2_outlet::Ros2Outlet;
 use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
 use crate::app::whole_lines::WholeLines;
@@ -144,7 +145,11 @@ impl Publication {
         let run = self.prepare()?;
         let ros = self.start_ros(&run, log).await?;
         let feed = connect(&ros.ros.node, &run.namespace).await?;
-        self.stream(run, feed, Some(ros), None, None).await
+        let chosen = Chosen {
+            ros: Some(ros),
+            ..Chosen::default()
+        };
+        self.stream(run, feed, chosen).await
     }
 
     /// Reads the model, and gets ready for signals and commands.
@@ -155,7 +160,9 @@ impl Publication {
         namespace.as_ros_name().clone_into(&mut self.ros.namespace);
         let settings = self.settings(&model)?;
         let (command_sender, commands) = mpsc::unbounded_channel();
+        let (announcements, _) = watch::channel(None);
         Ok(Run {
+            announcements,
             shutdown,
             model,
             upload,
@@ -174,7 +181,6 @@ impl Publication {
     ) -> Result<RosParts, BridgeError> {
         let ros = RosNode::start(self.ros.clone()).await?;
         rosout::publish(Arc::clone(&ros.node), log);
-        let (announcements, announced) = watch::channel(None);
         let streams = run.settings.streams;
         if streams.contains(Streams::PACKED) {
             ros.subscribe_rate(run.command_sender.clone());
@@ -185,16 +191,12 @@ impl Publication {
         ros.serve(
             &run.namespace,
             self.get_info,
-            announced,
+            run.announcements.subscribe(),
             recorders.clone(),
             run.command_sender.clone(),
         );
         run.shutdown.watch_node(Arc::clone(&ros.node));
-        Ok(RosParts {
-            ros,
-            announcements,
-            recorders,
-        })
+        Ok(RosParts { ros, recorders })
     }
 
     /// Streams from `feed` to all given outlets until a shutdown.
@@ -202,16 +204,21 @@ impl Publication {
         self,
         mut run: Run,
         feed: F,
-        ros: Option<RosParts>,
-        lines: Option<NdjsonWriter>,
-        view: Option<Arc<View>>,
+        chosen: Chosen,
     ) -> Result<FinalCounts, BridgeError> {
-        let (ros, announcements, recorders) = match ros {
-            Some(parts) => (Some(parts.ros), Some(parts.announcements), parts.recorders),
-            None => (None, None, None),
-        };
+        let Chosen {
+            ros,
+            ros2,
+            lines,
+            view,
+        } = chosen;
+        let has_ros = ros.is_some() || ros2.is_some();
+        let announcements = has_ros.then_some(run.announcements);
+        let (ros, recorders) = ros.map(|parts| (parts.ros, parts.recorders)).unzip();
+        let recorders = recorders.flatten();
         let destinations = Destinations {
             ros: ros.as_ref().map(|node| RosOutlet { node, recorders }),
+            ros2,
             lines: lines.as_ref(),
             view,
         };
@@ -256,12 +263,22 @@ struct Run {
     /// Kept here so that the channel stays open without ROS.
     command_sender: mpsc::UnboundedSender<NodeCommand>,
     commands: mpsc::UnboundedReceiver<NodeCommand>,
+    /// Channel to what serves `get_info`.
+    announcements: watch::Sender<Option<AcquisitionInfo>>,
 }
 
-/// The ROS node, and the channels to its services.
+/// The outlets that the user has chosen.
+#[derive(Default)]
+struct Chosen {
+    ros: Option<RosParts>,
+    ros2: Option<Arc<Ros2Outlet>>,
+    lines: Option<NdjsonWriter>,
+    view: Option<Arc<View>>,
+}
+
+/// The ROS node, and the recorders of its frames.
 struct RosParts {
     ros: RosNode,
-    announcements: watch::Sender<Option<AcquisitionInfo>>,
     recorders: Option<Arc<Recorders>>,
 }
 
@@ -338,8 +355,18 @@ pub(super) async fn stream(
     } else {
         None
     };
+    let [log, log2] = rosout::split(log);
     let ros = if has(SinkKind::Ros) {
         Some(publication.start_ros(&run, log).await?)
+    } else {
+        None
+    };
+    let ros2 = if has(SinkKind::Ros2) {
+        let commands = run.command_sender.clone();
+        let outlet = Ros2Outlet::start(&publication.ros, &options.ros2, &run.namespace, commands)?;
+        outlet.announce(run.announcements.subscribe())?;
+        outlet.publish_log(log2)?;
+        Some(outlet)
     } else {
         None
     };
@@ -348,7 +375,13 @@ pub(super) async fn stream(
     } else {
         None
     };
-    publication.stream(run, connection, ros, lines, view).await
+    let chosen = Chosen {
+        ros,
+        ros2,
+        lines,
+        view,
+    };
+    publication.stream(run, connection, chosen).await
 }
 
 /// Starts the live page, whose commands go to the bridge.
