@@ -162,7 +162,6 @@ impl Publication {
         let (command_sender, commands) = mpsc::unbounded_channel();
         let (announcements, _) = watch::channel(None);
         Ok(Run {
-            announcements,
             shutdown,
             model,
             upload,
@@ -170,6 +169,7 @@ impl Publication {
             settings,
             command_sender,
             commands,
+            announcements,
         })
     }
 

@@ -11,7 +11,7 @@ use tokio::sync::mpsc::{Receiver, UnboundedSender};
 use tokio::sync::watch;
 
 use crate::app::command_line::{Ros2Options, Ros2Qos};
-use crate::app::ros_node::{Namespace, NodeCommand};
+use crate::app::ros_node::{Namespace, NodeCommand, command_name};
 use crate::error::BridgeError;
 
 /// Topic of the newest announcement, for subscribers that come late too.
@@ -48,7 +48,7 @@ impl Ros2Outlet {
         };
         let domain = ros2_domain(options, |name| std::env::var(name).ok());
         let node = Ros2Node::start(names.node(), domain, &services, move |command| {
-            tracing::info!("a ROS 2 service was called: {command:?}");
+            tracing::info!("{} was called in ROS 2", command_name(command));
             // Sending fails only if the bridge is shutting down.
             let _ = commands.send(NodeCommand::Acquisition(command));
         })?;

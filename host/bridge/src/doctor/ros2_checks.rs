@@ -108,7 +108,7 @@ fn check_middleware(facts: &Ros2Facts) -> Check {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::Level::{self, Error, Warning};
 
     fn levels(facts: &Ros2Facts) -> Vec<Level> {
         check_ros2(facts).iter().map(|check| check.level).collect()
@@ -129,7 +129,6 @@ mod tests {
             unread: vec!["ROS_STATIC_PEERS"],
             ..Ros2Facts::default()
         };
-        use Level::{Error, Warning};
         assert_eq!(levels(&facts), [Warning, Error, Warning, Warning, Warning]);
         let facts = Ros2Facts {
             fault: Some("no network".to_owned()),
