@@ -155,7 +155,7 @@ impl Ros2Node {
         let node = context.new_node(node_name, options);
         let mut node = node.map_err(Ros2Error::network)?;
         let (announced, announcement) = watch::channel(None);
-        let services = Services::create(&mut node, services, domain, announcement)?;
+        let services = Services::create(&mut node, services, announcement)?;
         let spinner = node.spinner()?;
         let topics = Arc::<Mutex<Vec<Arc<Topic>>>>::default();
         let (stop, stopped) = oneshot::channel();

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use tokio::sync::watch::Receiver;
 
 use crate::messages::GetAcquisitionInfo;
-use crate::node::{Domain, Ros2Error, name};
+use crate::node::{Ros2Error, name};
 
 /// Number of requests and of responses of a service that can wait.
 const DEPTH: usize = 10;
@@ -19,8 +19,6 @@ const DEPTH: usize = 10;
 /// Largest reply in bytes that arrives: rustdds sends a larger one in fragments, of which rclpy
 /// receives none. The fragments of a message on a topic arrive.
 const MAX_REPLY: usize = 1200;
-/// The same if only nodes on this machine are met, where packets are as large as those of UDP.
-const MAX_LOCAL_REPLY: usize = 60_000;
 
 /// Full names of the services of an acquisition node.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,14 +48,12 @@ pub(crate) struct Services {
     commands: [(AcquisitionCommand, Server<Empty, Empty>); 3],
     info: Server<Empty, GetAcquisitionInfo>,
     announced: Receiver<Option<AcquisitionInfo>>,
-    max_reply: usize,
 }
 
 impl Services {
     pub(crate) fn create(
         node: &mut Node,
         names: &ServiceNames,
-        domain: Domain,
         announced: Receiver<Option<AcquisitionInfo>>,
     ) -> Result<Services, Ros2Error> {
         let mapping = service_mapping();
@@ -76,11 +72,6 @@ impl Services {
             commands,
             info: create(node, mapping, &name(&names.get_info)?, &info)?,
             announced,
-            max_reply: if domain.localhost_only {
-                MAX_LOCAL_REPLY
-            } else {
-                MAX_REPLY
-            },
         })
     }
 
@@ -96,7 +87,7 @@ impl Services {
         };
         let answer = || {
             let info = self.announced.borrow();
-            reply(info.as_ref(), self.max_reply)
+            reply(info.as_ref())
         };
         let info = answer_all(&self.info, answer);
         tokio::join!(command(start), command(stop), command(quit), info);
@@ -113,8 +104,8 @@ fn service_mapping() -> ServiceMapping {
 }
 
 /// Returns the reply of `get_info`: a frame without values, as ROS 2-Neuro's acquisition sends it.
-/// `result` is false before the first announcement, and if the reply has more than `max_bytes`.
-fn reply(info: Option<&AcquisitionInfo>, max_bytes: usize) -> GetAcquisitionInfo {
+/// `result` is false before the first announcement, and if the reply has more than [`MAX_REPLY`].
+fn reply(info: Option<&AcquisitionInfo>) -> GetAcquisitionInfo {
     let Some(info) = info else {
         return GetAcquisitionInfo::default();
     };
@@ -124,13 +115,12 @@ fn reply(info: Option<&AcquisitionInfo>, max_bytes: usize) -> GetAcquisitionInfo
     reply.frame.tri.data.clear();
     let encoded = CDRSerializerAdapter::<GetAcquisitionInfo>::to_bytes(&reply);
     let bytes = encoded.map_or(usize::MAX, |bytes| bytes.len());
-    if bytes <= max_bytes {
+    if bytes <= MAX_REPLY {
         return reply;
     }
     tracing::warn!(
         "get_info replies that nothing is known, because the names of {} channels make its reply too large for ROS 2; \
-         subscribe to neurodata_info, announce another stream (--announce), or set \
-         ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST if all nodes are on this machine",
+         subscribe to neurodata_info, or announce another stream (--announce)",
         info.frame().eeg.info.nchannels
     );
     GetAcquisitionInfo::default()
@@ -185,13 +175,12 @@ mod tests {
 
     #[test]
     fn get_info_has_the_shape_if_it_fits_and_else_says_that_nothing_is_known() {
-        let whole = reply(Some(&info(61)), MAX_REPLY);
+        let whole = reply(Some(&info(61)));
         assert!(whole.result && whole.frame.eeg.data.is_empty());
         assert_eq!(whole.frame.eeg.info.labels.len(), 61);
         assert_eq!(whole.device_model, "board");
         let nothing = GetAcquisitionInfo::default();
-        assert_eq!(reply(Some(&info(128)), MAX_REPLY), nothing);
-        assert!(reply(Some(&info(128)), MAX_LOCAL_REPLY).result);
-        assert_eq!(reply(None, MAX_REPLY), nothing);
+        assert_eq!(reply(Some(&info(128))), nothing);
+        assert_eq!(reply(None), nothing);
     }
 }

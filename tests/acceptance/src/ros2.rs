@@ -10,8 +10,8 @@ use crate::process::Process;
 use crate::wheels;
 use crate::workspace;
 
-/// Number of domains whose ports Linux does not give to other programs.
-const DOMAINS: u32 = 101;
+/// Number of pairs of domains whose ports Linux does not give to other programs.
+const PAIRS: u32 = 50;
 
 /// The Python with ROS 2's packages, and domains that no other test uses.
 #[derive(Debug)]
@@ -33,13 +33,14 @@ impl<'a> Ros2<'a> {
     pub fn find(test: &str, folder: &'a Path) -> Option<Self> {
         static TESTS: AtomicU32 = AtomicU32::new(0);
         let python = wheels::python(test)?;
-        let start = std::process::id() + 2 * TESTS.fetch_add(1, Ordering::Relaxed);
-        let domain = |number: u32| (1 + number % DOMAINS).to_string();
+        // Tests of another process start at another pair, most of the time.
+        let start = std::process::id().wrapping_mul(0x9e37_79b9) >> 16;
+        let pair = (start + TESTS.fetch_add(1, Ordering::Relaxed)) % PAIRS;
         Some(Self {
             python,
             folder,
-            domain: domain(start),
-            other_domain: domain(start + 1),
+            domain: (1 + 2 * pair).to_string(),
+            other_domain: (2 + 2 * pair).to_string(),
         })
     }
 

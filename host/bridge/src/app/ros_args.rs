@@ -33,7 +33,7 @@ pub(crate) fn to_ros1(
     Ok(translated)
 }
 
-/// Returns a flag of ROS 2 with its value as one argument of ROS 1; `None` if it has no counterpart.
+/// Returns a flag of ROS 2 with its value as one argument of ROS 1; `None` if there is none.
 fn one(flag: &str, value: &str) -> Option<String> {
     match flag {
         "-r" | "--remap" => {
