@@ -109,6 +109,14 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
         let script = output(Command::new(program).args(["completions", shell]))?;
         write(&format!("usr/share/{path}"), &script)?;
     }
+    // The packages for ROS 2, from which a user builds a workspace.
+    let share = tree.join("usr/share/corticode");
+    fs::create_dir_all(&share).or_fail(share.display(), NEXT)?;
+    let mut copy = Command::new("cp");
+    run(
+        copy.arg("-R").arg(root().join("ros/ros2")).arg(&share),
+        NEXT,
+    )?;
     let pages = tree.join("usr/share/man/man1");
     run(
         Command::new(program).args(["man", "--folder"]).arg(&pages),

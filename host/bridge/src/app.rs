@@ -25,6 +25,8 @@ mod record;
 mod recorders;
 mod replay;
 mod replay_feed;
+mod ros2_outlet;
+mod ros_args;
 pub(crate) mod ros_node;
 mod ros_status;
 mod ros_topics;
@@ -70,13 +72,20 @@ const UDEV_RULE: &str = include_str!("../../../packaging/60-corticode.rules");
 /// machine. `master` runs a ROS master until a Unix signal ends it. `completions` prints a shell
 /// completion script, and `man` the manual page.
 pub fn run() -> ExitCode {
-    let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
-    let done = read_task(&ros, arguments);
-    let done = done.and_then(|(task, config)| perform(task, ros, config));
-    match done {
+    match read_arguments() {
         Ok(code) => code,
         Err(error) => error.report("corticode-bridge"),
     }
+}
+
+/// Reads the arguments of ROS and of the program, and performs the task that they name.
+fn read_arguments() -> Result<ExitCode, BridgeError> {
+    let arguments = std::env::args_os().map(|text| text.to_string_lossy().into_owned());
+    let arguments = ros_args::to_ros1(arguments)?;
+    let variable = |name: &str| std::env::var(name).ok();
+    let (ros, arguments) = NodeOptions::parse("acquisition", variable, arguments);
+    let (task, config) = read_task(&ros, arguments)?;
+    perform(task, ros, config)
 }
 
 /// Performs a task, and returns the exit status of the program.

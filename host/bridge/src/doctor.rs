@@ -3,6 +3,7 @@
 
 pub(crate) mod device_checks;
 pub(crate) mod port_checks;
+pub(crate) mod ros2_checks;
 pub(crate) mod ros_checks;
 
 use std::fmt;

@@ -13,6 +13,7 @@ use neuro_ros::ros1::NodeError;
 use new_file::NewFileError;
 use packed_fit::FitError;
 use picture::canvas::PictureError;
+use ros2::Ros2Error;
 use thiserror::Error;
 
 use crate::app::config_file::ConfigError;
@@ -224,6 +225,15 @@ pub enum BridgeError {
     /// opened.
     #[error("the ROS node cannot start; check the name, ROS_IP and ROS_MASTER_URI")]
     Node(#[from] NodeError),
+    /// The ROS 2 node cannot start, or one of its topics or services not be created.
+    #[error("ROS 2 cannot be used")]
+    Ros2(#[from] Ros2Error),
+    /// An argument after `--ros-args` is not known or not complete.
+    #[error(
+        "{0} after --ros-args cannot be used; this program knows -r FROM:=TO and -p NAME:=VALUE there; --config names \
+         a file of options, and RUST_LOG the level of the log"
+    )]
+    RosArgument(String),
     /// The ROS master cannot listen on the address from `--bind`.
     #[error(
         "the ROS master cannot listen at {0}; end the master that uses this port, or choose \
@@ -326,12 +336,14 @@ impl BridgeError {
             | BridgeError::ViewAddress(..)
             | BridgeError::UnknownParameter { .. }
             | BridgeError::ParameterType(..)
+            | BridgeError::RosArgument(_)
+            | BridgeError::Ros2(Ros2Error::Name(..) | Ros2Error::Domain(_))
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
             BridgeError::ModelFolder(_, source) => match source.kind() {
                 std::io::ErrorKind::AlreadyExists => 2,
                 _ => 1,
             },
-            BridgeError::Node(_) | BridgeError::Unreachable { .. } => 3,
+            BridgeError::Node(_) | BridgeError::Ros2(_) | BridgeError::Unreachable { .. } => 3,
             BridgeError::NoFilteredSteps
             | BridgeError::NoSlot(_)
             | BridgeError::NoNumbers(_)

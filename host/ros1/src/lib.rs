@@ -79,7 +79,7 @@ pub mod xmlrpc;
 pub use address::{AddressError, ConnectError, LookupError, host_addresses};
 pub use http::HttpError;
 pub use master::Master;
-pub use names::NameError;
+pub use names::{NameError, Names};
 pub use node::{
     Node, NodeError,
     handles::{Publisher, Service, Subscriber},

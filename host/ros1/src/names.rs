@@ -13,9 +13,10 @@ pub struct NameError {
     pub name: String,
 }
 
-/// Full name of a node and its remaps, from which all other names of the node are resolved.
+/// Full name of a node and its remaps, from which all other names of the node are resolved. ROS 2
+/// has the same rules.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Names {
+pub struct Names {
     node: String,
     remaps: HashMap<String, String>,
 }
@@ -60,7 +61,7 @@ impl Names {
     }
 
     /// Full name of the node, `/namespace/name`.
-    pub(crate) fn node(&self) -> &str {
+    pub fn node(&self) -> &str {
         &self.node
     }
 
@@ -68,7 +69,7 @@ impl Names {
     ///
     /// # Errors
     /// [`NameError`] if `name` is not a ROS name.
-    pub(crate) fn resolve(&self, name: &str) -> Result<String, NameError> {
+    pub fn resolve(&self, name: &str) -> Result<String, NameError> {
         check(name)?;
         let full = resolve(name, &self.node);
         Ok(self.remaps.get(&full).cloned().unwrap_or(full))

@@ -30,6 +30,7 @@ pub mod process;
 pub mod programs;
 pub mod real_data;
 pub mod ros;
+pub mod ros2;
 pub mod ros_messages;
 pub mod wheels;
 pub mod workspace;

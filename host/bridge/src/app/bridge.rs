@@ -28,6 +28,7 @@ use crate::app::outlets::{Destinations, Outlets, RosOutlet, Sinks};
 use crate::app::page_commands::PageCommands;
 use crate::app::recorders::Recorders;
 use crate::app::ros_node::{Namespace, NodeCommand, RosNode};
+use crate::app::ros2_outlet::Ros2Outlet;
 use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
 use crate::app::whole_lines::WholeLines;
@@ -186,6 +187,7 @@ impl Publication {
         namespace.as_ros_name().clone_into(&mut self.ros.namespace);
         let settings = self.settings(&model)?;
         let (command_sender, commands) = mpsc::unbounded_channel();
+        let (announcements, _) = watch::channel(None);
         Ok(Run {
             shutdown,
             model,
@@ -195,6 +197,7 @@ impl Publication {
             command_sender,
             commands,
             page: PageCommands::default(),
+            announcements,
         })
     }
 
@@ -206,7 +209,6 @@ impl Publication {
     ) -> Result<RosParts, BridgeError> {
         let ros = RosNode::start(self.ros.clone()).await?;
         rosout::publish(Arc::clone(&ros.node), log);
-        let (announcements, announced) = watch::channel(None);
         let streams = run.settings.streams;
         if streams.contains(Streams::PACKED) {
             ros.subscribe_rate(run.command_sender.clone());
@@ -217,16 +219,12 @@ impl Publication {
         ros.serve(
             &run.namespace,
             self.get_info,
-            announced,
+            run.announcements.subscribe(),
             recorders.clone(),
             run.command_sender.clone(),
         );
         run.shutdown.watch_node(Arc::clone(&ros.node));
-        Ok(RosParts {
-            ros,
-            announcements,
-            recorders,
-        })
+        Ok(RosParts { ros, recorders })
     }
 
     /// Streams from `feed` to all given outlets until a shutdown.
@@ -238,16 +236,18 @@ impl Publication {
     ) -> Result<FinalCounts, BridgeError> {
         let Parts {
             ros,
+            ros2,
             lines,
             view,
             lsl,
         } = parts;
-        let (ros, announcements, recorders) = match ros {
-            Some(parts) => (Some(parts.ros), Some(parts.announcements), parts.recorders),
-            None => (None, None, None),
-        };
+        let has_ros = ros.is_some() || ros2.is_some();
+        let announcements = has_ros.then_some(run.announcements);
+        let (ros, recorders) = ros.map(|parts| (parts.ros, parts.recorders)).unzip();
+        let recorders = recorders.flatten();
         let destinations = Destinations {
             ros: ros.as_ref().map(|node| RosOutlet { node, recorders }),
+            ros2,
             lines: lines.as_ref(),
             view,
             lsl,
@@ -290,6 +290,7 @@ impl Publication {
 #[derive(Default)]
 struct Parts {
     ros: Option<RosParts>,
+    ros2: Option<Arc<Ros2Outlet>>,
     lines: Option<NdjsonWriter>,
     view: Option<Arc<View>>,
     lsl: Option<Lsl>,
@@ -306,12 +307,13 @@ struct Run {
     command_sender: mpsc::UnboundedSender<NodeCommand>,
     commands: mpsc::UnboundedReceiver<NodeCommand>,
     page: PageCommands,
+    /// Channel to what serves `get_info`.
+    announcements: watch::Sender<Option<AcquisitionInfo>>,
 }
 
-/// The ROS node, and the channels to its services.
+/// The ROS node, and the recorders of its frames.
 struct RosParts {
     ros: RosNode,
-    announcements: watch::Sender<Option<AcquisitionInfo>>,
     recorders: Option<Arc<Recorders>>,
 }
 
@@ -396,8 +398,18 @@ pub(super) async fn stream(
     };
     let page = has(SinkKind::View).then(|| LivePage::new("corticode-bridge", options.viewing));
     let view = page.map(|page| page.start(&run)).transpose()?;
+    let [log, log2] = rosout::split(log);
     let ros = if has(SinkKind::Ros) {
         Some(publication.start_ros(&run, log).await?)
+    } else {
+        None
+    };
+    let ros2 = if has(SinkKind::Ros2) {
+        let commands = run.command_sender.clone();
+        let outlet = Ros2Outlet::start(&publication.ros, &options.ros2, &run.namespace, commands)?;
+        outlet.announce(run.announcements.subscribe())?;
+        outlet.publish_log(log2)?;
+        Some(outlet)
     } else {
         None
     };
@@ -408,6 +420,7 @@ pub(super) async fn stream(
     };
     let parts = Parts {
         ros,
+        ros2,
         lines,
         view,
         lsl,

@@ -46,7 +46,7 @@ const DECODING: &str = "Decoding and time";
 /// --announce selects another or codes do not stream: a rosneuro_recorder or visualizer that is
 /// remapped to another stream receives frames that are larger than it allocated. Waits for an
 /// absent device or ROS master and reconnects when it returns. ROS's own arguments work too:
-/// __name:=, __ns:=, /encoded:=/neurodata. Each option is a private parameter as well:
+/// __name:=, __ns:=, /encoded:=/neurodata, and --ros-args -r __node:=NAME -p port:=/dev/ttyACM0. Each option is a private parameter as well:
 /// _port:=/dev/ttyACM0, or ~port on the parameter server, which flags and environment override.
 /// --config names a file of options, which all of these override. The log goes to stderr;
 /// RUST_LOG=debug shows more.
@@ -60,6 +60,8 @@ pub(crate) struct Options {
     pub(crate) at: PortOptions,
     #[command(flatten)]
     pub(crate) ros: RosOptions,
+    #[command(flatten)]
+    pub(crate) ros2: Ros2Options,
     #[command(flatten)]
     pub(crate) viewing: ViewOptions,
     #[command(flatten)]
@@ -513,6 +515,8 @@ pub(crate) struct DoctorOptions {
     #[command(flatten)]
     pub(crate) lsl: LslOptions,
     #[command(flatten)]
+    pub(crate) ros2: Ros2Options,
+    #[command(flatten)]
     pub(crate) asked: StreamOptions,
     #[command(flatten)]
     pub(crate) realtime: RealtimeOption,
@@ -643,6 +647,8 @@ pub(crate) enum SinkKind {
     /// ROS 1 topics.
     #[value(alias = "ros1")]
     Ros,
+    /// ROS 2 topics, in the domain of --ros-domain-id.
+    Ros2,
     /// Lines of JSON on stdout.
     Ndjson,
     /// A live page for a browser, whose address is printed.
@@ -656,6 +662,7 @@ impl SinkKind {
     pub(crate) const fn name(self) -> &'static str {
         match self {
             SinkKind::Ros => "ros",
+            SinkKind::Ros2 => "ros2",
             SinkKind::Ndjson => "ndjson",
             SinkKind::View => "view",
             SinkKind::Lsl => "lsl",
@@ -674,6 +681,38 @@ pub(crate) struct LslOptions {
     /// several bridges its own
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_LSL_NAME", value_name = "NAME", default_value = "corticode")]
     pub(crate) lsl_name: String,
+}
+
+/// Options of the outlet ROS 2; for the bridge and `doctor`.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Ros2Options {
+    /// Domain of the ROS 2 node; nodes of other domains do not meet it
+    #[arg(
+        long,
+        help_heading = OUTPUTS,
+        env = "ROS_DOMAIN_ID",
+        value_name = "ID",
+        default_value_t = 0,
+        value_parser = clap::value_parser!(u8).range(0..=232)
+    )]
+    pub(crate) ros_domain_id: u8,
+    /// Delivery of frames in ROS 2: `reliable` sends lost packets again; `sensor-data`, which is
+    /// best effort, does not, and reaches no subscriber that asks for reliable
+    #[arg(
+        long,
+        help_heading = OUTPUTS,
+        env = "CORTICODE_ROS2_QOS",
+        value_enum,
+        default_value = "reliable"
+    )]
+    pub(crate) ros2_qos: Ros2Qos,
+}
+
+/// Delivery of frames in ROS 2.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Ros2Qos {
+    Reliable,
+    SensorData,
 }
 
 /// Options of the live page.

@@ -13,9 +13,11 @@ use tokio::time::{Instant, timeout, timeout_at};
 
 use crate::app::command_line::{DoctorOptions, SinkKind};
 use crate::app::ros_node::Namespace;
+use crate::app::ros2_outlet::ros2_domain;
 use crate::doctor::device_checks::{DeviceAnswer, Probe, check_device};
 use crate::doctor::port_checks::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
 use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros, master_is_here};
+use crate::doctor::ros2_checks::{Ros2Facts, UNREAD, check_ros2};
 use crate::doctor::{Level, Report, check_clock, check_disk, check_lsl, check_realtime};
 use crate::ports::access::Program;
 use crate::ports::finder::{BoardFinder, FindError};
@@ -63,6 +65,9 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     if options.ros.sink.contains(&SinkKind::Lsl) {
         let library = Library::load(options.lsl.liblsl.as_deref());
         checks.push(check_lsl(library.map(Library::description)));
+    }
+    if options.ros.sink.contains(&SinkKind::Ros2) {
+        checks.extend(check_ros2(&ros2_facts(options)));
     }
     checks.push(check_clock(clock_is_synchronised().await));
     let disk = rustix::fs::statvfs(".");
@@ -188,6 +193,21 @@ async fn ros_facts(options: &DoctorOptions, ros: &NodeOptions) -> RosFacts {
         master_is_here: master_is_here(&master_uri).await,
         master_uri,
         own_host,
+    }
+}
+
+fn ros2_facts(options: &DoctorOptions) -> Ros2Facts {
+    let variable = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
+    let domain = ros2_domain(&options.ros2, variable);
+    let unread = UNREAD.into_iter();
+    Ros2Facts {
+        domain: options.ros2.ros_domain_id,
+        localhost_only: domain.localhost_only,
+        fault: domain.check().err().map(|error| error.to_string()),
+        range: variable("ROS_AUTOMATIC_DISCOVERY_RANGE"),
+        middleware: variable("RMW_IMPLEMENTATION"),
+        distribution: variable("ROS_DISTRO"),
+        unread: unread.filter(|name| variable(name).is_some()).collect(),
     }
 }
 

@@ -15,6 +15,9 @@ use tracing_subscriber::util::SubscriberInitExt;
 use crate::app::rosout::RosoutLayer;
 use crate::error::BridgeError;
 
+/// Levels of libraries that log what is no news to a user, such as each message that is dropped.
+const QUIET: &str = "rustdds=error,ros2_client=off";
+
 /// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for
 /// `/rosout`. `level` is the least severe level that is shown, such as `info`, unless `RUST_LOG`
 /// selects another.
@@ -23,7 +26,8 @@ use crate::error::BridgeError;
 ///
 /// [`BridgeError::Log`] if the log file cannot be written.
 pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeError> {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+    let filter = EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| EnvFilter::new(format!("{level},{QUIET}")));
     let writer = match &ros.log {
         None => BoxMakeWriter::new(std::io::stderr),
         Some(path) => {

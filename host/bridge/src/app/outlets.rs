@@ -11,11 +11,11 @@ use bridge_core::{
 };
 use link::{Frame, Streams, ToHost};
 use lsl::{Acquisition, Lsl, StampScale, StreamKind};
-use neuro_ros::ros1::NodeError;
 use neuro_ros::{
     AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue, NdjsonWriter,
     NeuroEvent, NeuroFrame, NeuroOutput, Sink, SinkError, TriWords, Wire,
 };
+use ros2::Ros2Message;
 use serde::Serialize;
 use tokio::sync::watch::Sender;
 use view::{View, ViewSink, ViewTopic};
@@ -29,6 +29,7 @@ use crate::app::recorders::{EventTopic, Recorders};
 use crate::app::ros_node::{Namespace, RosNode};
 use crate::app::ros_status::RosStatus;
 use crate::app::ros_topics::RosTopics;
+use crate::app::ros2_outlet::Ros2Outlet;
 use crate::app::step_times::StepTimes;
 use crate::error::BridgeError;
 use crate::wire::connection::Event;
@@ -153,6 +154,8 @@ impl Outlets {
         }
         let ros = self.sinks.ros.iter();
         report.status.extend(ros.map(|status| status.status()));
+        let ros2 = self.sinks.ros2.iter();
+        report.status.extend(ros2.map(|outlet| outlet.status()));
         if let Some(mut audits) = self.sinks.decoder.audit_status() {
             audits.name.insert_str(0, "corticode: ");
             report.status.push(audits);
@@ -403,6 +406,8 @@ pub(crate) struct Sinks {
     topics: Option<Arc<RosTopics>>,
     /// The state of the ROS node; `None` without ROS.
     ros: Option<Arc<RosStatus>>,
+    /// The ROS 2 node; `None` without this outlet.
+    ros2: Option<Arc<Ros2Outlet>>,
     /// The live page; `None` without this outlet.
     view: Option<Arc<View>>,
     /// The streams of the Lab Streaming Layer; `None` without this outlet.
@@ -437,7 +442,7 @@ impl Events {
             }
             _ => None,
         };
-        let mut others = to.tee(outlets, None, name, None);
+        let mut others = to.tee(outlets, None, name, None)?;
         let of_lsl = outlets.iter().find(|outlet| outlet.kind() == SinkKind::Lsl);
         if let Some((outlet, lsl)) = of_lsl.zip(to.lsl.as_ref()) {
             others.add(outlet, boxed(lsl.events(QUEUE_EVENTS)));
@@ -493,6 +498,7 @@ pub(crate) struct RosOutlet<'a> {
 /// The outlets that the user has chosen.
 pub(crate) struct Destinations<'a> {
     pub(crate) ros: Option<RosOutlet<'a>>,
+    pub(crate) ros2: Option<Arc<Ros2Outlet>>,
     pub(crate) lines: Option<&'a NdjsonWriter>,
     pub(crate) view: Option<Arc<View>>,
     pub(crate) lsl: Option<Lsl>,
@@ -501,18 +507,22 @@ pub(crate) struct Destinations<'a> {
 impl Destinations<'_> {
     /// Creates a sink of the topic `name` at every outlet that takes its messages as they are. `ros`
     /// is that of ROS. `shown` is the topic's place on the live page, if it has one.
-    fn tee<M: Serialize + Wire + 'static>(
+    fn tee<M: Serialize + Wire + Ros2Message + 'static>(
         &self,
         outlets: &[Arc<Outlet>],
         ros: Option<Box<dyn Sink<M>>>,
         name: &str,
         shown: Option<ViewTopic>,
-    ) -> Tee<M> {
+    ) -> Result<Tee<M>, BridgeError> {
         let mut ros = ros;
         let mut tee = Tee::new();
         for outlet in outlets {
             let sink = match outlet.kind() {
                 SinkKind::Ros => ros.take(),
+                SinkKind::Ros2 => {
+                    let sink = self.ros2.as_ref().map(|ros2| ros2.sink(name));
+                    sink.transpose()?.map(boxed)
+                }
                 SinkKind::Ndjson => self.lines.map(|lines| boxed(lines.sink(name))),
                 SinkKind::View => {
                     let view = self.view.as_ref().zip(shown);
@@ -524,16 +534,17 @@ impl Destinations<'_> {
                 tee.add(outlet, sink);
             }
         }
-        tee
+        Ok(tee)
     }
 
     /// Returns the chosen outlets. ROS is first, so that no other outlet is served before it.
     fn outlets(&self) -> Vec<Arc<Outlet>> {
         let ros = self.ros.as_ref().map(|_| SinkKind::Ros);
+        let ros2 = self.ros2.as_ref().map(|_| SinkKind::Ros2);
         let lines = self.lines.map(|_| SinkKind::Ndjson);
         let view = self.view.as_ref().map(|_| SinkKind::View);
         let lsl = self.lsl.as_ref().map(|_| SinkKind::Lsl);
-        let kinds = [ros, lines, view, lsl].into_iter().flatten();
+        let kinds = [ros, ros2, lines, view, lsl].into_iter().flatten();
         kinds.map(Outlet::new).collect()
     }
 
@@ -607,12 +618,12 @@ impl Sinks {
         let topics = to.ros.as_ref();
         let topics = topics.map(|ros| Arc::new(RosTopics::new(Arc::clone(&ros.node.node))));
         let recorders = to.ros.as_ref().and_then(|ros| ros.recorders.clone());
-        let frames = |name: &str, queue, stream, shown| -> Result<Tee<NeuroFrame>, NodeError> {
+        let frames = |name: &str, queue, stream, shown| -> Result<Tee<NeuroFrame>, BridgeError> {
             let is_recorded = settings.announced == stream;
             let recorders = recorders.clone().filter(|_| is_recorded);
             let topic = topics.as_ref();
             let topic = topic.map(|topics| topics.frames(name, queue, recorders));
-            let mut tee = to.tee(&outlets, topic.transpose()?.map(boxed), name, shown);
+            let mut tee = to.tee(&outlets, topic.transpose()?.map(boxed), name, shown)?;
             to.add_lsl(&outlets, &mut tee, lsl_kind(stream), queue);
             Ok(tee)
         };
@@ -646,14 +657,14 @@ impl Sinks {
             None => None,
         };
         let diagnostics = Some(ViewTopic::Diagnostics);
-        let diagnostics = to.tee(&outlets, topic.map(boxed), names.diagnostics, diagnostics);
+        let diagnostics = to.tee(&outlets, topic.map(boxed), names.diagnostics, diagnostics)?;
         let predictions = match predictions.map(|topic| namespace.resolve(topic)) {
             Some(name) => {
                 let topic = match &topics {
                     Some(topics) => Some(topics.shared(&name, QUEUE_FRAMES).await?),
                     None => None,
                 };
-                Some(to.tee(&outlets, topic.map(boxed), &name, None))
+                Some(to.tee(&outlets, topic.map(boxed), &name, None)?)
             }
             None => None,
         };
@@ -675,6 +686,7 @@ impl Sinks {
             outlets,
             topics,
             ros: to.ros.map(|ros| Arc::clone(&ros.node.status)),
+            ros2: to.ros2,
             view: to.view,
             scale: to.lsl.as_ref().map(Lsl::scale),
             lsl: to.lsl,

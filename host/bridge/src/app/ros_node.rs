@@ -124,7 +124,7 @@ async fn receive_rates(node: Arc<Node>, commands: UnboundedSender<NodeCommand>) 
     }
 }
 
-fn command_name(command: AcquisitionCommand) -> &'static str {
+pub(crate) fn command_name(command: AcquisitionCommand) -> &'static str {
     match command {
         AcquisitionCommand::Start => "~start",
         AcquisitionCommand::Stop => "~stop",

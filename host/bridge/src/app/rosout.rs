@@ -83,6 +83,20 @@ impl Visit for Text {
     }
 }
 
+/// Passes each line to both returned receivers, in a task of its own. A line for which one of them
+/// has no room is only on stderr and at the other.
+pub(crate) fn split(mut lines: Receiver<Log>) -> [Receiver<Log>; 2] {
+    let (senders, receivers): (Vec<_>, Vec<_>) = (0..2).map(|_| channel(QUEUE_LINES)).unzip();
+    tokio::spawn(async move {
+        while let Some(line) = lines.recv().await {
+            for sender in &senders {
+                let _ = sender.try_send(line.clone());
+            }
+        }
+    });
+    receivers.try_into().expect("two receivers")
+}
+
 /// Publishes the lines on `/rosout`, in a task of its own.
 pub(crate) fn publish(node: Arc<Node>, mut lines: Receiver<Log>) {
     tokio::spawn(async move {

@@ -99,7 +99,10 @@ impl NodeOptions {
     }
 
     /// Resolves the node's full name and both names of each remap.
-    pub(crate) fn names(&self) -> Result<Names, NameError> {
+    ///
+    /// # Errors
+    /// [`NameError`] if one of them is not a ROS name.
+    pub fn names(&self) -> Result<Names, NameError> {
         Names::new(&self.namespace, &self.name, &self.remaps)
     }
 }

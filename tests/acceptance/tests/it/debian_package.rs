@@ -27,13 +27,15 @@ const WAITING: [&str; 3] = [
     "the host name localhost of ROS_MASTER_URI does not resolve",
 ];
 /// Paths of files that the package must install.
-const INSTALLED: [&str; 9] = [
+const INSTALLED: [&str; 11] = [
     "/usr/bin/corticode-bridge",
     "/usr/bin/corticode-node",
     "/etc/security/limits.d/60-corticode.conf",
     "/lib/udev/rules.d/60-corticode.rules",
     "/lib/systemd/system/corticode-bridge.service",
     "/etc/corticode/bridge.toml",
+    "/usr/share/corticode/ros2/ros2neuro_msgs/msg/NeuroFrame.msg",
+    "/usr/share/corticode/ros2/corticode/launch/corticode.launch.py",
     "/usr/share/man/man1/corticode-bridge-record.1.gz",
     "/usr/share/bash-completion/completions/corticode-bridge",
     "/usr/share/doc/corticode-bridge/copyright",

@@ -34,6 +34,7 @@ mod quantise;
 mod raw_forms;
 mod readme;
 mod realtime;
+mod ros2_chain;
 mod ros_chain;
 mod samples_chain;
 mod service;

@@ -1,0 +1,92 @@
+//! Sinks that publish on ROS 2 topics.
+
+use std::io;
+use std::sync::Arc;
+
+use neuro_ros::{Sink, SinkError};
+use ros2_client::qos::{Durability, History, WhenFull};
+use ros2_client::{Publisher, QosProfile, WriteError};
+
+use crate::messages::Ros2Message;
+use crate::node::Topic;
+
+/// Number of messages of a topic that are kept while they are sent. Best-effort subscribers can
+/// miss the oldest of more messages at once, such as fillers after an outage of 16 s. For reliable
+/// subscribers, every message is kept until they have acknowledged it.
+const DEPTH: usize = 256;
+
+/// What a topic promises its subscribers: its reliability and durability, as ROS 2 names them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Delivery {
+    /// Reliable and volatile: lost packets are sent again. It serves subscribers of both kinds.
+    Reliable,
+    /// Best effort and volatile, as for sensor data: a lost packet is a lost message. Reliable
+    /// subscribers are not served.
+    BestEffort,
+    /// Reliable and transient local, depth 1: a late subscriber receives the newest message.
+    Latched,
+}
+
+impl Delivery {
+    pub(crate) fn qos(self) -> QosProfile {
+        let qos = QosProfile::publisher_default();
+        let (reliable, depth) = match self {
+            Delivery::Reliable => (true, DEPTH),
+            Delivery::BestEffort => (false, DEPTH),
+            Delivery::Latched => (true, 1),
+        };
+        let qos = qos.history(History::KeepLast { depth });
+        let qos = match self {
+            Delivery::Latched => qos.durability(Durability::TransientLocal),
+            Delivery::Reliable | Delivery::BestEffort => qos.durability(Durability::Volatile),
+        };
+        if reliable {
+            qos.reliability_reliable(WhenFull::Fail)
+        } else {
+            qos.reliability_best_effort()
+        }
+    }
+}
+
+/// Sink for the messages of one topic; created by [`Ros2Node::sink`](crate::Ros2Node::sink).
+///
+/// [`Sink::publish`] never waits. A message is dropped, for all subscribers, if a reliable one has
+/// acknowledged none of the newest 8192. A subscriber whose process stands still is given up after
+/// its lease, 10 to 20 s for usual ROS 2 nodes, and costs the others nothing.
+pub struct Ros2Sink<M: Ros2Message> {
+    publisher: Publisher<M::Message>,
+    topic: Arc<Topic>,
+    dropped: u64,
+}
+
+impl<M: Ros2Message> Ros2Sink<M> {
+    pub(crate) fn new(publisher: Publisher<M::Message>, topic: Arc<Topic>) -> Ros2Sink<M> {
+        Ros2Sink {
+            publisher,
+            topic,
+            dropped: 0,
+        }
+    }
+}
+
+impl<M: Ros2Message> Sink<M> for Ros2Sink<M> {
+    /// Never fails without subscribers.
+    fn publish(&mut self, message: &M) -> Result<(), SinkError> {
+        match self.publisher.publish(message.into()) {
+            Ok(()) => Ok(()),
+            Err(WriteError::WouldBlock { .. }) => {
+                self.dropped += 1;
+                Ok(())
+            }
+            Err(error) => Err(io::Error::other(error.to_string()).into()),
+        }
+    }
+
+    fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    fn has_receivers(&self) -> bool {
+        self.topic.has_subscribers()
+    }
+}
