@@ -58,7 +58,12 @@ impl RowTimes {
         }
         let mut sorted = self.measured_us;
         sorted.sort_by(f64::total_cmp);
-        let period_us = sorted[MEASUREMENTS / 2];
+        let newest = self.measured_us[(self.next + MEASUREMENTS - 1) % MEASUREMENTS];
+        // The median of a second is right where the newest measurement is wrong, and the newest is
+        // right where the fit was wrong for a second and has found the rate.
+        let mut choice = [self.nominal_us, newest, sorted[MEASUREMENTS / 2]];
+        choice.sort_by(f64::total_cmp);
+        let period_us = choice[1];
         let first_us = match self.point {
             StampPoint::First => stamp_us,
             StampPoint::Last | StampPoint::Arrival => {
