@@ -744,6 +744,12 @@ impl Session {
         if !self.introduced || self.codes.is_none() {
             return Err("no device answers; connect it and try again");
         }
+        if matches!(
+            self.commands.self_test,
+            SelfTestState::Due { .. } | SelfTestState::Running { .. }
+        ) {
+            return Err("a self-test is underway; wait for its result");
+        }
         if !self.commands.is_stopped() {
             return Err("the device streams, and a self-test interrupts that; stop it first");
         }
@@ -765,6 +771,13 @@ impl Session {
         Some(Err(why))
     }
 
+    /// Returns the wall clock at `now` as the stamps of frames have it, nanoseconds, and notes it.
+    fn frame_wall_ns(&mut self, now: HostTime, effects: &mut dyn Effects) -> i64 {
+        let offset_ns = self.clock.follow(now);
+        effects.note_stamps(offset_ns, self.side.bus.shift_us());
+        now.monotonic_us * 1000 + offset_ns
+    }
+
     /// Publishes an event with a text of the user, which happened now. Returns whether events are
     /// published.
     pub(crate) fn mark(&mut self, text: &str, now: HostTime, effects: &mut dyn Effects) -> bool {
@@ -773,7 +786,8 @@ impl Session {
         let device_us = self.device_us_at(now);
         let device_us = device_us.and_then(|us| u64::try_from(us).ok());
         let place = EventPlace { row, device_us };
-        self.side.bus.publish(&event, now.wall_ns, place, effects)
+        let wall_ns = self.frame_wall_ns(now, effects);
+        self.side.bus.publish(&event, wall_ns, place, effects)
     }
 
     /// Sets what the user decides about the exclusion of electrodes, and tells the device.

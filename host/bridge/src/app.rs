@@ -32,6 +32,7 @@ mod ros_status;
 mod ros_topics;
 mod rosout;
 mod shutdown;
+mod sinks;
 mod step_times;
 mod update;
 mod whole_lines;

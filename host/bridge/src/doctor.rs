@@ -11,6 +11,7 @@ use std::fmt;
 use lsl::LibraryError;
 use serde::Serialize;
 
+use crate::error::{BridgeError, causes};
 use crate::realtime::{REMEDY, Refusal};
 
 /// Severity of what a check found.
@@ -136,9 +137,11 @@ pub(crate) fn check_lsl(library: Result<String, LibraryError>) -> Check {
     match library {
         Ok(description) => Check::ok(NAME, description),
         Err(error) => {
-            let finding = error.to_string();
-            let remedy = "pip install pylsl (then run with its python3 first on the PATH)";
-            Check::error(NAME, finding, remedy)
+            let remedy = match error {
+                LibraryError::File(..) => "leave out --liblsl and PYLSL_LIB, or name another file",
+                _ => "pip install pylsl (then run with its python3 first on the PATH)",
+            };
+            Check::error(NAME, causes(&BridgeError::from(error)), remedy)
         }
     }
 }

@@ -59,6 +59,12 @@ impl FrameCutter {
         values: impl Iterator<Item = f32>,
     ) -> Option<CutFrame> {
         let expected_s = self.next_s.unwrap_or(time_s);
+        // A sample without a time is where it is expected.
+        let time_s = if time_s.is_finite() {
+            time_s
+        } else {
+            expected_s
+        };
         let deviation_s = time_s - expected_s;
         if deviation_s > LEAST_GAP_S {
             self.leave_gap(deviation_s);

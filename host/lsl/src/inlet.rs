@@ -17,7 +17,7 @@ const FRAMES_PER_SECOND: u16 = 16;
 /// Seconds of one search for the stream, and for which the stream may take to answer.
 const SEARCH_S: f64 = 2.0;
 const ANSWER_S: f64 = 10.0;
-/// Longest wait for samples, seconds, after which the caller is asked whether to go on.
+/// Longest wait for a sample, seconds, after which the caller is asked whether to go on.
 const PULL_S: f64 = 0.1;
 /// Largest number of samples that are taken at once.
 const MOST_SAMPLES: usize = 4096;
@@ -94,6 +94,16 @@ pub enum InletError {
         "channel {1} of the stream {0} has no label; name all channels with --source-labels Fp1,Fp2,..."
     )]
     Label(String, usize),
+    /// Two channels have the same label. Holds the stream and the label.
+    #[error(
+        "two channels of the stream {0} have the label {1}; name all channels with --source-labels Fp1,Fp2,..."
+    )]
+    Twice(String, String),
+    /// No channel has signals of electrodes.
+    #[error(
+        "no channel of the stream {0} has the type EEG; name all channels with --source-labels Fp1,Fp2,..."
+    )]
+    Nothing(String),
     /// The labels that the user has named are not as many as the channels.
     #[error("the stream {0} has {1} channels, and --source-labels names {2}")]
     Labels(String, usize, usize),
@@ -102,9 +112,33 @@ pub enum InletError {
         "channel {1} of the stream {0} has the unit \"{2}\"; state it with --source-unit microvolts (or millivolts, volts)"
     )]
     Unit(String, String, String),
+    /// The stream is found and does not answer.
+    #[error(
+        "the stream {0} is found and does not answer; allow TCP and UDP ports 16571 to 16604 between both machines, or \
+         restart its program"
+    )]
+    Silent(String),
     /// The stream has ended before it described itself, or liblsl fails.
     #[error("{0}")]
     Call(String),
+}
+
+impl InletError {
+    /// Returns the name of this kind of error.
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            InletError::Several(_) => "several streams",
+            InletError::Text(_) => "stream of texts",
+            InletError::Rate(..) => "rate of the stream",
+            InletError::Label(..) | InletError::Labels(..) | InletError::Twice(..) => {
+                "labels of the stream"
+            }
+            InletError::Nothing(_) => "stream without electrodes",
+            InletError::Unit(..) => "unit of the stream",
+            InletError::Silent(_) => "silent stream",
+            InletError::Call(_) => "stream",
+        }
+    }
 }
 
 impl From<CallError> for InletError {
@@ -175,10 +209,14 @@ fn receive_one(
         }
     };
     let inlet = Inlet::new(info)?;
-    let channels = Channels::read(&inlet.info(ANSWER_S)?, options)?;
+    let silent = |error: CallError| match error {
+        CallError::Timeout => InletError::Silent(info.name()),
+        other => other.into(),
+    };
+    let channels = Channels::read(&inlet.info(ANSWER_S).map_err(silent)?, options)?;
     match stream(library, &inlet, &channels, pass) {
         Err(CallError::Lost) => Ok(true),
-        ended => Ok(ended?),
+        ended => ended.map_err(silent),
     }
 }
 
@@ -197,7 +235,12 @@ fn stream(
     let mut cutter = FrameCutter::new(channels.rate_hz, samples);
     let mut has_foreign_clock = false;
     loop {
-        let count = inlet.pull(&mut values, &mut times, PULL_S)?;
+        // liblsl waits until there is room for no further sample: wait for one, then take those
+        // that have come with it.
+        let mut count = inlet.pull(&mut values[..channels.all], &mut times[..1], PULL_S)?;
+        if count > 0 {
+            count += inlet.pull(&mut values[channels.all..], &mut times[1..], 0.0)?;
+        }
         clock.read(|| library.functions.local_clock());
         let now = HostTime::now();
         if corrected.elapsed() > CORRECTION_PERIOD {
@@ -300,10 +343,14 @@ impl Channels {
             let Some((_, microvolts)) = known else {
                 return Err(InletError::Unit(name, label, unit));
             };
-            if seen.insert(label.clone()) {
-                used.push((place, *microvolts));
-                names.push(label);
+            if !seen.insert(label.clone()) {
+                return Err(InletError::Twice(name, label));
             }
+            used.push((place, *microvolts));
+            names.push(label);
+        }
+        if used.is_empty() {
+            return Err(InletError::Nothing(name));
         }
         Ok(Channels {
             all,

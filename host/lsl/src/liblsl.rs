@@ -20,7 +20,7 @@ pub(crate) const STRING: c_int = 3;
 /// Seconds of samples that liblsl keeps for an inlet that does not take them: its own default.
 const BUFFER_S: i32 = 360;
 /// Largest number of streams that one search returns.
-const MOST_FOUND: usize = 64;
+const MOST_FOUND: u32 = 64;
 
 /// Why the library cannot be loaded.
 #[derive(Debug, Error)]
@@ -171,18 +171,19 @@ impl Functions {
     }
 
     /// Searches the network for streams for which the XPath predicate `query` holds, such as
-    /// `name='X'`. Returns as soon as one is found, at the latest after `timeout_s`.
+    /// `name='X'`. Returns as soon as two are found, and otherwise after `timeout_s`.
     pub(crate) fn resolve(
         &'static self,
         query: &str,
         timeout_s: f64,
     ) -> Result<Vec<Info>, CallError> {
         let query = c_string(query);
-        let mut handles = [ptr::null_mut::<c_void>(); MOST_FOUND];
-        let (buffer, room) = (handles.as_mut_ptr(), 64);
+        let mut handles = [ptr::null_mut::<c_void>(); MOST_FOUND as usize];
+        let buffer = handles.as_mut_ptr();
         let query = query.as_ptr();
+        // Not 1: liblsl ends the search at that number, and a second stream may answer later.
         // SAFETY: the buffer has room for as many handles as stated, and the query is a C string.
-        let found = unsafe { (self.lsl_resolve_bypred)(buffer, room, query, 1, timeout_s) };
+        let found = unsafe { (self.lsl_resolve_bypred)(buffer, MOST_FOUND, query, 2, timeout_s) };
         self.checked(found)?;
         let found = handles.into_iter().filter_map(NonNull::new);
         Ok(found

@@ -88,7 +88,7 @@ impl Refusal {
             Refusal::Changed { .. } => "changed layout",
             Refusal::Repeated(_) => "repeated",
             Refusal::Mixed(_) => "mixed",
-            Refusal::Stream(_) => "stream",
+            Refusal::Stream(error) => error.kind(),
             Refusal::Conversion(_) => "conversion",
         }
     }

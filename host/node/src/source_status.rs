@@ -66,7 +66,11 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
         };
         (DiagnosticLevel::Error, message)
     } else if facts.silent_s.is_none_or(|seconds| seconds > SILENCE_S) {
-        (DiagnosticLevel::Error, format!("no frames come on {topic}"))
+        let message = match facts.refusal.as_ref().filter(|_| facts.is_stream) {
+            Some(why) => format!("no frames come on {topic}: {why}"),
+            None => format!("no frames come on {topic}"),
+        };
+        (DiagnosticLevel::Error, message)
     } else if lost > 0 {
         let message = format!("{lost} frames lost since the last report");
         (DiagnosticLevel::Warn, message)

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// A message of `neuro-ros` that has a ROS 2 type.
 pub trait Ros2Message {
     /// The type that is serialised.
-    type Message: Serialize + for<'a> From<&'a Self> + Send;
+    type Message: Serialize + for<'a> From<&'a Self> + Send + Sync + 'static;
     /// Package of the type's definition.
     const PACKAGE: &'static str;
     /// Name of the type in its package.

@@ -1,5 +1,6 @@
 //! The node: its place in a DDS domain, its topics, and the thread that keeps both up to date.
 
+use std::any::Any;
 use std::net::Ipv4Addr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -99,6 +100,8 @@ pub(crate) fn name(full: &str) -> Result<Name, Ros2Error> {
 pub(crate) struct Topic {
     /// Keeps the node in its domain until the last sink is gone, which says good-bye there.
     _participant: DomainParticipant,
+    /// Keeps the writer, which sends lost packets again, until the node has lingered.
+    _publisher: Arc<dyn Any + Send + Sync>,
     name: String,
     /// Whether no other node may publish this topic.
     is_exclusive: bool,
@@ -166,9 +169,9 @@ impl Ros2Node {
         let run = move || {
             runtime.block_on(async {
                 tokio::select! {
-                    ended = spinner.spin() => if let Err(error) = ended {
-                        tracing::error!("the ROS 2 node does not see other nodes: {error}");
-                    },
+                    ended = spinner.spin() => tracing::error!(
+                        "the ROS 2 node sees no other nodes any more: {ended:?}; restart the bridge"
+                    ),
                     () = services.serve(on_command) => {}
                     () = watch_graph(&watching, &watched) => {}
                     // An error says that the node was dropped.
@@ -207,9 +210,10 @@ impl Ros2Node {
         let mut node = lock(&self.node);
         let of = MessageTypeName::new(M::PACKAGE, M::NAME);
         let created = node.create_topic(&name(topic)?, of, &delivery.qos())?;
-        let publisher = node.create_publisher(&created, None)?;
+        let publisher = Arc::new(node.create_publisher::<M::Message>(&created, None)?);
         let topic = Arc::new(Topic {
             _participant: self.participant.clone(),
+            _publisher: publisher.clone(),
             name: topic.to_owned(),
             is_exclusive: M::NAME == neuro_ros::NeuroFrame::NAME,
             subscribers: AtomicUsize::new(0),
@@ -232,7 +236,12 @@ impl Ros2Node {
             .iter()
             .filter(|topic| topic.is_exclusive && topic.publishers.load(Ordering::Relaxed) > 0);
         let shared: Vec<&str> = shared.map(|topic| topic.name.as_str()).collect();
-        let (level, message) = if shared.is_empty() {
+        let thread = self.thread.as_ref();
+        let (level, message) = if thread.is_none_or(|thread| thread.handle.is_finished()) {
+            let message =
+                "the node's thread has ended and its services do not answer; restart the bridge";
+            (DiagnosticLevel::Error, message.to_owned())
+        } else if shared.is_empty() {
             (DiagnosticLevel::Ok, "the node is in its domain".to_owned())
         } else {
             let message = format!(

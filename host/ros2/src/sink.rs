@@ -54,13 +54,13 @@ impl Delivery {
 /// acknowledged none of the newest 8192. A subscriber whose process stands still is given up after
 /// its lease, 10 to 20 s for usual ROS 2 nodes, and costs the others nothing.
 pub struct Ros2Sink<M: Ros2Message> {
-    publisher: Publisher<M::Message>,
+    publisher: Arc<Publisher<M::Message>>,
     topic: Arc<Topic>,
     dropped: u64,
 }
 
 impl<M: Ros2Message> Ros2Sink<M> {
-    pub(crate) fn new(publisher: Publisher<M::Message>, topic: Arc<Topic>) -> Ros2Sink<M> {
+    pub(crate) fn new(publisher: Arc<Publisher<M::Message>>, topic: Arc<Topic>) -> Ros2Sink<M> {
         Ros2Sink {
             publisher,
             topic,

@@ -62,9 +62,16 @@ export class Head {
       element('circle', {r: 1, class: 'outline'}),
       element('path', {d: 'M-0.12 -0.99L0 -1.12L0.12 -0.99', class: 'outline'}),
     );
-    const response = await fetch(`/places?${labels.map(encodeURIComponent).join(',')}`);
     /** @type {([number, number] | null)[]} */
-    const places = await response.json();
+    let places;
+    try {
+      const response = await fetch(`/places?${labels.map(encodeURIComponent).join(',')}`);
+      places = await response.json();
+    } catch (error) {
+      // The next call asks again.
+      if (this.labels === labels) this.labels = [];
+      throw error;
+    }
     labels.forEach((label, index) => {
       const place = places[index];
       if (!place) return;

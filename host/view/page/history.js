@@ -44,7 +44,7 @@ export class History {
     this.bar.setAttribute('aria-valuetext', before > 0 ? `${before} s before the newest sample` : 'newest sample');
     const most = Math.floor(store.most * store.chunkBytes / 2 ** 20), hour = Math.floor(store.longest / 60);
     this.kept.textContent = `${before > 0 ? `${duration(before)} back; ` : ''}${duration((to - from) / 1e6)} kept ` +
-      `of at most ${hour} min, ${(store.bytes / 2 ** 20).toFixed(0)} of ${most} MB`;
+      `of at most ${hour} min, ${(store.bytes / 2 ** 20).toFixed(0)} of ${most} MiB`;
   }
 }
 

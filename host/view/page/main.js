@@ -141,9 +141,16 @@ function show() {
   for (const option of over.options) option.disabled = option.value === stream.value;
   if (first?.store !== before) setPaused(false);
   find('cursor').textContent = traces.words();
-  const choose = () => head.choose(first?.store.labels[traces.cursor.channel] ?? '');
   if (first) session.offer(first.store.labels.slice(0, first.store.electrodes));
-  if (first) head.show(first.store.labels.slice(0, first.store.electrodes)).then(choose, () => {});
+  showHead();
+}
+
+/** Shows the electrodes of the chosen stream; if the bridge does not answer, again when it is reached. */
+function showHead() {
+  const store = traces.store;
+  if (!store) return;
+  const choose = () => head.choose(store.labels[traces.cursor.channel] ?? '');
+  head.show(store.labels.slice(0, store.electrodes)).then(choose, () => {});
 }
 
 /** @param {boolean} paused */
@@ -291,6 +298,7 @@ async function run() {
       code.clear();
       head.clear();
       session.clear();
+      showHead();
       setState(3, 'connected');
     };
     const status = await receive(token, onOpen, onMessage);

@@ -34,6 +34,11 @@ function clock(seconds) {
   return `${two(seconds / 3600)}:${two(seconds / 60 % 60)}:${two(seconds % 60)}`;
 }
 
+/** @param {string} word @returns {string} the word as a shell takes it */
+function quoted(word) {
+  return /^[\w./-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`;
+}
+
 /** @param {string} name @param {string} text @param {string} [className] */
 function element(name, text, className = '') {
   const node = document.createElement(name);
@@ -56,7 +61,7 @@ export class Session {
     /** @type {HTMLSelectElement} */
     this.rate = find('rate');
     this.isRecording = false;
-    /** Name of the newest recording. */
+    /** Path of the newest recording. */
     this.file = 'RECORDING.wire';
     this.mains = '50';
     this.presentRate = '';
@@ -85,16 +90,20 @@ export class Session {
     find('needs').textContent = allowed ? '' : NEEDS;
   }
 
-  /** Asks the bridge whether a token is right, and says so if it is not.
+  /** Asks the bridge whether a token is right, and says why if it does not accept it.
    * @param {string} token @returns {Promise<boolean>} */
   async check(token) {
     const abort = new AbortController();
     const headers = {Authorization: `Bearer ${token}`};
     const response = await fetch('/stream', {headers, signal: abort.signal}).catch(() => null);
-    const isWrong = response?.status === 401;
     abort.abort();
-    if (isWrong) find('needs').textContent = 'This token is wrong. The bridge has printed the right one.';
-    return response !== null && !isWrong;
+    if (response?.ok) return true;
+    const reasons = new Map([
+      [401, 'This token is wrong. The bridge has printed the right one.'],
+      [503, 'Too many pages are open; close one and try again.'],
+    ]);
+    find('needs').textContent = reasons.get(response?.status ?? 0) ?? 'The bridge does not answer.';
+    return false;
   }
 
   /** Forgets the reports of a bridge that was lost. */
@@ -117,16 +126,21 @@ export class Session {
    * @param {string} command @param {string} [body] @returns {Promise<Reply | null>} */
   async send(command, body = '') {
     const request = {method: 'POST', headers: {Authorization: `Bearer ${this.token()}`}, body};
-    const response = await fetch(`/${command}`, request).catch(() => null);
-    if (!response) return this.say(command, 'the bridge does not answer', true);
-    if (!response.ok) {
-      const why = response.status === 401 ? 'the token is wrong' : await response.text();
-      return this.say(command, `${command} is refused: ${why}`, true);
+    try {
+      const response = await fetch(`/${command}`, request);
+      const isWrong = response.status === 401;
+      if (isWrong) find('access').hidden = false;
+      if (!response.ok) {
+        const why = isWrong ? 'the token is wrong' : await response.text();
+        return this.say(command, `${command} is refused: ${why}`, true);
+      }
+      /** @type {Reply} */
+      const reply = await response.json();
+      this.say(command, reply.message, false);
+      return reply;
+    } catch {
+      return this.say(command, 'the bridge does not answer', true);
     }
-    /** @type {Reply} */
-    const reply = await response.json();
-    this.say(command, reply.message, false);
-    return reply;
   }
 
   /** Shows the answer to a command in its panel.
@@ -140,9 +154,14 @@ export class Session {
   }
 
   async mark() {
-    const reply = await this.send('marker', this.text.value);
-    if (!reply) return;
+    const text = this.text.value;
+    // The field is empty at once, so that a second Enter marks nothing.
     this.text.value = '';
+    const reply = await this.send('marker', text);
+    if (!reply) {
+      if (this.text.value === '') this.text.value = text;
+      return;
+    }
     // A marker that is published comes back as an event.
     if (!reply.published) this.list(reply.text ?? '');
   }
@@ -204,7 +223,11 @@ export class Session {
     const value = (name, key) => this.statuses.get(name)?.values.get(key);
     const recording = this.statuses.get('recording');
     const seconds = value('recording', 'seconds'), left = value('recording', 'disk left bytes');
+    const wasRecording = this.isRecording;
     this.isRecording = seconds !== undefined;
+    if (wasRecording && !this.isRecording && recording && recording.level > 0) {
+      this.say('record', recording.message, recording.level > 1);
+    }
     this.record.textContent = this.isRecording ? 'Stop recording' : 'Record';
     this.record.classList.toggle('recording', this.isRecording);
     const state = find('recording');
@@ -216,11 +239,13 @@ export class Session {
     if (lost > 0) words.push(`${size(lost)} lost, the disk is too slow`);
     state.textContent = words.join(' \u00b7 ');
     const file = value('recording', 'file');
-    const disk = left === undefined ? '' : `${size(Number(left))} left in ${value('recording', 'folder')}`;
+    const folder = value('recording', 'folder') ?? '.';
+    const disk = left === undefined ? '' : `${size(Number(left))} left in ${folder}`;
     find('left').textContent = file === undefined ? disk : `${file} \u00b7 ${disk}`;
     const mains = value('device', 'mains Hz') ?? this.mains;
-    if ((file ?? this.file) !== this.file || mains !== this.mains) {
-      this.file = file ?? this.file;
+    const path = folder === '.' ? file : file && `${folder.replace(/\/+$/, '')}/${file}`;
+    if ((path ?? this.file) !== this.file || mains !== this.mains) {
+      this.file = path ?? this.file;
       this.mains = mains;
       this.showCommands();
     }
@@ -237,8 +262,8 @@ export class Session {
 
   /** Shows how a model is fitted to the person whose EEG was recorded. */
   showCommands() {
-    const stem = this.file.replace(/\.wire$/, '');
-    find('calibrate').textContent = `corticode-bridge convert ${this.file} --to gdf\n` +
-      `corticode-bridge calibrate --subject NAME --mains ${this.mains} \\\n  --recording ${stem}.raw.gdf`;
+    const raw = this.file.replace(/\.wire$/, '.raw.gdf');
+    find('calibrate').textContent = `corticode-bridge convert ${quoted(this.file)} --to gdf\n` +
+      `corticode-bridge calibrate --subject NAME --mains ${this.mains} \\\n  --recording ${quoted(raw)}`;
   }
 }

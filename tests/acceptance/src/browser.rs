@@ -14,6 +14,8 @@ use crate::process::Process;
 
 /// Longest wait for a condition, enough on a busy machine.
 const TIMEOUT: Duration = Duration::from_mins(1);
+/// Time limit for a script: some draw thousands of pictures, on a machine that does more.
+const SCRIPT_TIMEOUT: Duration = Duration::from_mins(5);
 /// Time between two checks of a condition.
 const POLL: Duration = Duration::from_millis(50);
 /// Size of the page, CSS pixels.
@@ -56,6 +58,7 @@ impl Browser {
             "--hide-scrollbars",
         ];
         let wanted = json!({"capabilities": {"alwaysMatch": {
+            "timeouts": {"script": SCRIPT_TIMEOUT.as_millis()},
             "goog:loggingPrefs": {"browser": "ALL"},
             "goog:chromeOptions": {"args": arguments},
         }}});
@@ -87,14 +90,14 @@ impl Browser {
         self.post("refresh", &json!({}));
     }
 
-    /// Opens an empty tab. Returns its name, and that of the present one.
+    /// Opens an empty tab. Returns its handle and that of the current tab.
     pub fn new_tab(&self) -> [Value; 2] {
         let present = self.command("GET", "window", None);
         let new = self.post("window/new", &json!({"type": "tab"}))["handle"].take();
         [new, present]
     }
 
-    /// Makes a tab the present one.
+    /// Makes `tab` the current tab.
     pub fn switch_to(&self, tab: &Value) {
         self.post("window", &json!({"handle": tab}));
     }
@@ -201,7 +204,7 @@ impl Drop for Browser {
 /// Sends a request to `chromedriver` and returns the value of its answer.
 fn exchange(port: u16, method: &str, path: &str, body: Option<&Value>) -> io::Result<Value> {
     let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port))?;
-    stream.set_read_timeout(Some(TIMEOUT))?;
+    stream.set_read_timeout(Some(SCRIPT_TIMEOUT + TIMEOUT))?;
     let body = body.map(Value::to_string).unwrap_or_default();
     let length = body.len();
     write!(

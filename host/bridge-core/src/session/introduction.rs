@@ -318,7 +318,8 @@ impl Session {
                 row,
                 device_us: None,
             };
-            self.side.bus.publish(&event, read.wall_ns, place, effects);
+            let wall_ns = self.frame_wall_ns(read, effects);
+            self.side.bus.publish(&event, wall_ns, place, effects);
         }
         self.objection = Some(why);
         self.commands.device_introduced(false);

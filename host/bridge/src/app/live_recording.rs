@@ -1,9 +1,11 @@
 //! A recording of the wire that the user starts and ends while the bridge runs.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::Instant;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use bridge_core::{HostTime, Settings};
 use capture::{FileHeader, Handshake, Recorder};
@@ -21,13 +23,15 @@ use crate::wire::connection::Event;
 const NAME: &str = "corticode-%Y%m%dT%H%M%SZ";
 /// Number of recordings that can begin within a second.
 const MAX_NUMBER: u32 = 9;
+/// Longest wait for the disk when the bridge ends.
+const DISK_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest part of a frame that is kept until the rest arrives, bytes.
 const MAX_PARTIAL: usize = 4096;
 
 /// The recording in progress, if there is one, and what the next one must begin with.
 ///
-/// Nothing here waits for the disk: a thread writes the file, and what does not fit into its queue
-/// is lost and counted.
+/// Only the creation of a file waits for the disk. A thread writes the file, and what does not fit
+/// into its queue is lost and counted.
 pub(crate) struct LiveRecording {
     folder: PathBuf,
     settings: Settings,
@@ -35,10 +39,14 @@ pub(crate) struct LiveRecording {
     /// Bytes since the end of the newest whole frame.
     partial: Vec<u8>,
     active: Option<Active>,
-    /// How the last recording has ended, and whether it was by itself.
-    ended: Option<(DiagnosticLevel, String)>,
+    ended: Outcome,
+    /// Disconnected when the end of the last recording is on the disk, or cannot be written.
+    ending: Option<Receiver<()>>,
     room: Arc<Room>,
 }
+
+/// How the last recording has ended, for the status.
+type Outcome = Arc<Mutex<Option<(DiagnosticLevel, String)>>>;
 
 struct Active {
     recorder: Recorder,
@@ -61,14 +69,35 @@ struct Room {
 pub(crate) struct Ended {
     file: RecordingFile,
     summary: String,
+    lost_bytes: u64,
+    outcome: Outcome,
+    /// Dropped when the disk has answered.
+    _ending: Sender<()>,
 }
 
 impl Ended {
     /// Waits for the disk. Returns what to tell the user.
     pub(crate) fn finish(self) -> Result<String, String> {
-        let finished = self.file.finish();
-        finished.map_err(|error| causes(&error))?;
-        Ok(self.summary)
+        let finished = self.file.finish().map_err(|error| {
+            let why = causes(&error);
+            format!(
+                "the end of the recording is not on the disk: {why}; {}",
+                self.summary
+            )
+        });
+        let level = match &finished {
+            Err(_) => DiagnosticLevel::Error,
+            Ok(()) if self.lost_bytes > 0 => DiagnosticLevel::Warn,
+            Ok(()) => DiagnosticLevel::Ok,
+        };
+        let result = finished.map(|()| self.summary);
+        let (Ok(message) | Err(message)) = &result;
+        match &result {
+            Ok(summary) => tracing::info!("{summary}"),
+            Err(why) => tracing::error!("{why}"),
+        }
+        *lock(&self.outcome) = Some((level, message.clone()));
+        result
     }
 }
 
@@ -81,7 +110,8 @@ impl LiveRecording {
             handshake: Handshake::default(),
             partial: Vec::new(),
             active: None,
-            ended: None,
+            ended: Outcome::default(),
+            ending: None,
             room: Arc::default(),
         }
     }
@@ -141,7 +171,8 @@ impl LiveRecording {
         self.handshake.begin(&mut recorder, now);
         recorder.received(&self.partial, now);
         tracing::info!("recording to {}", path.display());
-        self.ended = None;
+        // An earlier recording that still ends keeps its own.
+        self.ended = Outcome::default();
         self.active = Some(Active {
             recorder,
             file,
@@ -179,27 +210,43 @@ impl LiveRecording {
         let mut active = self.active.take().ok_or("nothing is being recorded")?;
         active.recorder.finish_piece(now);
         active.write();
-        let summary = active.summary();
-        tracing::info!("{summary}");
-        let level = if active.lost_bytes > 0 {
-            DiagnosticLevel::Warn
-        } else {
-            DiagnosticLevel::Ok
-        };
-        self.ended = Some((level, summary.clone()));
-        let file = active.file;
-        Ok(Ended { file, summary })
+        let (done, ending) = channel();
+        self.ending = Some(ending);
+        Ok(Ended {
+            summary: active.summary(),
+            lost_bytes: active.lost_bytes,
+            file: active.file,
+            outcome: Arc::clone(&self.ended),
+            _ending: done,
+        })
     }
 
-    /// Records a marker. Returns whether a recording is in progress.
-    pub(crate) fn marker(&mut self, text: &str, at: HostTime) -> bool {
-        let Some(active) = &mut self.active else {
-            return false;
-        };
+    /// Ends the recording before the program ends. Waits for the disk, at most for
+    /// [`DISK_TIMEOUT`].
+    pub(crate) fn finish(mut self, now: HostTime) {
+        if let Ok(ended) = self.stop(now) {
+            thread::spawn(move || ended.finish());
+        }
+        let ending = self.ending.map(|ending| ending.recv_timeout(DISK_TIMEOUT));
+        if ending == Some(Err(RecvTimeoutError::Timeout)) {
+            tracing::error!(
+                "the disk does not take the end of the recording, which is not complete"
+            );
+        }
+    }
+
+    /// Records a marker. Returns whether the file takes it; `None` if nothing is being recorded.
+    pub(crate) fn marker(&mut self, text: &str, at: HostTime) -> Option<bool> {
+        let active = self.active.as_mut()?;
+        let lost_bytes = active.lost_bytes;
         active.recorder.marker(text, at);
-        active.markers += 1;
         self.write();
-        true
+        let active = self.active.as_mut();
+        let Some(active) = active.filter(|active| active.lost_bytes == lost_bytes) else {
+            return Some(false);
+        };
+        active.markers += 1;
+        Some(true)
     }
 
     /// Passes what was recorded to the thread that writes. If the disk takes no more, the recording
@@ -221,14 +268,14 @@ impl LiveRecording {
         };
         let ended = format!("the recording has ended: {why}; what was written stays: {summary}");
         tracing::error!("{ended}");
-        self.ended = Some((DiagnosticLevel::Error, ended));
+        *lock(&self.ended) = Some((DiagnosticLevel::Error, ended));
     }
 
     /// Returns the status `recording`.
     pub(crate) fn status(&self) -> DiagnosticStatus {
         self.room.measure(&self.folder);
         let mut values = Vec::new();
-        let (level, message) = match (&self.active, &self.ended) {
+        let (level, message) = match (&self.active, &*lock(&self.ended)) {
             (Some(active), _) => {
                 values = vec![
                     KeyValue::new("file", &name(&active.path)),
@@ -308,6 +355,10 @@ impl Room {
             room.is_busy.store(false, Ordering::Relaxed);
         });
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn name(path: &Path) -> String {

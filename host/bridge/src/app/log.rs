@@ -26,8 +26,11 @@ const QUIET: &str = "rustdds=error,ros2_client=off";
 ///
 /// [`BridgeError::Log`] if the log file cannot be written.
 pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeError> {
-    let filter = EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| EnvFilter::new(format!("{level},{QUIET}")));
+    let chosen = std::env::var(EnvFilter::DEFAULT_ENV).ok();
+    let chosen = chosen.filter(|chosen| EnvFilter::try_new(chosen).is_ok());
+    let chosen = chosen.unwrap_or_else(|| level.to_owned());
+    // What the user has chosen for a library comes later, and counts.
+    let filter = EnvFilter::new(format!("{QUIET},{chosen}"));
     let writer = match &ros.log {
         None => BoxMakeWriter::new(std::io::stderr),
         Some(path) => {

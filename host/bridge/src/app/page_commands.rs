@@ -115,7 +115,17 @@ impl PageCommands {
         }
     }
 
+    /// Lets a reply wait for the device. Commands of the same kind that wait are replaced by it.
     fn wait(&mut self, awaited: Awaited, reply: Reply) {
+        let kind = awaited.kind();
+        for replaced in self
+            .pending
+            .extract_if(.., |one| one.awaited.kind() == kind)
+        {
+            replaced
+                .reply
+                .refuse("a newer command has replaced this one");
+        }
         // A self-test has its own limit, after which it has failed.
         let timeout = match awaited {
             Awaited::SelfTest => 5 * TIMEOUT,
@@ -216,6 +226,16 @@ impl PageCommands {
 }
 
 impl Awaited {
+    /// Returns what the command sets; a newer command that sets the same replaces it.
+    const fn kind(&self) -> &'static str {
+        match self {
+            Awaited::Started | Awaited::Stopped => "streaming",
+            Awaited::Exclusion(_) => "exclusion",
+            Awaited::Rate(_) => "rate",
+            Awaited::SelfTest => "self-test",
+        }
+    }
+
     /// Returns the answer to the user; `None` while the device has not answered.
     fn outcome(&self, core: &mut Core) -> Option<view::Answer> {
         let done = |message: &str| Ok(json!({ "message": message }));
@@ -247,10 +267,14 @@ fn mark(text: &str, at: HostTime, core: &mut Core, outlets: &mut Outlets, reply:
     let is_recorded = outlets.recording.marker(text, at);
     let is_published = core.mark(text, at, outlets);
     let places = match (is_recorded, is_published) {
-        (true, true) => "in the recording and among the events",
-        (true, false) => "in the recording",
-        (false, true) => "among the events; nothing is being recorded",
-        (false, false) => {
+        (Some(true), true) => "in the recording and among the events",
+        (Some(true), false) => "in the recording",
+        (Some(false), true) => "among the events; the recording has lost it, as its disk is slow",
+        (Some(false), false) => {
+            return reply.refuse("the recording has lost the marker, as its disk is slow");
+        }
+        (None, true) => "among the events; nothing is being recorded",
+        (None, false) => {
             return reply.refuse(
                 "nothing would keep the marker: events are not among the streams, and nothing is \
                  being recorded; start a recording first",

@@ -181,15 +181,12 @@ pub(super) async fn show(
     let header = feed.header();
     // Nothing decides from features without their classifier.
     let streams = header.streams.without(Streams::FEATURES);
-    let announced = if streams.contains(Streams::CODES) {
-        AnnouncedStream::Encoded
-    } else {
-        AnnouncedStream::Reconstructed
-    };
+    let mut topics = AnnouncedStream::TOPICS.into_iter().map(|(_, topic)| topic);
+    let announced = topics.find(|topic| topic.is_in(streams));
     let publication = Publication {
         settings: Settings {
             mains_hz: header.mains_hz,
-            announced,
+            announced: announced.unwrap_or_default(),
             streams,
             ..Settings::default()
         },

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
-use link::{AckResult, ExclusionPolicy, SelfTest, ToDevice};
+use link::{AckResult, ExclusionPolicy, SelfTest, Streams, ToDevice};
 use neuro_ros::{DiagnosticArray, DiagnosticStatus, NeuroFrame, Wire as _};
 use rustix::process::Signal;
 use serde_json::Value;
@@ -14,6 +14,7 @@ use crate::board::{Board, assert_has, electrode};
 use crate::convert::{Table, convert};
 use crate::device::Device;
 use crate::process::{Bridge, TIMEOUT, free_address, wait_for_bytes, wait_until};
+use crate::synthetic_recording::Rig;
 
 const TOKEN: &str = "0123456789abcdef";
 
@@ -205,14 +206,19 @@ fn a_recording_begun_while_the_device_streams_is_converted_without_a_gap() {
     is_shown_again(&path);
 }
 
-/// Shows the recording at `path` on a live page, from its beginning and without a loss.
-fn is_shown_again(path: &Path) {
+/// Shows the recording at `path` on a live page. Returns the bridge and the page's messages.
+fn shown(path: &Path) -> (Bridge, BufReader<TcpStream>) {
     let address = free_address();
     let (file, at) = (path.to_str().unwrap(), address.to_string());
     let options = ["replay", file, "--live", "--view-address", &at];
     let bridge = Bridge::start(&[&options[..], &["--view-token", TOKEN]].concat());
     wait_until("the live page", || TcpStream::connect(address).is_ok());
-    let mut page = view(address);
+    (bridge, view(address))
+}
+
+/// Shows the recording at `path` on a live page, from its beginning and without a loss.
+fn is_shown_again(path: &Path) {
+    let (bridge, mut page) = shown(path);
     let mut last = 0;
     for _ in 0..20 {
         let frame = NeuroFrame::from_bytes(&next(&mut page, 1)).unwrap();
@@ -225,6 +231,24 @@ fn is_shown_again(path: &Path) {
             "{last}, {window}"
         );
         last = window;
+    }
+    bridge.end(Signal::TERM);
+}
+
+#[test]
+fn a_recording_of_samples_alone_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("raw.wire");
+    let mut rig = Rig::with(Streams::RAW, 1, 0);
+    rig.run(100, 200);
+    std::fs::write(&path, rig.finish()).unwrap();
+    let (bridge, mut page) = shown(&path);
+    for _ in 0..10 {
+        let frame = NeuroFrame::from_bytes(&next(&mut page, 4)).unwrap();
+        let [flags, _, _, _, _, _, lost, _] = frame.tri.data[..8] else {
+            panic!("{:?}", frame.tri.data);
+        };
+        assert_eq!((frame.sr, flags, lost), (512, 0, 0), "{frame:?}");
     }
     bridge.end(Signal::TERM);
 }

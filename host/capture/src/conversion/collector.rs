@@ -31,7 +31,7 @@ pub(crate) trait Listener {
     /// Receives the next rows of a stream.
     fn block(&mut self, block: Block);
 
-    /// Receives the next edge of the trigger input.
+    /// Receives the next edge of the trigger input or marker.
     fn event(&mut self, event: TimedEvent);
 }
 

@@ -25,9 +25,11 @@ pub struct Handshake {
     /// The newest acknowledged command of each kind, with the answer, oldest first.
     acknowledged: Vec<(Command, AckResult)>,
     is_running: bool,
-    /// Number and device time of the newest frame from the device.
+    /// Number and device time of the newest frame from the device, and when it was received,
+    /// microseconds of the host's monotonic clock.
     seq: u32,
     device_us: u64,
+    received_us: i64,
 }
 
 #[derive(Debug)]
@@ -77,10 +79,11 @@ impl Handshake {
         });
     }
 
-    /// Notes a frame from the device.
+    /// Notes a frame from the device that has just been received.
     pub fn received(&mut self, frame: &Frame<ToHost>) {
         self.seq = frame.header.seq;
         self.device_us = frame.header.device_time_us;
+        self.received_us = HostTime::now().monotonic_us;
         match &frame.message {
             ToHost::Hello(hello) => {
                 if !self.introduction.is_session(hello) {
@@ -133,6 +136,8 @@ impl Handshake {
             return;
         }
         let introduction = self.introduction.payloads();
+        // A stopped device can be silent for seconds.
+        let since_us = now.monotonic_us.saturating_sub(self.received_us);
         let frames = introduction.len() + self.acknowledged.len();
         let mut header = Header {
             version: VERSION,
@@ -140,7 +145,7 @@ impl Handshake {
                 .seq
                 .wrapping_sub(u32::try_from(frames).unwrap_or(0))
                 .wrapping_add(1),
-            device_time_us: self.device_us,
+            device_time_us: self.device_us.saturating_add_signed(since_us),
         };
         let mut receive = |recorder: &mut Recorder, message: &ToHost| {
             let mut buffer = [0; MAX_FRAME];

@@ -2,8 +2,8 @@
 //! beginning.
 
 use link::{
-    Capabilities, Code, CompressedRaw, Event, Features, Filtered, PackedCode, Quality, Raw, Stats,
-    ToHost,
+    Audit, Capabilities, Code, CompressedRaw, Event, Exclusion, Features, Filtered, PackedCode,
+    Quality, Raw, Stats, ToHost,
 };
 
 /// Hops that are left out at the beginning, so that every stream begins with the same one: the
@@ -71,6 +71,7 @@ fn hop_of(message: &ToHost<'_>, hop: Hop) -> Option<u32> {
         ToHost::Code(code) => Some(code.window),
         ToHost::PackedCode(code) => Some(code.block),
         ToHost::Features(features) => Some(features.hop),
+        ToHost::Audit(audit) => Some(audit.window),
         ToHost::Raw(raw) => of_samples(raw.first_sample),
         ToHost::CompressedRaw(raw) => of_samples(raw.first_sample),
         ToHost::Filtered(filtered) => u32::try_from(filtered.first_step / hop.steps).ok(),
@@ -100,6 +101,10 @@ fn renumber<'m>(message: &ToHost<'m>, hop: Hop, hops: u32) -> Option<ToHost<'m>>
             hop: hop_index(features.hop)?,
             ..*features
         }),
+        ToHost::Audit(audit) => ToHost::Audit(Audit {
+            window: hop_index(audit.window)?,
+            ..*audit
+        }),
         ToHost::Raw(raw) => ToHost::Raw(Raw {
             first_sample: raw.first_sample.checked_sub(samples)?,
             ..*raw
@@ -120,10 +125,143 @@ fn renumber<'m>(message: &ToHost<'m>, hop: Hop, hops: u32) -> Option<ToHost<'m>>
             first_sample: quality.first_sample.saturating_sub(samples),
             ..quality.clone()
         }),
+        ToHost::Exclusion(exclusion) => ToHost::Exclusion(Exclusion {
+            first_step: exclusion.first_step.saturating_sub(steps),
+            ..*exclusion
+        }),
         ToHost::Stats(stats) => ToHost::Stats(Stats {
             next_window: hop_index(stats.next_window).unwrap_or(0),
             ..*stats
         }),
         other => other.clone(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use link::{
+        Audit, BlockForm, Code, CodeValues, CompressedRaw, Exclusion, ExclusionPolicy, Features,
+        Filtered, Flags, PackedCode, Raw, ToHost,
+    };
+
+    use super::{Hop, Renumbering, hop_of};
+
+    const HOP: Hop = Hop {
+        steps: 8,
+        samples: 32,
+    };
+
+    /// Returns the messages with the number of a hop: those of the hop `hop`.
+    fn numbered(hop: u32) -> [ToHost<'static>; 4] {
+        let flags = Flags::empty();
+        [
+            ToHost::Code(Code {
+                model_id: [1; 8],
+                window: hop,
+                first_sample: u64::from(hop) * HOP.samples,
+                flags,
+                clipped: 0,
+                clipped_values: 0,
+                saturated: 0,
+                values: CodeValues::int8(&[0]),
+            }),
+            ToHost::PackedCode(PackedCode {
+                block: hop,
+                rate: 4,
+                flags,
+                clipped: 0,
+                saturated: 0,
+                bytes: &[],
+            }),
+            ToHost::Features(Features {
+                id: 1,
+                hop,
+                flags,
+                saturated: 0,
+                levels: &[0],
+            }),
+            ToHost::Audit(Audit {
+                model_id: [1; 8],
+                window: hop,
+                planes: &[0],
+                values: CodeValues::int8(&[0]),
+            }),
+        ]
+    }
+
+    /// Returns the messages with the index of a sample or step: those of the hop `hop`.
+    fn indexed(hop: u32) -> [ToHost<'static>; 3] {
+        let flags = Flags::empty();
+        [
+            ToHost::Raw(Raw {
+                first_sample: u64::from(hop) * HOP.samples,
+                channels: 1,
+                flags,
+                counts: &[0; 3],
+            }),
+            ToHost::CompressedRaw(CompressedRaw {
+                first_sample: u64::from(hop) * HOP.samples,
+                channels: 1,
+                flags,
+                form: BlockForm::Key,
+                samples: 1,
+                bytes: &[0],
+            }),
+            ToHost::Filtered(Filtered {
+                first_step: u64::from(hop) * HOP.steps,
+                electrodes: 1,
+                fraction_bits: 5,
+                flags,
+                values: &[0; 4],
+            }),
+        ]
+    }
+
+    fn messages(hop: u32) -> Vec<ToHost<'static>> {
+        numbered(hop).into_iter().chain(indexed(hop)).collect()
+    }
+
+    fn exclusion(first_step: u64) -> ToHost<'static> {
+        ToHost::Exclusion(Exclusion {
+            first_step,
+            excluded: 1,
+            policy: ExclusionPolicy::AUTOMATIC,
+        })
+    }
+
+    #[test]
+    fn the_first_message_of_any_kind_decides_for_all() {
+        for first in messages(1000) {
+            let mut renumbering = Renumbering::joined(Some(HOP));
+            assert_eq!(renumbering.apply(&first), None, "{first:?}");
+            for early in messages(1001) {
+                assert_eq!(renumbering.apply(&early), None, "{first:?} {early:?}");
+            }
+            for (message, expected) in messages(1009).iter().zip(messages(7)) {
+                assert_eq!(renumbering.apply(message), Some(expected), "{first:?}");
+            }
+            for (step, expected) in [(1003 * HOP.steps, HOP.steps), (3, 0)] {
+                let renumbered = renumbering.apply(&exclusion(step));
+                assert_eq!(renumbered, Some(exclusion(expected)), "{first:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_number_of_a_hop_can_wrap() {
+        for first in numbered(u32::MAX) {
+            let mut renumbering = Renumbering::joined(Some(HOP));
+            assert_eq!(renumbering.apply(&first), None, "{first:?}");
+            let mut hops_of = |hop| {
+                numbered(hop).map(|message| {
+                    let renumbered = renumbering.apply(&message);
+                    renumbered.and_then(|message| hop_of(&message, HOP))
+                })
+            };
+            assert_eq!(hops_of(u32::MAX), [None; 4], "{first:?}");
+            assert_eq!(hops_of(0), [None; 4], "{first:?}");
+            assert_eq!(hops_of(1), [Some(0); 4], "{first:?}");
+            assert_eq!(hops_of(3), [Some(2); 4], "{first:?}");
+        }
+    }
 }

@@ -3,10 +3,10 @@
 use std::io::Cursor;
 
 use bridge_core::HostTime;
-use capture::{FileHeader, LeftOut, RecordKind, Recorder, RecordingReader};
-use link::{MAX_FRAME, Streams, ToDevice, ToHost};
+use capture::{FileHeader, Handshake, LeftOut, RecordKind, Recorder, RecordingReader};
+use link::{Decoder, MAX_FRAME, Streams, ToDevice, ToHost};
 
-use crate::board::at;
+use crate::board::{Board, at};
 
 const PAGE: &str = include_str!("../../../../docs/recording-format.md");
 
@@ -136,5 +136,38 @@ fn damage_costs_the_records_that_it_hits() {
         assert_eq!(times.len(), all - hit.len());
         let within = hit.iter().sum::<usize>() as u64;
         assert_eq!(left_out, LeftOut { within, at_end: 0 });
+    }
+}
+
+#[test]
+fn an_introduction_of_a_silent_device_has_the_device_time_at_the_beginning() {
+    let mut handshake = Handshake::default();
+    handshake.opened();
+    let bytes = Board::new().hello();
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let (mut left, before) = (&bytes[..], HostTime::now());
+    while let Some(frame) = decoder.next::<ToHost>(&mut left) {
+        handshake.received(&frame.unwrap());
+    }
+    let mut now = HostTime::now();
+    // The board's frames have the device time 0.
+    let expected_us = 2_000_000..=2_000_000 + now.monotonic_us - before.monotonic_us;
+    now.monotonic_us += 2_000_000;
+    now.wall_ns += 2_000_000_000;
+    let mut recorder = Recorder::new(HEADER);
+    handshake.begin(&mut recorder, now);
+    let file = recorder.take();
+    let mut reader = RecordingReader::new(&file[..]).unwrap();
+    let mut times_us = Vec::new();
+    while let Some(record) = reader.next_record().unwrap() {
+        assert_eq!(record.time, now);
+        let mut payload = record.payload;
+        if let Some(frame) = decoder.next::<ToHost>(&mut payload) {
+            times_us.push(frame.unwrap().header.device_time_us.cast_signed());
+        }
+    }
+    assert_eq!(times_us.len(), 2);
+    for time_us in times_us {
+        assert!(expected_us.contains(&time_us), "{time_us}, {expected_us:?}");
     }
 }

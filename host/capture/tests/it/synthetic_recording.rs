@@ -171,7 +171,11 @@ impl Rig {
             for part in 0..parts(2, Streams::FILTERED) {
                 self.filtered(first / 4 + part * 4);
             }
-            self.code(hop);
+            if streams.contains(Streams::CODES) {
+                self.code(hop);
+            } else {
+                self.board.next_window += 1;
+            }
             if let Some((us, event)) = late.take() {
                 self.send_event(us, event);
             }

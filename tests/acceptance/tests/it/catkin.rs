@@ -17,8 +17,9 @@ use rustix::process::Signal;
 /// Time limit for roslaunch to end its nodes and exit after a Unix signal.
 const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 /// Options of the bridge that are not arguments of corticode.launch: `exit_at_end`, which is for
-/// scripts, and `topic_prefix`, which the argument `ns` replaces.
-const NOT_ARGUMENTS: [&str; 2] = ["exit_at_end", "topic_prefix"];
+/// scripts, `open_browser`, which needs a desktop, and `topic_prefix`, which the argument `ns`
+/// replaces.
+const NOT_ARGUMENTS: [&str; 3] = ["exit_at_end", "open_browser", "topic_prefix"];
 
 #[test]
 fn built_messages_have_the_md5_sums_that_the_bridge_publishes() {
