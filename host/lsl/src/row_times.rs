@@ -5,8 +5,8 @@ use bridge_core::StampPoint;
 /// Largest difference between the measured and the nominal period, as a fraction: that of devices
 /// whose clock the bridge follows.
 const MAX_ERROR: f64 = 0.045;
-/// Number of measurements of the period, of which the median counts, 1 s of frames: while the fit of
-/// the device's clock settles or moves, some of them are wrong.
+/// Number of newest measurements of the period, 1 s of frames, whose median is used: while the fit
+/// of the device's clock settles or moves, some of them are wrong.
 const MEASUREMENTS: usize = 15;
 
 /// Estimates the period of a stream's samples from the times of its frames, and returns the time of

@@ -18,9 +18,9 @@ use crate::encoder_device::CODES;
 ///
 /// Subscribes to /neurodata (rosneuro_msgs/NeuroFrame): float microvolts, any frame size, 128 Hz or
 /// more, electrodes by label; or, with --source lsl:NAME, to the stream of any amplifier that
-/// streams to the Lab Streaming Layer. Publishes /encoded, /neurodata_reconstructed and /diagnostics as
-/// corticode-bridge does for a board, and serves ~get_info, ~start, ~stop and ~quit, as the node
-/// `corticode`. A recorder of /encoded needs the remapping
+/// streams to the Lab Streaming Layer. Publishes /encoded, /neurodata_reconstructed and
+/// /diagnostics as corticode-bridge does for a board, and serves ~get_info, ~start, ~stop and
+/// ~quit, as the node `corticode`. A recorder of /encoded needs the remapping
 /// /acquisition/get_info:=/corticode/get_info. Waits for an absent ROS master or acquisition. ROS's
 /// own arguments work too: __name:=, __ns:=, /neurodata:=/filtered. Each option but the master and
 /// the level of the log is a private parameter as well: _mains:=60, or ~mains on the parameter

@@ -75,7 +75,7 @@ impl Services {
         })
     }
 
-    /// Answers all calls, for ever. `on_command` must not wait.
+    /// Answers calls and never returns. `on_command` must not wait.
     pub(crate) async fn serve(self, on_command: impl Fn(AcquisitionCommand)) {
         let [start, stop, quit] = &self.commands;
         let command = async |(command, server): &(AcquisitionCommand, Server<Empty, Empty>)| {

@@ -16,7 +16,7 @@ use std::ops::ControlFlow;
 
 /// The data for training and testing a fold's model.
 pub(super) struct Data {
-    /// Recordings to train on, with equal power for every person.
+    /// Recordings to train on, scaled so that every person has the same signal power.
     pub(super) training: Vec<Track>,
     /// The same recordings with their original amplitude, for the ranges of input and codes.
     pub(super) recorded: Vec<Track>,

@@ -127,7 +127,8 @@ impl SampleStream {
     /// Starts another run. Call this when the device counts samples from 0 again. When the first
     /// sample of the new run arrives, the gap since the previous run is filled.
     pub(crate) fn restart(&mut self) {
-        // If an event began the run but no sample came, the gap before the run is counted again.
+        // If an event began the run and no sample came, the next run counts the gap before it, too.
+        // Take it off here.
         let begun = self.run_start.take().unwrap_or(0);
         self.counts.between_runs -= begun.saturating_sub(self.next);
         self.timeline = None;

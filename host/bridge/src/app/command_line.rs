@@ -46,10 +46,10 @@ const DECODING: &str = "Decoding and time";
 /// --announce selects another or codes do not stream: a rosneuro_recorder or visualizer that is
 /// remapped to another stream receives frames that are larger than it allocated. Waits for an
 /// absent device or ROS master and reconnects when it returns. ROS's own arguments work too:
-/// __name:=, __ns:=, /encoded:=/neurodata, and --ros-args -r __node:=NAME -p port:=/dev/ttyACM0. Each option is a private parameter as well:
-/// _port:=/dev/ttyACM0, or ~port on the parameter server, which flags and environment override.
-/// --config names a file of options, which all of these override. The log goes to stderr;
-/// RUST_LOG=debug shows more.
+/// __name:=, __ns:=, /encoded:=/neurodata, and --ros-args -r __node:=NAME -p port:=/dev/ttyACM0.
+/// Each option is a private parameter as well: _port:=/dev/ttyACM0, or ~port on the parameter
+/// server, which flags and environment override. --config names a file of options, which all of
+/// these override. The log goes to stderr; RUST_LOG=debug shows more.
 ///
 /// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the
 /// device refuses.
@@ -498,8 +498,8 @@ pub(crate) struct PortsOptions {
 ///
 /// Prints one line for each check, with ok, warning, error or unknown, and a second line with the
 /// command that helps. Asks the device to identify itself, and leaves its streams as they are. With
-/// --sink without ros, ROS is not checked, and LSL is with --sink lsl. host-sim on TCP serves one host at a time: the check
-/// interrupts a bridge that is connected to it.
+/// --sink without ros, ROS is not checked, and LSL is with --sink lsl. host-sim on TCP serves one
+/// host at a time: the check interrupts a bridge that is connected to it.
 ///
 /// Exit status: 0 no errors, 1 an error.
 #[derive(Clone, Debug, Parser)]

@@ -91,8 +91,8 @@ impl Outlets {
     }
 
     /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and for the disk of a
-    /// recording. Returns the counts of decoder and outlets. Logs how many codes were not decoded, and how many frames on
-    /// `/encoded` were dropped for slow subscribers.
+    /// recording. Returns the counts of decoder and outlets. Logs how many codes were not decoded,
+    /// and how many frames on `/encoded` were dropped for slow subscribers.
     pub(crate) fn finish(self) -> (DecoderCounts, Vec<OutletCount>) {
         let dropped = self.sinks.encoded.dropped();
         let not_decoded = self.sinks.decoder.counts().not_decoded;

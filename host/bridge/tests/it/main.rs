@@ -35,3 +35,4 @@ mod simulated_machine;
 #[path = "../../../capture/tests/it/synthetic_recording.rs"]
 mod synthetic_recording;
 mod trouble;
+mod viewer;

@@ -1,6 +1,6 @@
 //! Tests of `--sink` with several outlets at once.
 
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::Write as _;
 use std::net::{SocketAddr, TcpStream};
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -10,7 +10,8 @@ use serde_json::Value;
 
 use crate::board::{Board, assert_has};
 use crate::device::Device;
-use crate::process::{Bridge, TIMEOUT, free_address, wait_until};
+use crate::process::{Bridge, free_address, wait_until};
+use crate::viewer::{next, view};
 
 const TOKEN: &str = "0123456789abcdef";
 
@@ -21,41 +22,6 @@ fn start(device: &Device, outlets: &str, address: SocketAddr) -> Bridge {
     let arguments = ["--port", &device.port, "--sink", outlets, streams];
     let page = ["--view-address", &address, "--view-token", TOKEN];
     Bridge::start(&[&arguments[..], &page].concat())
-}
-
-/// Starts a stream of the live page's messages.
-fn view(address: SocketAddr) -> BufReader<TcpStream> {
-    let mut stream = None;
-    wait_until("the live page", || {
-        stream = TcpStream::connect(address).ok();
-        stream.is_some()
-    });
-    let mut stream = stream.unwrap();
-    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
-    let request = format!("GET /stream HTTP/1.1\r\nHost: {address}\r\n\r\n");
-    stream.write_all(request.as_bytes()).unwrap();
-    let mut reader = BufReader::new(stream);
-    let mut line = String::new();
-    reader.read_line(&mut line).unwrap();
-    assert_eq!(line, "HTTP/1.1 200 OK\r\n");
-    while line != "\r\n" {
-        line.clear();
-        reader.read_line(&mut line).unwrap();
-    }
-    reader
-}
-
-/// Reads messages until one on the topic with the number `topic`. Returns its body.
-fn next(reader: &mut BufReader<TcpStream>, topic: u8) -> Vec<u8> {
-    loop {
-        let mut length = [0; 4];
-        reader.read_exact(&mut length).unwrap();
-        let mut message = vec![0; u32::from_le_bytes(length) as usize];
-        reader.read_exact(&mut message).unwrap();
-        if message[0] == topic {
-            return message.split_off(9);
-        }
-    }
 }
 
 /// Returns the value of `key` in the status `outlets` of a report.

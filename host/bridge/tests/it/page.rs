@@ -1,6 +1,6 @@
 //! Commands of the live page, which a simulated board carries out.
 
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{BufReader, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -15,6 +15,7 @@ use crate::convert::{Table, convert};
 use crate::device::Device;
 use crate::process::{Bridge, TIMEOUT, free_address, wait_for_bytes, wait_until};
 use crate::synthetic_recording::Rig;
+use crate::viewer::{next, view};
 
 const TOKEN: &str = "0123456789abcdef";
 
@@ -106,34 +107,6 @@ impl Page {
     fn recording(&self) -> PathBuf {
         let mut files = std::fs::read_dir(self.folder.path()).unwrap();
         files.next().unwrap().unwrap().path()
-    }
-}
-
-/// Starts a stream of the live page's messages.
-fn view(address: SocketAddr) -> BufReader<TcpStream> {
-    let mut stream = TcpStream::connect(address).unwrap();
-    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
-    let request = format!("GET /stream HTTP/1.1\r\nHost: {address}\r\n\r\n");
-    stream.write_all(request.as_bytes()).unwrap();
-    let mut reader = BufReader::new(stream);
-    let mut line = String::new();
-    while line != "\r\n" {
-        line.clear();
-        reader.read_line(&mut line).unwrap();
-    }
-    reader
-}
-
-/// Reads messages until one of the topic with this number. Returns its body.
-fn next(reader: &mut BufReader<TcpStream>, topic: u8) -> Vec<u8> {
-    loop {
-        let mut length = [0; 4];
-        reader.read_exact(&mut length).unwrap();
-        let mut message = vec![0; u32::from_le_bytes(length) as usize];
-        reader.read_exact(&mut message).unwrap();
-        if message[0] == topic {
-            return message.split_off(9);
-        }
     }
 }
 

@@ -211,7 +211,8 @@ fn draw(browser: &Browser, is_dark: bool, shown: &str, name: &str) {
     browser.prefer_dark(false);
 }
 
-/// Converts the recording, whose tables have each of the two markers once, and no row from before it began.
+/// Converts the recording, whose tables have each of the two markers once, and no row from before
+/// it began.
 fn marker_is_converted(folder: &Path, file: &Path) {
     let name = file.display().to_string();
     let mut converting: Process = bridge(folder, "converting", &["convert", &name, "--to=csv"]);
