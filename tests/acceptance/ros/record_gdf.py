@@ -12,6 +12,7 @@ recording.
 """
 
 import ctypes
+import faulthandler
 import os
 import signal
 import sys
@@ -35,6 +36,8 @@ UNIT, TRANSDUCTER, PREFILTERING = range(20000, 20003)
 LATE = 0.02
 # Number of consecutive frames after which the machine counts as idle enough.
 PROMPT_FRAMES = 16
+# Time after the signal at which every thread's stack is printed, if the recording is not closed by then, seconds.
+HANGS = 30
 
 integer, double, text = ctypes.c_int, ctypes.c_double, ctypes.c_char_p
 
@@ -135,8 +138,9 @@ class Recorder:
 
 def main():
     topic, path = sys.argv[1:]
-    ended = threading.Event()
-    signal.signal(signal.SIGTERM, lambda *_: ended.set())
+    # No thread handles the signal, so that it cannot be delivered to another thread than the one that waits for it.
+    signals = {signal.SIGTERM}
+    signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     rospy.init_node("recorder", disable_signals=True)
     recorder = Recorder(path)
     options = {"queue_size": 1000, "tcp_nodelay": True}
@@ -145,15 +149,18 @@ def main():
     service = "/acquisition/get_info"
     rospy.wait_for_service(service)
     call = rospy.ServiceProxy(service, GetAcquisitionInfo)
-    while recorder.start is None and not ended.is_set():
-        time.sleep(0.05)
+    ended = None
+    while recorder.start is None and not ended:
+        ended = signal.sigtimedwait(signals, 0.05)
         if recorder.is_ready or recorder.prompt < PROMPT_FRAMES:
             continue
         try:
             recorder.prepare(call().frame)
         except rospy.ServiceException:
             pass
-    ended.wait()
+    if not ended:
+        signal.sigwait(signals)
+    faulthandler.dump_traceback_later(HANGS)
     with recorder.lock:
         recorder.gdf.close()
     # Without waiting for rospy's threads: one that connects again to a bridge that has gone sleeps for up to a
