@@ -25,7 +25,11 @@ mod record;
 mod recorders;
 mod replay;
 mod replay_feed;
-mod ros2_outlet;
+#[cfg(feature = "ros2")]
+pub(crate) mod ros2_outlet;
+#[cfg(not(feature = "ros2"))]
+#[path = "app/ros2_absent.rs"]
+pub(crate) mod ros2_outlet;
 mod ros_args;
 pub(crate) mod ros_node;
 mod ros_status;

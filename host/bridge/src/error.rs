@@ -13,10 +13,10 @@ use neuro_ros::ros1::NodeError;
 use new_file::NewFileError;
 use packed_fit::FitError;
 use picture::canvas::PictureError;
-use ros2::Ros2Error;
 use thiserror::Error;
 
 use crate::app::config_file::ConfigError;
+use crate::app::ros2_outlet;
 use crate::update::UpdateError;
 
 /// Error that ends the bridge or one of its subcommands. An absent device or ROS master is no error
@@ -227,7 +227,7 @@ pub enum BridgeError {
     Node(#[from] NodeError),
     /// The ROS 2 node cannot start, or one of its topics or services not be created.
     #[error("ROS 2 cannot be used")]
-    Ros2(#[from] Ros2Error),
+    Ros2(#[from] ros2_outlet::Ros2Error),
     /// An argument after `--ros-args` is not known or not complete.
     #[error(
         "{0} after --ros-args cannot be used; this program knows -r FROM:=TO and -p NAME:=VALUE there; --config names \
@@ -337,12 +337,12 @@ impl BridgeError {
             | BridgeError::UnknownParameter { .. }
             | BridgeError::ParameterType(..)
             | BridgeError::RosArgument(_)
-            | BridgeError::Ros2(Ros2Error::Name(..) | Ros2Error::Domain(_))
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
             BridgeError::ModelFolder(_, source) => match source.kind() {
                 std::io::ErrorKind::AlreadyExists => 2,
                 _ => 1,
             },
+            BridgeError::Ros2(error) if ros2_outlet::is_usage(error) => 2,
             BridgeError::Node(_) | BridgeError::Ros2(_) | BridgeError::Unreachable { .. } => 3,
             BridgeError::NoFilteredSteps
             | BridgeError::NoSlot(_)

@@ -6,7 +6,8 @@ use neuro_ros::ros1::{Names, NodeOptions};
 use neuro_ros::{
     AcquisitionInfo, DiagnosticStatus, GET_INFO_SERVICE, Log, NeuroFrame, Sink, SinkError,
 };
-use ros2::{Delivery, Domain, Ros2Message, Ros2Node, Ros2Sink, ServiceNames};
+use ros2::{Delivery, Domain, Ros2Node, ServiceNames};
+pub(crate) use ros2::{Ros2Error, Ros2Message};
 use tokio::sync::mpsc::{Receiver, UnboundedSender};
 use tokio::sync::watch;
 
@@ -66,7 +67,7 @@ impl Ros2Outlet {
 
     /// Creates a sink for the topic `name`, which is remapped. Frames have the delivery that the
     /// user has chosen.
-    pub(crate) fn sink<M: Ros2Message>(&self, name: &str) -> Result<Ros2Sink<M>, BridgeError> {
+    pub(crate) fn sink<M: Ros2Message + 'static>(&self, name: &str) -> Result<Box<dyn Sink<M>>, BridgeError> {
         let topic = self.names.resolve(name);
         let topic = topic.map_err(neuro_ros::ros1::NodeError::from)?;
         let is_frame = M::NAME == NeuroFrame::NAME;
@@ -75,7 +76,7 @@ impl Ros2Outlet {
         } else {
             Delivery::Reliable
         };
-        Ok(self.node.sink(&topic, delivery)?)
+        Ok(Box::new(self.node.sink(&topic, delivery)?))
     }
 
     /// Passes each announcement to the service `get_info`, and publishes its frame for subscribers
@@ -120,6 +121,11 @@ impl Ros2Outlet {
     pub(crate) fn status(&self) -> DiagnosticStatus {
         self.node.status()
     }
+}
+
+/// Returns whether the user has asked for what cannot be, rather than the network has failed.
+pub(crate) const fn is_usage(error: &Ros2Error) -> bool {
+    matches!(error, Ros2Error::Name(..) | Ros2Error::Domain(_))
 }
 
 fn log_failure(published: Result<(), SinkError>) {

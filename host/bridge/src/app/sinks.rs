@@ -9,7 +9,6 @@ use lsl::{Lsl, StampScale, StreamKind};
 use neuro_ros::{
     DiagnosticArray, NdjsonWriter, NeuroEvent, NeuroFrame, NeuroOutput, Sink, SinkError, Wire,
 };
-use ros2::Ros2Message;
 use serde::Serialize;
 use view::{View, ViewSink, ViewTopic};
 
@@ -20,7 +19,7 @@ use crate::app::recorders::{EventTopic, Recorders};
 use crate::app::ros_node::{Namespace, RosNode};
 use crate::app::ros_status::RosStatus;
 use crate::app::ros_topics::RosTopics;
-use crate::app::ros2_outlet::Ros2Outlet;
+use crate::app::ros2_outlet::{Ros2Message, Ros2Outlet};
 use crate::app::step_times::StepTimes;
 use crate::error::BridgeError;
 
@@ -174,7 +173,7 @@ impl Destinations<'_> {
                 SinkKind::Ros => ros.take(),
                 SinkKind::Ros2 => {
                     let sink = self.ros2.as_ref().map(|ros2| ros2.sink(name));
-                    sink.transpose()?.map(boxed)
+                    sink.transpose()?
                 }
                 SinkKind::Ndjson => self.lines.map(|lines| boxed(lines.sink(name))),
                 SinkKind::View => {

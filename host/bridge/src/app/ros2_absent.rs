@@ -1,0 +1,84 @@
+//! What takes the place of `ros2_outlet` in a build without the feature `ros2`, such as that of
+//! `cargo demo`: whoever asks for ROS 2 gets an error.
+
+use std::sync::Arc;
+
+use neuro_ros::ros1::NodeOptions;
+use neuro_ros::{AcquisitionInfo, DiagnosticStatus, Log, Sink};
+use thiserror::Error;
+use tokio::sync::mpsc::{Receiver, UnboundedSender};
+use tokio::sync::watch;
+
+use crate::app::command_line::Ros2Options;
+use crate::app::ros_node::{Namespace, NodeCommand};
+use crate::error::BridgeError;
+
+/// This build has no ROS 2.
+#[derive(Debug, Error)]
+#[error(
+    "this corticode-bridge was built without ROS 2; `cargo build --release --package bridge` builds it with ROS 2"
+)]
+pub struct Ros2Error;
+
+/// Returns whether the user has asked for what cannot be, rather than the network has failed.
+pub(crate) const fn is_usage(Ros2Error: &Ros2Error) -> bool {
+    true
+}
+
+/// Every message, so that bounds on what ROS 2 can carry exclude none.
+pub(crate) trait Ros2Message {}
+
+impl<M> Ros2Message for M {}
+
+/// The bridge's ROS 2 node, which cannot exist.
+pub(crate) enum Ros2Outlet {}
+
+impl Ros2Outlet {
+    pub(crate) fn start(
+        _ros: &NodeOptions,
+        _options: &Ros2Options,
+        _namespace: &Namespace,
+        _commands: UnboundedSender<NodeCommand>,
+    ) -> Result<Arc<Ros2Outlet>, BridgeError> {
+        Err(Ros2Error.into())
+    }
+
+    pub(crate) fn sink<M>(&self, _name: &str) -> Result<Box<dyn Sink<M>>, BridgeError> {
+        match *self {}
+    }
+
+    pub(crate) fn announce(
+        &self,
+        _announced: watch::Receiver<Option<AcquisitionInfo>>,
+    ) -> Result<(), BridgeError> {
+        match *self {}
+    }
+
+    pub(crate) fn publish_log(&self, _lines: Receiver<Log>) -> Result<(), BridgeError> {
+        match *self {}
+    }
+
+    pub(crate) fn status(&self) -> DiagnosticStatus {
+        match *self {}
+    }
+}
+
+/// Which nodes a ROS 2 node can meet: none.
+pub(crate) struct Domain {
+    pub(crate) localhost_only: bool,
+}
+
+impl Domain {
+    pub(crate) fn check(&self) -> Result<(), Ros2Error> {
+        Err(Ros2Error)
+    }
+}
+
+pub(crate) fn ros2_domain(
+    _options: &Ros2Options,
+    _variable: impl Fn(&str) -> Option<String>,
+) -> Domain {
+    Domain {
+        localhost_only: false,
+    }
+}
