@@ -22,6 +22,11 @@ const AFTER_A_LINT: &str =
 const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8-nn --package=packed --package=model \
     --package=pipeline --package=link --package=device --package=firmware --package=bench \
     --package=on-target --package=board-qemu";
+/// Cargo arguments for the bridge without ROS 2, as `cargo demo` builds it. All other features are
+/// those of the workspace, and one test keeps those of development dependencies, so that cargo
+/// compiles next to nothing else again.
+const BRIDGE_WITHOUT_ROS2: &str = "build --workspace --lib --test recorder --no-default-features \
+    --features host-sim/program,neuro-ros/ros1";
 /// Cargo arguments for the NUCLEO-F446RE's image with the network and the packed code. Only models
 /// smaller than the default one fit its memory, so this image is linted but not built.
 const F446_WITH_BOTH_ENCODERS: &str =
@@ -152,10 +157,9 @@ fn build_and_installation() -> Result<(), Failure> {
         let installation = scope.spawn(|| {
             install::install().inspect_err(|failure| eprintln!("error: {}", failure.message))
         });
-        let built = run(
-            &mut linting_cargo("build --bins --tests --examples --workspace"),
-            AFTER_A_LINT,
-        );
+        let build = |words| run(&mut linting_cargo(words), AFTER_A_LINT);
+        let built = build("build --bins --tests --examples --workspace")
+            .and_then(|()| build(BRIDGE_WITHOUT_ROS2));
         match installation.join() {
             Ok(installed) => installed.and(built),
             Err(panic) => std::panic::resume_unwind(panic),
@@ -167,7 +171,7 @@ fn build_and_installation() -> Result<(), Failure> {
 /// compiles as rustc does, so that lints take no compilation of their own. Any warning is an error.
 fn linting_cargo(words: &str) -> Command {
     let mut cargo = cargo("--config=build.rustc-workspace-wrapper='clippy-driver'");
-    cargo.args(words.split(' '));
+    cargo.args(words.split_whitespace());
     // As `cargo clippy -- -D warnings` passes its arguments.
     cargo.env("CLIPPY_ARGS", "-D__CLIPPY_HACKERY__warnings");
     cargo

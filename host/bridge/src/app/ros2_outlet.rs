@@ -67,7 +67,10 @@ impl Ros2Outlet {
 
     /// Creates a sink for the topic `name`, which is remapped. Frames have the delivery that the
     /// user has chosen.
-    pub(crate) fn sink<M: Ros2Message + 'static>(&self, name: &str) -> Result<Box<dyn Sink<M>>, BridgeError> {
+    pub(crate) fn sink<M: Ros2Message + 'static>(
+        &self,
+        name: &str,
+    ) -> Result<Box<dyn Sink<M>>, BridgeError> {
         let topic = self.names.resolve(name);
         let topic = topic.map_err(neuro_ros::ros1::NodeError::from)?;
         let is_frame = M::NAME == NeuroFrame::NAME;
