@@ -13,7 +13,8 @@ use clap::builder::{
     BoolishValueParser, PossibleValue, PossibleValuesParser, Resettable, TypedValueParser,
 };
 use clap::{
-    Arg, ArgAction, Args, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint,
+    Arg, ArgAction, Args, Command, CommandFactory, Error, FromArgMatches, Parser, Subcommand,
+    ValueHint,
 };
 use link::{MAX_RATE, ResetInto, Streams};
 use view::Token;
@@ -251,44 +252,33 @@ impl ContactOptions {
     }
 }
 
-/// What the program shall do, as the subcommand says.
-#[derive(Clone, Debug)]
+// What the program shall do, as the subcommand says. clap would show a doc comment here in place of
+// the description of `Options`.
+#[derive(Clone, Debug, Subcommand)]
 pub(crate) enum Task {
-    /// Stream until shutdown; the default without a subcommand.
+    // Stream until shutdown; the default without a subcommand.
+    #[command(skip)]
     Bridge(Box<Options>),
-    /// `selftest`: the device tests its converters, and the program prints the results.
+    #[command(name = "selftest")]
     SelfTest(SelfTestOptions),
-    /// `reset`: the device restarts and reports the cause of the restart, which the program prints.
     Reset(ResetOptions),
-    /// `update`: writes new firmware to the device.
     Update(UpdateOptions),
-    /// `record`: writes every byte from the port to a file.
     Record(RecordOptions),
-    /// `replay`: plays a recording to a host as the recorded device would.
     Replay(ReplayOptions),
-    /// `convert`: writes a recording as files of codes and samples.
-    Convert(ConvertOptions),
-    /// `calibrate`: fits a packed model to the person who wears the cap.
-    Calibrate(Box<CalibrateOptions>),
-    /// `impedance`: shows the impedance of the electrodes.
-    Impedance(ImpedanceOptions),
-    /// `ports`: lists the serial ports.
     Ports(PortsOptions),
-    /// `doctor`: checks port, device, ROS and clock.
     Doctor(DoctorOptions),
-    /// `master`: runs a ROS master, for machines without ROS.
+    Convert(ConvertOptions),
+    Calibrate(Box<CalibrateOptions>),
+    Impedance(ImpedanceOptions),
     Master(MasterOptions),
-    /// `completions`: prints a shell completion script.
     Completions(CompletionsOptions),
-    /// `man`: prints the manual page, or writes those of all subcommands to a folder.
     Man(ManOptions),
 }
 
 /// Test the device's converters with their internal signals, and print the results.
 ///
 /// Exit status: 0 everything in order, 1 a fault was found, 3 no answer, 4 the device refuses.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "selftest")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct SelfTestOptions {
     #[command(flatten)]
     pub(crate) at: PortOptions,
@@ -301,8 +291,7 @@ pub(crate) struct SelfTestOptions {
 ///
 /// Exit status: 0 the device has restarted (with --bootloader: has agreed to), 3 no answer, 4 the
 /// device refuses.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "reset")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct ResetOptions {
     #[command(flatten)]
     pub(crate) at: PortOptions,
@@ -331,8 +320,7 @@ impl ResetOptions {
 ///
 /// Exit status: 0 done, 1 the file cannot be written any further, 2 wrong usage or an existing
 /// file.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "record")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct RecordOptions {
     /// File to write; it must not exist, except with --force
     pub(crate) file: PathBuf,
@@ -357,8 +345,7 @@ pub(crate) struct RecordOptions {
 ///
 /// Exit status: 0 done, 1 interrupted, 2 wrong usage, too little good signal or an existing folder,
 /// 4 the device takes no packed model, or refuses this one, which is kept.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "calibrate")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct CalibrateOptions {
     /// Name of the person, under which the model is kept
     #[arg(long, env = "CORTICODE_SUBJECT", value_name = "NAME", value_parser = subject_name)]
@@ -401,26 +388,10 @@ impl Task {
     pub(crate) fn parse_from(arguments: impl IntoIterator<Item = OsString>) -> Result<Task, Error> {
         let mut command = command();
         let matches = command.try_get_matches_from_mut(arguments)?;
-        let task = match matches.subcommand() {
-            Some(("selftest", of)) => SelfTestOptions::from_arg_matches(of).map(Task::SelfTest),
-            Some(("update", of)) => UpdateOptions::from_arg_matches(of).map(Task::Update),
-            Some(("record", of)) => RecordOptions::from_arg_matches(of).map(Task::Record),
-            Some(("replay", of)) => ReplayOptions::from_arg_matches(of).map(Task::Replay),
-            Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
-            Some(("calibrate", of)) => CalibrateOptions::from_arg_matches(of)
-                .map(|options| Task::Calibrate(Box::new(options))),
-            Some(("impedance", of)) => ImpedanceOptions::from_arg_matches(of).map(Task::Impedance),
-            Some(("ports", of)) => PortsOptions::from_arg_matches(of).map(Task::Ports),
-            Some(("doctor", of)) => DoctorOptions::from_arg_matches(of).map(Task::Doctor),
-            Some(("master", of)) => MasterOptions::from_arg_matches(of).map(Task::Master),
-            Some(("completions", of)) => {
-                CompletionsOptions::from_arg_matches(of).map(Task::Completions)
-            }
-            Some(("man", of)) => ManOptions::from_arg_matches(of).map(Task::Man),
-            Some((_, of)) => ResetOptions::from_arg_matches(of).map(Task::Reset),
-            None => {
-                Options::from_arg_matches(&matches).map(|options| Task::Bridge(Box::new(options)))
-            }
+        let task = if matches.subcommand().is_some() {
+            Task::from_arg_matches(&matches)
+        } else {
+            Options::from_arg_matches(&matches).map(|options| Task::Bridge(Box::new(options)))
         };
         task.map_err(|error| error.format(&mut command))
     }
@@ -443,23 +414,18 @@ pub fn ignore_empty_variable(option: Arg) -> Arg {
 }
 
 fn all_options() -> Command {
-    let with_config = |command: Command| command.arg(config_option());
-    with_config(Options::command())
+    let without_config = ["replay", "ports", "master", "completions", "man"];
+    let command = Options::command()
+        .arg(config_option())
         .args_conflicts_with_subcommands(true)
-        .subcommand_negates_reqs(true)
-        .subcommand(with_config(SelfTestOptions::command()))
-        .subcommand(with_config(ResetOptions::command()))
-        .subcommand(with_config(UpdateOptions::command()))
-        .subcommand(with_config(RecordOptions::command()))
-        .subcommand(ReplayOptions::command())
-        .subcommand(PortsOptions::command())
-        .subcommand(with_config(DoctorOptions::command()))
-        .subcommand(with_config(ConvertOptions::command()))
-        .subcommand(with_config(CalibrateOptions::command()))
-        .subcommand(with_config(ImpedanceOptions::command()))
-        .subcommand(MasterOptions::command())
-        .subcommand(CompletionsOptions::command())
-        .subcommand(ManOptions::command())
+        .subcommand_negates_reqs(true);
+    Task::augment_subcommands(command).mut_subcommands(|subcommand| {
+        if without_config.contains(&subcommand.get_name()) {
+            subcommand
+        } else {
+            subcommand.arg(config_option())
+        }
+    })
 }
 
 /// Option that names the configuration file. The file is read before the other options are
@@ -483,8 +449,7 @@ fn config_option() -> Arg {
 /// opened. An ST-LINK `may be` a board: it leads to the UART of the board that it is mounted on.
 ///
 /// Exit status: 0, also without any port.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "ports")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct PortsOptions {
     /// Print JSON instead of a table
     #[arg(long)]
@@ -502,8 +467,7 @@ pub(crate) struct PortsOptions {
 /// host at a time: the check interrupts a bridge that is connected to it.
 ///
 /// Exit status: 0 no errors, 1 an error.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "doctor")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct DoctorOptions {
     #[command(flatten)]
     pub(crate) at: PortOptions,

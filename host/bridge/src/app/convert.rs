@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use bridge_core::Model;
 use capture::{Conversion, ConvertSummary, FileFormat};
-use clap::Parser;
+use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::app::classifying::read_classifier;
@@ -25,8 +25,7 @@ use crate::error::BridgeError;
 ///
 /// Exit status: 0 done, 1 a file cannot be written, 2 wrong usage, no usable recording or an
 /// existing file.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "convert")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct ConvertOptions {
     /// Recording to read
     file: PathBuf,

@@ -4,7 +4,7 @@ use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
 
 use bridge_core::{Contact, Core, Effects, ImpedanceReport, Settings};
-use clap::Parser;
+use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use new_file::{Existing, NewFile};
 use picture::scalp_map::{Place, ScalpMap, on_map};
@@ -24,8 +24,7 @@ use crate::wire::connection::Connection;
 /// at 500 Hz or more, the bridge measures with --impedance.
 ///
 /// Exit status: 0 done, 2 an existing picture, 4 the device cannot measure.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "impedance")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct ImpedanceOptions {
     #[command(flatten)]
     pub(crate) at: PortOptions,

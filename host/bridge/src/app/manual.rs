@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use clap::{Command, Parser, ValueHint};
+use clap::{Args, Command, ValueHint};
 use clap_complete::Shell;
 use clap_mangen::Man;
 use new_file::NewFileError;
@@ -14,8 +14,7 @@ use crate::error::BridgeError;
 /// folder.
 ///
 /// To read the page: corticode-bridge man | man --local-file -
-#[derive(Clone, Debug, Parser)]
-#[command(name = "man")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct ManOptions {
     /// Folder to write corticode-bridge.1, corticode-bridge-record.1 and the others to; it is
     /// created if it does not exist, and pages in it are replaced
@@ -63,8 +62,7 @@ fn page_of(command: &Command) -> Man {
 ///
 /// In bash, for the current user: corticode-bridge completions bash >
 /// ~/.local/share/bash-completion/completions/corticode-bridge
-#[derive(Clone, Debug, Parser)]
-#[command(name = "completions")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct CompletionsOptions {
     /// Shell to print the script for
     #[arg(value_enum)]

@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 
-use clap::Parser;
+use clap::Args;
 use neuro_ros::ros1::Master;
 
 use crate::app::shutdown::Shutdown;
@@ -16,8 +16,7 @@ use crate::error::BridgeError;
 /// without a password. Ends on Ctrl-C or SIGTERM.
 ///
 /// Exit status: 0 done, 2 the address or port cannot be used.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "master")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct MasterOptions {
     /// IP address and port to listen on; 0.0.0.0 stands for all addresses of this machine
     #[arg(

@@ -10,7 +10,7 @@ use std::{fmt, io};
 
 use bridge_core::{AnnouncedStream, Exclusions, HostTime, Settings};
 use capture::{Pace, RecordingError, ReplayCounts, Replayer};
-use clap::Parser;
+use clap::Args;
 use indicatif::ProgressBar;
 use link::Streams;
 use neuro_ros::GET_INFO_SERVICE;
@@ -46,8 +46,7 @@ const TICK: Duration = Duration::from_millis(100);
 /// and clock queries are answered with NotSupported. Ends after the last frame.
 ///
 /// Exit status: 0 done, 2 wrong usage, no usable recording or port.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "replay")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct ReplayOptions {
     /// Recording to read
     pub(crate) file: PathBuf,

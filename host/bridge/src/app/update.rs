@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use std::{fs, io, thread};
 
 use bridge_core::{Answer, DeviceSummary, Request};
-use clap::{Parser, ValueHint};
+use clap::{Args, ValueHint};
 use dfuse::Image;
 use indicatif::{ProgressBar, ProgressStyle};
 use link::ResetInto;
@@ -26,8 +26,7 @@ use crate::update::{Machine, UpdateError, update};
 ///
 /// Exit status: 0 the device runs the image, 1 the flash or the version after it is wrong, 2 the file
 /// is damaged or for another board, 3 no answer, 4 the device or its boot loader refuses.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "update")]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct UpdateOptions {
     /// Image, which `cargo fw` writes: corticode-h743.dfu or corticode-f446.dfu
     #[arg(value_hint = ValueHint::FilePath)]
