@@ -7,22 +7,6 @@ pub(crate) mod packed;
 use link::{ElectrodeQuality, Quality, StageTiming, Timing};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-/// Creates a status for `/diagnostics`, named `name` without a prefix. The function that collects
-/// all statuses adds the prefix and the hardware id.
-pub(crate) fn new_status(
-    name: &str,
-    (level, message): (DiagnosticLevel, String),
-    values: Vec<KeyValue>,
-) -> DiagnosticStatus {
-    DiagnosticStatus {
-        level,
-        name: name.to_owned(),
-        message,
-        hardware_id: String::new(),
-        values,
-    }
-}
-
 /// Returns the status `timing`. The message names the processing stages that missed a deadline
 /// since the device's boot, and the stack if more than 3/4 of it was used. The values of the status
 /// are the times of all stages.
@@ -53,7 +37,7 @@ pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     if *stack_size > 0 {
         values.push(KeyValue::new("stack", &stack));
     }
-    new_status("timing", state, values)
+    DiagnosticStatus::new("timing", state, values)
 }
 
 /// Returns the processing stage with the largest ratio of worst time to deadline.
@@ -136,7 +120,7 @@ pub(crate) fn signal_quality_status(quality: &Quality, labels: &[String]) -> Dia
         .iter()
         .map(|(label, electrode)| KeyValue::new(label, &electrode_figures(electrode)))
         .collect();
-    new_status("signal quality", state, values)
+    DiagnosticStatus::new("signal quality", state, values)
 }
 
 fn electrode_figures(electrode: &ElectrodeQuality) -> String {

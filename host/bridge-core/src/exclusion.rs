@@ -5,7 +5,6 @@ use link::{Exclusion, ExclusionPolicy};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::device::Device;
-use crate::diagnostics::new_status;
 
 /// The user's choice of electrodes to exclude. The device fills them from the others.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -86,7 +85,7 @@ pub(crate) fn status(report: &Exclusion, device: &Device) -> DiagnosticStatus {
         KeyValue::new("never excluded", &named(never)),
         KeyValue::new("found by the device", &if automatic { "yes" } else { "no" }),
     ];
-    new_status("exclusion", state, values)
+    DiagnosticStatus::new("exclusion", state, values)
 }
 
 /// Returns the labels of the electrodes in a mask, or `electrode` and the index without a label.

@@ -7,7 +7,6 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 use serde::Serialize;
 
 use crate::device::channel_label;
-use crate::diagnostics::new_status;
 
 /// Impedance below which a contact is good, in ohms: what laboratories ask for with gel.
 const GOOD_OHMS: u32 = 5_000;
@@ -98,7 +97,7 @@ impl ImpedanceReport {
         };
         let values = self.electrodes.iter();
         let values = values.map(|one| KeyValue::new(&one.electrode, &one.words()));
-        new_status("impedance", state, values.collect())
+        DiagnosticStatus::new("impedance", state, values.collect())
     }
 }
 

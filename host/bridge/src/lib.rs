@@ -16,6 +16,7 @@
 mod app;
 mod doctor;
 mod error;
+mod lock;
 mod ports;
 mod query;
 mod realtime;

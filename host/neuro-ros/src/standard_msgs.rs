@@ -39,6 +39,23 @@ impl_wire!(DiagnosticStatus {
     values
 });
 
+impl DiagnosticStatus {
+    /// Creates the status `corticode: NAME` of a component without a hardware id.
+    pub fn new(
+        name: &str,
+        (level, message): (DiagnosticLevel, String),
+        values: Vec<KeyValue>,
+    ) -> DiagnosticStatus {
+        DiagnosticStatus {
+            level,
+            name: format!("corticode: {name}"),
+            message,
+            hardware_id: String::new(),
+            values,
+        }
+    }
+}
+
 /// `diagnostic_msgs/KeyValue`: a named value.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct KeyValue {

@@ -107,13 +107,7 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
     if let Some(silent) = silent {
         values.push(KeyValue::new("newest frame s ago", &silent));
     }
-    DiagnosticStatus {
-        level,
-        name: "corticode: source".to_owned(),
-        message,
-        hardware_id: String::new(),
-        values,
-    }
+    DiagnosticStatus::new("source", (level, message), values)
 }
 
 #[cfg(test)]

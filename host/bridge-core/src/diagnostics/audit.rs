@@ -3,7 +3,6 @@
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::decoder::audit::{AuditResult, PackedError};
-use crate::diagnostics::new_status;
 
 /// After this number of consecutive audits without a verdict, the status is a warning: one minute,
 /// with one audit every 10 s. An audit of a window with a clipped cell has no verdict.
@@ -60,7 +59,7 @@ impl AuditCounts {
         let newest = self.newest.iter();
         values.extend(newest.flat_map(|newest| self.code_values(newest)));
         values.extend(self.packed_values());
-        Some(new_status("audit", state, values))
+        Some(DiagnosticStatus::new("audit", state, values))
     }
 
     /// Returns the status's level and message for a device that sends codes.

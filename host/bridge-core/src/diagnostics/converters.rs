@@ -4,7 +4,6 @@ use link::Converters;
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::device::channel_label;
-use crate::diagnostics::new_status;
 
 /// Newest report about the chain of converters, and the numbers of bad frames that `/diagnostics`
 /// has already reported.
@@ -96,7 +95,7 @@ impl ChainReport {
         for (chip, bad) in self.frames_bad.iter().enumerate() {
             values.push(KeyValue::new(&format!("chip {chip}: frames bad"), bad));
         }
-        new_status("converters", state, values)
+        DiagnosticStatus::new("converters", state, values)
     }
 }
 

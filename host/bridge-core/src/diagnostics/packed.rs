@@ -2,7 +2,6 @@
 
 use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-use crate::diagnostics::new_status;
 use crate::streams::ledger::PackedCounts;
 use crate::streams::packed::PackedStream;
 
@@ -121,6 +120,6 @@ impl PackedReport {
         ];
         let values = [KeyValue::new("rate", &rate)].into_iter();
         let values = values.chain(bits).chain(counts).collect();
-        Some(new_status(NAME, state, values))
+        Some(DiagnosticStatus::new(NAME, state, values))
     }
 }

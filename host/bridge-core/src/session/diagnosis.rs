@@ -4,7 +4,7 @@ use artifact::ModelId;
 use link::{Counters, Streams};
 use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, Header, KeyValue, Stamp};
 
-use crate::diagnostics::{new_status, signal_quality_status, timing_status};
+use crate::diagnostics::{signal_quality_status, timing_status};
 use crate::exclusion;
 use crate::session::Session;
 use crate::settings::{AnnouncedStream, RawForm, StreamKind};
@@ -65,7 +65,6 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
         status.push(timing_status(&report));
     }
     for status in &mut status {
-        status.name.insert_str(0, "corticode: ");
         status.hardware_id.clone_from(&hardware);
     }
     DiagnosticArray { header, status }
@@ -79,7 +78,7 @@ fn prediction_status(session: &Session) -> Option<DiagnosticStatus> {
     let unfit = || {
         let message = "the classifier is for another montage or step rate than the device's";
         let state = (DiagnosticLevel::Error, message.to_owned());
-        new_status("predictions", state, Vec::new())
+        DiagnosticStatus::new("predictions", state, Vec::new())
     };
     let features = session.features.as_ref();
     Some(features.map_or_else(unfit, FeatureStream::status))
@@ -169,7 +168,7 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
             KeyValue::new("device: bad frames from here", &stats.input_bad),
         ]);
     }
-    new_status("device", (level, message), values)
+    DiagnosticStatus::new("device", (level, message), values)
 }
 
 /// Returns level and message of the status `device` while the device streams. The level is a
@@ -276,7 +275,7 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
         KeyValue::new("code values clipped", &counts.clipped_values),
     ];
     values.extend(side_values);
-    new_status("loss", state, values)
+    DiagnosticStatus::new("loss", state, values)
 }
 
 fn sample_values(counts: &SampleCounts, name: &str) -> [KeyValue; 5] {
@@ -330,7 +329,7 @@ fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
         KeyValue::new("malformed", &wire.malformed),
         KeyValue::new("resyncs", &wire.resyncs),
     ];
-    new_status("link", state, values)
+    DiagnosticStatus::new("link", state, values)
 }
 
 /// Rate error of the device's clock above which the status warns, ppm. Crystals and resonators stay
@@ -382,5 +381,5 @@ fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         let late = format!("{least:.0} to {most:.0}");
         values.push(KeyValue::new("stamps late by us", &late));
     }
-    new_status("clock", state, values)
+    DiagnosticStatus::new("clock", state, values)
 }

@@ -11,7 +11,6 @@ use neuro_ros::{
 
 use crate::core::Effects;
 use crate::device::Device;
-use crate::diagnostics::new_status;
 use crate::session::summary::PredictionSummary;
 use crate::settings::{FillerPolicy, Settings};
 use crate::streams::hop_timeline::{HopPlace, HopTimeline};
@@ -118,7 +117,7 @@ impl FeatureStream {
             KeyValue::new("features of other filters", &self.foreign),
             KeyValue::new("window hops", &self.classifier.decision.window_hops),
         ];
-        new_status("predictions", (level, message.to_owned()), values)
+        DiagnosticStatus::new("predictions", (level, message.to_owned()), values)
     }
 
     /// Returns the counts for the last line of a program.

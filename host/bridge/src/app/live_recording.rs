@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -16,6 +16,7 @@ use new_file::{Existing, NewFileError};
 
 use crate::app::record::{Offer, RecordingFile};
 use crate::error::{BridgeError, causes};
+use crate::lock::lock;
 use crate::wire::connection::Event;
 
 /// Form of the time in the name of a recording, in UTC, without characters that a file system or a
@@ -302,13 +303,7 @@ impl LiveRecording {
             let room = self.room.bytes.load(Ordering::Relaxed);
             values.push(KeyValue::new("disk left bytes", &room));
         }
-        DiagnosticStatus {
-            level,
-            name: "corticode: recording".to_owned(),
-            message,
-            hardware_id: String::new(),
-            values,
-        }
+        DiagnosticStatus::new("recording", (level, message), values)
     }
 }
 
@@ -355,10 +350,6 @@ impl Room {
             room.is_busy.store(false, Ordering::Relaxed);
         });
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn name(path: &Path) -> String {

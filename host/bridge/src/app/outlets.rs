@@ -140,10 +140,8 @@ impl Outlets {
         report.status.extend(ros.map(|status| status.status()));
         let ros2 = self.sinks.ros2.iter();
         report.status.extend(ros2.map(|outlet| outlet.status()));
-        if let Some(mut audits) = self.sinks.decoder.audit_status() {
-            audits.name.insert_str(0, "corticode: ");
-            report.status.push(audits);
-        }
+        let audits = self.sinks.decoder.audit_status();
+        report.status.extend(audits);
         for status in &mut report.status {
             status.name = self.sinks.namespace.status_name(&status.name);
         }
@@ -214,18 +212,16 @@ impl Outlets {
             .as_ref()
             .and_then(|events| events.topic.as_ref());
         let recorders = topic.and_then(|(topic, _)| topic.recorders());
-        DiagnosticStatus {
-            level,
-            name: "corticode: outlets".to_owned(),
-            message,
-            hardware_id: String::new(),
-            values: values
+        DiagnosticStatus::new(
+            "outlets",
+            (level, message),
+            values
                 .chain(work)
                 .chain(outlets)
                 .chain(topics)
                 .chain(recorders)
                 .collect(),
-        }
+        )
     }
 
     /// Notes the device time of a received code or packed block, from which

@@ -1,10 +1,12 @@
 //! The recorders of the announced stream, and the events that each of them receives.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use bridge_core::{HostTime, RecordingStart};
 use neuro_ros::{KeyValue, NeuroEvent, NeuroFrame, RosSink, Sink};
+
+use crate::lock::lock;
 
 /// Number of known nodes above which those without a subscription to events are forgotten.
 const MAX_CALLERS: usize = 64;
@@ -21,21 +23,17 @@ impl Recorders {
     /// Notes that the node `caller` has called `get_info`: its recording starts with the next
     /// frame.
     pub(crate) fn note_call(&self, caller: &str) {
-        self.lock().insert(caller.to_owned(), None);
+        lock(&self.0).insert(caller.to_owned(), None);
     }
 
     /// Notes that `frame` of the announced stream is being published.
     pub(crate) fn note_frame(&self, frame: &NeuroFrame) {
-        for (caller, start) in &mut *self.lock() {
+        for (caller, start) in &mut *lock(&self.0) {
             if start.is_none() {
                 tracing::debug!(caller, frame = frame.neuroheader.seq, "recording starts");
                 *start = Some(RecordingStart::new(frame, HostTime::now()));
             }
         }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Option<RecordingStart>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -54,7 +52,7 @@ impl EventTopic {
 
     /// Publishes `event`, which is at the row `row` of the announced stream.
     pub(crate) fn publish(&mut self, event: &NeuroEvent, row: Option<u64>) {
-        let starts = self.recorders.as_ref().map(|recorders| recorders.lock());
+        let starts = self.recorders.as_ref().map(|recorders| lock(&recorders.0));
         self.sink.publish_each(event, |subscriber| {
             let start = starts.as_ref()?.get(subscriber)?.as_ref()?;
             let mut event = event.clone();
@@ -73,7 +71,7 @@ impl EventTopic {
     pub(crate) fn recorders(&self) -> Option<KeyValue> {
         let lags = self.sink.publisher().lags();
         let subscribes = |name: &String| lags.iter().any(|lag| lag.subscriber == *name);
-        let mut starts = self.recorders.as_ref()?.lock();
+        let mut starts = lock(&self.recorders.as_ref()?.0);
         if starts.len() > MAX_CALLERS {
             starts.retain(|name, _| subscribes(name));
         }

@@ -86,16 +86,14 @@ impl Feed for ReplayFeed {
         } else {
             "plays"
         };
-        Some(DiagnosticStatus {
-            level: DiagnosticLevel::Ok,
-            name: "corticode: replay".to_owned(),
-            message: message.to_owned(),
-            hardware_id: String::new(),
-            values: vec![
+        Some(DiagnosticStatus::new(
+            "replay",
+            (DiagnosticLevel::Ok, message.to_owned()),
+            vec![
                 KeyValue::new("file", &self.path.display()),
                 KeyValue::new("frames", &counts.frames),
                 KeyValue::new("frames left out", &counts.unusable),
             ],
-        })
+        ))
     }
 }

@@ -1,7 +1,7 @@
 //! Faults that keep the ROS node and other nodes from reaching each other: logged once each, and
 //! reported in `/diagnostics`.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use neuro_ros::ros1::{MasterStatus, Node, NodeOptions};
@@ -11,6 +11,7 @@ use tokio::task::JoinHandle;
 use tokio::time::sleep;
 
 use crate::doctor::ros_checks::{OwnHost, SET_MASTER_URI, check_own_host, master_is_here};
+use crate::lock::lock;
 
 /// Time after the node's start in which a missing ROS master is not logged yet.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
@@ -77,16 +78,14 @@ impl RosStatus {
         } else {
             (DiagnosticLevel::Warn, faults.join("; "))
         };
-        DiagnosticStatus {
-            level,
-            name: "corticode: ros".to_owned(),
-            message,
-            hardware_id: String::new(),
-            values: vec![
+        DiagnosticStatus::new(
+            "ros",
+            (level, message),
+            vec![
                 KeyValue::new("node", &self.node.uri()),
                 KeyValue::new("master", &self.master_uri),
             ],
-        }
+        )
     }
 }
 
@@ -147,10 +146,6 @@ async fn watch_own_host(host: Option<String>, uri: String, fault: Arc<Mutex<Opti
         }
         sleep(HOST_PERIOD).await;
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

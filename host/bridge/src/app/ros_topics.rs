@@ -1,7 +1,7 @@
 //! The bridge's ROS topics: which of them are published, and how many messages wait for each
 //! subscriber.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use neuro_ros::ros1::{Node, NodeError, Publisher, PublisherOptions};
@@ -10,6 +10,7 @@ use neuro_ros::{
 };
 
 use crate::app::recorders::Recorders;
+use crate::lock::lock;
 
 /// Time between two checks whether another node publishes one of the topics too.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
@@ -260,10 +261,6 @@ impl Sink<NeuroFrame> for FrameTopicSink {
         let publisher = state.publisher.as_ref();
         publisher.is_some_and(|publisher| publisher.subscribers() > 0)
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Number of checks in a row that must find no other publisher before the bridge publishes a topic
