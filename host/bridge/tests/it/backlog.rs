@@ -10,8 +10,8 @@ use link::Flags;
 use rustix::process::Signal;
 
 use crate::board::{Board, assert_has};
-use crate::device::{Device, PACE};
-use crate::process::Bridge;
+use crate::device::Device;
+use crate::process::{Bridge, wait_until};
 
 /// Longest wait for the decoder, sufficient for a busy machine.
 const PATIENCE: Duration = Duration::from_mins(3);
@@ -90,11 +90,7 @@ fn a_tcp_board_that_stands_still_for_8_s_loses_no_code() {
     let wanted = 440;
     let frames = reconstructed(&mut bridge, wanted);
     let made_at_least = |codes| {
-        let start = Instant::now();
-        while device.controls.made.load(Relaxed) < codes {
-            assert!(start.elapsed() < PATIENCE, "the board makes no codes");
-            sleep(PACE);
-        }
+        wait_until("codes", || device.controls.made.load(Relaxed) >= codes);
     };
     made_at_least(20);
     device.controls.stand_still.store(true, Relaxed);

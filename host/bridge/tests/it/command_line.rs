@@ -45,8 +45,7 @@ fn wrong_usage_is_status_2_with_advice() {
             "ROS_MASTER_URI",
         ),
     ] {
-        let (status, log) = Bridge::start(arguments).wait();
-        assert_eq!(status.code(), Some(2), "{arguments:?}: {log}");
+        let log = Bridge::start(arguments).failure(2);
         assert!(log.contains(expected), "{arguments:?}: {log}");
     }
 }
@@ -91,10 +90,8 @@ fn a_reader_that_has_gone_changes_no_status() {
 }
 
 fn stdout(arguments: &[&str]) -> String {
-    let mut bridge = Bridge::start(arguments);
-    let text = std::io::read_to_string(bridge.stdout()).unwrap();
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{arguments:?}: {log}");
+    let (status, text, log) = Bridge::start(arguments).output();
+    assert_eq!(status, Some(0), "{arguments:?}: {log}");
     text
 }
 

@@ -22,10 +22,9 @@ use crate::packed_recording::{HOP_US, PackedRecording};
 use crate::process::{Bridge, wait_for_bytes};
 use crate::synthetic_recording::{Rig, TICKS_PER_SECOND};
 
-/// Runs `convert` on a file and returns exit status and log.
-pub(crate) fn convert(file: &Path, to: &str) -> (Option<i32>, String) {
-    let (status, log) = Bridge::start(&["convert", file.to_str().unwrap(), "--to", to]).wait();
-    (status.code(), log)
+/// Starts `convert` on a file.
+pub(crate) fn convert(file: &Path, to: &str) -> Bridge {
+    Bridge::start(&["convert", file.to_str().unwrap(), "--to", to])
 }
 
 /// A CSV file: its rows, and the index of each column by name.
@@ -45,7 +44,7 @@ impl Table {
         }
     }
 
-    fn text(&self, row: usize, column: &str) -> &str {
+    pub(crate) fn text(&self, row: usize, column: &str) -> &str {
         &self.rows[row][self.columns[column]]
     }
 
@@ -60,13 +59,9 @@ impl Table {
     /// Returns the row of each event. A row with several events is returned once for each of them.
     pub(crate) fn events(&self) -> Vec<usize> {
         let rows = (0..self.rows.len()).flat_map(|row| {
-            let events = self.text(row, "events");
-            let count = if events.is_empty() {
-                0
-            } else {
-                events.split(';').count()
-            };
-            std::iter::repeat_n(row, count)
+            let events = self.text(row, "events").split(';');
+            let events = events.filter(|event| !event.is_empty());
+            events.map(move |_| row)
         });
         rows.collect()
     }
@@ -108,8 +103,7 @@ fn recording(folder: &Path) -> (PathBuf, Vec<i64>) {
 fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
     let folder = tempfile::tempdir().unwrap();
     let (path, times_us) = recording(folder.path());
-    let (status, log) = convert(&path, "csv");
-    assert_eq!(status, Some(0), "{log}");
+    let log = convert(&path, "csv").success();
     assert_has(&log, [&format!("events: {}", times_us.len())]);
     // For each stream, the number of ticks (1/512 s) from one row to the next.
     for (stream, ticks) in [("raw", 1.0), ("filtered", 4.0), ("codes", 32.0)] {
@@ -165,8 +159,7 @@ fn events_after_an_outage_longer_than_the_bridge_fills_stand_at_their_samples() 
     rig.run(200, 7);
     let times_us = rig.event_times_us.clone();
     let path = write(folder.path(), rig.finish());
-    let (status, log) = convert(&path, "gdf");
-    assert_eq!(status, Some(0), "{log}");
+    convert(&path, "gdf").success();
     let mut raw = Recording::open(folder.path().join("session.raw.gdf")).unwrap();
     let events = raw.events().unwrap();
     let events = events.iter();
@@ -230,9 +223,7 @@ fn all_formats_hold_the_same(rig: Rig, streams: &[&str]) -> String {
     let path = write(folder.path(), rig.finish());
     let mut last = String::new();
     for to in ["csv", "gdf", "bdf", "npz"] {
-        let (status, log) = convert(&path, to);
-        assert_eq!(status, Some(0), "{log}");
-        last = log;
+        last = convert(&path, to).success();
     }
     for stream in streams {
         let file = |to| folder.path().join(format!("session.{stream}.{to}"));
@@ -329,11 +320,9 @@ fn a_file_that_was_cut_off_is_converted_to_its_last_whole_record() {
     let bytes = std::fs::read(&path).unwrap();
     let path = folder.path().join("cut.wire");
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let (status, log) = convert(&path, "csv");
-    assert_eq!(status, Some(0), "{log}");
+    let log = convert(&path, "csv").success();
     assert!(log.contains("was not ended: its last"), "{log}");
-    let (status, log) = convert(&path, "csv");
-    assert_eq!(status, Some(2), "{log}");
+    let log = convert(&path, "csv").failure(2);
     assert!(log.contains("cut.codes.csv exists already"), "{log}");
     let codes = folder.path().join("cut.codes.csv");
     let whole = std::fs::read(&codes).unwrap();
@@ -363,12 +352,10 @@ fn what_is_no_recording_has_an_error_that_says_so() {
         (&header[..], "no codes or samples"),
     ] {
         std::fs::write(&path, content).unwrap();
-        let (status, log) = convert(&path, "csv");
-        assert_eq!(status, Some(2), "{log}");
+        let log = convert(&path, "csv").failure(2);
         assert!(log.contains(expected), "{log}");
     }
-    let (status, log) = convert(&folder.path().join("absent"), "csv");
-    assert_eq!(status, Some(2), "{log}");
+    let log = convert(&folder.path().join("absent"), "csv").failure(2);
     assert!(log.contains("No such file"), "{log}");
 }
 
@@ -386,8 +373,7 @@ fn codes_that_replaced_refused_packed_blocks_are_decoded() {
     let log = recorder.end(Signal::TERM);
     let refused = "refuses the rate 4 of the packed code";
     assert_has(&log, ["WARN", refused, "choose no rate"]);
-    let (status, log) = convert(&path, "csv");
-    assert_eq!(status, Some(0), "{log}");
+    let log = convert(&path, "csv").success();
     let [codes, signals] = ["codes", "reconstructed"]
         .map(|stream| Table::read(&folder.path().join(format!("session.{stream}.csv"))));
     assert!(codes.rows.len() > 50, "{log}");
@@ -404,8 +390,7 @@ fn write(folder: &Path, bytes: Vec<u8>) -> PathBuf {
 fn signals(file: Vec<u8>) -> Table {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), file);
-    let (status, log) = convert(&path, "csv");
-    assert_eq!(status, Some(0), "{log}");
+    convert(&path, "csv").success();
     Table::read(&folder.path().join("session.reconstructed.csv"))
 }
 
@@ -419,8 +404,7 @@ fn a_recording_of_another_model_has_an_error_that_names_the_model() {
     }
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), recording.finish());
-    let (status, log) = convert(&path, "csv");
-    assert_eq!(status, Some(2), "{log}");
+    let log = convert(&path, "csv").failure(2);
     assert_has(&log, ["--model and the folder of model 0909090909090909"]);
     assert!(!log.contains("record again"), "{log}");
 }

@@ -14,11 +14,9 @@ use crate::trouble::stranger;
 /// Runs `doctor` until it exits. Returns exit status and stdout.
 fn doctor(arguments: &[&str], variables: &[(&str, &str)]) -> (Option<i32>, String) {
     let arguments = [&["doctor"], arguments].concat();
-    let mut bridge = Bridge::start_with(&arguments, variables);
-    let text = std::io::read_to_string(bridge.stdout()).unwrap();
-    let (status, log) = bridge.wait();
+    let (status, text, log) = Bridge::start_with(&arguments, variables).output();
     assert_eq!(log, "", "{text}");
-    (status.code(), text)
+    (status, text)
 }
 
 /// Runs `doctor --json` until it exits. Returns exit status and the checks.

@@ -3,16 +3,16 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::{BufRead, BufReader};
 use std::sync::atomic::Ordering::Relaxed;
-use std::time::Duration;
 
 use link::Streams;
 use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::board::{Board, assert_has};
-use crate::device::{Device, PACE};
+use crate::device::Device;
 use crate::packed_recording::PackedRecording;
-use crate::process::Bridge;
+use crate::process::{Bridge, figure, wait_until};
+use crate::replay::replayed;
 
 #[test]
 fn frames_are_written_as_lines_until_the_bridge_is_interrupted() {
@@ -69,9 +69,7 @@ fn a_reader_that_does_not_read_cannot_prevent_the_shutdown() {
     let mut bridge = Bridge::ndjson(&device.port);
     let stdout = bridge.stdout();
     // The lines of 100 codes exceed the 64 KB that a pipe holds.
-    while device.controls.made.load(Relaxed) < 100 {
-        std::thread::sleep(PACE);
-    }
+    wait_until("codes", || device.controls.made.load(Relaxed) >= 100);
     bridge.signal(Signal::TERM);
     let (status, log) = bridge.wait();
     assert_eq!(status.code(), Some(1), "{log}");
@@ -172,24 +170,14 @@ fn all_streams_have_exactly_the_fields_of_the_page_and_a_wrong_code_is_an_error(
     }
 }
 
-/// Replays a recording to a bridge. Returns its messages, each with its topic, and its log.
+/// Replays a recording to a bridge. Returns its messages, each with its topic, and the logs.
 fn messages(recording: PackedRecording) -> (Vec<(String, Value)>, String) {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("recording");
+    let [path, port] = ["recording", "board"].map(|name| folder.path().join(name));
     std::fs::write(&path, recording.finish()).unwrap();
-    let port = folder.path().join("board");
     let output = format!("pty:{}", port.display());
-    let replay = Bridge::start(&["replay", path.to_str().unwrap(), "--output", &output]);
-    let port = port.to_str().unwrap();
-    let arguments = ["--port", port, "--sink", "ndjson", "--streams", "packed"];
-    let mut bridge = Bridge::start(&arguments);
-    let messages = bridge.messages();
-    let reader = std::thread::spawn(move || messages.collect::<Vec<_>>());
-    replay.success();
-    std::thread::sleep(Duration::from_millis(1_500));
-    bridge.signal(Signal::INT);
-    let (_, log) = bridge.wait();
-    (reader.join().unwrap(), log)
+    let arguments = [path.to_str().unwrap(), "--output", &output];
+    replayed(&arguments, port.to_str().unwrap(), "packed")
 }
 
 #[test]
@@ -211,7 +199,7 @@ fn malformed_blocks_are_an_error_of_the_packed_code_and_do_not_count_as_decoded(
     assert!(refused.unwrap().contains("INFO"), "{log}");
     assert_has(&log, ["windows: decoded 23 ", "packed blocks malformed 1"]);
     let reports = messages.iter().filter(|(topic, _)| topic == "/diagnostics");
-    let statuses = reports.filter_map(|(_, report)| {
+    let statuses = reports.clone().filter_map(|(_, report)| {
         let mut statuses = report["status"].as_array()?.iter();
         statuses.find(|status| status["name"] == "corticode: packed code")
     });
@@ -221,9 +209,9 @@ fn malformed_blocks_are_an_error_of_the_packed_code_and_do_not_count_as_decoded(
     assert_eq!(errors.len(), 1, "{statuses:?}");
     let message = errors[0]["message"].as_str().unwrap();
     assert_has(message, ["1 blocks are no blocks of the model"]);
-    let values = statuses.last().unwrap()["values"].as_array().unwrap();
-    let malformed = values.iter().find(|value| value["key"] == "malformed");
-    assert_eq!(malformed.unwrap()["value"], "1");
+    let mut malformed =
+        reports.filter_map(|(_, report)| figure(report, "packed code", "malformed"));
+    assert_eq!(malformed.next_back(), Some("1"));
     let mut frames = messages;
     frames.retain(|(topic, _)| topic == "/neurodata_reconstructed");
     let flags = frames.iter().map(|(_, frame)| &frame["tri"]["data"][0]);

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
@@ -10,6 +10,7 @@ use std::time::Duration;
 use link::SelfTest;
 use rustix::process::Signal;
 use serde_json::Value;
+use tempfile::TempDir;
 
 use crate::board::{Board, assert_has};
 use crate::device::Device;
@@ -49,22 +50,21 @@ fn namespace() -> Command {
     command
 }
 
-/// Returns a command that runs the bridge with these arguments on the simulated machine.
-fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Command {
+/// Starts the bridge with these arguments on the simulated machine.
+fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Bridge {
     let mut command = namespace();
     command
         .args(["sh", "-c", SCRIPT, "sh"])
-        .arg(machine.folder());
-    command
+        .arg(machine.folder())
         .arg(env!("CARGO_BIN_EXE_corticode-bridge"))
-        .args(arguments);
-    // Ignore the configuration file of the user who runs the tests.
-    command
+        .args(arguments)
+        // Ignore the configuration file of the user who runs the tests.
         .env("CORTICODE_CONFIG", "/dev/null")
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
-        .stderr(Stdio::piped());
-    command
+        .stderr(Stdio::piped())
+        .process_group(0);
+    Bridge::spawn_command(&mut command)
 }
 
 /// Waits for the pseudoterminal to which `link` leads, and plugs it in as the port of `board`.
@@ -77,18 +77,24 @@ fn plug(machine: &SimulatedMachine, socket: u32, tty: &str, board: Descriptor<'_
     machine.plug(socket, tty, board, node.as_deref());
 }
 
+/// Returns a machine with `board` as its port `tty`, and the link to the board's pseudoterminal in
+/// the folder.
+fn machine_with(board: Board, tty: &str) -> (SimulatedMachine, TempDir, PathBuf, Device) {
+    let machine = SimulatedMachine::new();
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("board");
+    let device = Device::pty(board, &link);
+    plug(&machine, 2, tty, BOARD, &link);
+    (machine, folder, link, device)
+}
+
 #[test]
 fn auto_finds_the_board_again_at_another_port() {
     if !namespaces("--port auto") {
         return;
     }
-    let machine = SimulatedMachine::new();
-    let folder = tempfile::tempdir().unwrap();
-    let link = folder.path().join("board");
-    let device = Device::pty(Board::new(), &link);
-    plug(&machine, 2, "ttyACM0", BOARD, &link);
-    let mut command = bridge_on(&machine, &["--sink", "ndjson"]);
-    let mut bridge = Bridge::spawn_command(command.process_group(0));
+    let (machine, _folder, link, device) = machine_with(Board::new(), "ttyACM0");
+    let mut bridge = bridge_on(&machine, &["--sink", "ndjson"]);
     let mut codes = bridge.messages().filter(|(topic, _)| topic == "/encoded");
     assert!(codes.by_ref().take(5).count() == 5);
     device.controls.unplugged.store(true, Relaxed);
@@ -117,14 +123,9 @@ fn a_board_that_is_silent_is_named_with_its_port() {
     if !namespaces("--port auto with a silent board") {
         return;
     }
-    let machine = SimulatedMachine::new();
-    let folder = tempfile::tempdir().unwrap();
-    let link = folder.path().join("board");
-    let device = Device::pty(Board::new(), &link);
-    plug(&machine, 2, "ttyACM0", BOARD, &link);
+    let (machine, _folder, _, device) = machine_with(Board::new(), "ttyACM0");
     device.controls.stand_still.store(true, Relaxed);
-    let mut command = bridge_on(&machine, &["--port", "auto", "--sink", "ndjson"]);
-    let mut bridge = Bridge::spawn_command(command.process_group(0));
+    let mut bridge = bridge_on(&machine, &["--port", "auto", "--sink", "ndjson"]);
     let stdout = bridge.stdout();
     let reader = std::thread::spawn(move || std::io::read_to_string(stdout));
     // Long enough for the bridge to log the silence, which it does after 5 s.
@@ -140,29 +141,22 @@ fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
     if !namespaces("--port auto:SERIAL") {
         return;
     }
-    let machine = SimulatedMachine::new();
-    let folder = tempfile::tempdir().unwrap();
-    let link = folder.path().join("board");
     let board = Board {
         restarts_on_reset: true,
         self_test: Some(SelfTest::default()),
         ..Board::new()
     };
-    let device = Device::pty(board, &link);
-    plug(&machine, 2, "ttyACM3", BOARD, &link);
+    let (machine, folder, _, device) = machine_with(board, "ttyACM3");
     machine.plug(3, "ttyACM0", OTHER, None);
     // The device prints its serial number in lower case, USB reports it in upper case.
     let auto = format!("auto:{}", BOARD.serial.to_lowercase());
     for task in ["selftest", "reset"] {
-        let output = bridge_on(&machine, &[task, "--port", &auto]).output();
-        let output = output.unwrap();
-        let text = String::from_utf8_lossy(&output.stdout);
-        assert!(text.contains("firmware test"), "{task}: {output:?}");
+        let (_, text, log) = bridge_on(&machine, &[task, "--port", &auto]).output();
+        assert!(text.contains("firmware test"), "{task}: {text} {log}");
     }
     let file = folder.path().join("session.wire");
     let file = file.to_str().unwrap();
-    let mut record = bridge_on(&machine, &["record", file, "--port", &auto]);
-    let record = Bridge::spawn_command(record.process_group(0));
+    let record = bridge_on(&machine, &["record", file, "--port", &auto]);
     wait_until("codes", || device.controls.made.load(Relaxed) >= 5);
     let log = record.end(Signal::TERM);
     assert!(log.contains("/dev/ttyACM3 (board "), "{log}");
@@ -174,12 +168,7 @@ fn ports_and_selftest_see_the_boards_of_the_machine() {
         return;
     }
     let machine = SimulatedMachine::new();
-    let run = |arguments: &[&str]| {
-        let output = bridge_on(&machine, arguments).output().unwrap();
-        let [stdout, stderr] =
-            [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-        (output.status.code(), stdout, stderr)
-    };
+    let run = |arguments: &[&str]| bridge_on(&machine, arguments).output();
     let (code, _, log) = run(&["selftest", "--port", "auto"]);
     assert_eq!(code, Some(3), "{log}");
     let remedy = "corticode-bridge ports lists";

@@ -1,16 +1,14 @@
 //! Tests of `--sink` with several outlets at once.
 
-use std::io::Write as _;
-use std::net::{SocketAddr, TcpStream};
+use std::net::SocketAddr;
 use std::sync::atomic::Ordering::Relaxed;
 
 use neuro_ros::{DiagnosticArray, NeuroFrame, Wire};
 use rustix::process::Signal;
-use serde_json::Value;
 
 use crate::board::{Board, assert_has};
 use crate::device::Device;
-use crate::process::{Bridge, free_address, wait_until};
+use crate::process::{Bridge, figure, free_address};
 use crate::viewer::{next, view};
 
 const TOKEN: &str = "0123456789abcdef";
@@ -22,17 +20,6 @@ fn start(device: &Device, outlets: &str, address: SocketAddr) -> Bridge {
     let arguments = ["--port", &device.port, "--sink", outlets, streams];
     let page = ["--view-address", &address, "--view-token", TOKEN];
     Bridge::start(&[&arguments[..], &page].concat())
-}
-
-/// Returns the value of `key` in the status `outlets` of a report.
-fn figure(report: &Value, key: &str) -> Option<u64> {
-    let status = report["status"].as_array()?;
-    let outlets = status
-        .iter()
-        .find(|status| status["name"] == "corticode: outlets")?;
-    let values = outlets["values"].as_array()?;
-    let value = values.iter().find(|value| value["key"] == key)?;
-    value["value"].as_str()?.parse().ok()
 }
 
 #[test]
@@ -55,9 +42,9 @@ fn every_outlet_has_the_same_frames_and_is_named_in_diagnostics_and_the_last_lin
             assert_eq!(serde_json::to_value(frame).unwrap(), message);
             compared += 1;
         }
-        if topic == "/diagnostics" && figure(&message, "viewers") == Some(1) {
-            assert_eq!(figure(&message, "ndjson messages dropped"), Some(0));
-            assert_eq!(figure(&message, "view messages dropped"), Some(0));
+        let dropped = |outlet| figure(&message, "outlets", &format!("{outlet} messages dropped"));
+        if topic == "/diagnostics" && figure(&message, "outlets", "viewers") == Some("1") {
+            assert_eq!(["ndjson", "view"].map(dropped), [Some("0"); 2]);
             reported = true;
         }
         if compared == on_page.len() && reported {
@@ -102,28 +89,6 @@ fn a_page_that_stands_still_costs_the_lines_no_code() {
         }
     }
     assert!(u64::from(device.controls.made.load(Relaxed)) < last + 50);
-}
-
-#[test]
-fn a_command_of_the_page_stops_the_device() {
-    let device = Device::tcp(Board::new());
-    let address = free_address();
-    let bridge = start(&device, "view", address);
-    next(&mut view(address), 1);
-    let mut stream = TcpStream::connect(address).unwrap();
-    let request = format!(
-        "POST /stop HTTP/1.1\r\nHost: {address}\r\nOrigin: http://{address}\r\nAuthorization: Bearer {TOKEN}\r\n\r\n"
-    );
-    stream.write_all(request.as_bytes()).unwrap();
-    let response = std::io::read_to_string(stream).unwrap();
-    assert!(response.starts_with("HTTP/1.1 200 "), "{response}");
-    let made = || device.controls.made.load(Relaxed);
-    let mut before = u32::MAX;
-    wait_until("the end of the stream", || {
-        std::thread::sleep(10 * crate::device::PACE);
-        std::mem::replace(&mut before, made()) == made()
-    });
-    bridge.end(Signal::TERM);
 }
 
 #[test]

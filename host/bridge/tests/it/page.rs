@@ -117,20 +117,6 @@ fn value<'s>(status: &'s DiagnosticStatus, key: &str) -> &'s str {
         .map_or("", |one| &one.value)
 }
 
-/// Events in a table: the row of each event with this code.
-fn events(path: &Path, code: &str) -> Vec<usize> {
-    let text = std::fs::read_to_string(path).unwrap();
-    let rows = text.lines().skip(1).enumerate();
-    let has = |line: &str| {
-        line.split(',')
-            .nth(3)
-            .is_some_and(|of| of.split(';').any(|one| one == code))
-    };
-    rows.filter(|(_, line)| has(line))
-        .map(|(row, _)| row)
-        .collect()
-}
-
 #[test]
 fn a_recording_begun_while_the_device_streams_is_converted_without_a_gap() {
     let device = Device::tcp(Board::new());
@@ -162,16 +148,21 @@ fn a_recording_begun_while_the_device_streams_is_converted_without_a_gap() {
     page.bridge.end(Signal::TERM);
     assert_eq!(std::fs::read_dir(page.folder.path()).unwrap().count(), 2);
 
-    let (status, log) = convert(&path, "csv");
-    assert_eq!(status, Some(0), "{log}");
+    let log = convert(&path, "csv").success();
     assert_has(&log, [" lost 0 (bursts 0", "frames: lost 0 crc 0"]);
     for stream in ["codes", "raw", "filtered"] {
-        let path = path.with_extension(format!("{stream}.csv"));
-        let table = Table::read(&path);
+        let table = Table::read(&path.with_extension(format!("{stream}.csv")));
         assert!(table.rows.len() > 20, "{stream}");
         let fillers = (0..table.rows.len()).filter(|row| table.is_filler(*row));
         assert_eq!(fillers.count(), 0, "fillers in {stream}");
-        let places = events(&path, "32517");
+        let mut places = table.events();
+        places.retain(|row| {
+            table
+                .text(*row, "events")
+                .split(';')
+                .any(|code| code == "32517")
+        });
+        places.dedup();
         assert_eq!(places.len(), 1, "markers in {stream}");
         let place = places[0] * 100 / table.rows.len();
         assert!((20..80).contains(&place), "marker at {place} % of {stream}");
@@ -277,6 +268,7 @@ fn a_self_test_needs_a_stopped_device_and_its_table_is_the_answer() {
     let page = Page::start(&device, &[]);
     assert!(page.refused("self-test", "").contains("stop it first"));
     assert_eq!(page.done("stop", "")["message"], "the device is stopped");
+    assert_eq!(last_command(&device), Some(ToDevice::Stop));
     let tested = page.done("self-test", "");
     assert_eq!(tested["report"]["device"]["board"], "board");
     assert!(tested["message"].as_str().unwrap().contains("not measured"));

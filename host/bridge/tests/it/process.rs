@@ -130,6 +130,13 @@ impl Bridge {
         (status.unwrap(), text)
     }
 
+    /// Waits until the bridge exits. Returns exit status, stdout and stderr.
+    pub(crate) fn output(mut self) -> (Option<i32>, String, String) {
+        let text = std::io::read_to_string(self.stdout()).unwrap();
+        let (status, log) = self.wait();
+        (status.code(), text, log)
+    }
+
     /// Waits until the bridge exits with status 0. Returns its output on stderr.
     #[track_caller]
     pub(crate) fn success(self) -> String {
@@ -157,6 +164,15 @@ impl Drop for Bridge {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// Returns the value of `key` in the status `corticode: NAME` of a report on `/diagnostics`.
+pub(crate) fn figure<'r>(report: &'r Value, name: &str, key: &str) -> Option<&'r str> {
+    let name = format!("corticode: {name}");
+    let mut statuses = report["status"].as_array()?.iter();
+    let status = statuses.find(|status| status["name"] == name.as_str())?;
+    let mut values = status["values"].as_array()?.iter();
+    values.find(|value| value["key"] == key)?["value"].as_str()
 }
 
 /// Returns an address of this machine at which no program listens.

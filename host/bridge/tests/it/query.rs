@@ -37,10 +37,7 @@ fn board(fault: ChannelFault) -> Board {
 
 /// Runs the program with these arguments until it exits. Returns exit status, stdout and stderr.
 fn run_query(arguments: &[&str]) -> (Option<i32>, String, String) {
-    let mut bridge = Bridge::start(arguments);
-    let text = std::io::read_to_string(bridge.stdout()).unwrap();
-    let (status, log) = bridge.wait();
-    (status.code(), text, log)
+    Bridge::start(arguments).output()
 }
 
 #[test]

@@ -1,60 +1,50 @@
 //! The subcommand `replay`: a bridge that connects to a replay publishes the recorded codes.
 
-use std::fs::File;
 use std::io::Cursor;
-use std::path::Path;
 use std::time::Duration;
 
-use capture::{Pace, RecordingReader, Replayer};
+use capture::{Pace, Replayer};
 use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
 use rustix::process::Signal;
+use serde_json::Value;
 
 use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, free_address, wait_for_bytes};
+use crate::record::read;
 use crate::synthetic_recording::Rig;
 
-/// Returns the dequantised values of all codes in a recording of the simulated board, whose codes
-/// have scale 0.5 and zero point 1.
-fn recorded_codes(path: &Path) -> Vec<Vec<f64>> {
-    let mut reader = RecordingReader::new(File::open(path).unwrap()).unwrap();
-    let mut decoder = Decoder::<MAX_FRAME>::new();
-    let mut codes = Vec::new();
-    while let Some(record) = reader.next_record().unwrap() {
-        if record.kind != capture::RecordKind::Received {
-            continue;
-        }
-        let mut bytes = record.payload;
-        if let Some(Ok(frame)) = decoder.next::<ToHost>(&mut bytes)
-            && let ToHost::Code(code) = frame.message
-        {
-            let levels = code.values.levels();
-            codes.push(levels.map(|level| f64::from(level - 1) * 0.5).collect());
-        }
-    }
-    codes
+/// Replays a recording to a bridge. Returns the bridge's messages, each with its topic, and both
+/// logs.
+pub(crate) fn replayed(
+    arguments: &[&str],
+    port: &str,
+    streams: &str,
+) -> (Vec<(String, Value)>, String) {
+    let replay = Bridge::start(&[&["replay"], arguments].concat());
+    let arguments = ["--port", port, "--sink", "ndjson", "--streams", streams];
+    let mut bridge = Bridge::start(&arguments);
+    let messages = bridge.messages();
+    let reader = std::thread::spawn(move || messages.collect());
+    let log = replay.success();
+    // Long enough for the last report to /diagnostics.
+    std::thread::sleep(Duration::from_millis(1_500));
+    bridge.signal(Signal::INT);
+    let (_, bridge_log) = bridge.wait();
+    (reader.join().unwrap(), log + &bridge_log)
 }
 
 /// Replays a recording to a bridge. Returns the published codes without fillers, and both logs.
 fn replayed_codes(arguments: &[&str], port: &str, streams: &str) -> (Vec<Vec<f64>>, String) {
-    let replay = Bridge::start(&[&["replay"], arguments].concat());
-    let arguments = ["--port", port, "--sink", "ndjson", "--streams", streams];
-    let mut bridge = Bridge::start(&arguments);
-    let messages = bridge.messages().filter(|(topic, message)| {
+    let (mut messages, log) = replayed(arguments, port, streams);
+    messages.retain(|(topic, message)| {
         topic == "/encoded" && message["tri"]["data"][0].as_u64().unwrap() < 32_768
     });
-    let reader = std::thread::spawn(move || {
-        let codes = messages.map(|(_, message)| {
-            let values = message["eeg"]["data"].as_array().unwrap().iter();
-            values.map(|value| value.as_f64().unwrap()).collect()
-        });
-        codes.collect()
+    let codes = messages.iter().map(|(_, message)| {
+        let values = message["eeg"]["data"].as_array().unwrap().iter();
+        values.map(|value| value.as_f64().unwrap()).collect()
     });
-    let log = replay.success();
-    std::thread::sleep(Duration::from_millis(500));
-    bridge.signal(Signal::INT);
-    let (_, bridge_log) = bridge.wait();
-    (reader.join().unwrap(), log + &bridge_log)
+    (codes.collect(), log)
 }
 
 #[test]
@@ -68,7 +58,7 @@ fn a_bridge_at_a_terminal_gets_every_recorded_code_in_real_time() {
     recorder.end(Signal::TERM);
     let port = folder.path().join("board");
     let output = format!("pty:{}", port.display());
-    let recorded = recorded_codes(&path);
+    let recorded = read(&path).codes;
     let arguments = [file, "--output", &output];
     let (codes, log) = replayed_codes(&arguments, port.to_str().unwrap(), "codes,audit,events");
     assert_eq!(codes, recorded, "{log}");
@@ -85,7 +75,7 @@ fn a_restart_and_losses_of_the_recording_reach_the_bridge() {
     rig.restart(1_700_000);
     rig.run(60, 7);
     std::fs::write(&path, rig.finish()).unwrap();
-    let recorded = recorded_codes(&path);
+    let recorded = read(&path).codes;
     assert!(recorded.len() < 120, "no code was lost");
     let port = format!("tcp:{}", free_address());
     let arguments = [path.to_str().unwrap(), "--fast", "--output", &port];
