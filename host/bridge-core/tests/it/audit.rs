@@ -226,11 +226,7 @@ fn audits_that_cannot_be_compared_are_counted_and_not_passed_on() {
 
 #[test]
 fn without_the_devices_model_no_audit_is_compared() {
-    let board = Board {
-        model_id: [9; 8],
-        ..Board::new()
-    };
-    let mut harness = Harness::connected(AUDIT, board);
+    let mut harness = Harness::connected(AUDIT, Board::of_another_model());
     let values = CodeValues::int8(&[5; NUMBERS]);
     harness.send(0, &audit([9; 8], &[0; 1440], &values));
     assert!(harness.recorder.audits.is_empty());

@@ -28,6 +28,23 @@ pub(crate) fn assert_has<const N: usize>(text: &str, parts: [&str; N]) {
     }
 }
 
+/// Noise from Marsaglia's xorshift (Journal of Statistical Software 8, 2003); the seed is not 0.
+pub(crate) struct Noise(pub(crate) u32);
+
+impl Noise {
+    pub(crate) fn bits(&mut self) -> u32 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 17;
+        self.0 ^= self.0 << 5;
+        self.0
+    }
+
+    /// Returns the next number, uniform in 0..1.
+    pub(crate) fn number(&mut self) -> f64 {
+        f64::from(self.bits() >> 8) / f64::from(1 << 24)
+    }
+}
+
 /// Returns the model that is embedded in the bridge; it is read once per process.
 pub(crate) fn model() -> Arc<Model> {
     static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| Arc::new(Model::embedded().unwrap()));
@@ -141,6 +158,31 @@ impl Board {
     pub(crate) fn supporting(supported: Streams) -> Board {
         Board {
             supported,
+            ..Board::new()
+        }
+    }
+
+    /// Creates a board with a model that the host does not have.
+    pub(crate) fn of_another_model() -> Board {
+        Board {
+            model_id: [9; 8],
+            ..Board::new()
+        }
+    }
+
+    /// Creates another board, whose windows overlap less than those of [`Board::new`].
+    pub(crate) fn of_another_shape() -> Board {
+        Board {
+            hop_steps: 16,
+            session_id: 77,
+            ..Board::new()
+        }
+    }
+
+    /// Creates a board with this result in the acknowledgements that `ack_result` describes.
+    pub(crate) fn answering(ack_result: AckResult) -> Board {
+        Board {
+            ack_result,
             ..Board::new()
         }
     }

@@ -113,11 +113,7 @@ fn lost_edges_electrodes_without_contact_and_refused_devices_are_events() {
         harness.send(now, &ToHost::Converters(converters));
     }
     harness.core.disconnected();
-    harness.board = Board {
-        hop_steps: 16,
-        session_id: 77,
-        ..Board::new()
-    };
+    harness.board = Board::of_another_shape();
     harness.connect();
     let codes: Vec<i32> = events(&harness).iter().map(|(code, ..)| *code).collect();
     assert_eq!(codes, [1, 0x7f02, 1, 0x105, 0x105, 0x8105, 0x7f03]);

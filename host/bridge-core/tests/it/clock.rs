@@ -8,7 +8,7 @@
 
 use bridge_core::{Clock, HostTime};
 
-use crate::board::{WALL_START_NS, at};
+use crate::board::{Noise, WALL_START_NS, at};
 
 /// Time between codes, microseconds.
 const HOP_US: f64 = 62_500.0;
@@ -84,19 +84,13 @@ impl Run {
     fn errors(&self) -> Errors {
         let (_, interval_us, jitter_us) = self.reads;
         let mut clock = Clock::default();
-        let mut state = 5_u32;
+        let mut noise = Noise(5);
         let (mut device_us, mut sent_us, mut read_us, mut last_ns) = (5e9, 0.0, 0.0, i64::MIN);
         let mut errors = Vec::new();
         while sent_us < self.seconds * 1e6 {
             device_us += HOP_US;
             sent_us += HOP_US * (1.0 + self.ppm_at(sent_us / 1e6) * 1e-6);
-            // Noise, uniform in 0..1, from Marsaglia's xorshift (Journal of Statistical Software 8,
-            // 2003).
-            state ^= state << 13;
-            state ^= state >> 17;
-            state ^= state << 5;
-            let noise = f64::from(state >> 8) / f64::from(1 << 24);
-            let mut arrival_us = sent_us + self.least_delay_us + jitter_us * noise.powi(3);
+            let mut arrival_us = sent_us + self.least_delay_us + jitter_us * noise.number().powi(3);
             if interval_us > 0.0 {
                 arrival_us = (arrival_us / interval_us).ceil() * interval_us;
             }

@@ -133,9 +133,5 @@ fn the_reconstruction_is_announced_only_if_codes_can_be_decoded() {
     let info = announced(Board::new()).unwrap();
     assert_eq!(info.shape().nchannels, [61, 0, 8]);
     assert_eq!((info.shape().sr, info.shape().nsamples), (128, 8));
-    let other = Board {
-        model_id: [9; 8],
-        ..Board::new()
-    };
-    assert_eq!(announced(other), None);
+    assert_eq!(announced(Board::of_another_model()), None);
 }

@@ -2,11 +2,12 @@
 //! every sample.
 
 use bridge_core::Settings;
-use link::{Event, EventKind, Flags, Raw, Streams, ToHost};
+use link::{Event, EventKind, Flags, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::{Board, WALL_START_NS};
 use crate::recorder::{Harness, SETTINGS, state, value};
+use crate::samples::send_samples_at;
 
 const EVENTS: Settings = Settings {
     streams: Streams::from_bits(0b10011),
@@ -87,15 +88,9 @@ fn every_sample_and_code_carries_the_trigger_level() {
     harness.send(now, &event(EventKind::TriggerRise, 0, 10));
     harness.send(now, &event(EventKind::TriggerFall, 1, 70));
     for first in [0, 8, 16, 24] {
-        let counts = [0; 8 * 64 * 3];
-        let raw = Raw {
-            first_sample: first,
-            channels: 64,
-            flags: Flags::empty(),
-            counts: &counts,
-        };
         harness.now_us += 15_625;
-        harness.send(harness.now_us.unsigned_abs(), &ToHost::Raw(raw));
+        let now_us = harness.now_us.unsigned_abs();
+        send_samples_at(&mut harness, now_us, first, Flags::empty());
     }
     let words = harness.recorder.raw[0].tri.data.chunks(8);
     let levels: Vec<i32> = words.map(|words| words[7]).collect();

@@ -72,10 +72,7 @@ fn a_policy_that_another_host_has_set_is_replaced() {
 #[test]
 fn a_device_that_cannot_exclude_streams_all_the_same() {
     for ack_result in [AckResult::NotSupported, AckResult::UnknownCommand] {
-        let (mut harness, _) = excluding(Board {
-            ack_result,
-            ..Board::new()
-        });
+        let (mut harness, _) = excluding(Board::answering(ack_result));
         harness.codes(20, 1);
         let told = commands(&harness);
         let told = told.iter().filter(|name| **name == "set exclusion");
@@ -117,13 +114,7 @@ fn a_change_of_the_excluded_electrodes_is_an_event_and_a_warning() {
 /// A replayed recording reports the policy with which it was recorded, and refuses another one.
 #[test]
 fn a_refused_policy_is_not_sent_again_with_each_report() {
-    let mut harness = Harness::streaming(
-        EVENTS,
-        Board {
-            ack_result: AckResult::NotSupported,
-            ..Board::new()
-        },
-    );
+    let mut harness = Harness::streaming(EVENTS, Board::answering(AckResult::NotSupported));
     let (_, policy) = third(&harness.board);
     for _ in 0..5 {
         harness.send(0, &report(1 << 3, policy));

@@ -7,7 +7,7 @@ use link::{
 };
 use neuro_ros::{NeuroEvent, NeuroFrame};
 
-use crate::board::{Board, at, model};
+use crate::board::{Board, Noise, at, model};
 use crate::recorder::SETTINGS;
 
 /// Keeps the bytes for the device, and counts published frames and events.
@@ -80,11 +80,8 @@ fn survives_extreme_numbers(filler: FillerPolicy) {
         core.receive(&answers, at(now_us), &mut counter);
     }
     let (bytes, planes) = ([0x80; 1536], [0x80; 1440]);
-    let mut state = 1_u32;
-    let mut draw = |below: usize| {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 16) as usize % below
-    };
+    let mut noise = Noise(1);
+    let mut draw = |below: usize| noise.bits() as usize % below;
     for _ in 0..400 {
         now_us += 1_000;
         let mut number = || NUMBERS[draw(NUMBERS.len())];

@@ -66,10 +66,7 @@ fn a_device_that_does_not_measure_is_asked_once_and_streams_all_the_same() {
         (AckResult::NotSupported, "NUCLEO-H743ZI2"),
         (AckResult::UnknownCommand, "update the firmware"),
     ] {
-        let mut harness = measuring(Board {
-            ack_result,
-            ..Board::new()
-        });
+        let mut harness = measuring(Board::answering(ack_result));
         harness.codes(40, 1);
         assert_eq!((asked(&harness), harness.recorder.encoded.len()), (1, 40));
         let refusal = harness.core.impedance_refusal().expect("a refusal");

@@ -3,16 +3,12 @@
 
 use link::{AckResult, CodeFormat, CodeValues, Message, ToHost};
 
-use crate::board::{Board, NUMBERS, assert_has};
+use crate::board::{Board, NUMBERS, Noise, assert_has};
 use crate::recorder::{Harness, SETTINGS, commands};
 
 #[test]
 fn codes_of_another_model_are_published_without_a_reconstruction() {
-    let board = Board {
-        model_id: [9; 8],
-        ..Board::new()
-    };
-    let mut harness = Harness::connected(SETTINGS, board);
+    let mut harness = Harness::connected(SETTINGS, Board::of_another_model());
     harness.code(1, false);
     assert_eq!(harness.recorder.encoded.len(), 1);
     assert!(harness.recorder.windows.is_empty());
@@ -26,12 +22,7 @@ fn a_device_of_another_shape_is_refused_until_the_first_one_returns() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.core.disconnected();
-    let other = Board {
-        hop_steps: 16,
-        session_id: 77,
-        ..Board::new()
-    };
-    let right = std::mem::replace(&mut harness.board, other);
+    let right = std::mem::replace(&mut harness.board, Board::of_another_shape());
     harness.connect();
     harness.code(1, false);
     assert_eq!(harness.recorder.encoded.len(), 1);
@@ -212,14 +203,9 @@ fn a_device_with_another_wire_version_is_reported_as_such() {
 #[test]
 fn noise_never_publishes_anything() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let mut state = 1u32;
-    let noise: Vec<u8> = (0..100_000)
-        .map(|_| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            state.to_be_bytes()[0]
-        })
-        .collect();
-    harness.receive(&noise);
+    let mut noise = Noise(1);
+    let noise = (0..100_000).map(|_| noise.bits().to_be_bytes()[0]);
+    harness.receive(&noise.collect::<Vec<u8>>());
     assert!(harness.recorder.encoded.is_empty());
     let wire = harness.core.summary().wire;
     assert!(wire.cobs + wire.crc + wire.oversize > 100, "{wire:?}");

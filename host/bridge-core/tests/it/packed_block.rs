@@ -2,7 +2,7 @@
 
 use packed::{Context, Header, Magnitude, Rate, Tables};
 
-use crate::board::model;
+use crate::board::{Noise, model};
 
 /// Number of blocks from one block without prediction to the next such block.
 const RESET_BLOCKS: u32 = 64;
@@ -33,16 +33,14 @@ pub(crate) fn coarser_block(index: u32, seed: u32, [announced, rate]: [u8; 2]) -
         starts: &packed.starts,
         costs: &costs,
     };
-    let mut state = index.wrapping_mul(0x9e37_79b9) ^ seed | 1;
+    let mut noise = Noise(index.wrapping_mul(0x9e37_79b9) ^ seed | 1);
     let magnitudes: Vec<Magnitude> = (0..levels.len())
         .map(|place| {
-            state ^= state << 13;
-            state ^= state >> 17;
-            state ^= state << 5;
-            let value = if place < 12 { state % 3 } else { 0 };
+            let bits = noise.bits();
+            let value = if place < 12 { bits % 3 } else { 0 };
             Magnitude {
                 value: u16::try_from(value).unwrap(),
-                is_negative: state & 8 != 0,
+                is_negative: bits & 8 != 0,
             }
         })
         .collect();

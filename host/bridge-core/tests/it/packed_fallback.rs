@@ -56,12 +56,6 @@ fn codes_in_the_place_of_blocks_are_announced_and_decoded() {
 }
 
 #[test]
-fn a_device_that_streams_what_it_is_asked_for_is_announced_once() {
-    let device = Packed::new(PACKED);
-    assert_eq!(device.harness.recorder.announced.len(), 1);
-}
-
-#[test]
 fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
     // The part of the shift that does not depend on the stream: group delay 10 ms, less a frame of
     // four steps (31.25 ms), plus 1.5 steps.
@@ -261,9 +255,8 @@ fn a_device_that_refuses_all_streams_has_no_announcement_until_another_image_run
 #[test]
 fn a_refusal_is_in_the_status_beside_a_model_that_the_bridge_does_not_have() {
     let board = Board {
-        model_id: [9; 8],
         supported: Streams::EVENTS,
-        ..Board::new()
+        ..Board::of_another_model()
     };
     let mut harness = Harness::connected(SETTINGS, board);
     let status = harness.status("device").unwrap();

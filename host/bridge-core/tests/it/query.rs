@@ -83,19 +83,28 @@ impl Harness {
 fn report(test: SelfTest) -> SelfTestReport {
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     assert!(harness.exchange_for(1_000_000).is_none());
-    match harness.send(&ToHost::SelfTest(test)) {
-        Some(Ok(Answer::SelfTest(report))) => *report,
+    match answer_of(harness.send(&ToHost::SelfTest(test))) {
+        Answer::SelfTest(report) => *report,
         other => panic!("{other:?}"),
     }
 }
 
 fn refusal(request: Request, ack_result: AckResult) -> QueryError {
-    let board = Board {
-        ack_result,
-        ..Board::new()
-    };
-    match Harness::new(request, board).exchange_for(10_000_000) {
+    error_of(Harness::new(request, Board::answering(ack_result)).exchange_for(10_000_000))
+}
+
+#[track_caller]
+fn error_of(outcome: Option<QueryResult>) -> QueryError {
+    match outcome {
         Some(Err(error)) => error,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[track_caller]
+fn answer_of(outcome: Option<QueryResult>) -> Answer {
+    match outcome {
+        Some(Ok(answer)) => answer,
         other => panic!("{other:?}"),
     }
 }
@@ -294,10 +303,7 @@ fn a_silent_device_times_out() {
     // After it has acknowledged the command, the device has 15 s to send the result.
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     assert!(harness.exchange_for(15_000_000).is_none());
-    let outcome = harness.exchange_for(1_000_000);
-    let Some(Err(error)) = outcome else {
-        panic!("{outcome:?}")
-    };
+    let error = error_of(harness.exchange_for(1_000_000));
     assert_has(&error.to_string(), ["the result of the self-test"]);
 }
 
@@ -327,9 +333,8 @@ fn a_reset_is_complete_when_hello_has_another_session() {
     assert!(harness.query.expects_reconnect());
     harness.board.reboot();
     harness.query.connected(harness.now_us);
-    let outcome = harness.exchange_for(1_000_000);
-    let Some(Ok(Answer::Restarted(device))) = outcome else {
-        panic!("{outcome:?}")
+    let Answer::Restarted(device) = answer_of(harness.exchange_for(1_000_000)) else {
+        panic!("no restart")
     };
     assert_eq!(device.reset_cause, "power on");
 }
@@ -340,10 +345,7 @@ fn a_restart_during_the_test_is_an_error_with_its_cause() {
     assert!(harness.exchange_for(2_000_000).is_none());
     harness.board.reboot();
     let hello = harness.board.hello();
-    let outcome = harness.query.receive(&hello, harness.now_us);
-    let Some(Err(error)) = outcome else {
-        panic!("{outcome:?}")
-    };
+    let error = error_of(harness.query.receive(&hello, harness.now_us));
     assert_eq!(error.exit_code(), 1);
     assert!(error.to_string().contains("started by power on"), "{error}");
 }
@@ -351,9 +353,8 @@ fn a_restart_during_the_test_is_an_error_with_its_cause() {
 #[test]
 fn a_reset_into_the_bootloader_ends_with_the_acknowledgement() {
     let mut harness = Harness::new(Request::Reset(ResetInto::Bootloader), Board::new());
-    let outcome = harness.exchange_for(1_000_000);
-    let is_done = matches!(outcome, Some(Ok(Answer::InBootloader(_))));
-    assert!(is_done, "{outcome:?}");
+    let answer = answer_of(harness.exchange_for(1_000_000));
+    assert!(matches!(answer, Answer::InBootloader(_)), "{answer:?}");
     let requested = harness.requested().pop();
     assert_eq!(requested, Some(ToDevice::Reset(ResetInto::Bootloader)));
 }
@@ -362,15 +363,10 @@ fn a_reset_into_the_bootloader_ends_with_the_acknowledgement() {
 fn a_device_that_is_identified_goes_on_streaming() {
     let mut harness = Harness::new(Request::Identify, Board::new());
     harness.board.streaming = true;
-    let outcome = harness.exchange_for(1_000_000);
-    let Some(Ok(Answer::Identified(device))) = outcome else {
-        panic!("{outcome:?}")
+    let Answer::Identified(device) = answer_of(harness.exchange_for(1_000_000)) else {
+        panic!("not identified")
     };
-    let model: String = harness
-        .board
-        .model_id
-        .map(|byte| format!("{byte:02x}"))
-        .concat();
+    let model = artifact::ModelId(harness.board.model_id).to_string();
     assert_eq!((device.board.as_str(), device.model), ("board", model));
     assert_eq!(harness.requested(), [ToDevice::Identify]);
     assert!(harness.board.streaming);

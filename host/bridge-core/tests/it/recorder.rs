@@ -159,14 +159,21 @@ impl Harness {
 
     /// Lets core and board exchange bytes until the core has nothing more to send.
     pub(crate) fn exchange(&mut self) {
-        loop {
-            let commands = std::mem::take(&mut self.recorder.sent);
-            if commands.is_empty() {
-                return;
-            }
-            let answers = self.board.answer(&commands);
-            self.receive(&answers);
+        while !self.recorder.sent.is_empty() {
+            self.exchange_once();
         }
+    }
+
+    /// Delivers what the core has sent to the board, and the board's answers to the core.
+    pub(crate) fn exchange_once(&mut self) {
+        let answers = self.answers();
+        self.receive(&answers);
+    }
+
+    /// Delivers what the core has sent to the board. Returns the board's answers.
+    pub(crate) fn answers(&mut self) -> Vec<u8> {
+        let commands = std::mem::take(&mut self.recorder.sent);
+        self.board.answer(&commands)
     }
 
     /// Opens the port, but does not deliver the core's bytes to the board yet.
@@ -204,8 +211,7 @@ impl Harness {
     /// Lets the board answer until it streams. The acknowledgement of `Start` is lost on the way.
     pub(crate) fn start_unacknowledged(&mut self) {
         while !self.board.streaming {
-            let commands = std::mem::take(&mut self.recorder.sent);
-            let answers = self.board.answer(&commands);
+            let answers = self.answers();
             if !self.board.streaming {
                 self.receive(&answers);
             }

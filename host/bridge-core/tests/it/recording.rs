@@ -14,7 +14,7 @@ use bridge_core::{
 use link::{Event, EventKind, Filtered, Flags, PackedCode, Raw, Streams, ToHost};
 use neuro_ros::{NeuroEvent, NeuroFrame, Stamp};
 
-use crate::board::{Board, at, model};
+use crate::board::{Board, Noise, at, model};
 use crate::recorder::SETTINGS;
 
 /// Time from one restart of the board to the next, and time without data at each, seconds.
@@ -198,19 +198,10 @@ struct Rig {
     core: Core,
     board: Board,
     tape: Tape,
-    noise: u32,
+    noise: Noise,
 }
 
 impl Rig {
-    /// Returns noise, uniform in 0..1, from Marsaglia's xorshift (Journal of Statistical Software
-    /// 8, 2003).
-    fn noise(&mut self) -> f64 {
-        self.noise ^= self.noise << 13;
-        self.noise ^= self.noise >> 17;
-        self.noise ^= self.noise << 5;
-        f64::from(self.noise >> 8) / f64::from(1 << 24)
-    }
-
     /// Delivers bytes of the board, and lets it answer.
     fn receive(&mut self, bytes: &[u8]) {
         let now = at(self.tape.now_us);
@@ -231,9 +222,9 @@ impl Rig {
             Some(message) => self.board.frame(device_us, message),
             None => self.board.code(device_us, 1),
         };
-        let arrival_us = ((made_s + 0.001 + 0.003 * self.noise()) * 1e6) as i64;
+        let arrival_us = ((made_s + 0.001 + 0.003 * self.noise.number()) * 1e6) as i64;
         self.tape.now_us = arrival_us.max(self.tape.now_us + 1);
-        if self.noise() >= loss {
+        if self.noise.number() >= loss {
             self.receive(&frame);
         }
     }
@@ -311,7 +302,7 @@ impl Rig {
                 self.tape.edge_s = edge_s;
                 self.send(edge_s, Some(&edge), 0.0);
                 number += 1;
-                edge_s += 0.5 + self.noise();
+                edge_s += 0.5 + self.noise.number();
             }
             self.take_sample(now_s, sample, loss);
             sample += 1;
@@ -347,7 +338,7 @@ fn largest_errors(settings: Settings, ppm: [f64; 2], seconds: f64, loss: f64) ->
         core,
         board,
         tape,
-        noise: 5,
+        noise: Noise(5),
     };
     rig.record(seconds, loss);
     let mut most = [0.0_f64; 2];

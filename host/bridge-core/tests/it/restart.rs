@@ -201,12 +201,7 @@ fn the_time_in_which_another_device_is_refused_is_filled() {
     (0..16).for_each(|_| recording.hop());
     let harness = &mut recording.harness;
     harness.core.disconnected();
-    let other = Board {
-        hop_steps: 16,
-        session_id: 77,
-        ..Board::new()
-    };
-    let first = std::mem::replace(&mut harness.board, other);
+    let first = std::mem::replace(&mut harness.board, Board::of_another_shape());
     harness.connect();
     harness.codes(16, 1);
     harness.core.disconnected();

@@ -43,10 +43,7 @@ fn a_clock_query_is_sent_every_ten_seconds_while_codes_arrive() {
 
 #[test]
 fn a_device_that_does_not_know_the_query_is_not_queried_again() {
-    let board = Board {
-        ack_result: AckResult::UnknownCommand,
-        ..Board::new()
-    };
+    let board = Board::answering(AckResult::UnknownCommand);
     let mut harness = Harness::streaming(SETTINGS, board);
     run(&mut harness, 30);
     assert_eq!(clock_queries(&harness).len(), 1);
@@ -145,9 +142,8 @@ fn unanswered_queries_delay_the_start_by_half_a_second_at_most() {
     harness.receive(&hello);
     let restarted_us = harness.now_us;
     while !harness.board.streaming {
-        let commands = std::mem::take(&mut harness.recorder.sent);
         let lost = harness.board.received.len();
-        let answers = harness.board.answer(&commands);
+        let answers = harness.answers();
         let queried = harness.board.received[lost..].iter();
         if queried
             .clone()

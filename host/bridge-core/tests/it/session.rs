@@ -16,8 +16,7 @@ fn commands_without_an_answer_are_repeated() {
         harness.now_us += 100_000;
         harness.tick();
     }
-    let sent = std::mem::take(&mut harness.recorder.sent);
-    harness.board.answer(&sent);
+    harness.answers();
     // The core sends `Identify` at 0 s and then every 0.5 s, for the fifth time at 2 s.
     assert_eq!(commands(&harness), ["identify"; 5]);
 }
@@ -205,8 +204,7 @@ fn a_silent_device_is_pinged_and_then_unresponsive() {
     assert!(harness.recorder.sent.is_empty(), "a ping within 2 s");
     harness.stats(Streams::CODES);
     stay_silent(&mut harness);
-    let sent = std::mem::take(&mut harness.recorder.sent);
-    harness.board.answer(&sent);
+    harness.answers();
     assert_eq!(commands(&harness).last(), Some(&"ping"));
 }
 
@@ -231,9 +229,8 @@ fn a_refused_start_is_not_repeated_for_ten_seconds() {
     harness.core.connected(at(0), &mut harness.recorder);
     for tick in 0..60 {
         harness.now_us = tick * 100_000;
-        let sent = std::mem::take(&mut harness.recorder.sent);
         let seen = harness.board.received.len();
-        let answers = harness.board.answer(&sent);
+        let answers = harness.answers();
         let mut new = harness.board.received[seen..].iter();
         let start = new.find(|(_, command)| matches!(command, ToDevice::Start(_)));
         match start.copied() {

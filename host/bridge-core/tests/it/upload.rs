@@ -1,7 +1,7 @@
 //! A packed model is given to the device before it streams.
 
 use bridge_core::{Settings, Upload};
-use link::{ModelBegin, Streams, ToDevice};
+use link::{ModelBegin, Streams};
 
 use crate::board::{BUILT_IN, Board, model};
 use crate::recorder::{Harness, SETTINGS, commands, value};
@@ -20,10 +20,13 @@ fn content() -> Vec<u8> {
 
 /// Creates a harness whose core has a model for the board, and is not connected yet.
 fn uploading(board: Board) -> Harness {
-    let mut harness = Harness::new(PACKED, board);
-    harness
-        .core
-        .set_upload(Upload::new(model().id(), content().into()));
+    uploading_with(PACKED, board)
+}
+
+fn uploading_with(settings: Settings, board: Board) -> Harness {
+    let mut harness = Harness::new(settings, board);
+    let upload = Upload::new(model().id(), content().into());
+    harness.core.set_upload(upload);
     harness
 }
 
@@ -68,9 +71,7 @@ fn an_upload_begins_again_when_the_device_knows_no_announcement() {
     let mut harness = uploading(Board::with_slot());
     harness.open();
     while uploaded(&harness).is_empty() {
-        let sent = std::mem::take(&mut harness.recorder.sent);
-        let answers = harness.board.answer(&sent);
-        harness.receive(&answers);
+        harness.exchange_once();
     }
     // The device restarts, and its introduction is lost.
     harness.board.slot = Some((ModelBegin::default(), Vec::new()));
@@ -85,10 +86,8 @@ fn an_upload_goes_on_where_a_lost_connection_has_ended_it() {
     let mut harness = uploading(Board::with_slot());
     harness.open();
     while uploaded(&harness).is_empty() {
-        let sent = std::mem::take(&mut harness.recorder.sent);
-        assert!(!sent.is_empty());
-        let answers = harness.board.answer(&sent);
-        harness.receive(&answers);
+        assert!(!harness.recorder.sent.is_empty());
+        harness.exchange_once();
     }
     let report = harness.status("device").unwrap().message;
     assert!(report.contains("34 %"), "{report}");
@@ -114,8 +113,7 @@ fn lost_answers_are_asked_for_again() {
     harness.open();
     let mut round = 0;
     while !harness.board.streaming && round < 100 {
-        let sent = std::mem::take(&mut harness.recorder.sent);
-        let answers = harness.board.answer(&sent);
+        let answers = harness.answers();
         // Every third answer is lost as a whole.
         if round % 3 != 2 {
             harness.receive(&answers);
@@ -148,20 +146,16 @@ fn a_device_without_a_slot_is_used_as_it_is_and_the_reason_is_reported() {
 fn refuse(harness: &mut Harness) {
     harness.board.received.clear();
     while !harness.board.streaming {
-        let sent = std::mem::take(&mut harness.recorder.sent);
-        assert!(!sent.is_empty());
+        assert!(!harness.recorder.sent.is_empty());
         let slot = harness.board.slot.as_mut().unwrap();
         if let Some(last) = slot.1.last_mut() {
             *last ^= 1;
         }
-        let answers = harness.board.answer(&sent);
-        harness.receive(&answers);
+        harness.exchange_once();
     }
-    let ends = harness.board.received.iter();
-    let ends = ends
-        .filter(|(_, command)| *command == ToDevice::ModelEnd)
-        .count();
-    assert_eq!(ends, 3);
+    let commands = commands(harness);
+    let ends = commands.iter().filter(|name| **name == "model end");
+    assert_eq!(ends.count(), 3);
 }
 
 #[test]
@@ -181,9 +175,7 @@ fn a_device_that_refuses_the_model_after_a_restart_streams_its_own() {
         streams: Streams::CODES,
         ..PACKED
     };
-    let mut harness = Harness::new(settings, Board::with_slot());
-    let upload = Upload::new(model().id(), content().into());
-    harness.core.set_upload(upload);
+    let mut harness = uploading_with(settings, Board::with_slot());
     harness.connect();
     assert_eq!(harness.core.objection(), None);
     harness.codes(3, 1);

@@ -396,9 +396,7 @@ fn signals(file: Vec<u8>) -> Table {
 
 #[test]
 fn a_recording_of_another_model_has_an_error_that_names_the_model() {
-    let mut board = Board::new();
-    board.model_id = [9; 8];
-    let mut recording = PackedRecording::new(board, Streams::PACKED);
+    let mut recording = PackedRecording::new(Board::of_another_model(), Streams::PACKED);
     for _ in 0..20 {
         recording.hop();
     }

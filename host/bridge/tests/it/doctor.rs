@@ -130,10 +130,7 @@ async fn faults_of_device_and_ros_graph_are_named() {
     let arguments = ["/test".into(), "/use_sim_time".into(), RosValue::Bool(true)];
     let set = call_ros(master.uri(), "setParam", &arguments).await;
     set.unwrap();
-    let device = Device::tcp(Board {
-        model_id: [9; 8],
-        ..Board::new()
-    });
+    let device = Device::tcp(Board::of_another_model());
     // No machine has this address: RFC 5737 reserves it for documentation.
     let variables = [("ROS_IP", "192.0.2.1")];
     let arguments = ["--port", &device.port, "--ros-master-uri", master.uri()];

@@ -50,10 +50,7 @@ fn a_reader_that_closes_the_pipe_ends_the_bridge_without_an_error() {
 
 #[test]
 fn codes_of_another_model_are_published_and_the_log_has_advice() {
-    let device = Device::tcp(Board {
-        model_id: [9; 8],
-        ..Board::new()
-    });
+    let device = Device::tcp(Board::of_another_model());
     let mut bridge = Bridge::ndjson(&device.port);
     let messages = bridge.messages().take(30);
     let topics: BTreeSet<String> = messages.map(|(topic, _)| topic).collect();

@@ -276,10 +276,7 @@ fn a_self_test_needs_a_stopped_device_and_its_table_is_the_answer() {
     assert_eq!(page.done("start", "")["message"], "the device streams");
     page.bridge.end(Signal::TERM);
 
-    let device = Device::tcp(Board {
-        ack_result: AckResult::NotSupported,
-        ..Board::new()
-    });
+    let device = Device::tcp(Board::answering(AckResult::NotSupported));
     let page = Page::start(&device, &[]);
     page.done("stop", "");
     assert!(page.refused("self-test", "").contains("no converters"));
@@ -309,10 +306,7 @@ fn electrodes_and_rates_are_set_on_the_device() {
     assert!(page.refused("rate", "16").contains("0 (finest) to 15"));
     page.bridge.end(Signal::TERM);
 
-    let device = Device::tcp(Board {
-        ack_result: AckResult::NotSupported,
-        ..Board::new()
-    });
+    let device = Device::tcp(Board::answering(AckResult::NotSupported));
     let page = Page::start(&device, &["--streams=codes"]);
     let why = page.refused("exclude", &format!("{label} always"));
     assert!(why.contains("its board or model cannot do that"), "{why}");

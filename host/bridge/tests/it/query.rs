@@ -72,10 +72,7 @@ fn an_absent_device_is_status_3_and_a_refusal_status_4() {
         assert_eq!(code, Some(3), "{log}");
         assert!(log.contains("plug the device in"), "{log}");
     }
-    let device = Device::tcp(Board {
-        ack_result: AckResult::NotSupported,
-        ..Board::new()
-    });
+    let device = Device::tcp(Board::answering(AckResult::NotSupported));
     let (code, _, log) = run_query(&["selftest", "--port", &device.port]);
     assert_eq!(code, Some(4), "{log}");
     assert!(log.contains("no converters"), "{log}");

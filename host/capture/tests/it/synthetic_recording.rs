@@ -142,11 +142,15 @@ impl Rig {
         let device_us = u64::try_from(host_us - self.boot_us).unwrap();
         let frame = self.board.frame(device_us, message);
         let delay_us = (self.next_random() % 9_000).cast_signed();
-        let lost = self.next_random() % 100 < self.loss_percent;
-        if lost {
+        self.deliver(&frame, host_us + delay_us);
+    }
+
+    /// Delivers a frame, or loses it on the way.
+    fn deliver(&mut self, frame: &[u8], read_us: i64) {
+        if self.next_random() % 100 < self.loss_percent {
             self.lost += 1;
         } else {
-            self.receive(&frame, host_us + delay_us);
+            self.receive(frame, read_us);
         }
     }
 
@@ -253,12 +257,7 @@ impl Rig {
         }
         let device_us = u64::try_from(self.sample_us(last) - self.boot_us).unwrap();
         let frame = self.board.code_of(device_us, &CodeValues::int8(&values));
-        let lost = self.next_random() % 100 < self.loss_percent;
-        if lost {
-            self.lost += 1;
-        } else {
-            self.receive(&frame, self.sample_us(last) + 2_000);
-        }
+        self.deliver(&frame, self.sample_us(last) + 2_000);
     }
 
     /// Ends the recording and returns the file.

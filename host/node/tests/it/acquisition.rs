@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use artifact::classifier::Classifier;
+use artifact::reconstruction::dequantise;
 use neuro_ros::{Header, NeuroDataFloat, NeuroDataInfo, NeuroFrame, NeuroHeader, Stamp};
 use pipeline::{
     ExclusionPolicy, FeatureExtractor, FeatureFilters, Features, Mains, Pipeline, Sample,
@@ -135,12 +136,10 @@ impl Acquisition {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "levels of at most 17 bits")]
 fn dequantised(values: &pipeline::CodeValues) -> Vec<f32> {
     let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
     let levels = values.levels().into_iter().zip(scales);
-    let dequantise = |(level, (scale, zero_point)): (i32, (&f32, &i8))| {
-        (level - i32::from(*zero_point)) as f32 * scale
-    };
-    levels.map(dequantise).collect()
+    levels
+        .map(|(level, (scale, zero_point))| dequantise(level, *scale, *zero_point))
+        .collect()
 }
