@@ -55,29 +55,6 @@ const fn start(streams: Streams) -> ToDevice<'static> {
 const START: ToDevice<'_> = start(Streams::CODES);
 
 #[test]
-fn codes_are_sent_only_between_start_and_stop_and_start_at_window_0() {
-    let (mut board, outbox) = board();
-    let mut host = Encoder::default();
-    let second = |board: &mut VirtualBoard| {
-        for _ in 0..512 {
-            board.process_sample(&Sample::default(), 0);
-        }
-    };
-    second(&mut board);
-    for command in [START, ToDevice::Stop, START] {
-        send(&mut board, &mut host, command);
-        second(&mut board);
-    }
-    let windows = frames(&outbox, |message| match message {
-        ToHost::Code(code) => Some(code.window),
-        _ => None,
-    });
-    let per_second = (512 / 4 - 16) / 8 + 1;
-    let expected: Vec<u32> = (0..per_second).chain(0..per_second).collect();
-    assert_eq!(windows, expected);
-}
-
-#[test]
 fn a_clipped_value_in_two_windows_is_counted_once() {
     let (mut board, outbox) = board();
     let mut host = Encoder::default();

@@ -1,7 +1,6 @@
 //! Tests of the program `corticode-bridge`, between a simulated board and a ROS master.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
-mod abuse;
 mod backlog;
 #[path = "../../../bridge-core/tests/it/board.rs"]
 #[expect(dead_code, reason = "the tests of the core use more of it")]
