@@ -27,7 +27,7 @@ mod wire;
 pub use app::bridge::{FinalCounts, LivePage, Publication};
 pub use app::classifying::{ClassifierOptions, Classifying, PredictionOptions};
 pub use app::command_line::ignore_empty_variable;
-pub use app::command_line::{ExclusionOptions, PersonOptions, ViewOptions, choice};
+pub use app::command_line::{ExclusionOptions, PersonOptions, Switch, ViewOptions, choice};
 pub use app::config_file::ConfigError;
 pub use app::log::start as start_log;
 pub use app::parameters::{read as read_parameters, to_flags as parameters_to_flags};

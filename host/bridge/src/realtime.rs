@@ -2,13 +2,14 @@
 
 use std::io;
 
-use clap::builder::BoolishValueParser;
-use clap::{ArgAction, Args};
+use clap::Args;
 use thiserror::Error;
 use thread_priority::{
     Error as PriorityError, RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue,
     ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id,
 };
+
+use crate::app::command_line::Switch as _;
 
 /// Priority under `SCHED_FIFO`, of 1 to 99: above every ordinary program, and below the threads in
 /// which Linux handles interrupts, which have 50.
@@ -22,16 +23,7 @@ pub(crate) const REMEDY: &str = "sudo install -m 644 packaging/60-corticode.conf
 pub struct RealtimeOption {
     /// Ask Linux for real-time priority (SCHED_FIFO) and keep the program's memory in RAM, so that
     /// other programs do not delay frames. If that is not permitted, the program warns and goes on
-    #[arg(
-        long,
-        env = "CORTICODE_REALTIME",
-        action = ArgAction::Set,
-        num_args = 0..=1,
-        require_equals = true,
-        default_value = "false",
-        default_missing_value = "true",
-        value_parser = BoolishValueParser::new()
-    )]
+    #[arg(long, env = "CORTICODE_REALTIME", switch())]
     pub realtime: bool,
 }
 

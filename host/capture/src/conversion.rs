@@ -174,9 +174,9 @@ pub fn convert<R: Read>(
         input.play(Survey::default(), "looking for events", |_| Ok(()))
     });
     let (survey, left_out) = survey?;
-    let mut core = survey.summary();
+    let mut core = survey.core.summary();
     let unfilled = survey.collector.unfilled;
-    let objection = survey.objection().map(str::to_owned);
+    let objection = survey.core.objection().map(str::to_owned);
     let survey = survey.collector.listener;
     let mut durations = survey.streams.iter();
     let differing_s = durations.find_map(StreamSurvey::differing_durations_s);

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use bridge::{
     ClassifierOptions, ExclusionOptions, PersonOptions, PredictionOptions, RealtimeOption,
-    ViewOptions, choice,
+    Switch as _, ViewOptions, choice,
 };
 use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
-use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
-use clap::{ArgAction, Args, CommandFactory, Parser};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, CommandFactory, Parser};
 use lsl::InletOptions;
 use pipeline::Mains;
 
@@ -69,16 +69,7 @@ pub(crate) struct Options {
     #[arg(long, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,
     /// Reconstruct from the newest window alone: one hop earlier, with a slightly larger error
-    #[arg(
-        long,
-        env = "CORTICODE_LOW_LATENCY",
-        action = ArgAction::Set,
-        num_args = 0..=1,
-        require_equals = true,
-        default_value = "false",
-        default_missing_value = "true",
-        value_parser = BoolishValueParser::new()
-    )]
+    #[arg(long, env = "CORTICODE_LOW_LATENCY", switch())]
     pub(crate) low_latency: bool,
     #[command(flatten)]
     pub(crate) realtime: RealtimeOption,

@@ -84,17 +84,7 @@ pub(crate) struct Options {
     pub(crate) filler: FillerPolicy,
     /// Reconstruct from the newest window or packed block alone: 62.5 ms earlier, with a slightly
     /// larger error
-    #[arg(
-        long,
-        help_heading = DECODING,
-        env = "CORTICODE_LOW_LATENCY",
-        action = ArgAction::Set,
-        num_args = 0..=1,
-        require_equals = true,
-        default_value = "false",
-        default_missing_value = "true",
-        value_parser = BoolishValueParser::new()
-    )]
+    #[arg(long, help_heading = DECODING, env = "CORTICODE_LOW_LATENCY", switch())]
     pub(crate) low_latency: bool,
     /// Time that the stamp of an event gives: for each rosneuro_recorder, that of its place in this
     /// recorder's file of the announced stream; or that of the event itself
@@ -104,17 +94,7 @@ pub(crate) struct Options {
     /// for scripts that play a recording, such as with host-sim run --input FILE. What a ROS
     /// subscriber has not taken 0.5 s later is lost. Without it, the bridge waits for the port to
     /// return
-    #[arg(
-        long,
-        help_heading = DEVICE,
-        env = "CORTICODE_EXIT_AT_END",
-        action = ArgAction::Set,
-        num_args = 0..=1,
-        require_equals = true,
-        default_value = "false",
-        default_missing_value = "true",
-        value_parser = BoolishValueParser::new()
-    )]
+    #[arg(long, help_heading = DEVICE, env = "CORTICODE_EXIT_AT_END", switch())]
     pub(crate) exit_at_end: bool,
     #[command(flatten, next_help_heading = DEVICE)]
     pub(crate) realtime: RealtimeOption,
@@ -228,17 +208,7 @@ pub(crate) struct ContactOptions {
     /// Measure the impedance of every electrode while the device streams: once a second on
     /// /diagnostics. Raw samples then have a tone at a quarter of the sample rate. Needs 500 Hz or
     /// more
-    #[arg(
-        long,
-        help_heading = DEVICE,
-        env = "CORTICODE_IMPEDANCE",
-        action = ArgAction::Set,
-        num_args = 0..=1,
-        require_equals = true,
-        default_value = "false",
-        default_missing_value = "true",
-        value_parser = BoolishValueParser::new()
-    )]
+    #[arg(long, help_heading = DEVICE, env = "CORTICODE_IMPEDANCE", switch())]
     impedance: bool,
     /// Resistance in series with each electrode on the board, ohms, which impedances leave out
     #[arg(long, help_heading = DEVICE, env = "CORTICODE_SERIES_OHMS", value_name = "OHMS", default_value_t = 0)]
@@ -699,18 +669,27 @@ pub struct ViewOptions {
     #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_RECORD_DIR", value_name = "FOLDER", default_value = ".")]
     pub record_dir: PathBuf,
     /// Open the live page in the desktop's browser
-    #[arg(
-        long,
-        help_heading = OUTPUTS,
-        env = "CORTICODE_OPEN_BROWSER",
-        action = ArgAction::Set,
-        num_args = 0..=1,
-        require_equals = true,
-        default_value = "false",
-        default_missing_value = "true",
-        value_parser = BoolishValueParser::new()
-    )]
+    #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_OPEN_BROWSER", switch())]
     pub(crate) open_browser: bool,
+}
+
+/// Options that are on or off.
+pub trait Switch {
+    /// Makes the option a switch: `--option` means `--option=true`, and without it, it is off. An
+    /// environment variable and a private parameter can also set it to `false`.
+    #[must_use]
+    fn switch(self) -> Self;
+}
+
+impl Switch for Arg {
+    fn switch(self) -> Self {
+        self.action(ArgAction::Set)
+            .num_args(0..=1)
+            .require_equals(true)
+            .default_value("false")
+            .default_missing_value("true")
+            .value_parser(BoolishValueParser::new())
+    }
 }
 
 /// Returns a parser that accepts the names of the choices of `T` and describes them in `--help`.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::mem::discriminant;
 use std::sync::Arc;
 
-use bridge_core::{Core, Effects, HostTime, Identity, Model, Settings, Summary};
+use bridge_core::{Core, Effects, HostTime, Identity, Model, Settings};
 use link::{Ack, AckResult, Decoder, Frame, Header, MAX_FRAME, ToDevice, ToHost};
 
 use crate::conversion::collector::{Collector, Listener};
@@ -63,17 +63,6 @@ impl<L: Listener> Playback<L> {
             newest: None,
             first: None,
         }
-    }
-
-    /// Returns the core's counts of received, lost and filled codes.
-    pub(crate) fn summary(&self) -> Summary {
-        self.core.summary()
-    }
-
-    /// Returns the reason why the core does not publish the device's streams; `None` if it does
-    /// publish them.
-    pub(crate) fn objection(&self) -> Option<&str> {
-        self.core.objection()
     }
 
     /// Plays one record to the core.
