@@ -6,6 +6,8 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD as BASE64;
 use emulator::skip::skip_unless_required;
 use serde_json::{Value, json};
 
@@ -163,8 +165,8 @@ impl Browser {
     pub fn draw(&self, path: &Path) {
         let format = json!({"format": "webp", "quality": 40});
         let picture = self.tell("Page.captureScreenshot", &format)["data"].take();
-        let bytes = decode_base64(picture.as_str().expect("a picture"));
-        std::fs::write(path, bytes).expect("a picture is written");
+        let bytes = BASE64.decode(picture.as_str().expect("a picture"));
+        std::fs::write(path, bytes.expect("base64")).expect("a picture is written");
     }
 
     /// Returns the lines of the console since the last call.
@@ -230,42 +232,5 @@ fn exchange(port: u16, method: &str, path: &str, body: Option<&Value>) -> io::Re
         Ok(value)
     } else {
         Err(io::Error::other(value["message"].take().to_string()))
-    }
-}
-
-fn decode_base64(text: &str) -> Vec<u8> {
-    let digit = |byte: u8| match byte {
-        b'A'..=b'Z' => Some(u32::from(byte - b'A')),
-        b'a'..=b'z' => Some(u32::from(byte - b'a') + 26),
-        b'0'..=b'9' => Some(u32::from(byte - b'0') + 52),
-        b'+' => Some(62),
-        b'/' => Some(63),
-        _ => None,
-    };
-    let digits: Vec<u32> = text.bytes().filter_map(digit).collect();
-    let four = digits.chunks(4).flat_map(|four| {
-        let bits = four.iter().enumerate();
-        let bits = bits.fold(0, |bits, (index, digit)| bits | digit << (26 - 6 * index));
-        let bytes = bits.to_be_bytes();
-        bytes.into_iter().take(four.len() * 6 / 8)
-    });
-    four.collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::decode_base64;
-
-    #[test]
-    fn base64_is_decoded() {
-        for (text, expected) in [
-            ("", ""),
-            ("Zg==", "f"),
-            ("Zm8=", "fo"),
-            ("Zm9vYmE=", "fooba"),
-        ] {
-            assert_eq!(decode_base64(text), expected.as_bytes());
-        }
-        assert_eq!(decode_base64("+/+/"), [0xfb, 0xff, 0xbf]);
     }
 }

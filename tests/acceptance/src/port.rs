@@ -13,6 +13,14 @@ const COUNT: u16 = 12_000;
 /// Number of ports that this process has tried so far.
 static TRIED: AtomicU16 = AtomicU16::new(0);
 
+/// Returns a free TCP port in the format of the options `--port` and `--output`.
+///
+/// # Panics
+/// When no port of the range is free.
+pub fn free_address() -> String {
+    format!("tcp:127.0.0.1:{}", free_port().expect("a free port"))
+}
+
 /// Returns a free TCP port of 127.0.0.1. No two calls in one process return the same port.
 ///
 /// # Errors

@@ -8,26 +8,30 @@ use std::time::Duration;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::process::Process;
+use crate::process::{Process, SLACK};
 use crate::programs::programs;
-
-/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
-const SLACK: Duration = Duration::from_mins(1);
 
 /// `NAME` in `NAME.out` and `NAME.err`, the output files of the bridge that [`print`] starts.
 const PRINTING: &str = "printing";
 
-/// Starts `host-sim run` in real time with `seconds` of synthetic EEG with seed 7.
+/// Starts `host-sim run` with synthetic EEG and further `options`; its output goes to the files
+/// `board.out` and `board.err` in `folder`.
+///
+/// # Panics
+/// When host-sim does not start.
+pub fn board_with(folder: &Path, output: &str, options: &[&str]) -> Process {
+    let mut board = Command::new(&programs().host_sim);
+    board.args(["run", "--input=synthetic", "--output", output]);
+    Process::start("board", board.args(options), folder).expect("host-sim starts")
+}
+
+/// Starts a board in real time with `seconds` of synthetic EEG with seed 7.
 ///
 /// # Panics
 /// When host-sim does not start.
 pub fn board(folder: &Path, seconds: usize, output: &str) -> Process {
-    let mut board = Command::new(&programs().host_sim);
-    board
-        .args(["run", "--input=synthetic", "--seed=7", "--realtime"])
-        .arg(format!("--duration={seconds}"))
-        .arg(format!("--output={output}"));
-    Process::start("board", &mut board, folder).expect("host-sim starts")
+    let duration = format!("--duration={seconds}");
+    board_with(folder, output, &["--seed=7", "--realtime", &duration])
 }
 
 /// Starts `corticode-bridge`; its output goes to the files `NAME.out` and `NAME.err` in `folder`,
@@ -64,14 +68,42 @@ pub fn stop(bridge: Process, folder: &Path) -> [String; 2] {
     })
 }
 
-/// Returns the messages of `topic` among the JSON lines that a bridge has printed.
+/// Returns the messages of `topic` among the JSON lines that a bridge has printed, without a last
+/// line that it is still writing.
 ///
 /// # Panics
 /// When a line with the topic's name is not JSON.
 pub fn messages<'l>(lines: &'l str, topic: &str) -> impl Iterator<Item = Value> + use<'l> {
     let topic = format!("\"{topic}\"");
-    let lines = lines.lines().filter(move |line| line.contains(&topic));
+    let whole = lines.rfind('\n').map_or("", |end| &lines[..end]);
+    let lines = whole.lines().filter(move |line| line.contains(&topic));
     lines.map(|line| serde_json::from_str::<Value>(line).expect("JSON")["message"].take())
+}
+
+/// Returns the values of a block of a printed frame, such as `eeg`.
+///
+/// # Panics
+/// When the frame has no such block.
+pub fn values(frame: &Value, block: &str) -> Vec<f32> {
+    let data = frame[block]["data"].as_array().expect("a list").iter();
+    #[expect(clippy::cast_possible_truncation, reason = "printed from a float32")]
+    let values = data.map(|value| value.as_f64().expect("a number") as f32);
+    values.collect()
+}
+
+/// Returns the statuses `corticode: NAME` in the diagnostics that a bridge has printed.
+pub fn statuses(lines: &str, name: &str) -> impl Iterator<Item = Value> {
+    let name = format!("corticode: {name}");
+    let reports = messages(lines, "/diagnostics");
+    let statuses = reports.filter_map(|report| report["status"].as_array().cloned());
+    let statuses = statuses.flatten();
+    statuses.filter(move |status| status["name"] == name.as_str())
+}
+
+/// Returns the value `key` of a status.
+pub fn figure<'s>(status: &'s Value, key: &str) -> Option<&'s str> {
+    let mut values = status["values"].as_array()?.iter();
+    values.find(|value| value["key"] == key)?["value"].as_str()
 }
 
 /// Runs a board for `seconds`, records its bytes by a bridge with `options`, replays the recording

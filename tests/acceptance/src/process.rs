@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group, test_kill_process_group};
 
+/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
+pub const SLACK: Duration = Duration::from_mins(1);
 /// Time between two checks whether a program has ended or a condition holds.
 const POLL: Duration = Duration::from_millis(20);
 
@@ -165,6 +167,18 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         self.kill();
+    }
+}
+
+/// Waits until `condition` holds; `what` describes it in messages.
+///
+/// # Panics
+/// When [`SLACK`] passes first.
+pub fn wait_for(what: &str, condition: impl Fn() -> bool) {
+    let end = Instant::now() + SLACK;
+    while !condition() {
+        assert!(Instant::now() < end, "{what}: not within {SLACK:?}");
+        std::thread::sleep(POLL);
     }
 }
 

@@ -2,14 +2,12 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::time::Duration;
 
 use acceptance::files::{noise, write_gdf};
-use acceptance::port::free_port;
-use acceptance::printing::{self, bridge};
+use acceptance::port::free_address;
+use acceptance::printing::{self, board_with, bridge};
 use acceptance::process::Process;
-use acceptance::programs::programs;
 use artifact::Artifact;
 use rustix::process::Signal;
 
@@ -47,19 +45,9 @@ fn a_model_is_fitted_to_a_board_s_signal_and_the_bridge_streams_with_it() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    let free = || format!("tcp:127.0.0.1:{}", free_port().expect("a free port"));
 
-    let port = free();
-    let mut fast = Command::new(&programs().host_sim);
-    fast.args([
-        "run",
-        "--input=synthetic",
-        "--seed=7",
-        "--fast",
-        "--output",
-        &port,
-    ]);
-    let fast = Process::start("fast", &mut fast, folder).expect("host-sim starts");
+    let port = free_address();
+    let fast = board_with(folder, &port, &["--seed=7", "--fast"]);
     let arguments = [
         "calibrate",
         "--subject=ada",
@@ -99,11 +87,9 @@ fn a_model_is_fitted_to_a_board_s_signal_and_the_bridge_streams_with_it() {
         "{log}"
     );
 
-    let port = free();
-    let mut faulty = Command::new(&programs().host_sim);
-    faulty.args(["run", "--input=synthetic", "--realtime", "--duration=120"]);
-    faulty.args(["--fault=lead-off@1s:Cz", "--output", &port]);
-    let _faulty = Process::start("faulty", &mut faulty, folder).expect("host-sim starts");
+    let port = free_address();
+    let faults = ["--realtime", "--duration=120", "--fault=lead-off@1s:Cz"];
+    let _faulty = board_with(folder, &port, &faults);
     let arguments = ["calibrate", "--subject=ada", "--port", &port];
     let mut interrupted = bridge(folder, "interrupted", &arguments);
     interrupted.wait_until("a report of the electrode", SLACK, |bridge| {

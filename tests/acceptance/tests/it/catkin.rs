@@ -8,6 +8,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use acceptance::catkin::{self, CatkinWorkspace, text_of};
+use acceptance::printing::board_with;
 use acceptance::process::Process;
 use acceptance::programs::programs;
 use acceptance::ros::{Ros, TIMEOUT};
@@ -84,10 +85,8 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     assert_every_option_is_an_argument(&workspace, &ros);
 
     let port = folder.path().join("board");
-    let output = format!("--output=pty:{}", port.display());
-    let mut board = Command::new(&programs().host_sim);
-    board.args(["run", "--input=synthetic", "--realtime", &output]);
-    let _board = Process::start("board", &mut board, folder.path()).expect("host-sim starts");
+    let output = format!("pty:{}", port.display());
+    let _board = board_with(folder.path(), &output, &["--realtime"]);
     let port = format!("port:={}", port.display());
 
     let arguments = [

@@ -12,6 +12,7 @@ use std::process::{Command, Output};
 use std::time::Duration;
 
 use acceptance::port::free_port;
+use acceptance::printing::board_with;
 use acceptance::process::Process;
 use acceptance::programs::programs;
 use emulator::skip::{skip_unless_required, skipped};
@@ -146,10 +147,8 @@ fn the_service_streams_under_systemd_and_stays_failed_after_wrong_usage() {
     }
     let logs = tempfile::tempdir().expect("a folder");
     let [board, master] = [0; 2].map(|_| free_port().expect("a free port"));
-    let mut sim = Command::new(&programs().host_sim);
-    sim.args(["run", "--input=synthetic", "--realtime"]);
-    sim.arg(format!("--output=tcp:127.0.0.1:{board}"));
-    let _board = Process::start("board", &mut sim, logs.path()).expect("host-sim starts");
+    let output = format!("tcp:127.0.0.1:{board}");
+    let _board = board_with(logs.path(), &output, &["--realtime"]);
     let mut core = Command::new(&programs().bridge);
     core.args(["master", &format!("--bind=127.0.0.1:{master}")]);
     let _master = Process::start("master", &mut core, logs.path()).expect("the master starts");

@@ -3,53 +3,32 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
-use std::time::Duration;
 
-use acceptance::port::free_port;
-use acceptance::printing::{self, bridge};
-use acceptance::process::Process;
-use acceptance::programs::programs;
+use acceptance::port::free_address;
+use acceptance::printing::{self, board_with, bridge, figure};
+use acceptance::process::{Process, SLACK};
 use serde_json::Value;
-
-/// Time limit for a condition, enough on a busy machine.
-const SLACK: Duration = Duration::from_mins(1);
 
 /// Starts a board with 5 kOhm at every electrode, 40 kOhm at Cz, and Pz off. Returns the board and
 /// its port.
 fn board(folder: &Path) -> (Process, String) {
-    let port = format!("tcp:127.0.0.1:{}", free_port().expect("a free port"));
-    let mut board = Command::new(&programs().host_sim);
-    board.args(["run", "--input=synthetic", "--realtime", "--duration=120"]);
-    board.args(["--impedance=40k:Cz", "--fault=lead-off:Pz"]);
-    board.args(["--output", &port]);
-    let board = Process::start("board", &mut board, folder).expect("host-sim starts");
-    (board, port)
+    let port = free_address();
+    let contacts = ["--impedance=40k:Cz", "--fault=lead-off:Pz"];
+    let options = [&["--realtime", "--duration=120"], &contacts[..]].concat();
+    (board_with(folder, &port, &options), port)
 }
 
 /// Returns the newest status `impedance` among the printed diagnostics.
 fn status(lines: &str) -> Option<Value> {
-    let reports = printing::messages(lines, "/diagnostics");
-    let statuses = reports.filter_map(|report| report["status"].as_array().cloned());
-    let is_wanted = |status: &Value| status["name"] == "corticode: impedance";
-    statuses.flatten().filter(is_wanted).last()
-}
-
-/// Returns the value of an electrode in a status.
-fn value<'s>(status: &'s Value, label: &str) -> &'s str {
-    let values = status["values"].as_array().expect("a list");
-    let value = values.iter().find(|value| value["key"] == label);
-    value.expect("an electrode")["value"]
-        .as_str()
-        .expect("text")
+    printing::statuses(lines, "impedance").last()
 }
 
 /// Asserts that the status names the electrodes of [`board`].
 fn assert_named(status: &Value) {
     assert_eq!(status["message"], "open: Pz; 20 kOhm or more: Cz");
-    assert_eq!(value(status, "Pz"), "open");
+    assert_eq!(figure(status, "Pz"), Some("open"));
     for (label, kohm) in [("Fz", 5.0), ("Cz", 40.0)] {
-        let text = value(status, label);
+        let text = figure(status, label).expect("an electrode");
         let number = text.strip_suffix(" kOhm").expect("kilohms");
         let measured: f64 = number.parse().expect("a number");
         assert!((measured / kohm - 1.0).abs() < 0.05, "{label}: {text}");

@@ -8,12 +8,11 @@ mod shown;
 mod traces;
 mod wire;
 
-use std::time::{Duration, Instant};
-
 use acceptance::browser::Browser;
+use acceptance::process::wait_for;
 use serde_json::Value;
 
-use shown::{Shown, TIMEOUT, TOKEN};
+use shown::{Shown, TOKEN};
 
 /// Chooses the entry `name` of a list, as soon as the list has it.
 fn choose(browser: &Browser, list: &str, name: &str) {
@@ -25,11 +24,7 @@ fn choose(browser: &Browser, list: &str, name: &str) {
         list.dispatchEvent(new Event('change'));
         return true;"
     );
-    let end = Instant::now() + TIMEOUT;
-    while browser.run(&script) != true {
-        assert!(Instant::now() < end, "no {list} {name}");
-        std::thread::sleep(Duration::from_millis(100));
-    }
+    wait_for(&format!("{list} {name}"), || browser.run(&script) == true);
 }
 
 #[test]
@@ -39,7 +34,7 @@ fn the_page_shows_what_was_received_to_those_who_may_see_it() {
     let Some(browser) = Browser::start(test, shown.folder.path()) else {
         return;
     };
-    shown.wait_for("codes", |shown| shown.lines().contains("/encoded"));
+    wait_for("codes", || shown.lines().contains("/encoded"));
     browser.prefer_dark(false);
     browser.open(&format!("{}#token={TOKEN}", shown.url()));
     browser.wait_for_text("#state", "streaming");
@@ -74,7 +69,7 @@ fn the_page_shows_what_was_received_to_those_who_may_see_it() {
     browser.switch_to(&second);
     browser.open(&shown.url());
     browser.wait_for_text("#state", "streaming");
-    shown.wait_for("two viewers", |shown| shown.figure("viewers") == Some(2));
+    wait_for("two viewers", || shown.figure("viewers") == Some(2));
     assert_eq!(browser.console(), Vec::<String>::new());
 
     // A wrong token, and then the right one.

@@ -4,12 +4,12 @@ mod testing_board;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use acceptance::browser::Browser;
 use acceptance::port::free_port;
 use acceptance::printing::{board, bridge, messages};
-use acceptance::process::Process;
+use acceptance::process::{Process, SLACK, wait_for};
 use acceptance::workspace;
 use link::{ChannelFault, ChannelTest, ChipTest, SelfTest};
 use rustix::process::Signal;
@@ -18,7 +18,6 @@ use serde_json::Value;
 use self::testing_board::TestingBoard;
 
 const TOKEN: &str = "a-token-of-the-test";
-const TIMEOUT: Duration = Duration::from_mins(1);
 /// Code of a marker on the bus, and in files.
 const MARKER: u64 = 0x7f05;
 
@@ -59,14 +58,6 @@ fn choose(browser: &Browser, id: &str, value: &str) {
         list.dispatchEvent(new Event('change'));"
     );
     browser.run(&script);
-}
-
-fn wait_for(what: &str, holds: impl Fn() -> bool) {
-    let end = Instant::now() + TIMEOUT;
-    while !holds() {
-        assert!(Instant::now() < end, "{what}: not within {TIMEOUT:?}");
-        std::thread::sleep(Duration::from_millis(50));
-    }
 }
 
 /// Returns the lines of the console that are no report of a refused request.
@@ -195,7 +186,7 @@ fn a_session_is_recorded_marked_and_tested_from_the_page() {
     assert!(browser.text("#answer").contains("2 markers, 0 bytes lost"));
     assert_eq!(faults(&browser), Vec::<String>::new());
     let log = bridge.errors();
-    assert!(bridge.stop(Signal::TERM, TIMEOUT).success(), "{log}");
+    assert!(bridge.stop(Signal::TERM, SLACK).success(), "{log}");
     marker_is_converted(folder.path(), &file);
 }
 
@@ -216,7 +207,7 @@ fn draw(browser: &Browser, is_dark: bool, shown: &str, name: &str) {
 fn marker_is_converted(folder: &Path, file: &Path) {
     let name = file.display().to_string();
     let mut converting: Process = bridge(folder, "converting", &["convert", &name, "--to=csv"]);
-    assert!(converting.wait(TIMEOUT).success(), "{}", converting.log());
+    assert!(converting.wait(SLACK).success(), "{}", converting.log());
     for stream in ["codes", "reconstructed", "raw", "filtered"] {
         let table = file.with_extension(format!("{stream}.csv"));
         let text = fs::read_to_string(table).expect("a table");

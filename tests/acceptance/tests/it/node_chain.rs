@@ -13,6 +13,7 @@ use acceptance::programs::programs;
 use acceptance::ros::{Ros, TIMEOUT};
 use acceptance::wheels::{self, liblsl};
 use acceptance::{real_data, ros, workspace};
+use artifact::reconstruction::dequantise;
 use link::{Decoder, Flags, MAX_FRAME, ToHost};
 use neuro_ros::ros1::{Node, NodeOptions, Subscriber};
 use neuro_ros::{NeuroFrame, RosMessage, Wire};
@@ -154,7 +155,6 @@ fn script() -> PathBuf {
     script.canonicalize().expect("the script exists")
 }
 
-#[expect(clippy::cast_precision_loss, reason = "levels of at most 17 bits")]
 fn dequantised_codes(mut bytes: &[u8]) -> Vec<Vec<f32>> {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let mut codes = Vec::new();
@@ -162,8 +162,7 @@ fn dequantised_codes(mut bytes: &[u8]) -> Vec<Vec<f32>> {
         if let ToHost::Code(code) = frame.expect("a whole frame").message {
             let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
             let levels = code.values.levels().zip(scales);
-            let values =
-                levels.map(|(level, (scale, zero))| (level - i32::from(*zero)) as f32 * scale);
+            let values = levels.map(|(level, (scale, zero))| dequantise(level, *scale, *zero));
             codes.push(values.collect());
         }
     }

@@ -9,7 +9,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
 use acceptance::files::write_gdf;
-use acceptance::port::free_port;
+use acceptance::port::free_address;
 use acceptance::{numpy_reference, process, programs::programs, real_data};
 use link::{Code, Decoder, MAX_FRAME, ToHost};
 use recordings::Recording;
@@ -104,8 +104,7 @@ fn codes_are_those_of_run_and_microvolts_those_of_the_bridge() {
 /// Records with the bridge what `host-sim run` sends, converts the recording, and compares its
 /// decoded signal with the signal that `host-sim decode` writes.
 fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
-    let port = free_port().expect("a free port");
-    let port = format!("tcp:127.0.0.1:{port}");
+    let port = free_address();
     let log = folder.join("logs");
     fs::create_dir_all(&log).expect("a folder");
     let mut board = Command::new(&programs().host_sim);

@@ -1,16 +1,13 @@
 //! Debian's ROS tools work with the master of `corticode-bridge`, without roscore.
 
-use std::time::Duration;
-
 use acceptance::chain::{Chain, NEURO_FRAME_MD5};
+use acceptance::process::SLACK;
 use acceptance::ros;
 
 /// Duration of the EEG that the board encodes, in seconds.
 const SECONDS: usize = 5;
 /// Number of codes that the board sends per second.
 const RATE: usize = 16;
-/// Time limit for a program to exit, enough on a busy machine.
-const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
 fn rospy_rosbag_and_rostopic_receive_every_code_at_the_programs_own_master() {

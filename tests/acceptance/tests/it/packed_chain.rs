@@ -8,8 +8,8 @@ use acceptance::chain::{Chain, messages_of};
 use acceptance::files::Table;
 use acceptance::lossy_cable::LossyCable;
 use acceptance::port::free_port;
-use acceptance::printing::{self, board, messages};
-use acceptance::process::Process;
+use acceptance::printing::{self, board, messages, values};
+use acceptance::process::{Process, SLACK};
 use acceptance::ros;
 use artifact::reconstruction::{PackedBlock, PackedDecoder};
 use emulator::skip::skipped;
@@ -21,8 +21,6 @@ use crate::inputs::{artifact, synthetic};
 
 /// Duration of the EEG that the board encodes, in seconds.
 const SECONDS: usize = 8;
-/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
-const SLACK: Duration = Duration::from_mins(1);
 /// Rate of the packed code; not the default, so that the bridge must set it.
 const RATE: u8 = 3;
 /// Number of blocks that the board sends in [`SECONDS`].
@@ -96,13 +94,8 @@ fn print_blocks(folder: &Path, port: &str, options: &[&str]) -> Process {
 /// Returns the reconstructed frames among the JSON lines that a bridge has printed.
 fn printed(lines: &str) -> Vec<Frame> {
     let frames = messages(lines, "/neurodata_reconstructed").map(|message| {
-        let data = message["eeg"]["data"].as_array().expect("a list");
-        #[expect(clippy::cast_possible_truncation, reason = "printed from a float32")]
-        let values = data
-            .iter()
-            .map(|value| value.as_f64().expect("a number") as f32);
         let flags = message["tri"]["data"][0].as_u64();
-        (values.collect(), flags.expect("a flag word"))
+        (values(&message, "eeg"), flags.expect("a flag word"))
     });
     frames.collect()
 }

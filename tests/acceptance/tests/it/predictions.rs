@@ -3,10 +3,10 @@
 
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
 
 use acceptance::chain::Chain;
-use acceptance::process::Process;
+use acceptance::printing::board_with;
+use acceptance::process::{Process, SLACK};
 use acceptance::programs::programs;
 use acceptance::{ros, workspace};
 use any_model::any_classifier;
@@ -21,8 +21,6 @@ use crate::inputs::synthetic;
 /// Duration of the EEG, seconds: the filters settle in the first ten.
 const SECONDS: usize = 14;
 const HOPS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
-/// Time limit for a condition, enough on a busy machine.
-const SLACK: Duration = Duration::from_mins(1);
 
 /// Prediction as the integrator prints it.
 #[derive(Debug, Deserialize)]
@@ -122,16 +120,9 @@ fn a_recording_of_features_is_converted_to_the_same_predictions() {
     let mut record = bridge("record");
     record.args(["--streams", "features", "--port"]).arg(&port);
     let recorder = Process::start("record", &mut record, folder.path()).expect("it starts");
-    let mut board = Command::new(&programs().host_sim);
-    board.args([
-        "run",
-        "--input=synthetic",
-        "--seed=7",
-        "--fast",
-        "--duration=14",
-    ]);
-    board.arg(format!("--output=pty:{}", port.display()));
-    let mut board = Process::start("board", &mut board, folder.path()).expect("it starts");
+    let output = format!("pty:{}", port.display());
+    let options = ["--seed=7", "--fast", "--duration=14"];
+    let mut board = board_with(folder.path(), &output, &options);
     assert!(board.wait(SLACK).success(), "{}", board.log());
     assert!(recorder.stop(Signal::TERM, SLACK).success());
     let convert = bridge("convert").args(["--to", "csv"]).output();

@@ -7,19 +7,17 @@ use std::time::Duration;
 use acceptance::files::Table;
 use acceptance::lossy_cable::LossyCable;
 use acceptance::port::free_port;
-use acceptance::printing::{self, board};
-use acceptance::process::Process;
+use acceptance::printing::{self, board, values};
+use acceptance::process::{Process, SLACK};
 use model::{ADC_RATE_HZ, CHANNELS, LSB_NV};
 
 use crate::inputs::synthetic;
 
 /// Duration of the EEG that the board samples, in seconds.
 const SECONDS: usize = 6;
-/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
-const SLACK: Duration = Duration::from_mins(1);
 /// Smallest value of the status word `flags` in which the highest bit is set; this bit marks a
 /// filler, which replaces a lost sample.
-const FILLER: f64 = 32_768.0;
+const FILLER: f32 = 32_768.0;
 
 /// One sample as the bridge prints it: its values, with the spare channels last, and whether it is
 /// a filler.
@@ -45,20 +43,13 @@ fn print_samples(folder: &Path, port: &str, form: &str) -> Process {
 fn printed(lines: &str) -> Vec<Row> {
     let mut rows = Vec::new();
     for message in printing::messages(lines, "/neurodata") {
-        let block = |name: &str| {
-            let data = message[name]["data"].as_array().expect("a list");
-            let numbers = data.iter().map(|value| value.as_f64().expect("a number"));
-            numbers.collect::<Vec<f64>>()
-        };
-        let (eeg, exg, tri) = (block("eeg"), block("exg"), block("tri"));
+        let [eeg, exg, tri] = ["eeg", "exg", "tri"].map(|name| values(&message, name));
         let samples = tri.len() / 8;
         let parts = eeg
             .chunks(eeg.len() / samples)
             .zip(exg.chunks(exg.len() / samples));
         for ((eeg, exg), words) in parts.zip(tri.chunks(8)) {
-            #[expect(clippy::cast_possible_truncation, reason = "printed from a float32")]
-            let values = eeg.iter().chain(exg).map(|value| *value as f32);
-            rows.push((values.collect(), words[0] >= FILLER));
+            rows.push(([eeg, exg].concat(), words[0] >= FILLER));
         }
     }
     rows

@@ -1,9 +1,8 @@
 //! Every code of synthetic and of recorded EEG reaches a rospy subscriber of a real roscore, in
 //! order and with the right values.
 
-use std::time::Duration;
-
 use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5, messages_of};
+use acceptance::process::SLACK;
 use acceptance::{real_data, ros};
 use link::Flags;
 use pipeline::{Mains, Pipeline, Sample};
@@ -12,8 +11,6 @@ use crate::inputs::{recorded, synthetic};
 
 /// Duration of the EEG that the board encodes in each test, in seconds.
 const SECONDS: u32 = 12;
-/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
-const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
 fn every_code_of_synthetic_eeg_reaches_rospy() {

@@ -1,9 +1,7 @@
 //! Every raw sample and every filtered step reaches rospy, in order and with the right values.
 
-use std::time::Duration;
-
 use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5, messages_of};
-use acceptance::process::Process;
+use acceptance::process::{Process, SLACK};
 use acceptance::ros;
 use link::Flags;
 use model::{ADC_RATE_HZ, CHANNELS, ELECTRODES, HOP, LSB_NV, STEP_RATE_HZ};
@@ -17,8 +15,6 @@ const SECONDS: usize = 8;
 const SAMPLES: usize = HOP * ADC_RATE_HZ as usize / STEP_RATE_HZ as usize;
 /// Number of levels of a filtered step per count: 2^5, because the step has 5 fraction bits.
 const FRACTION: f64 = 32.0;
-/// Time limit for a program to exit or to reach a condition, enough on a busy machine.
-const SLACK: Duration = Duration::from_mins(1);
 
 #[test]
 fn samples_and_steps_reach_rospy_together_with_the_codes() {

@@ -2,10 +2,10 @@
 //! after a restart in the middle of a stream.
 
 use std::path::Path;
-use std::time::Duration;
 
-use acceptance::port::free_port;
-use acceptance::printing::{self, board, messages};
+use acceptance::port::free_address;
+use acceptance::printing::{self, board, messages, values};
+use acceptance::process::SLACK;
 use any_model::{any_linear_for, any_packed_of};
 use artifact::reconstruction::{PackedDecoder, dequantise};
 use artifact::{Artifact, PackedModel};
@@ -24,8 +24,6 @@ const SECONDS: usize = 6;
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
 /// Topic of the frames that the bridge decodes from blocks.
 const DECODED: &str = "/neurodata_reconstructed";
-/// Time limit for a condition, enough on a busy machine.
-const SLACK: Duration = Duration::from_mins(1);
 
 /// Writes the built-in model to `folder`, with another packed model and, if the board takes one, a
 /// linear code.
@@ -109,12 +107,7 @@ fn printed(lines: &str, topic: &str) -> Vec<(u64, Vec<f32>)> {
     let frames = messages(lines, topic).filter_map(|message| {
         let word = |index: usize| message["tri"]["data"][index].as_u64().expect("a number");
         let is_filler = word(0) & u64::from(Flags::FILLER.bits()) != 0;
-        let data = message["eeg"]["data"].as_array().expect("a list");
-        #[expect(clippy::cast_possible_truncation, reason = "printed from a float32")]
-        let values = data
-            .iter()
-            .map(|value| value.as_f64().expect("a number") as f32);
-        (!is_filler).then(|| (word(1), values.collect()))
+        (!is_filler).then(|| (word(1), values(&message, "eeg")))
     });
     frames.collect()
 }
@@ -132,7 +125,7 @@ fn a_board_streams_with_the_model_that_the_bridge_gives_it_also_after_a_restart(
     let [blocks, codes] = expected(&artifact, &packed);
     assert_eq!(codes.is_empty(), !HAS_SHORTCUT);
 
-    let port = format!("tcp:127.0.0.1:{}", free_port().expect("a free port"));
+    let port = free_address();
     let personal = personal.display().to_string();
     let options = [
         if HAS_SHORTCUT {

@@ -1,16 +1,17 @@
 //! The panels Spectrum, Code and Head.
 
 use std::fs;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use acceptance::browser::Browser;
 use acceptance::numpy_reference;
-use acceptance::printing::messages;
+use acceptance::printing;
+use acceptance::process::wait_for;
 use serde_json::{Value, json};
 
 use super::choose;
 use super::reading::{DOWN, RIGHT, Reading, microseconds};
-use super::shown::{Shown, TIMEOUT};
+use super::shown::Shown;
 use super::wire::Wire;
 
 /// Bands as on the panel: name, and frequencies from which and below which they reach, Hz.
@@ -154,32 +155,19 @@ pub(super) fn codes_equal_the_lines(browser: &Browser, shown: &Shown) {
     // 16 codes a second of 128 bytes and an exponent, but for those that the cable loses.
     let bits = figure(browser, "codes, 128 numbers, bits/s").expect("bits per second");
     assert!((0.9..=1.001).contains(&(bits / 16512.0)), "{bits}");
-    let end = Instant::now() + TIMEOUT;
-    while figure(browser, "audit: RMS error, levels").is_none() {
-        assert!(Instant::now() < end, "no audit");
-        std::thread::sleep(Duration::from_millis(200));
-    }
+    let audited = || figure(browser, "audit: RMS error, levels").is_some();
+    wait_for("an audit", audited);
 }
 
 /// Compares the figures of the packed code with the reports in the JSON lines.
 pub(super) fn packed_figures_equal_the_reports(browser: &Browser, shown: &Shown) {
-    let end = Instant::now() + TIMEOUT;
-    while figure(browser, "audit: packed error, uV RMS").is_none() {
-        assert!(Instant::now() < end, "no audit of packed blocks");
-        std::thread::sleep(Duration::from_millis(200));
-    }
+    let audited = || figure(browser, "audit: packed error, uV RMS").is_some();
+    wait_for("an audit of packed blocks", audited);
     let [bits, misfits] = ["packed code, bits/s", "blocks that do not fit (misfits)"]
         .map(|name| figure(browser, name).unwrap_or_else(|| panic!("no {name}")));
     let lines = shown.lines();
-    let reports = messages(&lines, "/diagnostics").filter_map(|report| {
-        let statuses = report["status"].as_array()?.clone();
-        let mut packed = statuses.into_iter();
-        let packed = packed.find(|status| status["name"] == "corticode: packed code")?;
-        let value = |key: &str| {
-            let values = packed["values"].as_array()?.iter();
-            let mut named = values.filter(|value| value["key"] == key);
-            named.next()?["value"].as_str()?.parse::<f64>().ok()
-        };
+    let reports = printing::statuses(&lines, "packed code").filter_map(|status| {
+        let value = |key| printing::figure(&status, key)?.parse::<f64>().ok();
         Some([value("bits per second")?, value("misfits")?])
     });
     let reports: Vec<[f64; 2]> = reports.collect();

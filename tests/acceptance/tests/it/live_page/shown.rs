@@ -1,31 +1,15 @@
 //! A board whose cable loses frames, and the bridge that serves the page and prints JSON.
 
-use std::path::Path;
-use std::process::Command;
-use std::time::{Duration, Instant};
-
 use acceptance::lossy_cable::LossyCable;
 use acceptance::port::free_port;
-use acceptance::printing::{bridge, messages};
-use acceptance::process::Process;
-use acceptance::programs::programs;
+use acceptance::printing::{self, board_with, bridge};
+use acceptance::process::{Process, SLACK};
 use rustix::process::Signal;
 
 pub(super) const TOKEN: &str = "a-token-of-the-test";
-pub(super) const TIMEOUT: Duration = Duration::from_mins(1);
 /// Interval between edges of the trigger input, microseconds; the first one is an interval after
 /// boot, which is device time 0, and rises.
 pub(super) const EDGE_US: u64 = 700_000;
-
-/// Starts ten minutes of a board in real time.
-fn board(folder: &Path, output: &str) -> Process {
-    let mut board = Command::new(&programs().host_sim);
-    board
-        .args(["run", "--input=synthetic", "--seed=7", "--realtime"])
-        .args(["--duration=600", "--trigger-every=0.7"])
-        .arg(format!("--output={output}"));
-    Process::start("board", &mut board, folder).expect("host-sim starts")
-}
 
 /// A board whose cable loses frames, and the bridge that serves the page and prints JSON.
 pub(super) struct Shown {
@@ -41,7 +25,13 @@ impl Shown {
         let folder = tempfile::tempdir().expect("a folder");
         let port = free_port().expect("a free port");
         let output = format!("tcp:127.0.0.1:{port}");
-        let board = board(folder.path(), &output);
+        let options = [
+            "--seed=7",
+            "--realtime",
+            "--duration=600",
+            "--trigger-every=0.7",
+        ];
+        let board = board_with(folder.path(), &output, &options);
         let mut shown = Shown {
             cable: LossyCable::new(port, 1).expect("a cable"),
             folder,
@@ -73,7 +63,7 @@ impl Shown {
     pub(super) fn stop_bridge(&mut self) -> String {
         let bridge = self.bridge.take().expect("a bridge");
         let (log, lines) = (bridge.errors(), self.lines());
-        assert!(bridge.stop(Signal::TERM, TIMEOUT).success(), "{log}");
+        assert!(bridge.stop(Signal::TERM, SLACK).success(), "{log}");
         lines
     }
 
@@ -90,19 +80,7 @@ impl Shown {
 
     /// Returns the newest value of `key` in the status `outlets`.
     pub(super) fn figure(&self, key: &str) -> Option<u64> {
-        let report = messages(&self.lines(), "/diagnostics").last()?;
-        let status = report["status"].as_array()?.iter();
-        let mut values =
-            status.flat_map(|status| status["values"].as_array().into_iter().flatten());
-        let value = values.find(|value| value["key"] == key)?;
-        value["value"].as_str()?.parse().ok()
-    }
-
-    pub(super) fn wait_for(&self, what: &str, holds: impl Fn(&Shown) -> bool) {
-        let end = Instant::now() + TIMEOUT;
-        while !holds(self) {
-            assert!(Instant::now() < end, "{what}: not within {TIMEOUT:?}");
-            std::thread::sleep(Duration::from_millis(100));
-        }
+        let status = printing::statuses(&self.lines(), "outlets").last()?;
+        printing::figure(&status, key)?.parse().ok()
     }
 }
