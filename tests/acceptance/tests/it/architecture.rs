@@ -118,7 +118,7 @@ fn only_the_files_that_architecture_md_lists_contain_unsafe_code() {
 }
 
 /// Checks that cargo compiles every `.rs` file: it must be the root of a target, or another file
-/// must declare it with `mod`.
+/// must declare it with `mod`, by its name or with the attribute `path`.
 #[test]
 fn every_source_file_is_declared_by_a_module() {
     let packages = packages();
@@ -133,6 +133,11 @@ fn every_source_file_is_declared_by_a_module() {
         let declarations = text.lines().filter_map(|line| line.strip_suffix(';'));
         let names = declarations.filter_map(|line| Some(line.rsplit_once("mod ")?.1.to_owned()));
         declared.extend(names);
+        let lines = text.lines().map(str::trim_start);
+        let paths = lines
+            .filter_map(|line| line.strip_prefix("#[path = \"")?.strip_suffix(".rs\"]"))
+            .filter_map(|path| path.rsplit('/').next());
+        declared.extend(paths.map(str::to_owned));
     }
     let is_declared = |file: &Path| {
         let stem = file.file_stem().unwrap_or_default().to_string_lossy();
