@@ -1,8 +1,8 @@
 //! Starts the application on the board: sets up pins, clocks and memory, then starts the tasks.
 
 use board_stm32::{
-    Board, Bus, ClockSource, FRAME_BYTES, HseInput, KnownClock, Loader, Port, Trigger, Wires,
-    init_chip, sleep, start_tasks, start_watchdog, stm32f4,
+    Board, ClockSource, FRAME_BYTES, HseInput, KnownClock, Loader, Trigger, init_chip, sleep,
+    start_tasks, start_watchdog, stm32f4,
 };
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
@@ -10,7 +10,6 @@ use embassy_stm32::{
     Peri, bind_interrupts, dma, pac,
     peripherals::{DMA1_CH3, DMA1_CH4, IWDG},
     rcc::mux,
-    spi::Spi,
 };
 use static_cell::ConstStaticCell;
 
@@ -25,10 +24,7 @@ bind_interrupts!(struct Irqs {
 use {
     crate::uart::Usart2,
     board_stm32::{PortMemory, UartInterrupt},
-    embassy_stm32::{
-        peripherals::{DMA1_CH5, DMA1_CH6},
-        usart::UartTx,
-    },
+    embassy_stm32::peripherals::{DMA1_CH5, DMA1_CH6},
 };
 #[cfg(feature = "uart")]
 bind_interrupts!(struct UartIrqs {
@@ -79,57 +75,20 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     let reset_cause = stm32f4::take_cause();
     stm32f4::enable_flash_accelerator();
 
-    let spi = Spi::new(
-        parts.spi,
-        parts.sclk,
-        parts.mosi,
-        parts.miso,
-        parts.spi_tx,
-        parts.spi_rx,
-        Irqs,
-        Bus::config(),
-    );
-    let wires = Wires::new(
-        Bus::new(spi, SPI_BUFFER.take()),
-        [
-            parts.select0.into(),
-            parts.select1.into(),
-            parts.select2.into(),
-            parts.select3.into(),
-            parts.select4.into(),
-            parts.select5.into(),
-            parts.select6.into(),
-            parts.select7.into(),
-        ],
-        [parts.start.into(), parts.reset.into()],
-        parts.drdy,
-        parts.drdy_line,
-    );
+    let bus = board_stm32::bus!(parts, Irqs, SPI_BUFFER.take());
+    let wires = board_stm32::chain_wires!(parts, bus);
     let trigger = Trigger {
         pin: parts.trigger,
         line: parts.trigger_line,
     };
     #[cfg(not(feature = "uart"))]
-    let port = Port {
+    let port = board_stm32::Port {
         otg: parts.usb,
         dp: parts.usb_dp,
         dm: parts.usb_dm,
     };
     #[cfg(feature = "uart")]
-    let port = Port::new::<Usart2, _>(
-        UartTx::new(
-            parts.uart,
-            parts.uart_tx,
-            parts.uart_to_host,
-            UartIrqs,
-            Port::config(),
-        )
-        .expect("921600 baud"),
-        parts.uart_rx,
-        parts.uart_from_host,
-        UartIrqs,
-        PORT_MEMORY.take(),
-    );
+    let port = board_stm32::uart_port!(parts, Usart2, UartIrqs, PORT_MEMORY.take());
     let spawner = start_tasks(Board {
         name: "NUCLEO-F446RE",
         firmware: env!("CORTICODE_FIRMWARE"),

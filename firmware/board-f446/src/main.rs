@@ -13,23 +13,4 @@ mod application;
 #[cfg(all(target_os = "none", feature = "uart"))]
 mod uart;
 
-#[cfg(not(target_os = "none"))]
-fn main() {
-    for pin in parts::PINS {
-        println!("{pin}");
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_documentation_lists_the_pins_of_the_code() {
-        let text = include_str!("../../../docs/hardware.md");
-        assert!(
-            board_stm32::parts::are_documented(parts::PINS, text, "### NUCLEO-F446RE"),
-            "`cargo run --package board-f446` prints the rows for docs/hardware.md"
-        );
-    }
-}
+board_stm32::pin_rows!("### NUCLEO-F446RE");

@@ -1,8 +1,7 @@
 //! Starts the application on the board: sets up pins, clocks and memory, then starts the tasks.
 
 use board_stm32::{
-    Board, Bus, ClockSource, HseInput, Loader, Port, Trigger, Wires, init_chip, sleep, start_tasks,
-    start_watchdog,
+    Board, ClockSource, HseInput, Loader, Trigger, init_chip, sleep, start_tasks, start_watchdog,
 };
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
@@ -10,7 +9,6 @@ use embassy_stm32::{
     Peri, bind_interrupts, dma, pac,
     peripherals::{DMA1_CH0, DMA1_CH1, IWDG1, RNG},
     rng::{self, Rng},
-    spi::Spi,
 };
 
 use crate::{clocks, hse_timer, memory, parts::Parts, reset};
@@ -25,10 +23,7 @@ bind_interrupts!(struct Irqs {
 use {
     crate::uart::Usart3,
     board_stm32::UartInterrupt,
-    embassy_stm32::{
-        peripherals::{DMA1_CH2, DMA1_CH3},
-        usart::UartTx,
-    },
+    embassy_stm32::peripherals::{DMA1_CH2, DMA1_CH3},
 };
 #[cfg(feature = "uart")]
 bind_interrupts!(struct UartIrqs {
@@ -67,57 +62,20 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     let core = cortex_m::Peripherals::take().expect("nothing else takes them");
     let (memory, slot) = memory::init(core);
 
-    let spi = Spi::new(
-        parts.spi,
-        parts.sclk,
-        parts.mosi,
-        parts.miso,
-        parts.spi_tx,
-        parts.spi_rx,
-        Irqs,
-        Bus::config(),
-    );
-    let wires = Wires::new(
-        Bus::new(spi, &mut memory.converters),
-        [
-            parts.select0.into(),
-            parts.select1.into(),
-            parts.select2.into(),
-            parts.select3.into(),
-            parts.select4.into(),
-            parts.select5.into(),
-            parts.select6.into(),
-            parts.select7.into(),
-        ],
-        [parts.start.into(), parts.reset.into()],
-        parts.drdy,
-        parts.drdy_line,
-    );
+    let bus = board_stm32::bus!(parts, Irqs, &mut memory.converters);
+    let wires = board_stm32::chain_wires!(parts, bus);
     let trigger = Trigger {
         pin: parts.trigger,
         line: parts.trigger_line,
     };
     #[cfg(not(feature = "uart"))]
-    let port = Port {
+    let port = board_stm32::Port {
         otg: parts.usb,
         dp: parts.usb_dp,
         dm: parts.usb_dm,
     };
     #[cfg(feature = "uart")]
-    let port = Port::new::<Usart3, _>(
-        UartTx::new(
-            parts.uart,
-            parts.uart_tx,
-            parts.uart_to_host,
-            UartIrqs,
-            Port::config(),
-        )
-        .expect("921600 baud"),
-        parts.uart_rx,
-        parts.uart_from_host,
-        UartIrqs,
-        &mut memory.port,
-    );
+    let port = board_stm32::uart_port!(parts, Usart3, UartIrqs, &mut memory.port);
     let spawner = start_tasks(Board {
         name: "NUCLEO-H743ZI2",
         firmware: env!("CORTICODE_FIRMWARE"),

@@ -1,16 +1,14 @@
 //! Starts the application on the board: sets up pins and clocks, then starts the tasks.
 
 use board_stm32::{
-    Board, Bus, ClockSource, FRAME_BYTES, HseInput, KnownClock, Port, PortMemory, Trigger,
-    UartInterrupt, Wires, init_chip, sleep, start_tasks, start_watchdog, stm32f4,
+    Board, ClockSource, FRAME_BYTES, HseInput, KnownClock, PortMemory, Trigger, UartInterrupt,
+    Wires, init_chip, sleep, start_tasks, start_watchdog, stm32f4,
 };
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
 use embassy_stm32::{
     Peri, bind_interrupts, dma, pac,
     peripherals::{DMA1_CH0, DMA1_CH2, DMA1_CH5, DMA1_CH7, IWDG},
-    spi::Spi,
-    usart::UartTx,
 };
 use static_cell::ConstStaticCell;
 
@@ -61,19 +59,9 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     let reset_cause = stm32f4::take_cause();
     stm32f4::enable_flash_accelerator();
 
-    let spi = Spi::new(
-        parts.spi,
-        parts.sclk,
-        parts.mosi,
-        parts.miso,
-        parts.spi_tx,
-        parts.spi_rx,
-        Irqs,
-        Bus::config(),
-    );
     // START is connected to PD11 and, through 0 Ohm, to ground: PD11 stays an input.
     let wires = Wires::without_start_and_reset(
-        Bus::new(spi, SPI_BUFFER.take()),
+        board_stm32::bus!(parts, Irqs, SPI_BUFFER.take()),
         [parts.select0.into()],
         parts.drdy,
         parts.drdy_line,
@@ -82,20 +70,7 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
         pin: parts.trigger,
         line: parts.trigger_line,
     };
-    let port = Port::new::<Uart5, _>(
-        UartTx::new(
-            parts.uart,
-            parts.uart_tx,
-            parts.uart_to_host,
-            UartIrqs,
-            Port::config(),
-        )
-        .expect("921600 baud"),
-        parts.uart_rx,
-        parts.uart_from_host,
-        UartIrqs,
-        PORT_MEMORY.take(),
-    );
+    let port = board_stm32::uart_port!(parts, Uart5, UartIrqs, PORT_MEMORY.take());
     let spawner = start_tasks(Board {
         name: "ironbci",
         firmware: env!("CORTICODE_FIRMWARE"),

@@ -1,4 +1,5 @@
-//! Pins and peripherals of a board, as rows of its documentation and as types of the HAL.
+//! Pins and peripherals of a board, as rows of its documentation and as types of the HAL, and what is
+//! made of them alike on every board.
 
 use core::fmt;
 
@@ -81,6 +82,92 @@ macro_rules! parts {
             }
         }
     };
+}
+
+/// Defines the program of a board on a PC, where `main` prints the pins as rows for
+/// `docs/hardware.md`, and a test that compares them with the section `$heading` of that page.
+#[macro_export]
+macro_rules! pin_rows {
+    ($heading:literal) => {
+        #[cfg(not(target_os = "none"))]
+        fn main() {
+            for pin in parts::PINS {
+                println!("{pin}");
+            }
+        }
+
+        #[cfg(test)]
+        #[test]
+        fn the_documentation_lists_the_pins_of_the_code() {
+            let text = include_str!("../../../docs/hardware.md");
+            assert!(
+                $crate::parts::are_documented(parts::PINS, text, $heading),
+                "`cargo run --package {}` prints the rows for docs/hardware.md",
+                env!("CARGO_PKG_NAME")
+            );
+        }
+    };
+}
+
+/// Returns the SPI bus of the converters from a board's `Parts`, with the interrupts `$irqs` of its
+/// DMA and the memory `$buffer` that the DMA can access.
+#[macro_export]
+macro_rules! bus {
+    ($parts:ident, $irqs:expr, $buffer:expr) => {{
+        let config = $crate::Bus::config();
+        let spi = embassy_stm32::spi::Spi::new(
+            $parts.spi,
+            $parts.sclk,
+            $parts.mosi,
+            $parts.miso,
+            $parts.spi_tx,
+            $parts.spi_rx,
+            $irqs,
+            config,
+        );
+        $crate::Bus::new(spi, $buffer)
+    }};
+}
+
+/// Returns the wires of a chain of up to eight converters from a board's `Parts` and the bus.
+#[macro_export]
+macro_rules! chain_wires {
+    ($parts:ident, $bus:expr) => {
+        $crate::Wires::new(
+            $bus,
+            [
+                $parts.select0.into(),
+                $parts.select1.into(),
+                $parts.select2.into(),
+                $parts.select3.into(),
+                $parts.select4.into(),
+                $parts.select5.into(),
+                $parts.select6.into(),
+                $parts.select7.into(),
+            ],
+            [$parts.start.into(), $parts.reset.into()],
+            $parts.drdy,
+            $parts.drdy_line,
+        )
+    };
+}
+
+/// Returns the port over the UART `$uart` from a board's `Parts`, with the interrupts `$irqs` and
+/// the memory `$memory` that the DMA can access.
+#[macro_export]
+macro_rules! uart_port {
+    ($parts:ident, $uart:ty, $irqs:expr, $memory:expr) => {{
+        let (uart, tx, to_host) = ($parts.uart, $parts.uart_tx, $parts.uart_to_host);
+        let config = $crate::Port::config();
+        let transmitter = embassy_stm32::usart::UartTx::new(uart, tx, to_host, $irqs, config);
+        $crate::Port::new::<$uart, _>(
+            transmitter.expect("921600 baud"),
+            $parts.uart_rx,
+            $parts.uart_from_host,
+            $irqs,
+            $memory,
+        )
+    }};
 }
 
 #[cfg(test)]
