@@ -44,10 +44,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?);
     let mut golden = String::new();
     filters(&mut golden)?;
-    let (count, sums) = (kernels::RESULTS, kernels::results());
+    let (count, digests) = (kernels::NETWORKS, kernels::digests());
     writeln!(
         golden,
-        "pub(crate) const KERNELS: [i32; {count}] = {sums:?};"
+        "pub(crate) const KERNELS: [u32; {count}] = {digests:?};"
     )?;
     windows(&mut golden)?;
     codes(&mut golden, "CODES_50", Mains::Hz50)?;

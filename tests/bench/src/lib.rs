@@ -32,7 +32,6 @@
 #![cfg_attr(target_os = "none", no_std)]
 #![deny(unsafe_code)]
 
-pub mod any_network;
 pub mod any_sections;
 pub mod block;
 pub mod compression;

@@ -208,6 +208,11 @@ mod tests {
     }
 
     #[test]
+    fn a_single_bit_makes_one_block_different() {
+        assert_eq!(different(&[0; 6], &[0, 0, 0, 0, 1, 0], 3), 1);
+    }
+
+    #[test]
     fn a_panic_outside_the_queue_and_a_check_without_locations_are_faults() {
         let queue = b"\0\x01/registry/embassy-sync-0.8.0/src/zerocopy_channel.rs\0";
         check_panics(queue).expect("the queue's panics are allowed");

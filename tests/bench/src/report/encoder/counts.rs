@@ -42,8 +42,6 @@ pub(crate) struct Counts {
     pub(crate) ram_bytes: u32,
     /// Number of codes that differ from those that this PC computes.
     pub(crate) different_codes: usize,
-    /// Number of random networks whose outputs have another digest than on this PC.
-    pub(crate) different_networks: usize,
     /// Computed cycles of the encoder's inner loops; empty if LLVM's tools are missing.
     pub(crate) loops: Vec<LoopCycles>,
     /// Reasons why figures of this machine are missing.
@@ -75,12 +73,15 @@ pub(crate) struct Figures {
 }
 
 impl Counts {
-    /// Computes the counts from what the image printed. The caller fills in `different_codes`,
-    /// `different_networks` and `loops`.
+    /// Computes the counts from what the image printed. The caller fills in `loops`.
     ///
     /// # Errors
     /// The image has not counted exactly the time steps of a hop, or not the shortcut.
-    pub(crate) fn new(machine: Machine, printed: Printed) -> anyhow::Result<Self> {
+    pub(crate) fn new(
+        machine: Machine,
+        printed: Printed,
+        different_codes: usize,
+    ) -> anyhow::Result<Self> {
         let steps = Range::of_columns(&printed.inputs, HOP)?;
         let kernels = printed.kernels.iter();
         let in_kernels: u32 = kernels.map(|kernel| kernel.insn_per_code).sum();
@@ -98,16 +99,10 @@ impl Counts {
             figures,
             acquisition_per_code: printed.acquisition_per_code,
             ram_bytes: printed.ram_bytes,
-            different_codes: 0,
-            different_networks: 0,
+            different_codes,
             loops: Vec::new(),
             skipped: Vec::new(),
         })
-    }
-
-    /// Returns whether the machine computed the same codes and digests as this PC.
-    pub(crate) fn bytes_equal(&self) -> bool {
-        self.different_codes == 0 && self.different_networks == 0
     }
 }
 
@@ -164,6 +159,7 @@ mod tests {
             Self::new(
                 MACHINES[0],
                 toml::from_str(&printed).expect("the lines of an image"),
+                0,
             )
             .expect("tallies of all steps and of the shortcut")
         }
