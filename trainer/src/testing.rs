@@ -7,10 +7,13 @@ use crate::network::Network;
 use crate::parameters::Parameters;
 use crate::training::{EpochLosses, Settings, Training};
 use artifact::{Artifact, CodeFormat, Description, Geometry, Mode, MontageFile, Padding};
+use packed_fit::Track;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::io::Write as _;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::process::Command;
 
 /// Returns orthonormal directions, each of which selects a single value of a window. The selected
 /// values are spread evenly over the window.
@@ -124,4 +127,41 @@ impl Run {
         let report = training.run_epoch(&self.network, &self.split, go_on);
         report.unwrap()
     }
+}
+
+/// Runs a program in Python with the number of electrodes, further `arguments` and the names of
+/// files that hold the values of `tracks`, and returns the JSON that it prints. Without numpy, fails
+/// if the environment requires it, and otherwise prints that `test` is skipped.
+pub(crate) fn numpy<'t>(
+    test: &str,
+    program: &str,
+    arguments: &[String],
+    tracks: impl Iterator<Item = &'t Track>,
+) -> Option<serde_json::Value> {
+    let folder = tempfile::tempdir().unwrap();
+    // Debian's Python, because another Python on the PATH can lack numpy.
+    let mut python = Command::new("/usr/bin/python3");
+    python.args(["-c", program, "8"]).args(arguments);
+    for (index, track) in tracks.enumerate() {
+        let path = folder.path().join(index.to_string());
+        let values = track.values.iter().flat_map(|uv| uv.to_le_bytes());
+        std::fs::write(&path, values.collect::<Vec<u8>>()).unwrap();
+        python.arg(path);
+    }
+    let output = python.output().ok();
+    let output = output.filter(|output| {
+        let errors = String::from_utf8_lossy(&output.stderr);
+        !errors.contains("No module named 'numpy'")
+    });
+    let Some(output) = output else {
+        let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
+        assert!(!required, "python3-numpy is not installed");
+        // The test harness would capture the output of a print macro.
+        let line = format!("SKIPPED: {test} against numpy: no python3-numpy\n");
+        std::io::stderr().write_all(line.as_bytes()).unwrap();
+        return None;
+    };
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    Some(serde_json::from_slice(&output.stdout).unwrap())
 }

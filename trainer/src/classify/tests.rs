@@ -5,6 +5,7 @@ use super::figures::{Part, figures};
 use super::validation::{cross_validate, decide_sessions, folds};
 use super::*;
 use crate::card::{self, Shape};
+use crate::testing;
 use artifact::classifier::ClassifierFigures;
 use artifact::{CodeFormat, Mode, MontageFile, Padding};
 use clap::Parser as _;
@@ -13,7 +14,6 @@ use packed_fit::Track;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
-use std::process::Command;
 
 /// Patterns of two sources over eight electrodes: the first is strong in class 0, the second in
 /// class 1.
@@ -99,32 +99,20 @@ fn pairs(sessions: &[Session]) -> Vec<(&Session, &sessions::Trial)> {
 
 /// Returns the output of `reference.py` for sessions; `None` without numpy.
 fn numpy(sessions: &[Session]) -> Option<Json> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let mut trials = Vec::new();
-    // Debian's Python, because another Python on the PATH can lack numpy.
-    let mut python = Command::new("/usr/bin/python3");
-    python.args(["-c", include_str!("reference.py"), "8"]);
-    for (index, session) in sessions.iter().enumerate() {
-        let own = session.trials.iter().map(|trial| {
+    let trials = sessions.iter().enumerate().flat_map(|(index, session)| {
+        session.trials.iter().map(move |trial| {
             let hops = &trial.windows[0].hops;
             json!([index, hops.start * 8, hops.end * 8, trial.class])
-        });
-        trials.extend(own);
-        let values = session.track.values.iter().flat_map(|uv| uv.to_le_bytes());
-        let path = folder.path().join(index.to_string());
-        std::fs::write(path, values.collect::<Vec<u8>>()).expect("a file");
-    }
-    python.arg(json!(trials).to_string()).current_dir(&folder);
-    let output = python
-        .args((0..sessions.len()).map(|n| n.to_string()))
-        .output()
-        .ok()?;
-    let errors = String::from_utf8_lossy(&output.stderr);
-    if errors.contains("No module named 'numpy'") {
-        return None;
-    }
-    assert!(output.status.success(), "{errors}");
-    Some(serde_json::from_slice(&output.stdout).expect("JSON"))
+        })
+    });
+    let trials = trials.collect::<Json>().to_string();
+    let tracks = sessions.iter().map(|session| &session.track);
+    testing::numpy(
+        "classifier",
+        include_str!("reference.py"),
+        &[trials],
+        tracks,
+    )
 }
 
 #[test]
@@ -156,11 +144,6 @@ fn sources_of_known_patterns_are_found_and_decide() {
     assert!(end > 0.95 && before < 0.75, "{before} {end}");
 
     let Some(numpy) = numpy(&sessions) else {
-        let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
-        assert!(!required, "python3-numpy is not installed");
-        // The test harness would capture the output of a print macro.
-        let line = b"SKIPPED: classifier against numpy: no python3-numpy\n";
-        std::io::stderr().write_all(line).expect("standard error");
         return;
     };
     let numbers = |value: &Json| -> Vec<f64> {

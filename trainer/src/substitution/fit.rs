@@ -104,11 +104,10 @@ fn innovations(weights: &[i8], track: &Track) -> DMatrix<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing;
     use artifact::SubstitutionDescription;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
-    use std::io::Write as _;
-    use std::process::Command;
 
     const LABELS: [&str; 8] = ["A", "B", "C", "D", "E", "F", "G", "H"];
 
@@ -131,36 +130,12 @@ mod tests {
         })
     }
 
-    /// Returns the output of `reference.py` for the tracks; `None` without numpy.
-    fn numpy(tracks: &[Track]) -> Option<serde_json::Value> {
-        let folder = tempfile::tempdir().unwrap();
-        // Debian's Python, because another Python on the PATH can lack numpy.
-        let mut python = Command::new("/usr/bin/python3");
-        python.args(["-c", include_str!("reference.py"), "8"]);
-        for (index, track) in tracks.iter().enumerate() {
-            let path = folder.path().join(index.to_string());
-            let values = track.values.iter().flat_map(|uv| uv.to_le_bytes());
-            std::fs::write(&path, values.collect::<Vec<u8>>()).unwrap();
-            python.arg(path);
-        }
-        let output = python.output().ok()?;
-        let errors = String::from_utf8_lossy(&output.stderr);
-        if errors.contains("No module named 'numpy'") {
-            return None;
-        }
-        assert!(output.status.success(), "{errors}");
-        Some(serde_json::from_slice(&output.stdout).unwrap())
-    }
-
     #[test]
     fn numpy_computes_the_same_table_and_errors() {
         let tracks = tracks();
-        let Some(numpy) = numpy(&tracks) else {
-            let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
-            assert!(!required, "python3-numpy is not installed");
-            // The test harness would capture the output of a print macro.
-            let line = b"SKIPPED: table of substitutions against numpy: no python3-numpy\n";
-            std::io::stderr().write_all(line).unwrap();
+        let program = include_str!("reference.py");
+        let numpy = testing::numpy("table of substitutions", program, &[], tracks.iter());
+        let Some(numpy) = numpy else {
             return;
         };
         let number = |value: &serde_json::Value| value.as_f64().unwrap();
