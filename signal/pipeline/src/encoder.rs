@@ -169,32 +169,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_restarted_encoder_equals_a_new_one() {
-        let step = |index: usize| Step {
-            plane: core::array::from_fn(|cell| {
-                let [value, ..] = (index * 31 + cell * 7).to_le_bytes();
-                value.cast_signed()
-            }),
-            ..Step::default()
-        };
-        let codes = |encoder: &mut Encoder<'_>| -> Vec<Code> {
-            (0..48)
-                .filter_map(|index| encoder.encode_step(&step(index)))
-                .collect()
-        };
-        let expected = codes(&mut Encoder::new());
-        let mut encoder = Encoder::new();
-        for steps in [1, 5, 37] {
-            for index in 100..100 + steps {
-                encoder.encode_step(&step(index));
-            }
-            encoder.restart();
-            assert_eq!(codes(&mut encoder), expected);
-            encoder.restart();
-        }
-    }
-
-    #[test]
     fn a_code_carries_the_events_and_the_first_sample_of_its_window() {
         let mut encoder = Encoder::new();
         let hop = NETWORK.hop as u64;

@@ -133,31 +133,3 @@ pub(super) fn containing_windows(
 pub(super) fn slot_of(window: u64) -> usize {
     (window % OPEN_WINDOWS as u64) as usize
 }
-
-#[cfg(test)]
-mod tests {
-    use std::vec::Vec;
-
-    use super::*;
-
-    #[test]
-    fn a_plane_is_in_the_windows_that_contain_it() {
-        let all = |plane| containing_windows(plane, 8, 16).collect::<Vec<_>>();
-        assert_eq!(all(0), [(0, 0)]);
-        assert_eq!(all(7), [(0, 7)]);
-        assert_eq!(all(8), [(1, 0), (0, 8)]);
-        assert_eq!(all(16), [(0, 0), (1, 8)]);
-        // With a pool of two steps and a hop of eight, a window has six pooled planes; the last two
-        // are also the first two of the next window.
-        let pooled = |plane| containing_windows(plane, 4, 6).collect::<Vec<_>>();
-        assert_eq!(pooled(3), [(0, 3)]);
-        assert_eq!(pooled(5), [(1, 1), (0, 5)]);
-        assert_eq!(pooled(6), [(1, 2)]);
-        // With a hop of 16 steps, windows do not overlap; of eight pooled planes, the last two
-        // belong to no window.
-        let apart = |plane| containing_windows(plane, 8, 6).collect::<Vec<_>>();
-        assert_eq!(apart(5), [(0, 5)]);
-        assert_eq!(apart(6), []);
-        assert_eq!(apart(8), [(1, 0)]);
-    }
-}
