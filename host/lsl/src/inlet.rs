@@ -5,10 +5,10 @@ use std::time::{Duration, Instant};
 
 use bridge_core::HostTime;
 use neuro_ros::{NeuroDataInfo, NeuroFrame};
-use thiserror::Error;
 
 use crate::clock_map::ClockMap;
 use crate::frame_cutter::{CutFrame, FrameCutter};
+use crate::inlet_error::{Identity, InletError, choices};
 use crate::liblsl::{CallError, Info, Inlet};
 use crate::library::Library;
 
@@ -75,78 +75,6 @@ impl InletOptions {
     }
 }
 
-/// Why a stream cannot be encoded.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum InletError {
-    /// Several streams have the property. Holds their names and hosts.
-    #[error("{} streams match: {}; choose one with --source lsl:NAME or lsl:source_id=ID", .0.len(), .0.join(", "))]
-    Several(Vec<String>),
-    /// The stream holds strings.
-    #[error("the stream {0} holds texts; name one with signals")]
-    Text(String),
-    /// The nominal rate is 0, or no whole number. Holds name and rate.
-    #[error(
-        "the stream {0} has {1}, and codes need a regular one of a whole number of Hz; state it with --source-rate HZ"
-    )]
-    Rate(String, String),
-    /// A channel has no label.
-    #[error(
-        "channel {1} of the stream {0} has no label; name all channels with --source-labels Fp1,Fp2,..."
-    )]
-    Label(String, usize),
-    /// Two channels have the same label. Holds the stream and the label.
-    #[error(
-        "two channels of the stream {0} have the label {1}; name all channels with --source-labels Fp1,Fp2,..."
-    )]
-    Twice(String, String),
-    /// No channel has signals of electrodes.
-    #[error(
-        "no channel of the stream {0} has the type EEG; name all channels with --source-labels Fp1,Fp2,..."
-    )]
-    Nothing(String),
-    /// The labels that the user has named are not as many as the channels.
-    #[error("the stream {0} has {1} channels, and --source-labels names {2}")]
-    Labels(String, usize, usize),
-    /// A channel's unit is missing or unknown. Holds the stream, the channel's label and the unit.
-    #[error(
-        "channel {1} of the stream {0} has the unit \"{2}\"; state it with --source-unit microvolts (or millivolts, volts)"
-    )]
-    Unit(String, String, String),
-    /// The stream is found and does not answer.
-    #[error(
-        "the stream {0} is found and does not answer; allow TCP and UDP ports 16571 to 16604 between both machines, or \
-         restart its program"
-    )]
-    Silent(String),
-    /// The stream has ended before it described itself, or liblsl fails.
-    #[error("{0}")]
-    Call(String),
-}
-
-impl InletError {
-    /// Returns the name of this kind of error.
-    pub const fn kind(&self) -> &'static str {
-        match self {
-            InletError::Several(_) => "several streams",
-            InletError::Text(_) => "stream of texts",
-            InletError::Rate(..) => "rate of the stream",
-            InletError::Label(..) | InletError::Labels(..) | InletError::Twice(..) => {
-                "labels of the stream"
-            }
-            InletError::Nothing(_) => "stream without electrodes",
-            InletError::Unit(..) => "unit of the stream",
-            InletError::Silent(_) => "silent stream",
-            InletError::Call(_) => "stream",
-        }
-    }
-}
-
-impl From<CallError> for InletError {
-    fn from(error: CallError) -> InletError {
-        InletError::Call(error.to_string())
-    }
-}
-
 /// What the inlet passes on.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Received {
@@ -202,10 +130,12 @@ fn receive_one(
         [] => return Ok(true),
         [info] => info,
         several => {
-            let names = several
-                .iter()
-                .map(|info| format!("{} on {}", info.name(), info.host()));
-            return Err(InletError::Several(names.collect()));
+            let found = several.iter().map(|info| Identity {
+                name: info.name(),
+                source_id: info.source_id(),
+                host: info.host(),
+            });
+            return Err(InletError::Several(choices(&found.collect::<Vec<_>>())));
         }
     };
     let inlet = Inlet::new(info)?;
@@ -232,6 +162,7 @@ fn stream(
     let mut values = vec![0.0; MOST_SAMPLES * channels.all];
     let mut times = vec![0.0; MOST_SAMPLES];
     let samples = (channels.rate_hz / FRAMES_PER_SECOND).max(1);
+    let period_us = 1e6 / f64::from(channels.rate_hz);
     let mut cutter = FrameCutter::new(channels.rate_hz, samples);
     let mut has_foreign_clock = false;
     loop {
@@ -256,7 +187,7 @@ fn stream(
                 continue;
             };
             let end_us = clock.host_us(frame.end_s);
-            let end = end_us.and_then(|us| host_time(us, now));
+            let end = end_us.and_then(|us| host_time(us, period_us, now));
             if end.is_none() && !std::mem::replace(&mut has_foreign_clock, true) {
                 tracing::warn!(
                     "the stream's times are not those of LSL's clock; codes get the time at which samples arrive, \
@@ -277,17 +208,18 @@ fn stream(
     }
 }
 
-/// Returns the host's time `host_us`, at the latest the present; `None` if it is too far away to
-/// be that of a sample.
-fn host_time(host_us: f64, now: HostTime) -> Option<HostTime> {
+/// Returns the host's time `host_us` of the end of a sample's period of `period_us`; `None` if it is
+/// too far away to be that. A sample arrives before its period ends, but not before it is taken.
+fn host_time(host_us: f64, period_us: f64, now: HostTime) -> Option<HostTime> {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_precision_loss,
         reason = "within 2^53 us (285 years)"
     )]
-    let ago_us = (now.monotonic_us as f64 - host_us).round() as i64;
+    let [ago_us, period_us] =
+        [now.monotonic_us as f64 - host_us, period_us].map(|us| us.round() as i64);
     (-1_000_000..MOST_AGE_US).contains(&ago_us).then(|| {
-        let ago_us = ago_us.max(0);
+        let ago_us = ago_us.max(-period_us);
         HostTime {
             monotonic_us: now.monotonic_us - ago_us,
             wall_ns: now.wall_ns - ago_us * 1000,
@@ -426,14 +358,16 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_is_never_later_than_the_present_and_other_clocks_are_found() {
+    fn a_sample_is_taken_in_the_past_and_other_clocks_are_found() {
         let now = HostTime {
             monotonic_us: 1_000_000_000,
             wall_ns: 1_700_000_000_000_000_000,
         };
-        let at = |host_us| host_time(host_us, now).map(|time| time.monotonic_us);
+        let at = |host_us| host_time(host_us, 2_000.0, now).map(|time| time.monotonic_us);
         assert_eq!(at(999_000_000.0), Some(999_000_000));
-        assert_eq!(at(1_000_000_500.0), Some(1_000_000_000));
+        // Taken 1.5 ms ago, and, by a wrong clock, 0.5 ms after the present.
+        assert_eq!(at(1_000_000_500.0), Some(1_000_000_500));
+        assert_eq!(at(1_000_002_500.0), Some(1_000_002_000));
         assert_eq!(at(1.7e15), None);
         assert_eq!(at(1e8), None);
     }

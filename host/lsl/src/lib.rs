@@ -18,6 +18,7 @@ mod clock_map;
 mod description;
 mod frame_cutter;
 mod inlet;
+mod inlet_error;
 mod liblsl;
 mod library;
 mod outlet;
@@ -27,7 +28,8 @@ mod sink;
 /// What the stamp of a frame refers to, a part of [`LslOptions`].
 pub use bridge_core::StampPoint;
 pub use description::{Acquisition, StreamKind};
-pub use inlet::{InletError, InletOptions, Received, receive};
+pub use inlet::{InletOptions, Received, receive};
+pub use inlet_error::InletError;
 pub use library::{Library, LibraryError};
 pub use outlet::{Lsl, LslOptions};
 pub use sink::{EventSink, FrameSink, StampScale};

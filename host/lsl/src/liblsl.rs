@@ -86,6 +86,7 @@ functions! {
     lsl_destroy_streaminfo: fn(*mut c_void);
     lsl_get_name: fn(*mut c_void) -> *const c_char;
     lsl_get_type: fn(*mut c_void) -> *const c_char;
+    lsl_get_source_id: fn(*mut c_void) -> *const c_char;
     lsl_get_hostname: fn(*mut c_void) -> *const c_char;
     lsl_get_channel_count: fn(*mut c_void) -> i32;
     lsl_get_channel_format: fn(*mut c_void) -> c_int;
@@ -263,6 +264,13 @@ impl Info {
     pub(crate) fn content(&self) -> String {
         // SAFETY: the handle is valid.
         let text = unsafe { (self.functions.lsl_get_type)(self.handle.as_ptr()) };
+        // SAFETY: a part of the description, which lives on.
+        unsafe { copied(text) }
+    }
+
+    pub(crate) fn source_id(&self) -> String {
+        // SAFETY: the handle is valid.
+        let text = unsafe { (self.functions.lsl_get_source_id)(self.handle.as_ptr()) };
         // SAFETY: a part of the description, which lives on.
         unsafe { copied(text) }
     }

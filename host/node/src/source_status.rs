@@ -44,7 +44,8 @@ pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticSta
     let (level, message) = if facts.publishers > 1 {
         let count = facts.publishers;
         let message = if facts.is_stream {
-            format!("{count} streams match {topic}; name one more exactly")
+            let choices = facts.refusal.clone();
+            choices.unwrap_or_else(|| format!("{count} streams match {topic}"))
         } else {
             format!("{count} nodes publish {topic}, and their frames are mixed; stop all but one")
         };

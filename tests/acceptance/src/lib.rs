@@ -22,6 +22,7 @@ pub mod chain;
 pub mod emulated_board;
 pub mod files;
 pub mod lossy_cable;
+pub mod lsl_recording;
 pub mod numpy_reference;
 pub mod other_model;
 pub mod port;

@@ -5,11 +5,11 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use acceptance::lsl_recording::{LslRecording, LslSignal, start as python, unique};
 use acceptance::printing::{bridge, messages};
 use acceptance::process::Process;
 use acceptance::programs::programs;
 use acceptance::wheels::{self, liblsl};
-use acceptance::workspace;
 use lsl::{Library, Lsl, LslOptions, StampPoint, StreamKind};
 use neuro_ros::{NeuroDataInfo, NeuroFrame, Sink};
 use rustix::process::Signal;
@@ -34,14 +34,6 @@ const SIGNALS: [(&str, &str, f64); 4] = [
     ("raw", "/neurodata", 512.0),
 ];
 
-/// Starts one of the Python programs beside this file.
-fn python(python: &Path, folder: &Path, name: &str, arguments: &[&str]) -> Process {
-    let script = workspace::root().join("tests/acceptance/tests/it");
-    let mut command = Command::new(python);
-    command.arg(script.join(name).with_extension("py"));
-    Process::start(name, command.args(arguments), folder).expect("python starts")
-}
-
 /// Starts a simulated board at a pseudoterminal.
 fn board(folder: &Path, name: &str, port: &str, seconds: &str, more: &[&str]) -> Process {
     let mut board = Command::new(&programs().host_sim);
@@ -57,11 +49,6 @@ fn streaming(folder: &Path, liblsl: &Path, name: &str, port: &str, more: &[&str]
     let library = liblsl.display().to_string();
     let arguments = ["--port", port, "--liblsl", &library, "--lsl-name", name];
     bridge(folder, name, &[&arguments[..], more].concat())
-}
-
-/// A name that no other test on this machine has.
-fn unique(name: &str) -> String {
-    format!("{name}{}", std::process::id())
 }
 
 /// One sample as a JSON line has it.
@@ -123,32 +110,22 @@ fn rows(lines: &str, topic: &str, rate_hz: f64) -> Vec<Row> {
     frames.into_iter().flatten().collect()
 }
 
-fn read<const N: usize>(folder: &Path, file: &str) -> Vec<[u8; N]> {
-    let bytes = fs::read(folder.join(file)).expect(file);
-    bytes.as_chunks().0.to_vec()
-}
-
 /// Checks one stream against the JSON lines, and returns how many of its samples were recorded, and
 /// the largest error of a time in seconds.
 fn check_signal(
-    folder: &Path,
-    recorded: &Value,
+    recording: &LslRecording,
     lines: &str,
     (stream, topic, rate_hz): (&str, &str, f64),
 ) -> (u32, f64) {
+    let recorded = &recording.described;
     let described = &recorded["streams"][stream];
     assert_eq!(described["rate"], rate_hz, "{stream}");
     let sent = rows(lines, topic, rate_hz);
-    let times: Vec<f64> = read(folder, &format!("{stream}.f64"))
-        .into_iter()
-        .map(f64::from_le_bytes)
-        .collect();
-    let values: Vec<f32> = read(folder, &format!("{stream}.f32"))
-        .into_iter()
-        .map(f32::from_le_bytes)
-        .collect();
-    let channels = described["channels"].as_array().expect("channels").len();
-    assert_eq!(values.len(), times.len() * channels, "{stream}");
+    let LslSignal {
+        times,
+        values,
+        channels,
+    } = recording.signal(stream);
 
     // The first sample that came is found by time and values; from there on none may be missing.
     let offset_s = recorded["wall_minus_lsl"].as_f64().expect("a number");
@@ -297,10 +274,10 @@ fn every_sample_is_received_at_its_time_also_after_a_restart_of_the_board() {
     assert!(log.contains("lsl dropped 0"), "{log}");
     assert!(log.contains("ndjson dropped 0"), "{log}");
 
-    let recorded = fs::read_to_string(folder.join("recorded.json")).expect("a result");
-    let recorded: Value = serde_json::from_str(&recorded).expect("JSON");
+    let recording = LslRecording::read(folder);
+    let recorded = &recording.described;
     for signal in SIGNALS {
-        let (samples, worst_s) = check_signal(folder, &recorded, &lines, signal);
+        let (samples, worst_s) = check_signal(&recording, &lines, signal);
         println!(
             "{}: {samples} samples, times within {:.0} us",
             signal.0,
@@ -329,7 +306,7 @@ fn every_sample_is_received_at_its_time_also_after_a_restart_of_the_board() {
     );
     assert_eq!(recorded["streams"]["raw"]["lag_s"], 0.0);
     assert!(
-        check_file(&recorded, &name, &lines) >= 8,
+        check_file(recorded, &name, &lines) >= 8,
         "marks of one gap in four streams"
     );
 }

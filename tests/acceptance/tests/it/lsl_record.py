@@ -30,6 +30,7 @@ class Recording:
         self.inlet = pylsl.StreamInlet(info, max_buflen=360, recover=False)
         self.info = self.inlet.info(timeout=20)
         self.values, self.times, self.corrections = [], [], []
+        self.least_delay = float("inf")
         self.inlet.open_stream(timeout=20)
         self.correct()
         self.thread = threading.Thread(target=self.run)
@@ -46,6 +47,9 @@ class Recording:
         try:
             while True:
                 values, times = self.inlet.pull_chunk(timeout=0.2, max_samples=4096)
+                if times:
+                    delay = pylsl.local_clock() - times[-1]
+                    self.least_delay = min(self.least_delay, delay)
                 self.values += values
                 self.times += times
                 if time.monotonic() - corrected > 2:
@@ -119,6 +123,7 @@ def described(recording):
         "lag_s": float(text("desc/acquisition/compensated_lag")),
         "drops": text("desc/synchronization/can_drop_samples"),
         "corrections": [offset for _, offset in recording.corrections],
+        "least_delay_s": recording.least_delay if recording.times else None,
         "markers": [
             [stamp, value[0]] for stamp, value in zip(recording.times, recording.values)
         ] if recording.is_text() else [],

@@ -21,6 +21,7 @@ mod lsl_chain;
 mod manual;
 mod messages;
 mod node_chain;
+mod node_streams;
 mod offline_files;
 mod other_models;
 mod own_master;

@@ -11,7 +11,6 @@ use acceptance::files::write_gdf;
 use acceptance::process::Process;
 use acceptance::programs::programs;
 use acceptance::ros::{Ros, TIMEOUT};
-use acceptance::wheels::{self, liblsl};
 use acceptance::{real_data, ros, workspace};
 use artifact::reconstruction::dequantise;
 use link::{Decoder, Flags, MAX_FRAME, ToHost};
@@ -25,19 +24,20 @@ use crate::inputs::synthetic;
 /// Duration of the EEG in each test, in seconds.
 const SECONDS: usize = 12;
 /// Number of samples that each frame of the acquisition carries, 62.5 ms as in the paper.
-const SAMPLES: usize = 32;
+pub(crate) const SAMPLES: usize = 32;
 /// Time limit for a program to exit after a Unix signal.
-const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
+pub(crate) const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// EEG that a test publishes as an acquisition: values in uV, sample by sample.
-struct Eeg {
-    rate_hz: usize,
-    labels: Vec<String>,
-    values: Vec<f32>,
+#[derive(Clone)]
+pub(crate) struct Eeg {
+    pub(crate) rate_hz: usize,
+    pub(crate) labels: Vec<String>,
+    pub(crate) values: Vec<f32>,
 }
 
 impl Eeg {
-    fn synthetic() -> Eeg {
+    pub(crate) fn synthetic() -> Eeg {
         let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
         let rate_hz = usize::from(model::ADC_RATE_HZ);
         let rows = synthetic(7).take(SECONDS * rate_hz);
@@ -95,7 +95,7 @@ impl Eeg {
     }
 
     /// Returns the dequantised codes that host-sim computes from a recording of the samples.
-    fn codes_of_host_sim(&self, folder: &Path) -> Vec<Vec<f32>> {
+    pub(crate) fn codes_of_host_sim(&self, folder: &Path) -> Vec<Vec<f32>> {
         let recording = folder.join("eeg.gdf");
         let rate_hz = u32::try_from(self.rate_hz).expect("a small rate");
         let values = self.values.iter().copied();
@@ -114,25 +114,11 @@ impl Eeg {
     }
 
     /// Writes the values to a file, and returns its path.
-    fn write_values(&self, folder: &Path) -> PathBuf {
+    pub(crate) fn write_values(&self, folder: &Path) -> PathBuf {
         let path = folder.join("values.f32");
         let bytes: Vec<u8> = self.values.iter().flat_map(|v| v.to_le_bytes()).collect();
         fs::write(&path, bytes).expect("a file");
         path
-    }
-
-    /// Starts a program that streams the samples to the Lab Streaming Layer in real time.
-    fn stream(&self, python: &Path, folder: &Path, name: &str, unit: &str) -> Process {
-        let script = workspace::root().join("tests/acceptance/tests/it/lsl_play.py");
-        let mut player = Command::new(python);
-        player.arg(script).arg(name).arg(self.write_values(folder));
-        player.args([
-            &self.rate_hz.to_string(),
-            &SAMPLES.to_string(),
-            &self.labels.join(","),
-            unit,
-        ]);
-        Process::start("player", &mut player, folder).expect("python starts")
     }
 
     /// Starts a rospy node that publishes the samples as NeuroFrames in real time.
@@ -169,7 +155,7 @@ fn dequantised_codes(mut bytes: &[u8]) -> Vec<Vec<f32>> {
     codes
 }
 
-fn start_node(ros: &Ros<'_>, folder: &Path, options: &[&str]) -> Process {
+pub(crate) fn start_node(ros: &Ros<'_>, folder: &Path, options: &[&str]) -> Process {
     let mut node = Command::new(&programs().node);
     node.args(options)
         .env("ROS_MASTER_URI", ros.master_uri())
@@ -178,14 +164,25 @@ fn start_node(ros: &Ros<'_>, folder: &Path, options: &[&str]) -> Process {
     Process::start("corticode-node", &mut node, folder).expect("corticode-node starts")
 }
 
-async fn subscribe(ros: &Ros<'_>, topic: &str) -> (Node, Subscriber) {
-    let node = Node::start(NodeOptions {
+/// Subscribes to a topic of `node`, and waits until it is connected.
+pub(crate) async fn subscribe<M: RosMessage>(
+    ros: &Ros<'_>,
+    topic: &str,
+    node: &Process,
+) -> (Node, Subscriber) {
+    let listener = Node::start(NodeOptions {
         host: Some("127.0.0.1".to_owned()),
         ..NodeOptions::new("listener", &ros.master_uri())
     });
-    let node = node.await.expect("a node");
-    let subscriber = node.subscribe(topic, NeuroFrame::TYPE, 4096).await;
-    (node, subscriber.expect("subscribed"))
+    let listener = listener.await.expect("a node");
+    let subscriber = listener.subscribe(topic, M::TYPE, 4096).await;
+    let subscriber = subscriber.expect("subscribed");
+    let deadline = Instant::now() + TIMEOUT;
+    while subscriber.publishers() == 0 {
+        assert!(Instant::now() < deadline, "{}", node.log());
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    (listener, subscriber)
 }
 
 async fn next_frame(subscriber: &mut Subscriber, node: &Process) -> NeuroFrame {
@@ -194,48 +191,20 @@ async fn next_frame(subscriber: &mut Subscriber, node: &Process) -> NeuroFrame {
     NeuroFrame::from_bytes(&body.expect("the node runs")).expect("a NeuroFrame")
 }
 
-fn is_filler(frame: &NeuroFrame) -> bool {
+pub(crate) fn is_filler(frame: &NeuroFrame) -> bool {
     frame.tri.data[0] & i32::from(Flags::FILLER.bits()) != 0
 }
 
-/// Where corticode-node gets its samples from.
-enum Through<'a> {
-    Rospy,
-    /// A stream of the Lab Streaming Layer, from a program for this Python, in this unit.
-    Lsl(&'a Path, &'a str),
-}
-
 /// Checks that corticode-node publishes the codes that host-sim computes from `eeg`.
-async fn passes(eeg: &Eeg, through: Through<'_>) {
+async fn passes(eeg: &Eeg) {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let expected = eeg.codes_of_host_sim(folder);
     assert!(expected.len() > 100, "only {} codes", expected.len());
     let ros = Ros::start(folder).expect("roscore starts");
-    let stream = format!("amplifier{}", std::process::id());
-    let options = match &through {
-        Through::Rospy => Vec::new(),
-        Through::Lsl(python, unit) => {
-            let library = liblsl(python).display().to_string();
-            vec![
-                format!("--source=lsl:{stream}"),
-                format!("--source-unit={unit}"),
-                format!("--liblsl={library}"),
-            ]
-        }
-    };
-    let options: Vec<&str> = options.iter().map(String::as_str).collect();
-    let node = start_node(&ros, folder, &options);
-    let (_listener, mut encoded) = subscribe(&ros, "/encoded").await;
-    let deadline = Instant::now() + TIMEOUT;
-    while encoded.publishers() == 0 {
-        assert!(Instant::now() < deadline, "{}", node.log());
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
-    let _amplifier = match through {
-        Through::Rospy => eeg.publish(&ros, folder, 0),
-        Through::Lsl(python, _) => eeg.stream(python, folder, &stream, "unknown"),
-    };
+    let node = start_node(&ros, folder, &[]);
+    let (_listener, mut encoded) = subscribe::<NeuroFrame>(&ros, "/encoded", &node).await;
+    let _amplifier = eeg.publish(&ros, folder, 0);
     for (window, code) in expected.iter().enumerate() {
         let frame = next_frame(&mut encoded, &node).await;
         assert!(!is_filler(&frame), "window {window}: {}", node.log());
@@ -251,7 +220,7 @@ async fn passes(eeg: &Eeg, through: Through<'_>) {
     assert!(exit.success(), "{exit}: {log}");
 }
 
-fn block_on(test: impl Future<Output = ()>) {
+pub(crate) fn block_on(test: impl Future<Output = ()>) {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build();
@@ -261,7 +230,7 @@ fn block_on(test: impl Future<Output = ()>) {
 #[test]
 fn codes_of_a_rospy_acquisition_are_those_of_host_sim_bit_for_bit() {
     if ros::available("synthetic EEG from rospy") {
-        block_on(passes(&Eeg::synthetic(), Through::Rospy));
+        block_on(passes(&Eeg::synthetic()));
     }
 }
 
@@ -272,40 +241,8 @@ fn codes_of_a_real_recording_from_rospy_are_those_of_host_sim_bit_for_bit() {
         return;
     }
     if let Some(path) = real_data::path(test, real_data::GDF_F32) {
-        block_on(passes(&Eeg::read(&path), Through::Rospy));
+        block_on(passes(&Eeg::read(&path)));
     }
-}
-
-#[test]
-fn codes_of_a_stream_of_lsl_are_those_of_host_sim_bit_for_bit() {
-    let test = "a stream of the Lab Streaming Layer to corticode-node";
-    if !ros::available(test) {
-        return;
-    }
-    if let Some(python) = wheels::python(test) {
-        block_on(passes(
-            &Eeg::synthetic(),
-            Through::Lsl(&python, "microvolts"),
-        ));
-    }
-}
-
-#[test]
-fn a_stream_of_lsl_without_a_known_unit_is_refused_with_the_remedy() {
-    let test = "a stream of the Lab Streaming Layer without a unit";
-    let Some(python) = wheels::python(test).filter(|_| ros::available(test)) else {
-        return;
-    };
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
-    let ros = Ros::start(folder).expect("roscore starts");
-    let name = format!("unitless{}", std::process::id());
-    let _player = Eeg::synthetic().stream(&python, folder, &name, "furlongs");
-    let library = format!("--liblsl={}", liblsl(&python).display());
-    let mut node = start_node(&ros, folder, &[&format!("--source=lsl:{name}"), &library]);
-    let refusal = "has the unit \"furlongs\"; state it with --source-unit microvolts";
-    node.wait_until("a refusal", TIMEOUT, |node| node.errors().contains(refusal));
-    assert!(node.stop(Signal::TERM, EXIT_TIMEOUT).success());
 }
 
 #[test]
@@ -319,7 +256,7 @@ fn roscore_and_the_acquisition_can_start_again_and_the_services_stop_and_start()
         let eeg = Eeg::synthetic();
         let mut ros = Ros::start(folder).expect("roscore starts");
         let mut node = start_node(&ros, folder, &["_mains:=60", "--verbose"]);
-        let (_listener, mut encoded) = subscribe(&ros, "/encoded").await;
+        let (_listener, mut encoded) = subscribe::<NeuroFrame>(&ros, "/encoded", &node).await;
         let mut amplifier = eeg.publish(&ros, folder, 0);
         let first = next_frame(&mut encoded, &node).await;
         assert!(first.eeg.info.prefiltering.contains("60 Hz"), "{first:?}");

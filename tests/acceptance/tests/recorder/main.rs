@@ -13,6 +13,9 @@
     reason = "indices of seconds of samples, and 16-bit words, in floating point"
 )]
 
+mod recorded;
+mod streamed;
+
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread::sleep;
@@ -23,10 +26,13 @@ use acceptance::port::free_port;
 use acceptance::process::Process;
 use acceptance::programs::programs;
 use acceptance::ros::{Ros, TIMEOUT};
-use acceptance::workspace;
+use acceptance::{lsl_recording, wheels, workspace};
 use emulator::skip::skip_unless_required;
-use recordings::{Block, EventLabel, Recording};
+use recordings::Recording;
 use rustix::process::Signal;
+
+use crate::recorded::Recorded;
+use crate::streamed::Streamed;
 
 /// Sampling rate of the recording, Hz.
 const RATE: f64 = 512.0;
@@ -47,6 +53,10 @@ struct Session<'a> {
     board: Process,
     bridge: Process,
     recorder: Process,
+    /// Recorder of the same streams through the Lab Streaming Layer; `None` without pylsl.
+    lsl_recorder: Option<Process>,
+    /// By how much the clock of each board so far is fast, parts per million.
+    ppm: Vec<i32>,
 }
 
 impl<'a> Session<'a> {
@@ -54,11 +64,11 @@ impl<'a> Session<'a> {
     fn start(folder: &'a Path, ppm: i32) -> Self {
         let port = folder.join("port").display().to_string();
         let board = board(folder, &format!("pty:{port}"), 0, ppm);
-        Self::with_board(folder, board, &port)
+        Self::with_board(folder, board, &port, ppm)
     }
 
-    /// Starts the bridge, which reaches `board` at the address `port`, and the recorder.
-    fn with_board(folder: &'a Path, board: Process, port: &str) -> Self {
+    /// Starts the bridge, which reaches `board` at the address `port`, and the recorders.
+    fn with_board(folder: &'a Path, board: Process, port: &str, ppm: i32) -> Self {
         let ros = Ros::start_master_of(&programs().bridge, folder).expect("the master starts");
         let mut bridge = Command::new(&programs().bridge);
         bridge.args([
@@ -67,11 +77,22 @@ impl<'a> Session<'a> {
             "--port",
             port,
         ]);
+        let interpreter = wheels::python("a recording of the Lab Streaming Layer");
+        // The folder's name is unique.
+        let name = folder.file_name().unwrap_or_default().to_string_lossy();
+        if let Some(interpreter) = &interpreter {
+            bridge.args(["--sink=ros,lsl", "--lsl-name", &name, "--liblsl"]);
+            bridge.arg(wheels::liblsl(interpreter));
+        }
         bridge.args(["--ros-master-uri", &ros.master_uri()]);
         bridge
             .env("CORTICODE_CONFIG", "/dev/null")
             .env("ROS_HOSTNAME", "127.0.0.1");
         let bridge = Process::start("bridge", &mut bridge, folder).expect("the bridge starts");
+        let mut lsl_recorder = interpreter.map(|interpreter| {
+            let arguments = [&*folder.to_string_lossy(), &name, "raw", "events"];
+            lsl_recording::start(&interpreter, folder, "lsl_record", &arguments)
+        });
         let script = workspace::root().join("tests/acceptance/ros/record_gdf.py");
         let script = script.canonicalize().expect("the script exists");
         let mut python = ros.command("python3");
@@ -83,12 +104,19 @@ impl<'a> Session<'a> {
         recorder.wait_until("the recorder records", TIMEOUT, |recorder| {
             recorder.output().contains("recording")
         });
+        if let Some(recorder) = &mut lsl_recorder {
+            recorder.wait_until("the streams", TIMEOUT, |recorder| {
+                recorder.output().contains("ready")
+            });
+        }
         Self {
             folder,
             _ros: ros,
             board,
             bridge,
             recorder,
+            lsl_recorder,
+            ppm: vec![ppm],
         }
     }
 
@@ -98,10 +126,12 @@ impl<'a> Session<'a> {
         sleep(outage);
         let port = self.folder.join("port");
         self.board = board(self.folder, &format!("pty:{}", port.display()), 1, 0);
+        self.ppm.push(0);
     }
 
-    /// Ends the recording, and returns it together with what the bridge has logged.
-    fn stop(mut self) -> (Recording, String) {
+    /// Ends the recordings, and compares them. Returns that of ROS-Neuro's recorder, and what the
+    /// bridge has logged.
+    fn stop(mut self) -> (Recorded, String) {
         let log = self.bridge.errors();
         let exit = self.bridge.stop(Signal::TERM, EXIT_TIMEOUT);
         assert!(exit.success(), "the bridge: {exit}\n{log}");
@@ -109,10 +139,15 @@ impl<'a> Session<'a> {
         let exit = self.recorder.stop(Signal::TERM, EXIT_TIMEOUT);
         assert!(exit.success(), "the recorder: {exit}\n{errors}");
         self.board.kill();
-        (
-            Recording::open(self.folder.join("run.gdf")).expect("a GDF file"),
-            log,
-        )
+        let recording = Recording::open(self.folder.join("run.gdf")).expect("a GDF file");
+        let recorded = Recorded::read(recording);
+        if let Some(mut recorder) = self.lsl_recorder {
+            let exit = recorder.wait(EXIT_TIMEOUT);
+            assert!(exit.success(), "{}", recorder.log());
+            let error_s = Streamed::read(self.folder).check(&recorded, &self.ppm);
+            println!("largest error of a time of LSL {:.0} us", error_s * 1e6);
+        }
+        (recorded, log)
     }
 }
 
@@ -130,113 +165,6 @@ fn board(folder: &Path, output: &str, number: u32, ppm: i32) -> Process {
     board.arg(format!("--output={output}"));
     board.arg(format!("--clock-ppm={ppm}"));
     Process::start(&format!("board{number}"), &mut board, folder).expect("host-sim starts")
-}
-
-/// The contents of a recording that the tests check.
-struct Recorded {
-    /// Status words of each sample: flags, number of the frame, and level of the trigger input.
-    flags: Vec<u16>,
-    frames: Vec<u32>,
-    trigger: Vec<u16>,
-    /// Positions, in samples, of the rising edges that the recorder has stored as events.
-    rises: Vec<f64>,
-    /// Codes of the events that are neither rising nor falling edges.
-    reports: Vec<u16>,
-}
-
-impl Recorded {
-    fn read(mut recording: Recording) -> Self {
-        let words = ["flags", "seq_lo", "seq_hi", "trigger"];
-        let labels = recording.labels();
-        let places = words.map(|word| {
-            labels
-                .iter()
-                .position(|label| *label == word)
-                .expect("a word")
-        });
-        let mut values = [const { Vec::new() }; 4];
-        let mut block = Block::default();
-        while recording.read_block(&mut block).expect("a whole file") {
-            for (values, place) in values.iter_mut().zip(places) {
-                values.extend(block.samples[place].iter().map(|&value| word(value)));
-            }
-        }
-        // The recorder's library fills the last record of 1 s with zeros. Cut them off: only the
-        // bridge's first frame has sequence number 0.
-        let written = values[1]
-            .iter()
-            .zip(&values[2])
-            .rposition(|words| words != (&0, &0));
-        for values in &mut values {
-            values.truncate(written.map_or(0, |last| last + 1));
-        }
-        let events = recording.events().expect("an event table");
-        let mut recorded = Self {
-            frames: values[1]
-                .iter()
-                .zip(&values[2])
-                .map(|(low, high)| u32::from(*low) | u32::from(*high) << 16)
-                .collect(),
-            flags: values[0].clone(),
-            trigger: values[3].clone(),
-            rises: Vec::new(),
-            reports: Vec::new(),
-        };
-        for event in events {
-            match event.label {
-                EventLabel::Type(TRIGGER_HIGH) => recorded.rises.push(event.onset_s * RATE),
-                EventLabel::Type(code) if code & 0x8000 == 0 => recorded.reports.push(code),
-                _ => {}
-            }
-        }
-        recorded
-    }
-
-    /// Checks that the frames' numbers have no gap and that each rising edge in the status words
-    /// has an event. Returns the largest distance of such an event from its edge, in seconds.
-    fn largest_error_s(&self) -> f64 {
-        for (sample, frame) in self.frames.iter().enumerate() {
-            let since_start = frame - self.frames[0];
-            assert_eq!(since_start as usize, sample / FRAME, "sample {sample}");
-        }
-        let pairs = self.trigger.windows(2).enumerate();
-        let rises = pairs
-            .filter(|(_, pair)| *pair == [0, 1])
-            .map(|(sample, _)| sample + 1)
-            // The event of an edge in the first frame was published before the recording began.
-            .filter(|sample| *sample >= FRAME);
-        let errors = rises.map(|sample| {
-            // The trigger input rose between the sample before and this one.
-            let errors = self.rises.iter().map(|rise| rise - (sample as f64 - 0.5));
-            let nearest = errors.min_by(|a, b| a.abs().total_cmp(&b.abs()));
-            nearest.expect("an event") / RATE
-        });
-        let errors: Vec<f64> = errors.collect();
-        assert!(errors.len() >= 3, "{} edges", errors.len());
-        errors
-            .iter()
-            .fold(0.0, |most: f64, error| most.max(error.abs()))
-    }
-
-    fn fillers(&self) -> usize {
-        self.flags
-            .iter()
-            .filter(|flags| **flags & 0x8000 != 0)
-            .count()
-    }
-}
-
-/// Returns a recorded status word as the integer that was published.
-fn word(value: f64) -> u16 {
-    assert!(
-        value.is_finite() && (value - value.round()).abs() < 0.01,
-        "{value} is no word"
-    );
-    let word = value.round();
-    assert!((0.0..=65_535.0).contains(&word), "{value} is no word");
-    #[expect(clippy::cast_sign_loss, reason = "checked above")]
-    let word = word as u16;
-    word
 }
 
 /// Returns half the duration of a run.
@@ -274,8 +202,7 @@ fn events_are_at_their_samples_after_a_restart_of_the_board() {
     sleep(half());
     session.restart_board(Duration::from_secs(2));
     sleep(half());
-    let (recording, _) = session.stop();
-    let recorded = Recorded::read(recording);
+    let (recorded, _) = session.stop();
     let error_s = recorded.largest_error_s();
     let fillers = recorded.fillers();
     println!(
@@ -300,8 +227,7 @@ fn events_are_at_their_samples_whatever_the_clock_of_the_board() {
         .collect();
     sleep(2 * half());
     for (ppm, session) in sessions {
-        let (recording, _) = session.stop();
-        let recorded = Recorded::read(recording);
+        let (recorded, _) = session.stop();
         let error_s = recorded.largest_error_s();
         println!(
             "{ppm} ppm: largest error of an event {:.1} samples in {:.1} s",
@@ -324,8 +250,7 @@ fn events_are_at_their_samples_after_the_bridge_stood_still() {
     sleep(Duration::from_secs(13));
     session.bridge.signal(Signal::CONT);
     sleep(half());
-    let (recording, log) = session.stop();
-    let recorded = Recorded::read(recording);
+    let (recorded, log) = session.stop();
     let error_s = recorded.largest_error_s();
     println!(
         "stall: largest error of an event {:.1} ms; {log}",
@@ -384,10 +309,9 @@ fn with_cable(
     let port = free_port().expect("a free port");
     let board = board(folder.path(), &format!("tcp:127.0.0.1:{port}"), 0, 0);
     let cable = LossyCable::new(port, percent).expect("the board opens its port");
-    let session = Session::with_board(folder.path(), board, &cable.port);
+    let session = Session::with_board(folder.path(), board, &cable.port, 0);
     scenario(&cable);
-    let (recording, log) = session.stop();
-    let recorded = Recorded::read(recording);
+    let (recorded, log) = session.stop();
     let error_s = recorded.largest_error_s();
     println!(
         "{test}: largest error of an event {:.1} ms in {:.1} s; {log}",
