@@ -155,5 +155,13 @@ mod tests {
             ..calm.clone()
         };
         assert!(status(&two, &calm).message.starts_with("2 nodes publish"));
+        // Of streams, the refusal says what to type.
+        let streams = SourceFacts {
+            is_stream: true,
+            refusal: Some("2 streams match; choose one: ...".to_owned()),
+            ..two
+        };
+        let message = status(&streams, &calm).message;
+        assert_eq!(message, "2 streams match; choose one: ...");
     }
 }

@@ -1,7 +1,8 @@
 //! A recording of `/neurodata` in ROS-Neuro's format has every event at its sample, and every
 //! status word as it was published. This holds after a restart of the device, a suspension of the
-//! bridge or an unplugged cable, and while frames are lost. `CORTICODE_RECORDER_SECONDS` sets the
-//! duration of each run, 12 s by default.
+//! bridge or an unplugged cable, and while frames are lost. A recorder of the Lab Streaming Layer in
+//! the same sessions has the same samples, at the times at which the board made them.
+//! `CORTICODE_RECORDER_SECONDS` sets the duration of each run, 12 s by default.
 //!
 //! These tests are an executable of their own, because they judge times by the wall clock, and no
 //! test that loads the machine may run at the same time. They run beside one another, because each
@@ -46,7 +47,7 @@ const EXIT_TIMEOUT: Duration = Duration::from_mins(1);
 /// Event code that marks a rising edge of the trigger input in the GDF file.
 const TRIGGER_HIGH: u16 = 1;
 
-/// A running board, a bridge, a ROS master, and a recorder of the bridge's topic `/neurodata`.
+/// A running board, a bridge, a ROS master, and recorders of the bridge's raw samples and events.
 struct Session<'a> {
     folder: &'a Path,
     _ros: Ros<'a>,
