@@ -109,7 +109,8 @@ pub(crate) fn choices(streams: &[Identity]) -> Vec<String> {
         match of.iter().find(is_unique) {
             Some(query) => format!("{name} on {host} with --source {}", quoted(query)),
             None => format!(
-                "{name} on {host}, which has neither name, source id nor host of its own: rename or close it"
+                "{name} on {host}, which has neither name, source id nor host of \
+                 its own: rename or close it"
             ),
         }
     };
