@@ -38,6 +38,7 @@ mod messages;
 mod node;
 mod services;
 mod sink;
+mod topic;
 
 pub use messages::{
     DiagnosticArray, DiagnosticStatus, GetAcquisitionInfo, Header, KeyValue, Log, NeuroDataFloat,

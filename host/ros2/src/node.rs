@@ -1,28 +1,35 @@
 //! The node: its place in a DDS domain, its topics, and the thread that keeps both up to date.
 
-use std::any::Any;
 use std::net::Ipv4Addr;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use neuro_ros::{AcquisitionCommand, AcquisitionInfo, DiagnosticLevel, DiagnosticStatus, KeyValue};
 use ros2_client::names::NameError;
-use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions};
+use ros2_client::{Context, Name, Node, NodeName, NodeOptions, Spinner};
 use rustdds::{DomainParticipant, DomainParticipantBuilder, RTPSEntity as _};
 use thiserror::Error;
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{oneshot, watch};
 use tokio::time::sleep;
 
 use crate::messages::Ros2Message;
 use crate::services::{ServiceNames, Services};
 use crate::sink::{Delivery, Ros2Sink};
+use crate::topic::{AnyTopic, Pulse, Topic};
 
 /// Time between two looks at who subscribes and publishes.
 const GRAPH_PERIOD: Duration = Duration::from_millis(100);
 /// Time for the last messages to be sent and acknowledged when a node with subscribers ends.
 const LINGER: Duration = Duration::from_millis(300);
+/// Longest wait for the subscribers of a node that joins its domain again.
+const RETURN: Duration = Duration::from_secs(5);
+/// Time for them to find the node, after the node has found them.
+const SETTLE: Duration = Duration::from_millis(500);
+/// Time between two attempts to join.
+const RETRY: Duration = Duration::from_secs(1);
 /// Largest id of a domain whose ports exist; see the port mapping of DDSI-RTPS.
 pub(crate) const MAX_DOMAIN: u16 = 232;
 
@@ -79,7 +86,7 @@ pub enum Ros2Error {
 }
 
 impl Ros2Error {
-    fn network(error: impl std::fmt::Display) -> Ros2Error {
+    pub(crate) fn network(error: impl std::fmt::Display) -> Ros2Error {
         Ros2Error::Network(error.to_string())
     }
 }
@@ -96,40 +103,40 @@ pub(crate) fn name(full: &str) -> Result<Name, Ros2Error> {
     Name::parse(full).map_err(wrong)
 }
 
-/// A topic of the node, with the newest counts of who else uses it.
-pub(crate) struct Topic {
-    /// Keeps the node in its domain until the last sink is gone, which says good-bye there.
-    _participant: DomainParticipant,
-    /// Keeps the writer, which sends lost packets again, until the node has lingered.
-    _publisher: Arc<dyn Any + Send + Sync>,
-    name: String,
-    /// Whether no other node may publish this topic.
-    is_exclusive: bool,
-    subscribers: AtomicUsize,
-    publishers: AtomicUsize,
+/// The node's place in its domain: what ends when it leaves.
+pub(crate) struct Place {
+    pub(crate) participant: DomainParticipant,
+    pub(crate) node: Node,
 }
 
-impl Topic {
-    pub(crate) fn has_subscribers(&self) -> bool {
-        self.subscribers.load(Ordering::Relaxed) > 0
-    }
+/// What runs as long as the node is in its domain.
+struct Life {
+    spinner: Spinner,
+    services: Services,
 }
 
 /// A ROS 2 node. It leaves the domain when it is dropped.
 pub struct Ros2Node {
-    full_name: String,
-    domain: Domain,
-    participant: DomainParticipant,
-    node: Mutex<Node>,
-    topics: Arc<Mutex<Vec<Arc<Topic>>>>,
-    /// Announcement that the service `get_info` returns.
-    announced: watch::Sender<Option<AcquisitionInfo>>,
+    shared: Arc<Shared>,
     thread: Option<Thread>,
 }
 
 struct Thread {
     stop: oneshot::Sender<()>,
     handle: JoinHandle<()>,
+}
+
+/// What the node shares with its thread.
+struct Shared {
+    full_name: String,
+    name: NodeName,
+    domain: Domain,
+    services: ServiceNames,
+    place: Mutex<Place>,
+    topics: Mutex<Vec<Arc<dyn AnyTopic>>>,
+    /// Announcement that the service `get_info` returns.
+    announced: watch::Sender<Option<AcquisitionInfo>>,
+    pulse: Arc<Pulse>,
 }
 
 impl Ros2Node {
@@ -148,32 +155,34 @@ impl Ros2Node {
         let (namespace, base) = full_name.rsplit_once('/').unwrap_or(("", full_name));
         let namespace = if namespace.is_empty() { "/" } else { namespace };
         let wrong = |error: NameError| Ros2Error::Name(full_name.to_owned(), error.to_string());
-        let node_name = NodeName::new(namespace, base).map_err(wrong)?;
-        let participant = domain.join()?;
-        let context = Context::from_domain_participant(participant.clone())?;
-        // The log goes to /rosout by a sink, because ros2-client's own way logs each line again.
-        let options = NodeOptions::new()
-            .enable_rosout(false)
-            .start_parameter_services(false);
-        let node = context.new_node(node_name, options);
-        let mut node = node.map_err(Ros2Error::network)?;
-        let (announced, announcement) = watch::channel(None);
-        let services = Services::create(&mut node, services, announcement)?;
-        let spinner = node.spinner()?;
-        let topics = Arc::<Mutex<Vec<Arc<Topic>>>>::default();
-        let (stop, stopped) = oneshot::channel();
+        let name = NodeName::new(namespace, base).map_err(wrong)?;
+        let announced = watch::Sender::new(None);
+        let (place, life) = join(domain, &name, services, announced.subscribe())?;
+        let pulse = Arc::<Pulse>::default();
+        pulse.beat();
+        let shared = Arc::new(Shared {
+            full_name: full_name.to_owned(),
+            name,
+            domain,
+            services: services.clone(),
+            place: Mutex::new(place),
+            topics: Mutex::default(),
+            announced,
+            pulse,
+        });
         let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_time()
+            .enable_all()
             .build()?;
-        let (watched, watching) = (Arc::clone(&topics), participant.clone());
+        let continued = {
+            let _in_runtime = runtime.enter();
+            continued()?
+        };
+        let (stop, stopped) = oneshot::channel();
+        let of_thread = Arc::clone(&shared);
         let run = move || {
             runtime.block_on(async {
                 tokio::select! {
-                    ended = spinner.spin() => tracing::error!(
-                        "the ROS 2 node sees no other nodes any more: {ended:?}; restart the bridge"
-                    ),
-                    () = services.serve(on_command) => {}
-                    () = watch_graph(&watching, &watched) => {}
+                    () = of_thread.run(life, continued, on_command) => {}
                     // An error says that the node was dropped.
                     _ = stopped => {}
                 }
@@ -182,19 +191,14 @@ impl Ros2Node {
         let handle = std::thread::Builder::new().name("ros2".to_owned());
         let handle = handle.spawn(run)?;
         Ok(Ros2Node {
-            full_name: full_name.to_owned(),
-            domain,
-            participant,
-            node: Mutex::new(node),
-            topics,
-            announced,
+            shared,
             thread: Some(Thread { stop, handle }),
         })
     }
 
     /// Returns the node's full name, such as `/acquisition`.
     pub fn full_name(&self) -> &str {
-        &self.full_name
+        &self.shared.full_name
     }
 
     /// Creates a sink for the topic with the full name `topic`.
@@ -207,40 +211,34 @@ impl Ros2Node {
         topic: &str,
         delivery: Delivery,
     ) -> Result<Ros2Sink<M>, Ros2Error> {
-        let mut node = lock(&self.node);
-        let of = MessageTypeName::new(M::PACKAGE, M::NAME);
-        let created = node.create_topic(&name(topic)?, of, &delivery.qos())?;
-        let publisher = Arc::new(node.create_publisher::<M::Message>(&created, None)?);
-        let topic = Arc::new(Topic {
-            _participant: self.participant.clone(),
-            _publisher: publisher.clone(),
-            name: topic.to_owned(),
-            is_exclusive: M::NAME == neuro_ros::NeuroFrame::NAME,
-            subscribers: AtomicUsize::new(0),
-            publishers: AtomicUsize::new(0),
-        });
-        lock(&self.topics).push(Arc::clone(&topic));
-        Ok(Ros2Sink::new(publisher, topic))
+        let mut place = lock(&self.shared.place);
+        let pulse = Arc::clone(&self.shared.pulse);
+        let topic = Arc::new(Topic::create(&mut place, topic, delivery, pulse)?);
+        lock(&self.shared.topics).push(topic.clone());
+        Ok(Ros2Sink(topic))
     }
 
     /// Sets what the service `get_info` returns. `None` makes it return that nothing is known.
     pub fn announce(&self, info: Option<AcquisitionInfo>) {
-        self.announced.send_replace(info);
+        self.shared.announced.send_replace(info);
     }
 
     /// Returns the status for `/diagnostics`: the domain and who subscribes. Another publisher of a
     /// topic of frames is a warning.
     pub fn status(&self) -> DiagnosticStatus {
-        let topics = lock(&self.topics).clone();
-        let shared = topics
-            .iter()
-            .filter(|topic| topic.is_exclusive && topic.publishers.load(Ordering::Relaxed) > 0);
-        let shared: Vec<&str> = shared.map(|topic| topic.name.as_str()).collect();
+        let topics = lock(&self.shared.topics).clone();
+        let shared = topics.iter().filter(|topic| {
+            topic.is_exclusive() && topic.others().publishers.load(Ordering::Relaxed) > 0
+        });
+        let shared: Vec<&str> = shared.map(|topic| topic.name()).collect();
         let thread = self.thread.as_ref();
         let (level, message) = if thread.is_none_or(|thread| thread.handle.is_finished()) {
-            let message =
-                "the node's thread has ended and its services do not answer; restart the bridge";
+            let message = "the node's thread has ended, so its services do not answer and its \
+                           messages wait; restart the bridge";
             (DiagnosticLevel::Error, message.to_owned())
+        } else if !self.shared.pulse.is_fresh() {
+            let message = "the node joins its domain again; its messages wait meanwhile";
+            (DiagnosticLevel::Warn, message.to_owned())
         } else if shared.is_empty() {
             (DiagnosticLevel::Ok, "the node is in its domain".to_owned())
         } else {
@@ -252,13 +250,13 @@ impl Ros2Node {
             (DiagnosticLevel::Warn, message)
         };
         let subscribers = topics.iter().map(|topic| {
-            let count = topic.subscribers.load(Ordering::Relaxed);
-            KeyValue::new(&format!("subscribers of {}", topic.name), &count)
+            let count = topic.others().subscribers.load(Ordering::Relaxed);
+            KeyValue::new(&format!("subscribers of {}", topic.name()), &count)
         });
         let values = [
-            KeyValue::new("node", &self.full_name),
-            KeyValue::new("domain", &self.domain.id),
-            KeyValue::new("localhost only", &self.domain.localhost_only),
+            KeyValue::new("node", &self.shared.full_name),
+            KeyValue::new("domain", &self.shared.domain.id),
+            KeyValue::new("localhost only", &self.shared.domain.localhost_only),
         ];
         DiagnosticStatus {
             level,
@@ -273,10 +271,7 @@ impl Ros2Node {
 impl Drop for Ros2Node {
     /// Waits [`LINGER`] if there are subscribers, then leaves the domain.
     fn drop(&mut self) {
-        if lock(&self.topics)
-            .iter()
-            .any(|topic| topic.has_subscribers())
-        {
+        if self.shared.subscribers().iter().any(|count| *count > 0) {
             std::thread::sleep(LINGER);
         }
         if let Some(Thread { stop, handle }) = self.thread.take() {
@@ -289,28 +284,149 @@ impl Drop for Ros2Node {
     }
 }
 
-/// Counts the subscribers and other publishers of the topics again and again.
-async fn watch_graph(participant: &DomainParticipant, topics: &Mutex<Vec<Arc<Topic>>>) {
-    let own = participant.guid().prefix;
-    loop {
+impl Shared {
+    /// Keeps the node in its domain, and never returns. The threads of rustdds end when the process
+    /// is stopped and continued, because they take the interrupted wait for a failure. The node
+    /// then joins its domain again, and its messages wait until its subscribers are back.
+    async fn run(
+        &self,
+        mut life: Life,
+        mut continued: Signal,
+        on_command: impl Fn(AcquisitionCommand),
+    ) {
+        let mut expected = None;
+        loop {
+            tokio::select! {
+                _ = life.spinner.spin() => {}
+                () = life.services.serve(&on_command) => {}
+                () = self.watch(expected, &mut continued) => {}
+            }
+            self.pulse.pause();
+            let subscribers = self.subscribers();
+            tracing::warn!(
+                "the ROS 2 node joins its domain again, because the process stood still or DDS has ended; \
+                 its messages wait until {} subscribers are back, for at most {} s",
+                subscribers.iter().sum::<usize>(),
+                RETURN.as_secs()
+            );
+            expected = Some(subscribers);
+            life = loop {
+                match self.join_again() {
+                    Ok(life) => break life,
+                    Err(error) => tracing::error!("the ROS 2 node is in no domain: {error}"),
+                }
+                sleep(RETRY).await;
+            };
+        }
+    }
+
+    fn join_again(&self) -> Result<Life, Ros2Error> {
+        let announced = self.announced.subscribe();
+        let (mut place, life) = join(self.domain, &self.name, &self.services, announced)?;
+        let mut before = lock(&self.place);
+        for topic in &*lock(&self.topics) {
+            topic.reopen(&mut place)?;
+        }
+        *before = place;
+        Ok(life)
+    }
+
+    /// Counts the subscribers and other publishers of the topics again and again. Messages wait
+    /// until as many subscribers as `expected` are there. Returns when the node must join its
+    /// domain again.
+    async fn watch(&self, mut expected: Option<Vec<usize>>, continued: &mut Signal) {
+        let participant = lock(&self.place).participant.clone();
+        let until = Instant::now() + RETURN;
+        loop {
+            self.count(&participant);
+            // Discovery has ended if it takes no command.
+            if participant.assert_liveliness().is_err() {
+                return;
+            }
+            let now = self.subscribers();
+            let are_back = |then: &Vec<usize>| now.iter().zip(then).all(|(now, then)| now >= then);
+            if expected
+                .as_ref()
+                .is_some_and(|then| are_back(then) || Instant::now() > until)
+            {
+                // The subscribers too have to find the node.
+                sleep(SETTLE).await;
+                expected = None;
+            }
+            if expected.is_none() {
+                self.pulse.beat();
+                for topic in lock(&self.topics).clone() {
+                    if let Err(error) = topic.release() {
+                        tracing::error!("messages of {} are lost: {error}", topic.name());
+                    }
+                }
+            }
+            tokio::select! {
+                _ = continued.recv() => return,
+                () = sleep(GRAPH_PERIOD) => {}
+            }
+            if expected.is_none() && !self.pulse.is_fresh() {
+                // The process stood still, or had no processor: the signal can come later.
+                tokio::select! {
+                    _ = continued.recv() => return,
+                    () = sleep(GRAPH_PERIOD) => {}
+                }
+            }
+        }
+    }
+
+    fn subscribers(&self) -> Vec<usize> {
+        let topics = lock(&self.topics);
+        let counts = topics.iter().map(|topic| &topic.others().subscribers);
+        counts.map(|count| count.load(Ordering::Relaxed)).collect()
+    }
+
+    fn count(&self, participant: &DomainParticipant) {
+        let own = participant.guid().prefix;
         let readers = participant.discovered_readers();
         let writers = participant.discovered_writers();
-        for topic in &*lock(topics) {
-            let is = |name: &str| name.strip_prefix("rt") == Some(&topic.name);
+        for topic in &*lock(&self.topics) {
+            let is = |name: &str| name.strip_prefix("rt") == Some(topic.name());
             let subscribers = readers.iter();
             let subscribers =
                 subscribers.filter(|reader| is(reader.subscription_topic_data.topic_name()));
             let others = writers.iter().map(|writer| &writer.publication_topic_data);
             let others = others.filter(|writer| is(&writer.topic_name) && writer.key.prefix != own);
-            topic
+            let counts = topic.others();
+            counts
                 .subscribers
                 .store(subscribers.count(), Ordering::Relaxed);
-            topic.publishers.store(others.count(), Ordering::Relaxed);
+            counts.publishers.store(others.count(), Ordering::Relaxed);
         }
-        sleep(GRAPH_PERIOD).await;
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+/// Returns the signals that tell the process that it goes on after it was stopped.
+fn continued() -> std::io::Result<Signal> {
+    let sigcont = if cfg!(target_os = "linux") { 18 } else { 19 };
+    signal(SignalKind::from_raw(sigcont))
+}
+
+/// Joins the domain, and creates the node and its services there.
+fn join(
+    domain: Domain,
+    name: &NodeName,
+    services: &ServiceNames,
+    announced: watch::Receiver<Option<AcquisitionInfo>>,
+) -> Result<(Place, Life), Ros2Error> {
+    let participant = domain.join()?;
+    let context = Context::from_domain_participant(participant.clone())?;
+    // The log goes to /rosout by a sink, because ros2-client's own way logs each line again.
+    let options = NodeOptions::new()
+        .enable_rosout(false)
+        .start_parameter_services(false);
+    let node = context.new_node(name.clone(), options);
+    let mut node = node.map_err(Ros2Error::network)?;
+    let services = Services::create(&mut node, services, announced)?;
+    let spinner = node.spinner()?;
+    Ok((Place { participant, node }, Life { spinner, services }))
+}
+
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
