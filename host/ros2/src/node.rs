@@ -26,8 +26,9 @@ const GRAPH_PERIOD: Duration = Duration::from_millis(100);
 const LINGER: Duration = Duration::from_millis(300);
 /// Longest wait for the subscribers of a node that joins its domain again.
 const RETURN: Duration = Duration::from_secs(5);
-/// Time for them to find the node, after the node has found them.
-const SETTLE: Duration = Duration::from_millis(500);
+/// Time for them to find the node, after the node has found them: longer than the period in which
+/// DDS repeats what it says of itself, 1 s.
+const SETTLE: Duration = Duration::from_secs(3);
 /// Time between two attempts to join.
 const RETRY: Duration = Duration::from_secs(1);
 /// Largest id of a domain whose ports exist; see the port mapping of DDSI-RTPS.
@@ -349,17 +350,16 @@ impl Shared {
                 .as_ref()
                 .is_some_and(|then| are_back(then) || Instant::now() > until)
             {
-                // The subscribers too have to find the node.
+                // The subscribers too have to find the node. Cyclone DDS takes the messages that a
+                // new writer has when it first speaks for old ones, so one message goes ahead.
                 sleep(SETTLE).await;
+                self.release(1);
+                sleep(GRAPH_PERIOD).await;
                 expected = None;
             }
             if expected.is_none() {
                 self.pulse.beat();
-                for topic in lock(&self.topics).clone() {
-                    if let Err(error) = topic.release() {
-                        tracing::error!("messages of {} are lost: {error}", topic.name());
-                    }
-                }
+                self.release(usize::MAX);
             }
             tokio::select! {
                 _ = continued.recv() => return,
@@ -371,6 +371,15 @@ impl Shared {
                     _ = continued.recv() => return,
                     () = sleep(GRAPH_PERIOD) => {}
                 }
+            }
+        }
+    }
+
+    /// Publishes the messages that wait, at most `most` of each topic.
+    fn release(&self, most: usize) {
+        for topic in lock(&self.topics).clone() {
+            if let Err(error) = topic.release(most) {
+                tracing::error!("messages of {} are lost: {error}", topic.name());
             }
         }
     }
@@ -421,10 +430,11 @@ fn join(
         .enable_rosout(false)
         .start_parameter_services(false);
     let node = context.new_node(name.clone(), options);
-    let mut node = node.map_err(Ros2Error::network)?;
-    let services = Services::create(&mut node, services, announced)?;
-    let spinner = node.spinner()?;
-    Ok((Place { participant, node }, Life { spinner, services }))
+    let node = node.map_err(Ros2Error::network)?;
+    let mut place = Place { participant, node };
+    let services = Services::create(&mut place, services, announced)?;
+    let spinner = place.node.spinner()?;
+    Ok((place, Life { spinner, services }))
 }
 
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

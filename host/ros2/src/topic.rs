@@ -54,8 +54,8 @@ pub(crate) trait AnyTopic: Send + Sync {
     fn others(&self) -> &Others;
     /// Creates the writer in `place`, which takes the place of the one before.
     fn reopen(&self, place: &mut Place) -> Result<(), Ros2Error>;
-    /// Publishes the messages that wait.
-    fn release(&self) -> Result<(), SinkError>;
+    /// Publishes the oldest messages that wait, at most `most`.
+    fn release(&self, most: usize) -> Result<(), SinkError>;
 }
 
 /// A topic with messages of the type `M`.
@@ -107,7 +107,7 @@ impl<M: Ros2Message> Topic<M> {
             writer.newest = Some(message.clone());
         }
         if self.pulse.is_fresh() {
-            writer.release()?;
+            writer.release(usize::MAX)?;
             return writer.publish(message);
         }
         if writer.waiting.len() < MAX_WAITING {
@@ -154,8 +154,8 @@ impl<M: Ros2Message> AnyTopic for Topic<M> {
         }
     }
 
-    fn release(&self) -> Result<(), SinkError> {
-        lock(&self.writer).release()
+    fn release(&self, most: usize) -> Result<(), SinkError> {
+        lock(&self.writer).release(most)
     }
 }
 
@@ -171,9 +171,11 @@ impl<M: Ros2Message> Writer<M> {
         }
     }
 
-    fn release(&mut self) -> Result<(), SinkError> {
-        while let Some(message) = self.waiting.pop_front() {
-            self.publish(message)?;
+    fn release(&mut self, most: usize) -> Result<(), SinkError> {
+        for _ in 0..most.min(self.waiting.len()) {
+            if let Some(message) = self.waiting.pop_front() {
+                self.publish(message)?;
+            }
         }
         Ok(())
     }
