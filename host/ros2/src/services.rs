@@ -11,8 +11,9 @@ use rustdds::serialization::CDRSerializerAdapter;
 use serde::{Deserialize, Serialize};
 use tokio::sync::watch::Receiver;
 
+use crate::domain::{Ros2Error, name};
 use crate::messages::GetAcquisitionInfo;
-use crate::node::{Place, Ros2Error, name};
+use crate::presence::Place;
 
 /// Number of requests and of responses of a service that can wait.
 const DEPTH: usize = 10;
@@ -202,8 +203,8 @@ fn reply(info: Option<&AcquisitionInfo>, max_bytes: usize) -> GetAcquisitionInfo
         return reply;
     }
     tracing::warn!(
-        "get_info replies that nothing is known, because the names of {} channels make its reply too large for ROS 2; \
-         subscribe to neurodata_info, or announce another stream (--announce)",
+        "get_info replies that nothing is known, because the names of {} channels make its reply too large for callers with \
+         Fast DDS; subscribe to neurodata_info, or announce another stream (--announce)",
         info.frame().eeg.info.nchannels
     );
     GetAcquisitionInfo::default()

@@ -3,15 +3,16 @@
 use std::collections::VecDeque;
 use std::io;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use neuro_ros::SinkError;
 use ros2_client::{MessageTypeName, Publisher, WriteError};
 use rustdds::DomainParticipant;
 
+use crate::domain::{Ros2Error, name};
 use crate::messages::Ros2Message;
-use crate::node::{Place, Ros2Error, lock, name};
+use crate::presence::Place;
 use crate::sink::Delivery;
 
 /// Number of messages of a topic that wait for the node to be in its domain again; later ones are
@@ -56,6 +57,8 @@ pub(crate) trait AnyTopic: Send + Sync {
     fn reopen(&self, place: &mut Place) -> Result<(), Ros2Error>;
     /// Publishes the oldest messages that wait, at most `most`.
     fn release(&self, most: usize) -> Result<(), SinkError>;
+    /// Returns the number of messages that wait.
+    fn waiting(&self) -> usize;
 }
 
 /// A topic with messages of the type `M`.
@@ -70,7 +73,8 @@ pub(crate) struct Topic<M: Ros2Message> {
 struct Writer<M: Ros2Message> {
     publisher: Publisher<M::Message>,
     /// Keeps the node in its domain until the last sink is gone, which says good-bye there.
-    _participant: DomainParticipant,
+    #[expect(dead_code, reason = "leaves the domain when it is dropped")]
+    participant: DomainParticipant,
     waiting: VecDeque<M::Message>,
     /// The newest message of a [`Delivery::Latched`] topic.
     newest: Option<M::Message>,
@@ -86,7 +90,7 @@ impl<M: Ros2Message> Topic<M> {
     ) -> Result<Topic<M>, Ros2Error> {
         let writer = Writer {
             publisher: publisher::<M>(place, name, delivery)?,
-            _participant: place.participant.clone(),
+            participant: place.participant.clone(),
             waiting: VecDeque::new(),
             newest: None,
             dropped: 0,
@@ -144,7 +148,7 @@ impl<M: Ros2Message> AnyTopic for Topic<M> {
         let publisher = publisher::<M>(place, &self.name, self.delivery)?;
         let mut writer = lock(&self.writer);
         writer.publisher = publisher;
-        writer._participant = place.participant.clone();
+        writer.participant = place.participant.clone();
         match writer.newest.clone() {
             // With messages that wait, the newest is among them.
             Some(newest) if writer.waiting.is_empty() => {
@@ -156,6 +160,10 @@ impl<M: Ros2Message> AnyTopic for Topic<M> {
 
     fn release(&self, most: usize) -> Result<(), SinkError> {
         lock(&self.writer).release(most)
+    }
+
+    fn waiting(&self) -> usize {
+        lock(&self.writer).waiting.len()
     }
 }
 
@@ -191,4 +199,8 @@ fn publisher<M: Ros2Message>(
         .node
         .create_topic(&name(full_name)?, of, &delivery.qos())?;
     Ok(place.node.create_publisher(&topic, None)?)
+}
+
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -57,10 +57,10 @@ def receive(domain, seconds):
     end = time.monotonic() + FOUND_S + seconds
     while time.monotonic() < end:
         waits.wait(duration(milliseconds=100))
+        # Before `take`, which decodes the samples in Python.
+        now = time.time_ns() / 1e6
         for name, reader in readers.items():
-            samples = reader.take(N=1000)
-            now = time.time_ns() / 1e6
-            for sample in samples:
+            for sample in reader.take(N=1000):
                 if sample.sample_info.valid_data and now > first.setdefault(name, now) + FOUND_S * 1e3:
                     times[name].append((sample.sample_info.source_timestamp / 1e6, now))
     return times

@@ -29,8 +29,9 @@ const TOLERANCE_S: f64 = 0.03;
 const CALM: Duration = Duration::from_secs(3);
 /// Duration of the restart of a board and of the interruption of a cable.
 const OUTAGE: Duration = Duration::from_secs(2);
-/// Time for which the bridge stands still: longer than the lease of its subscriber, 10 s.
-const STOP: Duration = Duration::from_secs(13);
+/// Time for which the bridge stands still after the outage: together longer than the lease of its
+/// subscriber, 10 s.
+const STOP: Duration = Duration::from_secs(11);
 /// Time after which its node is in its domain again, with its subscriber.
 const REJOIN: Duration = Duration::from_secs(5);
 /// Longest wait for a program to end or to reach a condition, enough on a busy machine.
@@ -208,7 +209,7 @@ fn events_are_at_their_samples_whatever_happens_to_board_cable_and_bridge() {
     cable.plug();
     let output = format!("pty:{}", terminal(folder, &SCENARIOS[RESTART]));
     runs[RESTART].board = board(folder, &SCENARIOS[RESTART], &output);
-    sleep(STOP - OUTAGE);
+    sleep(STOP);
     runs[STOPPED].bridge.signal(Signal::CONT);
     sleep(REJOIN + CALM);
 
