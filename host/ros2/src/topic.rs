@@ -73,7 +73,6 @@ pub(crate) struct Topic<M: Ros2Message> {
 struct Writer<M: Ros2Message> {
     publisher: Publisher<M::Message>,
     /// Keeps the node in its domain until the last sink is gone, which says good-bye there.
-    #[expect(dead_code, reason = "leaves the domain when it is dropped")]
     participant: DomainParticipant,
     waiting: VecDeque<M::Message>,
     /// The newest message of a [`Delivery::Latched`] topic.
