@@ -19,6 +19,7 @@ use crate::topic::{Topic, lock};
 
 /// Time for the last messages to be sent and acknowledged when a node with subscribers ends.
 const LINGER: Duration = Duration::from_millis(300);
+
 /// A ROS 2 node. It leaves the domain when it is dropped.
 pub struct Ros2Node {
     presence: Arc<Presence>,

@@ -24,6 +24,7 @@ const RETURN: Duration = Duration::from_secs(5);
 const SETTLE: Duration = Duration::from_secs(3);
 /// Time between two attempts to join.
 const RETRY: Duration = Duration::from_secs(1);
+
 /// The node's place in its domain: what ends when it leaves.
 pub(crate) struct Place {
     pub(crate) participant: DomainParticipant,
