@@ -1,15 +1,18 @@
 //! The services of an acquisition node.
 
+use std::time::Duration;
+
 use neuro_ros::{AcquisitionCommand, AcquisitionInfo};
 use ros2_client::qos::{History, WhenFull};
 use ros2_client::{
     Message, Publisher, QosProfile, Server, ServiceMapping, ServiceTypeName, Subscription,
 };
-use rustdds::TopicKind;
 use rustdds::no_key::SerializerAdapter as _;
 use rustdds::serialization::CDRSerializerAdapter;
+use rustdds::{DomainParticipant, GUID, TopicKind};
 use serde::{Deserialize, Serialize};
 use tokio::sync::watch::Receiver;
+use tokio::time::sleep;
 
 use crate::domain::{Ros2Error, name};
 use crate::messages::GetAcquisitionInfo;
@@ -22,6 +25,10 @@ const DEPTH: usize = 10;
 /// least 1280 bytes. rustdds sends a larger one in fragments, whose headers are malformed if they
 /// name the request; see decision 34.
 const MAX_REPLY: usize = 1150;
+
+/// Time between two looks for a caller that is not found yet, and the number of them.
+const FIND_PERIOD: Duration = Duration::from_millis(50);
+const FIND_ATTEMPTS: u32 = 40;
 
 /// Full names of the services of an acquisition node.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,7 +63,15 @@ struct Numbered<T> {
 }
 
 /// A service without arguments.
-enum Service<Response: Message> {
+struct Service<Response: Message> {
+    mapping: Mapping<Response>,
+    participant: DomainParticipant,
+    /// DDS topic of its replies.
+    replies: String,
+}
+
+/// How a service is carried.
+enum Mapping<Response: Message> {
     /// Header and payload as with Fast DDS and Connext.
     Standard(Server<Empty, Response>),
     /// As with Cyclone DDS. ros2-client's own way for it sends the header of the other too, so that
@@ -107,9 +122,9 @@ impl Services {
             };
             service.answer_all(answer).await;
         };
-        let max_bytes = match self.info {
-            Service::Standard(_) => MAX_REPLY,
-            Service::Cyclone { .. } => usize::MAX,
+        let max_bytes = match self.info.mapping {
+            Mapping::Standard(_) => MAX_REPLY,
+            Mapping::Cyclone { .. } => usize::MAX,
         };
         let answer = || {
             let info = self.announced.borrow();
@@ -129,31 +144,10 @@ impl<Response: Message + 'static> Service<Response> {
         package: &str,
         of: &str,
     ) -> Result<Service<Response>, Ros2Error> {
-        let valid_name = name(full_name)?;
-        let qos = QosProfile::publisher_default()
-            .reliability_reliable(WhenFull::DEFAULT)
-            .history(History::KeepLast { depth: DEPTH });
-        let rmw = std::env::var("RMW_IMPLEMENTATION");
-        if rmw.as_deref() != Ok("rmw_cyclonedds_cpp") {
-            let of = ServiceTypeName::new(package, of);
-            let mapping = ServiceMapping::Enhanced;
-            let node = &mut place.node;
-            let server = node.create_server(mapping, &valid_name, &of, qos.clone(), qos)?;
-            return Ok(Service::Standard(server));
-        }
-        let topic = |prefix: &str, suffix: &str, part: &str| {
-            let topic = format!("{prefix}{full_name}{suffix}");
-            let of = format!("{package}::srv::dds_::{of}_{part}_");
-            let (participant, qos) = (&place.participant, qos.clone().into());
-            let created = participant.create_topic(topic, of, &qos, TopicKind::NoKey);
-            created.map_err(Ros2Error::network)
-        };
-        let requests = topic("rq", "Request", "Request")?;
-        let replies = topic("rr", "Reply", "Response")?;
-        let node = &mut place.node;
-        Ok(Service::Cyclone {
-            requests: node.create_subscription(&requests, None)?,
-            replies: node.create_publisher(&replies, None)?,
+        Ok(Service {
+            mapping: Mapping::create(place, full_name, package, of)?,
+            participant: place.participant.clone(),
+            replies: format!("rr{full_name}Reply"),
         })
     }
 
@@ -166,20 +160,77 @@ impl<Response: Message + 'static> Service<Response> {
         }
     }
 
+    /// Waits until the node has found where the caller receives replies, which can be later than
+    /// the call. A reply before that would be lost.
+    async fn wait_for(&self, caller: GUID) {
+        for attempt in 0..=FIND_ATTEMPTS {
+            let readers = self.participant.discovered_readers();
+            let is_found = readers.iter().any(|reader| {
+                reader.subscription_topic_data.topic_name() == &self.replies
+                    && reader.reader_proxy.remote_reader_guid.prefix == caller.prefix
+            });
+            if is_found && attempt == 0 {
+                return;
+            }
+            sleep(FIND_PERIOD).await;
+            if is_found {
+                return;
+            }
+        }
+    }
+
     async fn answer_next(&self, answer: &impl Fn() -> Response) -> Result<(), String> {
-        match self {
-            Service::Standard(server) => {
+        match &self.mapping {
+            Mapping::Standard(server) => {
                 let (id, _) = server.async_receive_request().await.map_err(text)?;
+                self.wait_for(id.writer_gid.into()).await;
                 server.async_send_response(id, answer()).await.map_err(text)
             }
-            Service::Cyclone { requests, replies } => {
-                let (request, _) = requests.async_take().await.map_err(text)?;
+            Mapping::Cyclone { requests, replies } => {
+                let (request, info) = requests.async_take().await.map_err(text)?;
+                self.wait_for(info.publisher_gid().into()).await;
                 let Numbered { caller, call, .. } = request;
                 let body = answer();
                 let response = Numbered { caller, call, body };
                 replies.async_publish(response).await.map_err(text)
             }
         }
+    }
+}
+
+impl<Response: Message + 'static> Mapping<Response> {
+    fn create(
+        place: &mut Place,
+        full_name: &str,
+        package: &str,
+        of: &str,
+    ) -> Result<Mapping<Response>, Ros2Error> {
+        let valid_name = name(full_name)?;
+        let qos = QosProfile::publisher_default()
+            .reliability_reliable(WhenFull::DEFAULT)
+            .history(History::KeepLast { depth: DEPTH });
+        let rmw = std::env::var("RMW_IMPLEMENTATION");
+        if rmw.as_deref() != Ok("rmw_cyclonedds_cpp") {
+            let of = ServiceTypeName::new(package, of);
+            let mapping = ServiceMapping::Enhanced;
+            let node = &mut place.node;
+            let server = node.create_server(mapping, &valid_name, &of, qos.clone(), qos)?;
+            return Ok(Mapping::Standard(server));
+        }
+        let topic = |prefix: &str, suffix: &str, part: &str| {
+            let topic = format!("{prefix}{full_name}{suffix}");
+            let of = format!("{package}::srv::dds_::{of}_{part}_");
+            let (participant, qos) = (&place.participant, qos.clone().into());
+            let created = participant.create_topic(topic, of, &qos, TopicKind::NoKey);
+            created.map_err(Ros2Error::network)
+        };
+        let requests = topic("rq", "Request", "Request")?;
+        let replies = topic("rr", "Reply", "Response")?;
+        let node = &mut place.node;
+        Ok(Mapping::Cyclone {
+            requests: node.create_subscription(&requests, None)?,
+            replies: node.create_publisher(&replies, None)?,
+        })
     }
 }
 
