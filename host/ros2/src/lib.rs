@@ -11,6 +11,7 @@
 //! which were written from the field lists of ROS 2-Neuro. Publishing never waits: a message goes
 //! into the memory of its DDS writer, whose threads send it. A message for which there is no room,
 //! because a reliable subscriber has acknowledged none of the newest 8192, is dropped and counted.
+//! While the node is not in its domain, after the process was stopped and continued, messages wait.
 //!
 //! All names are full names, such as `/left/encoded`; the caller resolves and remaps them.
 //!
@@ -34,16 +35,20 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod domain;
 mod messages;
 mod node;
+mod presence;
 mod services;
 mod sink;
+mod topic;
 
+pub use domain::{Domain, Ros2Error};
 pub use messages::{
     DiagnosticArray, DiagnosticStatus, GetAcquisitionInfo, Header, KeyValue, Log, NeuroDataFloat,
     NeuroDataInfo, NeuroDataInt32, NeuroDecoder, NeuroEvent, NeuroFrame, NeuroHeader, NeuroOutput,
     Ros2Message, Time,
 };
-pub use node::{Domain, Ros2Error, Ros2Node};
+pub use node::Ros2Node;
 pub use services::ServiceNames;
 pub use sink::{Delivery, Ros2Sink};

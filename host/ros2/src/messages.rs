@@ -6,9 +6,9 @@
 use serde::{Deserialize, Serialize};
 
 /// A message of `neuro-ros` that has a ROS 2 type.
-pub trait Ros2Message {
+pub trait Ros2Message: 'static {
     /// The type that is serialised.
-    type Message: Serialize + for<'a> From<&'a Self> + Send + Sync + 'static;
+    type Message: Serialize + for<'a> From<&'a Self> + Clone + Send + Sync + 'static;
     /// Package of the type's definition.
     const PACKAGE: &'static str;
     /// Name of the type in its package.

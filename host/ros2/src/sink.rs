@@ -1,14 +1,13 @@
 //! Sinks that publish on ROS 2 topics.
 
-use std::io;
 use std::sync::Arc;
 
 use neuro_ros::{Sink, SinkError};
+use ros2_client::QosProfile;
 use ros2_client::qos::{Durability, History, WhenFull};
-use ros2_client::{Publisher, QosProfile, WriteError};
 
 use crate::messages::Ros2Message;
-use crate::node::Topic;
+use crate::topic::Topic;
 
 /// Number of messages of a topic that are kept while they are sent. Best-effort subscribers can
 /// miss the oldest of more messages at once, such as fillers after an outage of 16 s. For reliable
@@ -52,41 +51,21 @@ impl Delivery {
 ///
 /// [`Sink::publish`] never waits. A message is dropped, for all subscribers, if a reliable one has
 /// acknowledged none of the newest 8192. A subscriber whose process stands still is given up after
-/// its lease, 10 to 20 s for usual ROS 2 nodes, and costs the others nothing.
-pub struct Ros2Sink<M: Ros2Message> {
-    publisher: Arc<Publisher<M::Message>>,
-    topic: Arc<Topic>,
-    dropped: u64,
-}
-
-impl<M: Ros2Message> Ros2Sink<M> {
-    pub(crate) fn new(publisher: Arc<Publisher<M::Message>>, topic: Arc<Topic>) -> Ros2Sink<M> {
-        Ros2Sink {
-            publisher,
-            topic,
-            dropped: 0,
-        }
-    }
-}
+/// its lease, 10 to 20 s for usual ROS 2 nodes, and costs the others nothing. After the node's own
+/// process stood still, up to 8192 messages wait until subscribers are back; later ones are dropped.
+pub struct Ros2Sink<M: Ros2Message>(pub(crate) Arc<Topic<M>>);
 
 impl<M: Ros2Message> Sink<M> for Ros2Sink<M> {
     /// Never fails without subscribers.
     fn publish(&mut self, message: &M) -> Result<(), SinkError> {
-        match self.publisher.publish(message.into()) {
-            Ok(()) => Ok(()),
-            Err(WriteError::WouldBlock { .. }) => {
-                self.dropped += 1;
-                Ok(())
-            }
-            Err(error) => Err(io::Error::other(error.to_string()).into()),
-        }
+        self.0.publish(message.into())
     }
 
     fn dropped(&self) -> u64 {
-        self.dropped
+        self.0.dropped()
     }
 
     fn has_receivers(&self) -> bool {
-        self.topic.has_subscribers()
+        self.0.has_subscribers()
     }
 }

@@ -68,6 +68,20 @@ impl<'a> Ros2<'a> {
         assert!(output.status.success(), "{services:?}: {errors}");
     }
 
+    /// Calls services as programs with `RMW_IMPLEMENTATION=rmw_cyclonedds_cpp` do, one after the
+    /// other: each is NAME=PACKAGE/TYPE. Returns the responses in lines of JSON.
+    ///
+    /// # Panics
+    /// When one is missing or does not answer.
+    pub fn call_with_cyclone(&self, services: &[&str]) -> String {
+        let mut command = self.command("call_cyclone.py");
+        let output = command.arg(&self.domain).args(services).output();
+        let output = output.expect("Python starts");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{services:?}: {errors}");
+        String::from_utf8(output.stdout).expect("JSON")
+    }
+
     fn command(&self, script: &str) -> Command {
         let mut command = Command::new(&self.python);
         let path = workspace::root().join("tests/acceptance/ros2").join(script);

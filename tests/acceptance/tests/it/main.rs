@@ -36,6 +36,7 @@ mod raw_forms;
 mod readme;
 mod realtime;
 mod ros2_chain;
+mod ros2_events;
 mod ros_chain;
 mod samples_chain;
 mod service;

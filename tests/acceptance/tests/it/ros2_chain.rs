@@ -230,6 +230,45 @@ fn services_answer_rclpy_and_restarted_programs_find_each_other_again() {
 }
 
 #[test]
+fn services_answer_callers_with_cyclone_dds() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let Some(ros2) = Ros2::find("ROS 2 services with Cyclone DDS", folder) else {
+        return;
+    };
+    let port = folder.join("board").display().to_string();
+    let _board = board(folder, 300, &format!("pty:{port}"));
+    let mut command = Command::new(&programs().bridge);
+    command.args(["--sink=ros2,ndjson", "--port", &port]);
+    command.env("ROS_DOMAIN_ID", &ros2.domain);
+    command.env("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp");
+    let mut bridge = Process::start("bridge", &mut command, folder).expect("the bridge starts");
+    bridge.wait_until("codes", SLACK, |bridge| {
+        !messages(&bridge.output(), "/encoded").is_empty()
+    });
+    let info = "/acquisition/get_info";
+    let answers = ros2.call_with_cyclone(&[
+        "/acquisition/stop=std_srvs/Empty",
+        "/acquisition/start=std_srvs/Empty",
+        &format!("{info}=ros2neuro_msgs/GetAcquisitionInfo"),
+        "/acquisition/quit=std_srvs/Empty",
+    ]);
+    assert!(bridge.wait(SLACK).success(), "{}", bridge.log());
+    assert_eq!(answers.lines().count(), 4, "{answers}");
+    let told = messages(&answers, info).remove(0);
+    let codes = messages(&bridge.output(), "/encoded");
+    assert_eq!(told["result"], true, "{told}");
+    assert_eq!(told["frame"]["sr"], codes[0]["sr"]);
+    assert_eq!(told["frame"]["eeg"]["info"], codes[0]["eeg"]["info"]);
+    assert_eq!(
+        told["frame"]["eeg"]["info"]["labels"]
+            .as_array()
+            .map(Vec::len),
+        Some(128)
+    );
+}
+
+#[test]
 fn the_launch_file_has_every_option_and_the_bridge_takes_what_it_passes() {
     let launch = |arguments: &[&str]| -> Value {
         let root = workspace::root();

@@ -1,0 +1,234 @@
+//! The node in its domain, and the thread that keeps it there.
+
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use neuro_ros::{AcquisitionCommand, AcquisitionInfo};
+use ros2_client::{Context, Node, NodeName, NodeOptions, Spinner};
+use rustdds::{DomainParticipant, RTPSEntity as _};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::watch;
+use tokio::time::sleep;
+
+use crate::domain::{Domain, Ros2Error};
+use crate::services::{ServiceNames, Services};
+use crate::topic::{AnyTopic, Pulse, lock};
+
+/// Time between two looks at who subscribes and publishes.
+const GRAPH_PERIOD: Duration = Duration::from_millis(100);
+/// Longest wait for the subscribers of a node that joins its domain again.
+const RETURN: Duration = Duration::from_secs(5);
+/// Time for them to find the node, after the node has found them: longer than the period in which
+/// DDS repeats what it says of itself, 1 s.
+const SETTLE: Duration = Duration::from_secs(3);
+/// Time between two attempts to join.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// The node's place in its domain: what ends when it leaves.
+pub(crate) struct Place {
+    pub(crate) participant: DomainParticipant,
+    pub(crate) node: Node,
+}
+
+/// What runs as long as the node is in its domain.
+pub(crate) struct Life {
+    spinner: Spinner,
+    services: Services,
+}
+
+/// The node in its domain, which it joins again when DDS has ended there.
+pub(crate) struct Presence {
+    pub(crate) full_name: String,
+    name: NodeName,
+    pub(crate) domain: Domain,
+    services: ServiceNames,
+    pub(crate) place: Mutex<Place>,
+    pub(crate) topics: Mutex<Vec<Arc<dyn AnyTopic>>>,
+    /// Announcement that the service `get_info` returns.
+    pub(crate) announced: watch::Sender<Option<AcquisitionInfo>>,
+    pub(crate) pulse: Arc<Pulse>,
+}
+
+impl Presence {
+    pub(crate) fn start(
+        full_name: &str,
+        name: NodeName,
+        domain: Domain,
+        services: &ServiceNames,
+    ) -> Result<(Presence, Life), Ros2Error> {
+        let announced = watch::Sender::new(None);
+        let (place, life) = join(domain, &name, services, announced.subscribe())?;
+        let pulse = Arc::<Pulse>::default();
+        pulse.beat();
+        let presence = Presence {
+            full_name: full_name.to_owned(),
+            name,
+            domain,
+            services: services.clone(),
+            place: Mutex::new(place),
+            topics: Mutex::default(),
+            announced,
+            pulse,
+        };
+        Ok((presence, life))
+    }
+
+    /// Keeps the node in its domain, and never returns. The threads of rustdds end when the process
+    /// is stopped and continued, because they take the interrupted wait for a failure. The node
+    /// then joins its domain again, and its messages wait until its subscribers are back.
+    pub(crate) async fn run(
+        &self,
+        mut life: Life,
+        mut continued: Signal,
+        on_command: impl Fn(AcquisitionCommand),
+    ) {
+        let mut expected = None::<Vec<usize>>;
+        loop {
+            let joined = Instant::now();
+            tokio::select! {
+                _ = life.spinner.spin() => {}
+                () = life.services.serve(&on_command) => {}
+                () = self.watch(&mut expected, &mut continued) => {}
+            }
+            self.pulse.pause();
+            let expected = expected.get_or_insert_with(|| self.subscribers());
+            tracing::warn!(
+                "the ROS 2 node joins its domain again, because the process stood still or DDS has ended; \
+                 its messages wait until {} subscribers are back, for at most {} s",
+                expected.iter().sum::<usize>(),
+                (RETURN + SETTLE).as_secs()
+            );
+            sleep(RETRY.saturating_sub(joined.elapsed())).await;
+            life = loop {
+                match self.join_again() {
+                    Ok(life) => break life,
+                    Err(error) => tracing::error!("the ROS 2 node is in no domain: {error}"),
+                }
+                sleep(RETRY).await;
+            };
+        }
+    }
+
+    fn join_again(&self) -> Result<Life, Ros2Error> {
+        let announced = self.announced.subscribe();
+        let (mut place, life) = join(self.domain, &self.name, &self.services, announced)?;
+        let mut before = lock(&self.place);
+        for topic in &*lock(&self.topics) {
+            topic.reopen(&mut place)?;
+        }
+        *before = place;
+        Ok(life)
+    }
+
+    /// Counts the subscribers and other publishers of the topics again and again. Messages wait
+    /// until as many subscribers as `expected` are there. Returns when the node must join its
+    /// domain again.
+    async fn watch(&self, expected: &mut Option<Vec<usize>>, continued: &mut Signal) {
+        let participant = lock(&self.place).participant.clone();
+        let until = Instant::now() + RETURN;
+        loop {
+            self.count(&participant);
+            // Discovery has ended if it takes no command.
+            if participant.assert_liveliness().is_err() {
+                return;
+            }
+            let now = self.subscribers();
+            let are_back = |then: &Vec<usize>| now.iter().zip(then).all(|(now, then)| now >= then);
+            if expected
+                .as_ref()
+                .is_some_and(|then| are_back(then) || Instant::now() > until)
+            {
+                // The subscribers too have to find the node. Cyclone DDS takes the messages that a
+                // new writer has when it first speaks for old ones, so one message goes ahead.
+                sleep(SETTLE).await;
+                self.release(1);
+                sleep(GRAPH_PERIOD).await;
+                *expected = None;
+            }
+            if expected.is_none() {
+                self.pulse.beat();
+                self.release(usize::MAX);
+            }
+            let was_continued = tokio::select! {
+                _ = continued.recv() => true,
+                () = sleep(GRAPH_PERIOD) => false,
+            };
+            if !was_continued && self.pulse.is_fresh() {
+                continue;
+            }
+            // The process stood still, or had no processor. A short stop can leave DDS as it is,
+            // and systemd sends the signal to programs that never stopped.
+            let stood_still = !self.pulse.is_fresh();
+            self.pulse.pause();
+            let was_continued = tokio::select! {
+                _ = continued.recv() => true,
+                () = sleep(GRAPH_PERIOD) => was_continued,
+            };
+            if was_continued && stood_still && expected.is_none() {
+                return;
+            }
+        }
+    }
+
+    /// Publishes the messages that wait, at most `most` of each topic.
+    fn release(&self, most: usize) {
+        for topic in lock(&self.topics).clone() {
+            if let Err(error) = topic.release(most) {
+                tracing::error!("messages of {} are lost: {error}", topic.name());
+            }
+        }
+    }
+
+    pub(crate) fn subscribers(&self) -> Vec<usize> {
+        let topics = lock(&self.topics);
+        let counts = topics.iter().map(|topic| &topic.others().subscribers);
+        counts.map(|count| count.load(Ordering::Relaxed)).collect()
+    }
+
+    fn count(&self, participant: &DomainParticipant) {
+        let own = participant.guid().prefix;
+        let readers = participant.discovered_readers();
+        let writers = participant.discovered_writers();
+        for topic in &*lock(&self.topics) {
+            let is = |name: &str| name.strip_prefix("rt") == Some(topic.name());
+            let subscribers = readers.iter();
+            let subscribers =
+                subscribers.filter(|reader| is(reader.subscription_topic_data.topic_name()));
+            let others = writers.iter().map(|writer| &writer.publication_topic_data);
+            let others = others.filter(|writer| is(&writer.topic_name) && writer.key.prefix != own);
+            let counts = topic.others();
+            counts
+                .subscribers
+                .store(subscribers.count(), Ordering::Relaxed);
+            counts.publishers.store(others.count(), Ordering::Relaxed);
+        }
+    }
+}
+
+/// Returns the signals that tell the process that it goes on after it was stopped.
+pub(crate) fn continued() -> std::io::Result<Signal> {
+    let sigcont = if cfg!(target_os = "linux") { 18 } else { 19 };
+    signal(SignalKind::from_raw(sigcont))
+}
+
+/// Joins the domain, and creates the node and its services there.
+fn join(
+    domain: Domain,
+    name: &NodeName,
+    services: &ServiceNames,
+    announced: watch::Receiver<Option<AcquisitionInfo>>,
+) -> Result<(Place, Life), Ros2Error> {
+    let participant = domain.join()?;
+    let context = Context::from_domain_participant(participant.clone())?;
+    // The log goes to /rosout by a sink, because ros2-client's own way logs each line again.
+    let options = NodeOptions::new()
+        .enable_rosout(false)
+        .start_parameter_services(false);
+    let node = context.new_node(name.clone(), options);
+    let node = node.map_err(Ros2Error::network)?;
+    let mut place = Place { participant, node };
+    let services = Services::create(&mut place, services, announced)?;
+    let spinner = place.node.spinner()?;
+    Ok((place, Life { spinner, services }))
+}
