@@ -175,6 +175,12 @@ impl Core {
         self.session.mark(text, now, effects)
     }
 
+    /// Returns the device time at the host time `now`, microseconds, by the fit of the clocks;
+    /// `None` before the first frame. It is as late as the stamps, see [`Clock`](crate::Clock).
+    pub fn device_us_at(&self, now: HostTime) -> Option<i64> {
+        self.session.device_us_at(now)
+    }
+
     /// Sets the packed model to upload to every device that does not have it, before the device
     /// streams. The upload must belong to the model with which the core was created. A device
     /// without a slot for a model is used as it is.

@@ -783,7 +783,7 @@ impl Session {
     pub(crate) fn mark(&mut self, text: &str, now: HostTime, effects: &mut dyn Effects) -> bool {
         let row = self.next_row(None).map(|next| next.index);
         let event = BusEvent::Marker(text.to_owned());
-        let device_us = self.clock.device_us_at(now.monotonic_us);
+        let device_us = self.device_us_at(now);
         let device_us = device_us.and_then(|us| u64::try_from(us).ok());
         let place = EventPlace { row, device_us };
         let wall_ns = self.frame_wall_ns(now, effects);
@@ -802,6 +802,12 @@ impl Session {
     /// Returns the labels of the device's electrodes; `None` before it has introduced itself.
     pub(crate) fn electrodes(&self) -> Option<&[String]> {
         Some(&self.codes.as_ref()?.device().labels)
+    }
+
+    /// Returns the device time at the host time `now`, microseconds, by the fit of the clocks;
+    /// `None` before the first frame.
+    pub(crate) fn device_us_at(&self, now: HostTime) -> Option<i64> {
+        self.clock.device_us_at(now.monotonic_us)
     }
 
     /// Publishes impedances, but only if this bridge started the run in which they were measured.

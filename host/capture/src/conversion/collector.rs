@@ -13,6 +13,9 @@ use crate::conversion::block::{Block, STREAMS, Stream, TimedEvent};
 /// Event code of a rising edge of the trigger input; a falling edge has bit 15 as well.
 const TRIGGER: u16 = 1;
 
+/// Event code of a marker of the user, as in [`NeuroEvent::MARKER`].
+const MARKER: u16 = 0x7f05;
+
 /// Time by which the fillers of a stream may be longer than the recording, seconds. It allows for
 /// the drift between the clocks of device and host.
 const SPARE_S: u64 = 120;
@@ -94,6 +97,18 @@ impl<L: Listener> Collector<L> {
     pub(crate) fn malformed(&self) -> u64 {
         let packed = self.packed.as_ref();
         packed.map_or(0, PackedReconstruction::malformed)
+    }
+
+    /// Passes a marker of the user to the listener. Without a device time it is at the newest frame.
+    pub(crate) fn mark(&mut self, text: String, device_us: Option<i64>, wall_ns: i64) {
+        let newest_us = i64::try_from(self.frame_us).unwrap_or(i64::MAX);
+        self.listener.event(TimedEvent {
+            run: self.run,
+            device_us: device_us.unwrap_or(newest_us),
+            wall_ns,
+            code: MARKER,
+            description: text,
+        });
     }
 
     /// Passes a frame of the present run to the listener. The first row happened `delay_us` before
@@ -300,7 +315,7 @@ impl<L: Listener> Effects for Collector<L> {
         );
     }
 
-    fn publish_event(&mut self, event: &NeuroEvent, place: EventPlace) {
+    fn publish_event(&mut self, event: &NeuroEvent, _: EventPlace) {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -309,13 +324,12 @@ impl<L: Listener> Effects for Collector<L> {
         let code = event.event as u16;
         // The event bus also reports missing data of the announced stream. Such events are left
         // out, because missing rows have a flag.
-        if code & 0x7fff != TRIGGER && event.event != NeuroEvent::MARKER {
+        if code & 0x7fff != TRIGGER {
             return;
         }
-        let device_us = place.device_us.unwrap_or(self.frame_us);
         self.listener.event(TimedEvent {
             run: self.run,
-            device_us: i64::try_from(device_us).unwrap_or(i64::MAX),
+            device_us: i64::try_from(self.frame_us).unwrap_or(i64::MAX),
             wall_ns: event.header.stamp.nanoseconds(),
             code,
             description: event.description.clone(),

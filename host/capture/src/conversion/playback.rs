@@ -111,8 +111,9 @@ impl<L: Listener> Playback<L> {
                 self.due = Some(time);
             }
             RecordKind::Marker => {
-                let text = String::from_utf8_lossy(record.payload);
-                self.core.mark(&text, time, &mut self.collector);
+                let text = String::from_utf8_lossy(record.payload).into_owned();
+                let device_us = self.core.device_us_at(time);
+                self.collector.mark(text, device_us, time.wall_ns);
             }
             RecordKind::Joined => self.renumbering = Renumbering::joined(self.hop),
             RecordKind::Newer(_) => {}
