@@ -175,10 +175,12 @@ impl Core {
         self.session.mark(text, now, effects)
     }
 
-    /// Returns the device time at the host time `now`, microseconds, by the fit of the clocks;
-    /// `None` before the first frame. It is as late as the stamps, see [`Clock`](crate::Clock).
-    pub fn device_us_at(&self, now: HostTime) -> Option<i64> {
-        self.session.device_us_at(now)
+    /// Returns two times at the host time `now`. One is the device time, microseconds, by the fit of
+    /// the clocks; it is `None` before the first frame, and as late as the stamps, see
+    /// [`Clock`](crate::Clock). The other is that of the wall clock as stamps have it, nanoseconds
+    /// since 1970.
+    pub fn times_at(&mut self, now: HostTime) -> (Option<i64>, i64) {
+        self.session.times_at(now)
     }
 
     /// Sets the packed model to upload to every device that does not have it, before the device

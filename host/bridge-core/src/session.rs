@@ -783,7 +783,7 @@ impl Session {
     pub(crate) fn mark(&mut self, text: &str, now: HostTime, effects: &mut dyn Effects) -> bool {
         let row = self.next_row(None).map(|next| next.index);
         let event = BusEvent::Marker(text.to_owned());
-        let device_us = self.device_us_at(now);
+        let device_us = self.clock.device_us_at(now.monotonic_us);
         let device_us = device_us.and_then(|us| u64::try_from(us).ok());
         let place = EventPlace { row, device_us };
         let wall_ns = self.frame_wall_ns(now, effects);
@@ -804,10 +804,11 @@ impl Session {
         Some(&self.codes.as_ref()?.device().labels)
     }
 
-    /// Returns the device time at the host time `now`, microseconds, by the fit of the clocks;
-    /// `None` before the first frame.
-    pub(crate) fn device_us_at(&self, now: HostTime) -> Option<i64> {
-        self.clock.device_us_at(now.monotonic_us)
+    /// Returns the device time at the host time `now`, microseconds, by the fit of the clocks, which
+    /// is `None` before the first frame, and the wall clock, nanoseconds.
+    pub(crate) fn times_at(&mut self, now: HostTime) -> (Option<i64>, i64) {
+        let wall_ns = now.monotonic_us * 1000 + self.clock.follow(now);
+        (self.clock.device_us_at(now.monotonic_us), wall_ns)
     }
 
     /// Publishes impedances, but only if this bridge started the run in which they were measured.

@@ -99,7 +99,8 @@ impl Identity {
     }
 }
 
-/// Returns for each of several streams its name, its host, and the option that finds it alone.
+/// Returns for each of several streams its name, its host, and the option that finds it alone
+/// among them.
 pub(crate) fn choices(streams: &[Identity]) -> Vec<String> {
     let queries: Vec<Vec<String>> = streams.iter().map(Identity::queries).collect();
     let choice = |(stream, of): (&Identity, &Vec<String>)| {

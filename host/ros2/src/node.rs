@@ -17,7 +17,7 @@ use crate::services::ServiceNames;
 use crate::sink::{Delivery, Ros2Sink};
 use crate::topic::{Topic, lock};
 
-/// Time for the last messages to be sent and acknowledged when a node with subscribers ends.
+/// Time for the last messages and replies to be sent and acknowledged when a node ends.
 const LINGER: Duration = Duration::from_millis(300);
 
 /// A ROS 2 node. It leaves the domain when it is dropped.
@@ -103,6 +103,12 @@ impl Ros2Node {
         self.presence.announced.send_replace(info);
     }
 
+    /// Returns the number of messages that wait, because the node is not in its domain again. They
+    /// are lost if it ends now.
+    pub fn waiting(&self) -> u64 {
+        self.presence.waiting() as u64
+    }
+
     /// Returns the status for `/diagnostics`: the domain and who subscribes. Another publisher of a
     /// topic of frames is a warning.
     pub fn status(&self) -> DiagnosticStatus {
@@ -117,7 +123,8 @@ impl Ros2Node {
                            messages wait; restart the bridge";
             (DiagnosticLevel::Error, message.to_owned())
         } else if !self.presence.pulse.is_fresh() {
-            let message = "the node joins its domain again, or its process stood still; its messages wait meanwhile";
+            let message = "the node joins its domain again, or its process stood still; its \
+                           messages wait meanwhile";
             (DiagnosticLevel::Warn, message.to_owned())
         } else if shared.is_empty() {
             (DiagnosticLevel::Ok, "the node is in its domain".to_owned())
@@ -138,22 +145,15 @@ impl Ros2Node {
             KeyValue::new("domain", &self.presence.domain.id),
             KeyValue::new("localhost only", &self.presence.domain.localhost_only),
         ];
-        DiagnosticStatus {
-            level,
-            name: "corticode: ros2".to_owned(),
-            message,
-            hardware_id: String::new(),
-            values: values.into_iter().chain(subscribers).collect(),
-        }
+        let values = values.into_iter().chain(subscribers).collect();
+        DiagnosticStatus::new("ros2", (level, message), values)
     }
 }
 
 impl Drop for Ros2Node {
-    /// Waits [`LINGER`] if there are subscribers, then leaves the domain.
+    /// Waits [`LINGER`], then leaves the domain.
     fn drop(&mut self) {
-        if self.presence.subscribers().iter().any(|count| *count > 0) {
-            std::thread::sleep(LINGER);
-        }
+        std::thread::sleep(LINGER);
         if let Some(Thread { stop, handle }) = self.thread.take() {
             // Fails only if the thread has ended.
             let _ = stop.send(());

@@ -133,17 +133,23 @@ impl Presence {
             if participant.assert_liveliness().is_err() {
                 return;
             }
-            let now = self.subscribers();
-            let are_back = |then: &Vec<usize>| now.iter().zip(then).all(|(now, then)| now >= then);
-            if expected
-                .as_ref()
-                .is_some_and(|then| are_back(then) || Instant::now() > until)
+            if let Some(then) = expected.as_deref()
+                && (self.missing(then) == 0 || Instant::now() > until)
             {
                 // The subscribers too have to find the node. Cyclone DDS takes the messages that a
                 // new writer has when it first speaks for old ones, so one message goes ahead.
-                sleep(SETTLE).await;
-                self.release(1);
-                sleep(GRAPH_PERIOD).await;
+                for (wait, most) in [(SETTLE, 1), (GRAPH_PERIOD, usize::MAX)] {
+                    sleep(wait).await;
+                    self.count(&participant);
+                    // DDS can have ended again meanwhile.
+                    if participant.assert_liveliness().is_err() {
+                        return;
+                    }
+                    if most > 1 {
+                        self.report_return(then);
+                    }
+                    self.release(most);
+                }
                 *expected = None;
             }
             if expected.is_none() {
@@ -169,6 +175,35 @@ impl Presence {
                 return;
             }
         }
+    }
+
+    /// Returns how many subscribers fewer than `then` the topics have.
+    fn missing(&self, then: &[usize]) -> usize {
+        let now = self.subscribers();
+        let missing = then
+            .iter()
+            .zip(now)
+            .map(|(then, now)| then.saturating_sub(now));
+        missing.sum()
+    }
+
+    /// Logs that the messages that wait are published now. The topics had `then` subscribers.
+    fn report_return(&self, then: &[usize]) {
+        let waiting = self.waiting();
+        match self.missing(then) {
+            0 => tracing::info!(
+                "the ROS 2 node is in its domain again, and sends {waiting} messages that have waited"
+            ),
+            missing => tracing::warn!(
+                "the ROS 2 node is in its domain again, but {missing} subscribers are not back: they miss \
+                 {waiting} messages"
+            ),
+        }
+    }
+
+    /// Returns the number of messages that wait for the node to be in its domain again.
+    pub(crate) fn waiting(&self) -> usize {
+        lock(&self.topics).iter().map(|topic| topic.waiting()).sum()
     }
 
     /// Publishes the messages that wait, at most `most` of each topic.

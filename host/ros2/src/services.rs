@@ -161,7 +161,7 @@ impl<Response: Message + 'static> Service<Response> {
     }
 
     /// Waits until the node has found where the caller receives replies, which can be later than
-    /// the call. A reply before that would be lost.
+    /// the call. A reply before that would be lost. Gives up after 2 s.
     async fn wait_for(&self, caller: GUID) {
         for attempt in 0..=FIND_ATTEMPTS {
             let readers = self.participant.discovered_readers();
@@ -177,6 +177,10 @@ impl<Response: Message + 'static> Service<Response> {
                 return;
             }
         }
+        tracing::warn!(
+            "the caller of a ROS 2 service was not found in {} s, so it may receive no reply",
+            (FIND_PERIOD * FIND_ATTEMPTS).as_secs()
+        );
     }
 
     async fn answer_next(&self, answer: &impl Fn() -> Response) -> Result<(), String> {

@@ -109,14 +109,14 @@ impl<M: Ros2Message> Topic<M> {
         if self.delivery == Delivery::Latched {
             writer.newest = Some(message.clone());
         }
-        if self.pulse.is_fresh() {
-            writer.release(usize::MAX)?;
-            return writer.publish(message);
-        }
-        if writer.waiting.len() < MAX_WAITING {
-            writer.waiting.push_back(message);
-        } else {
+        let may_send = self.pulse.is_fresh();
+        if writer.waiting.len() >= MAX_WAITING && !may_send {
             writer.dropped += 1;
+            return Ok(());
+        }
+        writer.waiting.push_back(message);
+        if may_send {
+            writer.release(usize::MAX)?;
         }
         Ok(())
     }
@@ -174,7 +174,10 @@ impl<M: Ros2Message> Writer<M> {
                 self.dropped += 1;
                 Ok(())
             }
-            Err(error) => Err(io::Error::other(error.to_string()).into()),
+            Err(error) => {
+                self.dropped += 1;
+                Err(io::Error::other(error.to_string()).into())
+            }
         }
     }
 

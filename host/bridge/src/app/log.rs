@@ -16,8 +16,8 @@ use crate::app::rosout::RosoutLayer;
 use crate::error::BridgeError;
 
 /// Levels of libraries that log what is no news to a user, such as each message that is dropped, or
-/// each writer that ends with its node.
-const QUIET: &str = "rustdds=error,rustdds::dds=off,ros2_client=off";
+/// each writer that ends after its node.
+const QUIET: &str = "rustdds=error,rustdds::dds::pubsub=off,ros2_client=off";
 
 /// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for
 /// `/rosout`. `level` is the least severe level that is shown, such as `info`, unless `RUST_LOG`

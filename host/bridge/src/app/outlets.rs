@@ -101,6 +101,7 @@ impl Outlets {
             outlets,
             view,
             lsl,
+            ros2,
             ..
         } = self.sinks;
         let counts = decoder.finish(DECODER_TIMEOUT);
@@ -123,7 +124,8 @@ impl Outlets {
         if dropped > 0 {
             tracing::warn!(dropped, "frames of /encoded dropped for slow subscribers");
         }
-        (counts, outlet_counts(&outlets, view.as_deref()))
+        let unsent = ros2.map_or(0, |ros2| ros2.waiting());
+        (counts, outlet_counts(&outlets, view.as_deref(), unsent))
     }
 
     /// Publishes the core's report on `/diagnostics`, after adding the status of sinks, decoder and
@@ -153,7 +155,7 @@ impl Outlets {
     fn status(&mut self) -> DiagnosticStatus {
         let sinks = &self.sinks;
         let dropped = |sink: &Option<Tee<NeuroFrame>>| sink.as_ref().map(Sink::dropped);
-        let outlets = outlet_counts(&sinks.outlets, sinks.view.as_deref());
+        let outlets = outlet_counts(&sinks.outlets, sinks.view.as_deref(), 0);
         let decoder = sinks.decoder.counts();
         let figures = [
             ("encoded frames dropped", Some(sinks.encoded.dropped())),

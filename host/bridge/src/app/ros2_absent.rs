@@ -1,5 +1,5 @@
 //! What takes the place of `ros2_outlet` in a build without the feature `ros2`, such as that of
-//! `cargo demo`: whoever asks for ROS 2 gets an error.
+//! `cargo demo` and `cargo loop`: whoever asks for ROS 2 gets an error.
 
 use std::sync::Arc;
 
@@ -55,6 +55,10 @@ impl Ros2Outlet {
     }
 
     pub(crate) fn publish_log(&self, _lines: Receiver<Log>) -> Result<(), BridgeError> {
+        match *self {}
+    }
+
+    pub(crate) fn waiting(&self) -> u64 {
         match *self {}
     }
 

@@ -120,6 +120,11 @@ impl Ros2Outlet {
         Ok(())
     }
 
+    /// Returns the number of messages that wait, and are lost if the bridge ends now.
+    pub(crate) fn waiting(&self) -> u64 {
+        self.node.waiting()
+    }
+
     /// Returns the status for `/diagnostics`.
     pub(crate) fn status(&self) -> DiagnosticStatus {
         self.node.status()

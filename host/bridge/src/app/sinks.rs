@@ -129,9 +129,15 @@ impl Events {
 }
 
 /// Returns the counts of all outlets. The live page counts what it drops for its viewers itself.
-pub(super) fn outlet_counts(outlets: &[Arc<Outlet>], view: Option<&View>) -> Vec<OutletCount> {
-    let dropped_later = |outlet: &Outlet| match view {
-        Some(view) if outlet.kind() == SinkKind::View => view.dropped(),
+/// `unsent` is the number of messages that ROS 2 has taken and does not send any more.
+pub(super) fn outlet_counts(
+    outlets: &[Arc<Outlet>],
+    view: Option<&View>,
+    unsent: u64,
+) -> Vec<OutletCount> {
+    let dropped_later = |outlet: &Outlet| match (outlet.kind(), view) {
+        (SinkKind::View, Some(view)) => view.dropped(),
+        (SinkKind::Ros2, _) => unsent,
         _ => 0,
     };
     let outlets = outlets.iter();

@@ -155,19 +155,38 @@ fn a_recording_begun_while_the_device_streams_is_converted_without_a_gap() {
         assert!(table.rows.len() > 20, "{stream}");
         let fillers = (0..table.rows.len()).filter(|row| table.is_filler(*row));
         assert_eq!(fillers.count(), 0, "fillers in {stream}");
-        let mut places = table.events();
-        places.retain(|row| {
-            table
-                .text(*row, "events")
-                .split(';')
-                .any(|code| code == "32517")
-        });
-        places.dedup();
+        let places = markers(&table);
         assert_eq!(places.len(), 1, "markers in {stream}");
         let place = places[0] * 100 / table.rows.len();
         assert!((20..80).contains(&place), "marker at {place} % of {stream}");
     }
     is_shown_again(&path);
+}
+
+/// Returns the rows with markers.
+fn markers(table: &Table) -> Vec<usize> {
+    let mut rows = table.events();
+    rows.retain(|row| {
+        let mut codes = table.text(*row, "events").split(';');
+        codes.any(|code| code == "32517")
+    });
+    rows.dedup();
+    rows
+}
+
+#[test]
+fn a_marker_is_converted_although_no_events_were_streamed() {
+    let device = Device::tcp(Board::new());
+    let page = Page::start(&device, &["--streams=codes"]);
+    page.done("record", "start");
+    let path = page.recording();
+    wait_for_bytes(&path, 5_000);
+    assert_eq!(page.done("marker", "now")["published"], false);
+    wait_for_bytes(&path, 10_000);
+    page.bridge.end(Signal::TERM);
+    convert(&path, "csv").success();
+    let table = Table::read(&path.with_extension("codes.csv"));
+    assert_eq!(markers(&table).len(), 1);
 }
 
 /// Shows the recording at `path` on a live page. Returns the bridge and the page's messages.

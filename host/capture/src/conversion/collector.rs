@@ -13,9 +13,6 @@ use crate::conversion::block::{Block, STREAMS, Stream, TimedEvent};
 /// Event code of a rising edge of the trigger input; a falling edge has bit 15 as well.
 const TRIGGER: u16 = 1;
 
-/// Event code of a marker of the user, as in [`NeuroEvent::MARKER`].
-const MARKER: u16 = 0x7f05;
-
 /// Time by which the fillers of a stream may be longer than the recording, seconds. It allows for
 /// the drift between the clocks of device and host.
 const SPARE_S: u64 = 120;
@@ -100,13 +97,14 @@ impl<L: Listener> Collector<L> {
     }
 
     /// Passes a marker of the user to the listener. Without a device time it is at the newest frame.
+    /// The core would publish it only with the stream of events, which not every recording has.
     pub(crate) fn mark(&mut self, text: String, device_us: Option<i64>, wall_ns: i64) {
         let newest_us = i64::try_from(self.frame_us).unwrap_or(i64::MAX);
         self.listener.event(TimedEvent {
             run: self.run,
             device_us: device_us.unwrap_or(newest_us),
             wall_ns,
-            code: MARKER,
+            code: event_code(NeuroEvent::MARKER),
             description: text,
         });
     }
@@ -316,12 +314,7 @@ impl<L: Listener> Effects for Collector<L> {
     }
 
     fn publish_event(&mut self, event: &NeuroEvent, _: EventPlace) {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "an event's type has 16 bits"
-        )]
-        let code = event.event as u16;
+        let code = event_code(event.event);
         // The event bus also reports missing data of the announced stream. Such events are left
         // out, because missing rows have a flag.
         if code & 0x7fff != TRIGGER {
@@ -335,6 +328,17 @@ impl<L: Listener> Effects for Collector<L> {
             description: event.description.clone(),
         });
     }
+}
+
+/// Returns the code of an event of ROS-Neuro, which has 16 bits.
+const fn event_code(of: i32) -> u16 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "an event's type has 16 bits"
+    )]
+    let code = of as u16;
+    code
 }
 
 /// Returns a prediction as a row: the probability of each class, and the code of the chosen class

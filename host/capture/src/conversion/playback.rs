@@ -112,8 +112,8 @@ impl<L: Listener> Playback<L> {
             }
             RecordKind::Marker => {
                 let text = String::from_utf8_lossy(record.payload).into_owned();
-                let device_us = self.core.device_us_at(time);
-                self.collector.mark(text, device_us, time.wall_ns);
+                let (device_us, wall_ns) = self.core.times_at(time);
+                self.collector.mark(text, device_us, wall_ns);
             }
             RecordKind::Joined => self.renumbering = Renumbering::joined(self.hop),
             RecordKind::Newer(_) => {}

@@ -32,8 +32,6 @@ const OUTAGE: Duration = Duration::from_secs(2);
 /// Time for which the bridge stands still after the outage: together longer than the lease of its
 /// subscriber, 10 s.
 const STOP: Duration = Duration::from_secs(11);
-/// Time after which its node is in its domain again, with its subscriber.
-const REJOIN: Duration = Duration::from_secs(5);
 /// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
@@ -211,7 +209,12 @@ fn events_are_at_their_samples_whatever_happens_to_board_cable_and_bridge() {
     runs[RESTART].board = board(folder, &SCENARIOS[RESTART], &output);
     sleep(STOP);
     runs[STOPPED].bridge.signal(Signal::CONT);
-    sleep(REJOIN + CALM);
+    runs[STOPPED]
+        .bridge
+        .wait_until("the return to the domain", SLACK, |bridge| {
+            bridge.errors().contains("is in its domain again")
+        });
+    sleep(CALM);
 
     let mut ends = Vec::new();
     for run in runs {
