@@ -32,6 +32,9 @@ const OUTAGE: Duration = Duration::from_secs(2);
 /// Time for which the bridge stands still after the outage: together longer than the lease of its
 /// subscriber, 10 s.
 const STOP: Duration = Duration::from_secs(11);
+/// Time from there to a second stop of the bridge, and its duration: shorter than the time for which
+/// its messages wait.
+const AGAIN: Duration = Duration::from_secs(2);
 /// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
@@ -208,6 +211,11 @@ fn events_are_at_their_samples_whatever_happens_to_board_cable_and_bridge() {
     let output = format!("pty:{}", terminal(folder, &SCENARIOS[RESTART]));
     runs[RESTART].board = board(folder, &SCENARIOS[RESTART], &output);
     sleep(STOP);
+    runs[STOPPED].bridge.signal(Signal::CONT);
+    // A second stop while the node joins its domain.
+    sleep(AGAIN);
+    runs[STOPPED].bridge.signal(Signal::STOP);
+    sleep(AGAIN);
     runs[STOPPED].bridge.signal(Signal::CONT);
     runs[STOPPED]
         .bridge
