@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::packed_recording::PackedRecording;
-use crate::process::{Bridge, figure, wait_until};
+use crate::process::{Bridge, figure, free_address, wait_until};
 use crate::replay::replayed;
 
 #[test]
@@ -170,11 +170,11 @@ fn all_streams_have_exactly_the_fields_of_the_page_and_a_wrong_code_is_an_error(
 /// Replays a recording to a bridge. Returns its messages, each with its topic, and the logs.
 fn messages(recording: PackedRecording) -> (Vec<(String, Value)>, String) {
     let folder = tempfile::tempdir().unwrap();
-    let [path, port] = ["recording", "board"].map(|name| folder.path().join(name));
+    let path = folder.path().join("recording");
     std::fs::write(&path, recording.finish()).unwrap();
-    let output = format!("pty:{}", port.display());
-    let arguments = [path.to_str().unwrap(), "--output", &output];
-    replayed(&arguments, port.to_str().unwrap(), "packed")
+    let port = format!("tcp:{}", free_address());
+    let arguments = [path.to_str().unwrap(), "--output", &port];
+    replayed(&arguments, &port, "packed")
 }
 
 #[test]
