@@ -130,8 +130,9 @@ impl Run {
 }
 
 /// Runs a program in Python with the number of electrodes, further `arguments` and the names of
-/// files that hold the values of `tracks`, and returns the JSON that it prints. Without numpy, fails
-/// if the environment requires it, and otherwise prints that `test` is skipped.
+/// files that hold the values of `tracks`, and returns the JSON that it prints. Without numpy,
+/// panics if the environment variable CORTICODE_REQUIRE_ROS is 1, and otherwise prints that
+/// `test` is skipped.
 pub(crate) fn numpy<'t>(
     test: &str,
     program: &str,

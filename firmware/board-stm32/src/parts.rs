@@ -1,5 +1,5 @@
-//! Pins and peripherals of a board, as rows of its documentation and as types of the HAL, and what is
-//! made of them alike on every board.
+//! Pins and peripherals of a board, as rows of its documentation and as types of the HAL, and what
+//! is made of them alike on every board.
 
 use core::fmt;
 

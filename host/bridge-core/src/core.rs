@@ -175,8 +175,8 @@ impl Core {
         self.session.mark(text, now, effects)
     }
 
-    /// Returns two times at the host time `now`. One is the device time, microseconds, by the fit of
-    /// the clocks; it is `None` before the first frame, and as late as the stamps, see
+    /// Returns two times at the host time `now`. One is the device time, microseconds, by the fit
+    /// of the clocks; it is `None` before the first frame, and as late as the stamps, see
     /// [`Clock`](crate::Clock). The other is that of the wall clock as stamps have it, nanoseconds
     /// since 1970.
     pub fn times_at(&mut self, now: HostTime) -> (Option<i64>, i64) {

@@ -804,8 +804,8 @@ impl Session {
         Some(&self.codes.as_ref()?.device().labels)
     }
 
-    /// Returns the device time at the host time `now`, microseconds, by the fit of the clocks, which
-    /// is `None` before the first frame, and the wall clock, nanoseconds.
+    /// Returns the device time at the host time `now`, microseconds, by the fit of the clocks,
+    /// which is `None` before the first frame, and the wall clock, nanoseconds.
     pub(crate) fn times_at(&mut self, now: HostTime) -> (Option<i64>, i64) {
         let wall_ns = now.monotonic_us * 1000 + self.clock.follow(now);
         (self.clock.device_us_at(now.monotonic_us), wall_ns)

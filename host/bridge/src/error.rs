@@ -84,7 +84,8 @@ pub enum BridgeError {
         judged: usize,
         /// Number of seconds that `--seconds` asks for.
         wanted: usize,
-        /// Which electrodes were bad, and for how many seconds, after a semicolon; empty if none was.
+        /// Which electrodes were bad, and for how many seconds, after a semicolon; empty if none
+        /// was.
         bad: String,
     },
     /// A recording lacks too many of the model's electrodes: it is of another cap.

@@ -13,10 +13,11 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 mod app;
 mod doctor;
 mod error;
-mod lock;
 mod ports;
 mod query;
 mod realtime;
@@ -38,3 +39,9 @@ pub use realtime::RealtimeOption;
 pub use update::UpdateError;
 pub use wire::connection::Event as FeedEvent;
 pub use wire::connection::Feed;
+
+/// Locks `mutex`, even if a thread panicked while holding it. The data in every mutex of this crate
+/// is consistent after each statement, so the data can still be used.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -208,8 +208,9 @@ fn stream(
     }
 }
 
-/// Returns the host's time `host_us` of the end of a sample's period of `period_us`; `None` if it is
-/// too far away to be that. A sample arrives before its period ends, but not before it is taken.
+/// Returns the host time at which a sample's period ends: `host_us` on the monotonic clock, at most
+/// one period `period_us` after `now`, because no sample arrives before its period begins. Returns
+/// `None` if `host_us` is more than 1 s in the future or too old, so that its stamp must be wrong.
 fn host_time(host_us: f64, period_us: f64, now: HostTime) -> Option<HostTime> {
     #[expect(
         clippy::cast_possible_truncation,

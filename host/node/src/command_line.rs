@@ -126,7 +126,8 @@ fn source(text: &str) -> Result<SourceKind, String> {
 /// Options that replace what a stream of the Lab Streaming Layer says of itself.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct StreamOptions {
-    /// With --source lsl, labels of all channels of the stream, such as Fp1,Fp2, in place of its own
+    /// With --source lsl, labels of all channels of the stream, such as Fp1,Fp2, in place of its
+    /// own
     #[arg(
         long,
         env = "CORTICODE_SOURCE_LABELS",

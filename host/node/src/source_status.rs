@@ -155,7 +155,7 @@ mod tests {
             ..calm.clone()
         };
         assert!(status(&two, &calm).message.starts_with("2 nodes publish"));
-        // Of streams, the refusal says what to type.
+        // For several LSL streams, the message is the refusal, which says what to type.
         let streams = SourceFacts {
             is_stream: true,
             refusal: Some("2 streams match; choose one: ...".to_owned()),

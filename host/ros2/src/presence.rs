@@ -121,9 +121,9 @@ impl Presence {
         Ok(life)
     }
 
-    /// Counts the subscribers and other publishers of the topics again and again. Messages wait
-    /// until as many subscribers as `expected` are there. Returns when the node must join its
-    /// domain again.
+    /// Counts the subscribers and other publishers of each topic every 100 ms. Messages wait until
+    /// as many subscribers as `expected` are there. Returns when the node must join its domain
+    /// again.
     async fn watch(&self, expected: &mut Option<Vec<usize>>, continued: &mut Signal) {
         let participant = lock(&self.place).participant.clone();
         let until = Instant::now() + RETURN;

@@ -21,9 +21,9 @@ use crate::presence::Place;
 /// Number of requests and of responses of a service that can wait.
 const DEPTH: usize = 10;
 
-/// Largest reply in bytes that reaches callers with Fast DDS on a network that carries packets of at
-/// least 1280 bytes. rustdds sends a larger one in fragments, whose headers are malformed if they
-/// name the request; see decision 34.
+/// Largest reply in bytes that reaches callers with Fast DDS on a network that carries packets of
+/// at least 1280 bytes. rustdds sends a larger one in fragments, whose headers are malformed if
+/// they name the request; see decision 34.
 const MAX_REPLY: usize = 1150;
 
 /// Time between two looks for a caller that is not found yet, and the number of them.
@@ -66,7 +66,7 @@ struct Numbered<T> {
 struct Service<Response: Message> {
     mapping: Mapping<Response>,
     participant: DomainParticipant,
-    /// DDS topic of its replies.
+    /// Name of the DDS topic that carries the replies.
     replies: String,
 }
 

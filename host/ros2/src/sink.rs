@@ -52,7 +52,8 @@ impl Delivery {
 /// [`Sink::publish`] never waits. A message is dropped, for all subscribers, if a reliable one has
 /// acknowledged none of the newest 8192. A subscriber whose process stands still is given up after
 /// its lease, 10 to 20 s for usual ROS 2 nodes, and costs the others nothing. After the node's own
-/// process stood still, up to 8192 messages wait until subscribers are back; later ones are dropped.
+/// process stood still, up to 8192 messages wait until subscribers are back; later ones are
+/// dropped.
 pub struct Ros2Sink<M: Ros2Message>(pub(crate) Arc<Topic<M>>);
 
 impl<M: Ros2Message> Sink<M> for Ros2Sink<M> {

@@ -20,8 +20,8 @@ pub fn start(python: &Path, folder: &Path, name: &str, arguments: &[&str]) -> Pr
     Process::start(name, command.args(arguments), folder).expect("python starts")
 }
 
-/// Returns a first part of streams' names that no other test on this machine has. Tests of one
-/// program use different `name`s.
+/// Returns a prefix for the names of streams that no other process on this machine uses. Tests in
+/// one executable must pass different values of `name`.
 pub fn unique(name: &str) -> String {
     format!("{name}{}", std::process::id())
 }

@@ -1,5 +1,5 @@
-//! Runs the int8 kernels on random layers of random shapes, in which extreme weights and activations
-//! are frequent. `build.rs` includes this file as well.
+//! Runs the int8 kernels on random layers of random shapes, in which extreme weights and
+//! activations are frequent. `build.rs` includes this file as well.
 
 use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd};
 

@@ -50,8 +50,8 @@ impl ChainReport {
     }
 
     /// Returns the status `converters`. The message names faults; the values of the status are the
-    /// DRDY rate, the electrodes without contact and each chip's bad frames. `drift_ppm` is the drift
-    /// of the device's clock, which stamps the edges of DRDY; `None` if it is not known.
+    /// DRDY rate, the electrodes without contact and each chip's bad frames. `drift_ppm` is the
+    /// drift of the device's clock, which stamps the edges of DRDY; `None` if it is not known.
     pub(crate) fn status(
         &mut self,
         adc_rate_hz: u16,

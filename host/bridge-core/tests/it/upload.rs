@@ -141,8 +141,8 @@ fn a_device_without_a_slot_is_used_as_it_is_and_the_reason_is_reported() {
     assert!(objection.contains("6275696c7420696e"), "{objection}");
 }
 
-/// Exchanges bytes until the board streams. Its memory loses a bit of each model that it is sent, so
-/// it refuses the model three times.
+/// Exchanges bytes until the board streams. Its memory loses a bit of each model that it is sent,
+/// so it refuses the model three times.
 fn refuse(harness: &mut Harness) {
     harness.board.received.clear();
     while !harness.board.streaming {

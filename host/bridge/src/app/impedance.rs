@@ -18,10 +18,10 @@ use crate::wire::connection::Connection;
 
 /// Show the impedance of every electrode in kilohms, measured once a second.
 ///
-/// For use before a session: stops the streams of the device and lets a current of 6 nA flow through
-/// every electrode. The table is green below 5 kOhm, yellow below 20 and red above, and `open` for
-/// an electrode that is disconnected. Ctrl-C ends it, and the last table stays. While codes stream,
-/// at 500 Hz or more, the bridge measures with --impedance.
+/// For use before a session: stops the streams of the device and lets a current of 6 nA flow
+/// through every electrode. The table is green below 5 kOhm, yellow below 20 and red above, and
+/// `open` for an electrode that is disconnected. Ctrl-C ends it, and the last table stays. While
+/// codes stream, at 500 Hz or more, the bridge measures with --impedance.
 ///
 /// Exit status: 0 done, 2 an existing picture, 4 the device cannot measure.
 #[derive(Args, Clone, Debug)]

@@ -16,7 +16,7 @@ use new_file::{Existing, NewFileError};
 
 use crate::app::record::{Offer, RecordingFile};
 use crate::error::{BridgeError, causes};
-use crate::lock::lock;
+use crate::lock;
 use crate::wire::connection::Event;
 
 /// Form of the time in the name of a recording, in UTC, without characters that a file system or a

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use bridge_core::{HostTime, RecordingStart};
 use neuro_ros::{KeyValue, NeuroEvent, NeuroFrame, RosSink, Sink};
 
-use crate::lock::lock;
+use crate::lock;
 
 /// Number of known nodes above which those without a subscription to events are forgotten.
 const MAX_CALLERS: usize = 64;

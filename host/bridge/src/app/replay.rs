@@ -58,8 +58,8 @@ pub(crate) struct ReplayOptions {
         required_unless_present = "live"
     )]
     pub(crate) output: Option<PortAddress>,
-    /// Show the recording on a live page for a browser instead, whose address is printed; runs until
-    /// Ctrl-C
+    /// Show the recording on a live page for a browser instead, whose address is printed; runs
+    /// until Ctrl-C
     #[arg(long, conflicts_with_all = ["output", "fast"])]
     pub(crate) live: bool,
     /// Folder of the model to decode with for --live, instead of the built-in one

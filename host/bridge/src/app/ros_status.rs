@@ -11,7 +11,7 @@ use tokio::task::JoinHandle;
 use tokio::time::sleep;
 
 use crate::doctor::ros_checks::{OwnHost, SET_MASTER_URI, check_own_host, master_is_here};
-use crate::lock::lock;
+use crate::lock;
 
 /// Time after the node's start in which a missing ROS master is not logged yet.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);

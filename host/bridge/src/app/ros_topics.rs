@@ -10,7 +10,7 @@ use neuro_ros::{
 };
 
 use crate::app::recorders::Recorders;
-use crate::lock::lock;
+use crate::lock;
 
 /// Time between two checks whether another node publishes one of the topics too.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);

@@ -163,8 +163,8 @@ pub(crate) struct Destinations<'a> {
 }
 
 impl Destinations<'_> {
-    /// Creates a sink of the topic `name` at every outlet that takes its messages as they are. `ros`
-    /// is that of ROS. `shown` is the topic's place on the live page, if it has one.
+    /// Creates a sink of the topic `name` at every outlet that takes its messages as they are.
+    /// `ros` is that of ROS. `shown` is the topic's place on the live page, if it has one.
     fn tee<M: Serialize + Wire + Ros2Message + 'static>(
         &self,
         outlets: &[Arc<Outlet>],

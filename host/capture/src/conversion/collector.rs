@@ -96,8 +96,9 @@ impl<L: Listener> Collector<L> {
         packed.map_or(0, PackedReconstruction::malformed)
     }
 
-    /// Passes a marker of the user to the listener. Without a device time it is at the newest frame.
-    /// The core would publish it only with the stream of events, which not every recording has.
+    /// Passes a marker of the user to the listener. Without a device time it is at the newest
+    /// frame. The core would publish it only with the stream of events, which not every recording
+    /// has.
     pub(crate) fn mark(&mut self, text: String, device_us: Option<i64>, wall_ns: i64) {
         let newest_us = i64::try_from(self.frame_us).unwrap_or(i64::MAX);
         self.listener.event(TimedEvent {

@@ -21,9 +21,9 @@ const SLACK: Duration = Duration::from_mins(1);
 const SECONDS: [&str; 2] = ["9", "8"];
 /// Largest error of the time of a frame's first sample, seconds.
 const FIRST_TOLERANCE_S: f64 = 1e-3;
-/// Largest error of any sample's time, and of the offset between the clocks, seconds. The samples of
-/// a frame follow at the measured rate, which is up to 4 % wrong while the fit of the board's clock
-/// settles; that takes long on a busy machine.
+/// Largest error of any sample's time, and of the offset between the clocks, seconds. The samples
+/// of a frame follow at the measured rate, which is up to 4 % wrong while the fit of the board's
+/// clock settles; that takes long on a busy machine.
 const TOLERANCE_S: f64 = 5e-3;
 /// Flag of a sample that replaces a lost one.
 const FILLER: u64 = 0x8000;

@@ -1,5 +1,5 @@
-//! `corticode-node --source lsl`, which encodes streams of pylsl: jitter, gaps, restarts, and a name
-//! that two streams have.
+//! `corticode-node --source lsl`, which encodes streams of pylsl: jitter, gaps, restarts, and a
+//! name that two streams have.
 
 mod session;
 
@@ -18,7 +18,8 @@ use rustix::process::Signal;
 use self::session::{Published, Session, play};
 use crate::node_chain::{EXIT_TIMEOUT, Eeg, SAMPLES, block_on, is_filler, start_node, subscribe};
 
-/// Sample from which on samples are missing, in the middle of a frame, and the first one after them.
+/// Sample from which on samples are missing, in the middle of a frame, and the first one after
+/// them.
 const GAP: [usize; 2] = [3005, 4003];
 /// Number of samples of each of two senders, one after the other.
 const HALF: usize = 3072;

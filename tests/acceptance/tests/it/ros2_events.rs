@@ -1,6 +1,6 @@
 //! Frames and events reach a ROS 2 subscriber without a gap, with the stamps of the other outlets,
-//! and each event is at its sample: after a restart of the board, a stop of the bridge, an unplugged
-//! cable, while frames are lost, and with clocks that are not exact.
+//! and each event is at its sample: after a restart of the board, a stop of the bridge, an
+//! unplugged cable, while frames are lost, and with clocks that are not exact.
 
 use std::path::Path;
 use std::process::Command;
@@ -32,8 +32,8 @@ const OUTAGE: Duration = Duration::from_secs(2);
 /// Time for which the bridge stands still after the outage: together longer than the lease of its
 /// subscriber, 10 s.
 const STOP: Duration = Duration::from_secs(11);
-/// Time from there to a second stop of the bridge, and its duration: shorter than the time for which
-/// its messages wait.
+/// Time from there to a second stop of the bridge, and its duration: shorter than the time for
+/// which its messages wait.
 const AGAIN: Duration = Duration::from_secs(2);
 /// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);

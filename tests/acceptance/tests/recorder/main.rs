@@ -1,7 +1,7 @@
 //! A recording of `/neurodata` in ROS-Neuro's format has every event at its sample, and every
 //! status word as it was published. This holds after a restart of the device, a suspension of the
-//! bridge or an unplugged cable, and while frames are lost. A recorder of the Lab Streaming Layer in
-//! the same sessions has the same samples, at the times at which the board made them.
+//! bridge or an unplugged cable, and while frames are lost. A recorder of the Lab Streaming Layer
+//! in the same sessions has the same samples, at the times at which the board made them.
 //! `CORTICODE_RECORDER_SECONDS` sets the duration of each run, 12 s by default.
 //!
 //! These tests are an executable of their own, because they judge times by the wall clock, and no

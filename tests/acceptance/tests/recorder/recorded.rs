@@ -6,7 +6,8 @@ use recordings::{Block, EventLabel, Recording};
 
 use crate::{FRAME, RATE, TRIGGER_HIGH};
 
-/// Number of samples of a run of the board, 3 s, after which the bridge knows the rate of its clock.
+/// Number of samples of a run of the board, 3 s, after which the bridge knows the rate of its
+/// clock.
 const SETTLING: usize = 48 * FRAME;
 
 /// The contents of a recording that the tests check.

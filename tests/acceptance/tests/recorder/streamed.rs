@@ -144,9 +144,10 @@ impl Streamed {
     }
 }
 
-/// Returns the largest difference of an offset, seconds, from the median of those of the samples
-/// `settled`, in these samples. The others may differ more, because the rate of the board's clock
-/// is not known at first. `offsets` holds samples and their offsets.
+/// Checks how far the offsets, seconds, differ from their median over the samples from `settled`
+/// on. Earlier samples may differ more, because the bridge does not know the rate of the board's
+/// clock yet. `offsets` holds indices of samples and their offsets. Returns the largest difference
+/// from `settled` on, seconds.
 fn largest_error_s(offsets: &[(usize, f64)], settled: usize) -> f64 {
     let first = offsets.partition_point(|(sample, _)| *sample < settled);
     let of = |offsets: &[(usize, f64)]| {

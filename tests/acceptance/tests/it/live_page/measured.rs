@@ -7,9 +7,9 @@ use serde_json::Value;
 const FRAME_MS: f64 = 1000.0 / 60.0;
 const MIB: f64 = 1_048_576.0;
 
-/// A drawing fits into a frame of the screen: of ten seconds of drawings, the least median does. The
-/// other figures depend on what else the machine does and are only printed. Chromium has no graphics
-/// card here, and draws in software.
+/// A drawing fits into a frame of the screen: of ten seconds of drawings, the least median does.
+/// The other figures depend on what else the machine does and are only printed. Chromium has no
+/// graphics card here, and draws in software.
 pub(super) fn a_drawing_takes_less_than_a_frame(browser: &Browser) {
     let results = browser.run(include_str!("frame_time.js"));
     let results = results.as_array().expect("results");

@@ -116,8 +116,8 @@ pub(super) fn two_streams_and_the_average_are_those_on_the_wire(browser: &Browse
     }
 }
 
-/// Goes from event to event. Each edge is at the sample at which the trigger changes on the wire:
-/// the first one at the time of the edge or later. This holds for decoded signals too.
+/// Moves the cursor through eight events. Each edge is at the sample where the trigger changes on
+/// the wire: the first one at the time of the edge or later. This holds for decoded signals too.
 pub(super) fn events_are_at_their_samples(browser: &Browser, shown: &Shown) {
     for (stream, topic, rate) in STREAMS {
         choose(browser, "stream", stream);
