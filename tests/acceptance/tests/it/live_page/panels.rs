@@ -67,7 +67,7 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
             if is_average {
                 wire.to_average(index, &label)
             } else {
-                wire.samples[index].values[wire.channel(&label)]
+                wire.float32(index, wire.channel(&label))
             }
         };
         let fillers = samples
