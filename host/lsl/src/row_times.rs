@@ -8,6 +8,9 @@ const MAX_ERROR: f64 = 0.045;
 /// Number of newest measurements of the period, 1 s of frames, whose median is used: while the fit
 /// of the device's clock settles or moves, some of them are wrong.
 const MEASUREMENTS: usize = 15;
+/// Least time from a sample to the next, microseconds: more than two readings of liblsl's clock
+/// differ by.
+const LEAST_STEP_US: f64 = 10.0;
 
 /// Estimates the period of a stream's samples from the times of its frames, and returns the time of
 /// each sample. All times are microseconds of the host's clock.
@@ -20,6 +23,8 @@ pub(crate) struct RowTimes {
     next: usize,
     /// Stamp and length of the previous frame; `None` if it held fillers.
     previous: Option<(f64, usize)>,
+    /// Time of the newest sample.
+    newest_us: f64,
 }
 
 impl RowTimes {
@@ -32,12 +37,17 @@ impl RowTimes {
             measured_us: [nominal_us; MEASUREMENTS],
             next: 0,
             previous: None,
+            newest_us: f64::NEG_INFINITY,
         }
     }
 
     /// Returns the times of the `rows` samples of a frame with this stamp: evenly spaced, at the
     /// rate that the frames before had. The frame counts for this rate unless it `holds_fillers`,
     /// whose stamps share out the length of a gap.
+    ///
+    /// Times always increase. If the fit of the device's clock has stepped back by more than a
+    /// period, the first samples of this frame would be earlier than the newest one of the previous
+    /// frame; the samples of this frame are then spaced more closely, up to its last one.
     pub(crate) fn of_frame(
         &mut self,
         stamp_us: f64,
@@ -63,13 +73,19 @@ impl RowTimes {
         // right where the fit was wrong for a second and has found the rate.
         let mut choice = [self.nominal_us, newest, sorted[MEASUREMENTS / 2]];
         choice.sort_by(f64::total_cmp);
-        let period_us = choice[1];
-        let first_us = match self.point {
+        let mut period_us = choice[1];
+        let mut first_us = match self.point {
             StampPoint::First => stamp_us,
             StampPoint::Last | StampPoint::Arrival => {
                 stamp_us - period_us * count(rows.saturating_sub(1))
             }
         };
+        let last_us = first_us + period_us * count(rows.saturating_sub(1));
+        if first_us < self.newest_us + LEAST_STEP_US {
+            period_us = ((last_us - self.newest_us) / count(rows.max(1))).max(LEAST_STEP_US);
+            first_us = self.newest_us + period_us;
+        }
+        self.newest_us = first_us + period_us * count(rows.saturating_sub(1));
         (0..rows).map(move |row| first_us + period_us * count(row))
     }
 }
@@ -113,6 +129,32 @@ mod tests {
             );
             stamp_us += if is_filler { 60_300.0 } else { 62_500.0 };
         }
+    }
+
+    #[test]
+    fn times_increase_although_the_fit_steps_back() {
+        let period_us = 1e6 / 512.0;
+        let mut times = RowTimes::new(512, StampPoint::First);
+        let mut all: Vec<f64> = Vec::new();
+        for frame in 0..20 {
+            // By less than a period, by more than one, and by more than a frame.
+            let step_us = match frame {
+                5..10 => 1e3,
+                10..15 => 4e3,
+                15.. => 80e3,
+                _ => 0.0,
+            };
+            let stamp_us = f64::from(frame) * 32.0 * period_us - step_us;
+            all.extend(times.of_frame(stamp_us, 32, false));
+        }
+        let least = all.windows(2).map(|pair| pair[1] - pair[0]);
+        let least = least.fold(f64::INFINITY, f64::min);
+        assert!(least > LEAST_STEP_US - 1e-6, "{least} us");
+        // The last sample of a frame has its own time again, after a step by less than a frame.
+        let last_us = (15.0 * 32.0 - 1.0) * period_us - 4e3;
+        assert!((all[15 * 32 - 1] - last_us).abs() < 1e-6);
+        let last_us = (20.0 * 32.0 - 1.0) * period_us - 80e3;
+        assert!((all[20 * 32 - 1] - last_us).abs() < 1e-6);
     }
 
     #[test]

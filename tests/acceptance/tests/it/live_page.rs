@@ -38,12 +38,13 @@ fn the_page_shows_what_was_received_to_those_who_may_see_it() {
     browser.prefer_dark(false);
     browser.open(&format!("{}#token={TOKEN}", shown.url()));
     browser.wait_for_text("#state", "streaming");
+    let opened = wire::Wire::read(&shown.lines(), "/neurodata_corticode").newest();
     traces::values_equal_those_on_the_wire(&browser, &shown);
     traces::events_are_at_their_samples(&browser, &shown);
     panels::codes_equal_the_lines(&browser, &shown);
     panels::an_old_impedance_is_forgotten(&browser);
     panels::the_spectrum_is_that_of_numpy(&browser, &shown);
-    traces::the_history_reaches_back_to_the_opening_of_the_page(&browser, &shown);
+    traces::the_history_reaches_back_to_the_opening_of_the_page(&browser, &shown, opened);
     assert_eq!(browser.console(), Vec::<String>::new());
     traces::two_streams_and_the_average_are_those_on_the_wire(&browser, &shown);
     for script in [

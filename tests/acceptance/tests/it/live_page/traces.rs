@@ -156,27 +156,32 @@ pub(super) fn events_are_at_their_samples(browser: &Browser, shown: &Shown) {
     }
 }
 
-/// Goes to the oldest sample that the page has kept.
+/// Shows the oldest samples that the page has kept: the first one is of the opening of the page, when
+/// the newest one received was at `opened`, microseconds of device time.
 pub(super) fn the_history_reaches_back_to_the_opening_of_the_page(
     browser: &Browser,
     shown: &Shown,
+    opened: u64,
 ) {
+    /// Time axis of the plot, which Home shows from the oldest sample on; the cursor is at its end.
+    const PLOT_US: u64 = 10_000_000;
+    /// Most time from the sample at `opened` to the page's first one.
+    const LATE_US: u64 = 1_000_000;
     choose(browser, "stream", "filtered");
+    let wire = Wire::read(&shown.lines(), "/neurodata_corticode");
+    assert!(
+        wire.newest() > opened + PLOT_US + LATE_US,
+        "the history is all on the plot"
+    );
     browser.type_keys("#plot", &HOME.to_string());
     let reading = moved(browser);
+    assert!(reading.us < opened + PLOT_US + LATE_US, "{}", reading.text);
     let kept = browser.text("#kept");
     assert!(
         kept.contains(" back; ") && kept.contains(" of at most 60 min"),
         "{kept}"
     );
     browser.type_keys("#plot", &END.to_string());
-    let wire = Wire::read(&shown.lines(), "/neurodata_corticode");
-    let newest = wire.samples.last().expect("samples").us;
-    assert!(
-        newest - reading.us > 20_000_000,
-        "{} of {newest}",
-        reading.text
-    );
     let value = wire.samples[wire.at(reading.us)].values[wire.channel(&reading.label)];
     assert_eq!(reading.value, format!("{value:.3}"));
     assert!(!browser.text("#kept").contains("back"));

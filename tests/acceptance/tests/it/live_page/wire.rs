@@ -67,6 +67,11 @@ impl Wire {
         wire
     }
 
+    /// Returns the device time of the newest sample, microseconds.
+    pub(super) fn newest(&self) -> u64 {
+        self.samples.last().expect("samples").us
+    }
+
     pub(super) fn channel(&self, label: &str) -> usize {
         let mut labels = self.labels.iter();
         labels
