@@ -1,4 +1,4 @@
-//! Part of the boards' build scripts: sets the linker arguments and the version of an image.
+//! Part of each board's build script: sets the linker arguments and the version of the image.
 
 use std::{env, fs, path::PathBuf, process::Command};
 

@@ -1,5 +1,5 @@
-//! Acquisition task, the most urgent task: reads and filters every sample, and produces a step when
-//! one is due.
+//! Acquisition task, the most urgent task: reads and filters every sample, and queues a step for
+//! the encoder whenever a step is due.
 
 use device::{Marks, Order, Run, fault_text};
 use link::{SelfTest, Stage};
@@ -27,7 +27,7 @@ pub async fn acquire(
     publish_status(&converter, shared);
     let mut samples_until_status = ADC_RATE_HZ;
     loop {
-        // `cfg!` would leave the future in images without the feature.
+        // With `cfg!` instead, the future would be part of images without the feature.
         #[cfg(any(test, feature = "impedance"))]
         converter.set_excitation(shared.is_excited()).await;
         let conversion = converter.next(&mut sample).await;
@@ -102,8 +102,8 @@ struct Running {
     samples: u64,
     /// Steps produced in the run.
     steps: u64,
-    /// Faults of the samples for which the queue had no room since the last queued sample; the next
-    /// queued sample carries these faults.
+    /// Faults of the samples lost to a full queue since the last queued sample. The next queued
+    /// sample carries them.
     lost: Marks,
 }
 
@@ -117,7 +117,7 @@ impl Running {
         }
     }
 
-    /// Queues a sample and its step for the encoder, or counts an overrun if the queue is full.
+    /// Queues a sample and its step for the encoder; if the queue is full, counts an overrun.
     fn hand_over(
         &mut self,
         sample: &Sample,

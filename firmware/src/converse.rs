@@ -25,8 +25,8 @@ use crate::{
 /// Largest number of bytes read from the port in one call: one bulk packet of full-speed USB.
 const PACKET: usize = 64;
 
-/// Time limit for each wait for an output, after which the conversation marks progress again. Also
-/// the delay before a closed port is read again.
+/// Time limit for each wait for an output, so that the conversation task marks progress at least
+/// this often. Also the delay before a closed port is read again.
 const TICK: embassy_time::Duration = embassy_time::Duration::from_millis(20);
 
 /// Both directions of a board's port to the host.
@@ -49,8 +49,8 @@ pub struct Machine {
     pub restart: fn(ResetInto) -> !,
 }
 
-/// Runs the conversation: introduces the device, answers commands and sends outputs. With `start`,
-/// a run starts without a command from the host.
+/// Runs the conversation: introduces the device, replies to commands and sends outputs. With
+/// `start`, a run starts without a command from the host.
 ///
 /// Reading, forwarding and writing are futures of one task, so they share the session and the
 /// frames without locks. When the port accepts no bytes, the oldest whole frames are dropped and
@@ -94,8 +94,8 @@ pub async fn converse(
 /// State that the futures of the conversation share.
 struct Conversation<'c, 'i> {
     state: RefCell<(&'c mut Session<'i>, &'c mut Frames)>,
-    /// Time at which the newest code, block or features were queued, ticks; `None` once the port
-    /// has accepted them.
+    /// Time at which the newest code, block or features were queued, ticks; `None` if the port has
+    /// accepted them.
     code_ticks: Cell<Option<u32>>,
     /// Set when there may be new frames to write.
     frames_waiting: Signal<NoopRawMutex, ()>,
@@ -122,12 +122,12 @@ impl Conversation<'_, '_> {
         }
     }
 
-    /// Passes bytes to the session. If they complete a reset command, returns the program that the
-    /// reset must start.
+    /// Passes bytes to the session. If they complete a reset command, returns what to start after
+    /// the reset.
     fn handle_bytes(&self, bytes: &[u8]) -> Option<ResetInto> {
         let (session, frames) = &mut *self.state.borrow_mut();
-        // Skip the lost frames first: the answer to a Stop command counts the frames lost before
-        // the command.
+        // Skip the lost frames first: the reply to a Stop command counts the frames lost before the
+        // command.
         self.skip_lost(frames);
         let counts = self.shared.counts();
         let mut restart = None;
@@ -187,8 +187,8 @@ impl Conversation<'_, '_> {
         }
     }
 
-    /// For each output that the encoder could not queue, skips one frame number and counts one
-    /// dropped frame.
+    /// Skips one frame number, and counts one dropped frame, for each output that the encoder could
+    /// not queue.
     fn skip_lost(&self, frames: &mut Frames) {
         for _ in 0..self.shared.outputs_lost.swap(0, Relaxed) {
             frames.skip();
@@ -218,8 +218,8 @@ impl Conversation<'_, '_> {
         }
     }
 
-    /// Passes each status that the acquisition publishes to the session, which sends it during a
-    /// run or if the fault has changed.
+    /// Passes each status of the converters to the session, which sends it during a run, or if the
+    /// fault has changed.
     async fn report_converters(&self) {
         loop {
             let status = self.shared.converter_status.wait().await;

@@ -18,11 +18,11 @@ pub struct Conversion {
     pub status_bad: bool,
     /// Set if the converter reports a disconnected electrode.
     pub lead_off: bool,
-    /// Set if the current flows from which the impedance of the electrodes is measured.
+    /// Set while the current flows with which the impedance of the electrodes is measured.
     pub excited: bool,
 }
 
-/// Analogue-to-digital converters of a board, which together sample all channels.
+/// A board's analogue-to-digital converters, which sample all channels together.
 #[expect(
     async_fn_in_trait,
     reason = "an executor of one priority polls it; it need not be Send"
@@ -32,9 +32,9 @@ pub trait Converter {
     /// not deliver keep their values from the previous sample.
     async fn next(&mut self, sample: &mut Sample) -> Conversion;
 
-    /// Switches the excitation of the electrodes on or off, between two samples. Called before
-    /// every [`Self::next`]; returns at once if nothing changes or too little time is left. The
-    /// default implementation does nothing.
+    /// Switches the excitation of the electrodes on or off between two samples. Called before every
+    /// [`Self::next`]; returns at once if nothing changes or too little time is left. Does nothing
+    /// by default.
     fn set_excitation(&mut self, on: bool) -> impl Future<Output = ()> {
         let _ = on;
         ready(())

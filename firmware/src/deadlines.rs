@@ -14,16 +14,16 @@ pub const STEP: Duration = Duration::from_micros(1_000_000 / STEP_RATE_HZ as u64
 /// due.
 pub const CODE: Duration = Duration::from_micros(HOP as u64 * 1_000_000 / STEP_RATE_HZ as u64);
 
-/// Interrupt priorities, from 0 to 15 as on an STM32 (4 bits); a smaller number is more urgent.
+/// Interrupt priorities, 0 to 15 as on an STM32 (4 bits); a smaller number is more urgent.
 ///
-/// The shorter the period of an interrupt or a task, the more urgent it is (rate-monotonic), except
-/// for the time driver, which comes first because everything that reads the time relies on its
-/// count. The interrupts of the trigger and of the port are less urgent than the acquisition task,
-/// so that neither a trigger signal nor a host can delay a sample.
+/// The shorter the period of an interrupt or task, the more urgent it is (rate-monotonic). Only the
+/// time driver comes before all others, because everything that reads the time relies on its count.
+/// The interrupts of trigger and port are less urgent than the acquisition task, so that neither a
+/// trigger signal nor a host can delay a sample.
 pub mod priority {
     /// Time driver: counts half periods of its 16-bit timer, 32.768 ms each, and serves alarms, in
-    /// some 100 instructions. More urgent than everything that reads the time, so that no reader
-    /// can delay a count.
+    /// some 100 instructions. More urgent than all readers of the time, so that none can delay a
+    /// count.
     pub const TIME: u8 = 1;
     /// Interrupt at the DRDY edge, which takes the sample's time stamp, and interrupts of the DMA
     /// that then transfers the sample.
@@ -44,12 +44,12 @@ pub mod priority {
 /// When the encoder falls further behind, samples are dropped, counted and flagged.
 pub const SAMPLES_WAITING: usize = 16;
 
-/// Depth of the queue from encoder to conversation. The conversation preempts the encoder, so one
-/// slot would be enough and the others are spare.
+/// Depth of the queue from encoder to conversation. One slot would be enough, because the
+/// conversation preempts the encoder; the others are spare.
 pub const OUTPUTS_WAITING: usize = 4;
 
-/// Depth of the bulk queue, which holds the content of the large outputs among [`OUTPUTS_WAITING`].
-/// One slot is enough, because the conversation preempts the encoder and empties the slot.
+/// Depth of the bulk queue, which holds the content of large outputs. One slot is enough, because
+/// the conversation preempts the encoder and empties the slot.
 pub const BULK_WAITING: usize = 1;
 
 /// Depth of the queue of trigger events, which the encoder empties with every sample. Only a
@@ -67,7 +67,7 @@ pub const TRIGGER_EDGES: usize = EVENTS_WAITING;
 /// seconds.
 pub const CONVERTERS_RETRY: Duration = Duration::from_secs(5);
 
-/// Delay between the answer to a reset command and the reset, so that the answer reaches the host.
+/// Delay between the reply to a reset command and the reset, so that the reply reaches the host.
 pub const DRAIN_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Size of the buffer for frames that wait for the host, bytes: with the built-in model 3 s of
@@ -76,8 +76,8 @@ pub const DRAIN_TIMEOUT: Duration = Duration::from_millis(100);
 /// another second.
 pub const FRAME_BYTES_WAITING: usize = 12_288;
 
-/// Period of the progress check: eight steps, whatever the model's hop. A task that makes no
-/// progress for this time has hung, and the watchdog is no longer fed.
+/// Period of the progress check: eight steps, whatever the model's hop. If a task makes no progress
+/// for this time, it has hung, and the watchdog is no longer fed.
 pub const PROGRESS: Duration = Duration::from_micros(8 * 1_000_000 / STEP_RATE_HZ as u64);
 
 /// Period of the watchdog at the nominal 32 kHz of its oscillator (LSI). Over the frequency range

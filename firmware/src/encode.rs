@@ -1,4 +1,4 @@
-//! Encoder task, the least urgent: produces codes and reports from the samples.
+//! Encoder task, the least urgent task: produces codes and reports from the samples.
 
 use core::sync::atomic::Ordering::Relaxed;
 
@@ -40,9 +40,8 @@ pub async fn encode(
         if let Some(filters) = FILTERS.try_take() {
             producer.set_filters(filters);
         }
-        // Events up to the time of a sample are queued before the outputs of this sample. The first
-        // sample of a run is the exception: it is processed before its events, because its
-        // processing starts the run.
+        // Queue events up to the time of a sample before the sample's outputs. The exception is the
+        // first sample of a run: it starts the run, so it is processed before its events.
         let starts_run = slot.acquired.new_run.is_some();
         if starts_run {
             shared.inputs.discard_before(slot.acquired.drdy_us);

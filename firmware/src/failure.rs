@@ -41,7 +41,7 @@ pub fn previous_fault() -> Option<FaultRecord> {
 }
 
 /// Returns whether the host requested the last reset to enter the microcontroller's own boot
-/// loader, and erases this request. Keeps a record with any other reason.
+/// loader, and erases this request. A record with another reason stays.
 pub fn take_bootloader_request() -> bool {
     critical_section::with(|section| {
         let Some(record) = KEPT.take(section) else {

@@ -1,4 +1,4 @@
-//! Record of why the firmware ended, from which `Hello` takes its fault text after the next boot.
+//! Record of why the firmware ended, from which the next boot takes the fault text of `Hello`.
 
 use core::fmt::{self, Write};
 
@@ -12,8 +12,8 @@ const TEXT_BYTES: usize = 160;
 /// Value of the first word of a valid record. After power-on, the memory holds random bits instead.
 const MAGIC: u32 = 0x5245_434f;
 
-/// Why the firmware ended: a reason and a text, with a checksum that detects random bits. Stored in
-/// memory that survives a reset.
+/// Why the firmware ended: a reason and a text. The record is in memory that survives a reset; a
+/// checksum distinguishes it from the random bits after power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct FaultRecord {
@@ -42,7 +42,7 @@ impl FaultRecord {
         Self::new(FAILURE, &description)
     }
 
-    /// Creates the record of a hang: a task made no progress, so the watchdog expired.
+    /// Creates the record of a hang: a task made no progress, so the watchdog expires.
     pub fn from_hang(description: impl fmt::Display) -> Self {
         Self::new(HANG, &description)
     }
@@ -86,7 +86,7 @@ impl FaultRecord {
         let text = &self.text[..length];
         match core::str::from_utf8(text) {
             Ok(text) => text,
-            // `new` has cut the text within its last character: leave that character out.
+            // `new` has cut the text within a character: leave out what is left of this character.
             Err(error) => core::str::from_utf8(&text[..error.valid_up_to()]).unwrap_or(""),
         }
     }
@@ -100,7 +100,7 @@ impl FaultRecord {
         }
     }
 
-    /// Returns whether the host asked for the microcontroller's own boot loader instead of this
+    /// Returns whether the reset must start the microcontroller's own boot loader instead of the
     /// firmware.
     pub const fn requests_bootloader(&self) -> bool {
         self.reason == RESTART_INTO_BOOTLOADER
@@ -123,7 +123,7 @@ impl FaultRecord {
     }
 }
 
-/// Writer that keeps the bytes for which `bytes` has room, and drops the rest.
+/// Writer that keeps the first `TEXT_BYTES` bytes and drops the rest.
 struct Text {
     bytes: [u8; TEXT_BYTES],
     length: usize,
@@ -139,12 +139,11 @@ impl Write for Text {
     }
 }
 
-/// Fault text of `Hello` if the model in flash does not match its own checksum.
+/// Fault text of `Hello` if the checksum of the model in flash is wrong.
 pub const MODEL_DAMAGED: &str = "the model in flash is damaged: flash the firmware again";
 
-/// Returns the fault text of `Hello`, the gravest fault first: a damaged model, then the fault of
-/// the board, then the fault that ended the firmware before the last reset. Text that does not fit
-/// is cut.
+/// Returns the fault text of `Hello`, the gravest fault first: a damaged model, the fault of the
+/// board, the fault that ended the firmware before the last reset. Text that does not fit is cut.
 pub fn start_fault(
     model_is_sound: bool,
     board: &str,

@@ -16,7 +16,7 @@ type EventQueue = Deque<CapturedEvent, { deadlines::EVENTS_WAITING }>;
 
 /// Queue of captured events that have not been assigned to a sample yet.
 pub struct Inputs {
-    /// Number of the next event, which is the number of events since boot, lost or not; wraps.
+    /// Number of the next event. Events are counted from boot, including lost ones; wraps.
     number: AtomicU32,
     queue: blocking_mutex::Mutex<RawMutex, RefCell<EventQueue>>,
 }
@@ -44,7 +44,7 @@ impl Inputs {
         });
     }
 
-    /// Skips `events` event numbers, for events that happened but were not captured.
+    /// Skips `events` event numbers, for events that were not captured.
     pub fn count_lost(&self, events: u32) {
         self.number.fetch_add(events, Relaxed);
     }

@@ -19,9 +19,9 @@ pub type Frames = Sender<FrameRing<{ deadlines::FRAME_BYTES_WAITING }>>;
 
 /// Memory of a board's tasks and queues; a board declares one static of this type.
 ///
-/// A static takes flash for every initial value but zero. Only the encoders' memory `E`, by far the
-/// largest part, and the frames start as zeros, so they are initialised at compile time.
-/// [`init`](Self::init) initialises the rest.
+/// A static takes as much flash as RAM unless its initial value is all zeros. Only the encoders'
+/// memory `E`, by far the largest part, and the frames start as zeros, so only they are initialised
+/// at compile time; [`init`](Self::init) initialises the rest.
 pub struct Memory<E: 'static> {
     frames: ConstStaticCell<Frames>,
     acquisition: StaticCell<Acquisition>,
@@ -51,7 +51,7 @@ pub struct TaskMemory<E: 'static> {
 }
 
 impl<E: Encoders + 'static> Memory<E> {
-    /// Creates the memory for a static; [`init`](Self::init) then initialises it. `encoders` is the
+    /// Creates the memory for a static; [`init`](Self::init) initialises it. `encoders` is the
     /// encoders' memory before the first step, such as
     /// [`BothEncoders::EMPTY`](device::BothEncoders::EMPTY).
     pub const fn new(encoders: E) -> Self {

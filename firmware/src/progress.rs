@@ -30,8 +30,7 @@ impl Progress {
         self.acquired.fetch_add(1, Relaxed);
     }
 
-    /// Records that the acquisition has a sample for the encoder, even if the queue has no room for
-    /// the sample.
+    /// Records that the acquisition has a sample for the encoder, even if the queue is full.
     pub(crate) fn mark_handed_over(&self) {
         self.handed_over.fetch_add(1, Relaxed);
     }
@@ -64,8 +63,8 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    /// Returns whether every task has made progress since `before`. The encoder is exempt if it was
-    /// given no sample since then.
+    /// Returns whether every task has made progress since `before`. The encoder need not, if no
+    /// sample was handed to it.
     fn all_moved_since(self, before: Self) -> bool {
         self.acquired != before.acquired
             && self.conversed != before.conversed

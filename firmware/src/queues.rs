@@ -29,8 +29,8 @@ pub type SampleSender = Sender<'static, RawMutex, SampleSlot>;
 /// Receiving end of the sample queue, which [`encode`](fn@crate::encode) holds.
 pub type SampleReceiver = Receiver<'static, RawMutex, SampleSlot>;
 
-/// Slot of the queue from the encoder to the conversation: an output whose content is small. Large
-/// content is in a [`BulkSlot`], so that the slots of codes stay small.
+/// Slot of the queue from encoder to conversation: an output with small content. Large content is
+/// in a [`BulkSlot`], which keeps the slots of codes small.
 #[derive(Clone, Debug)]
 pub struct OutputSlot {
     run: u32,
@@ -84,8 +84,8 @@ impl OutputSlot {
 }
 
 impl BulkSlot {
-    /// Creates a slot that has not been used yet. A function instead of a constant, because a
-    /// constant would take its zeros in flash.
+    /// Creates a slot that has not been used yet. A function, because a constant would store its
+    /// zeros in flash.
     pub const fn empty() -> Self {
         Self::Raw(RawChunk::EMPTY)
     }
@@ -116,7 +116,7 @@ pub struct OutputReceiver {
     is_bulk: bool,
 }
 
-/// Makes the two ends of the output queue from the channels of its slots and of its bulk slots.
+/// Makes the two ends of the output queue from channels for its slots and its bulk slots.
 pub fn output_queue(
     slots: &'static mut Channel<'static, RawMutex, OutputSlot>,
     bulk: &'static mut Channel<'static, RawMutex, BulkSlot>,
@@ -136,7 +136,7 @@ pub fn output_queue(
 }
 
 impl OutputSender {
-    /// Queues a copy of an output; a large one takes a slot in both queues. Returns false if a
+    /// Queues a copy of an output; a large output takes a slot in both queues. Returns false if a
     /// queue is full.
     pub(crate) fn try_send(&mut self, output: &Output<'_>, queued_ticks: u32) -> bool {
         let Some(slot) = self.slots.try_send() else {

@@ -1,4 +1,4 @@
-//! State that tasks of different priorities share outside their queues: orders, reports and counts.
+//! State that tasks of different priorities share outside the queues: orders, reports and counts.
 
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering::Relaxed};
 
@@ -17,12 +17,13 @@ use crate::{
 
 const DEFAULT_RATE: Rate = PackedEncoder::DEFAULT_RATE;
 
-/// Filters of the features that the host has set, for the encoder. Not a field of [`Shared`], whose
-/// initial values take flash: this static starts as zeros and takes none.
+/// Filters of the features, as set by the host, for the encoder. They are not a field of
+/// [`Shared`], whose initial values take flash; this static starts as zeros and takes none.
 pub(crate) static FILTERS: Signal<RawMutex, FeatureFilters> = Signal::new();
 
-/// Shared state of the tasks; a board declares one static of this type. Only the acquisition writes
-/// the counts that [`counts`](Self::counts) returns.
+/// Shared state of the tasks; a board declares one static of this type. The acquisition alone
+/// writes the counts that [`counts`](Self::counts) returns, except `clipped`, which the encoder
+/// writes.
 pub struct Shared {
     /// Order to the acquisition; a newer order replaces one that the acquisition has not read yet.
     pub(crate) orders: Signal<RawMutex, Order>,
@@ -32,16 +33,16 @@ pub struct Shared {
     adc_status_bad: AtomicU32,
     /// Number of clipped electrode values since boot, from the encoder.
     pub(crate) clipped: AtomicU32,
-    /// Number of outputs for which the queue to the conversation had no room. The encoder counts
-    /// them; the conversation reads this number and resets it to 0.
+    /// Number of outputs that were lost to a full queue. The encoder counts them; the conversation
+    /// reads the number and resets it to 0.
     pub(crate) outputs_lost: AtomicU32,
-    /// Index of the packed code's rate: the default rate, or the one that the host has set.
+    /// Index of the packed code's rate: the default rate, or the rate that the host has set.
     rate: AtomicU8,
-    /// Whether the electrodes shall carry the excitation.
+    /// Whether the current with which the impedance of the electrodes is measured shall flow.
     excitation: AtomicBool,
-    /// What the host has decided about the exclusion of electrodes, for the encoder.
+    /// The host's decision about the exclusion of electrodes, for the encoder.
     pub(crate) exclusion: Signal<RawMutex, ExclusionPolicy>,
-    /// Memory for a packed model that the host uploads, if the board has some.
+    /// Memory for a packed model that the host uploads, if the board has such memory.
     pub slot: SharedSlot,
     /// Captured events at the board's inputs, for the encoder.
     pub inputs: Inputs,
@@ -76,12 +77,12 @@ impl Shared {
         }
     }
 
-    /// Sends `order` to the acquisition; it replaces an order that has not been read yet.
+    /// Sends `order` to the acquisition. It replaces an order that has not been read yet.
     pub fn send_order(&self, order: Order) {
         self.orders.signal(order);
     }
 
-    /// Sets the rate at which the encoder makes the packed code.
+    /// Sets the rate of the packed code, which determines its quantiser's step.
     pub(crate) fn set_rate(&self, rate: Rate) {
         self.rate.store(rate.index(), Relaxed);
     }
@@ -90,7 +91,7 @@ impl Shared {
         Rate::new(self.rate.load(Relaxed)).unwrap_or(DEFAULT_RATE)
     }
 
-    /// Sets whether the acquisition shall excite the electrodes.
+    /// Switches the current with which the impedance of the electrodes is measured.
     pub(crate) fn set_excitation(&self, on: bool) {
         self.excitation.store(on, Relaxed);
     }
@@ -100,10 +101,10 @@ impl Shared {
         self.excitation.load(Relaxed)
     }
 
-    /// Returns how many samples and faults the acquisition has counted since boot.
+    /// Returns the numbers of samples, overruns, bad status words and clipped values since boot.
     pub fn counts(&self) -> Counts {
-        // The acquisition can preempt any reader between the loads. If the count carries into the
-        // upper half meanwhile, the two loads of the upper half differ, and the loop reads again.
+        // The acquisition can preempt a reader between the loads. If the lower half overflows
+        // meanwhile, the two loads of the upper half differ, and the loop reads again.
         let [high, low] = loop {
             let high = self.samples[1].load(Relaxed);
             let low = self.samples[0].load(Relaxed);

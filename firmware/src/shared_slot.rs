@@ -8,7 +8,8 @@ use embassy_sync::signal::Signal;
 use crate::queues::RawMutex;
 
 /// Access to the board's model slot. A task takes the slot, uses it, and puts it back before the
-/// task waits again. So only a more urgent task that interrupts this use finds no slot.
+/// task waits again. The slot is therefore missing only for a more urgent task that interrupts this
+/// use.
 ///
 /// Without the feature `model-slot`, there is no slot, and the image contains no code for it.
 #[derive(Default)]

@@ -28,8 +28,8 @@ impl Stack {
         self.start - self.end
     }
 
-    /// Returns whether `address` is aligned and the `words` words that start there are all within
-    /// the stack, so that a fault handler may read them.
+    /// Returns whether `words` words from `address` are aligned and within the stack, so that a
+    /// fault handler may read them.
     pub const fn contains_words(self, address: usize, words: usize) -> bool {
         address.is_multiple_of(size_of::<u32>())
             && address >= self.end
@@ -37,9 +37,9 @@ impl Stack {
             && words <= (self.start - address) / size_of::<u32>()
     }
 
-    /// Returns the largest number of stack bytes in use since boot: those from the lowest word that
-    /// no longer holds `PAINT` up to the start of the stack. Reads every word that was never used,
-    /// which is too slow for a task with a short deadline.
+    /// Returns the largest number of stack bytes in use since boot: from the lowest word that is
+    /// not `PAINT` up to the start of the stack. Reads every word that was never used, which takes
+    /// too long for a task with a short deadline.
     pub fn peak_bytes(self) -> usize {
         let words = (self.end..self.start).step_by(size_of::<u32>());
         let untouched = words.take_while(|&word| {

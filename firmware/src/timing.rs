@@ -65,7 +65,7 @@ impl Timing {
         }
     }
 
-    /// Returns the `Timing` message. If `stack` is `None`, the stack sizes in the message are 0.
+    /// Returns the `Timing` message. If `stack` is `None`, its stack sizes are 0.
     pub(crate) fn report(&self, stack: Option<Stack>) -> link::Timing {
         let bytes = |bytes: usize| u32::try_from(bytes).unwrap_or(u32::MAX);
         let stages = STAGES.iter().zip(&self.stages);
@@ -113,7 +113,7 @@ impl StageTime {
     }
 }
 
-/// Returns an eighth of a deadline in ticks. Rounded down, so that a late stage never counts as in
+/// Returns an eighth of a deadline in ticks, rounded down, so that a late stage never counts as in
 /// time.
 const fn bin_ticks(deadline: Duration, hz: u32) -> NonZeroU32 {
     let ticks = deadline.as_micros() * hz as u64 / 1_000_000;
@@ -138,9 +138,8 @@ mod tests {
             hz: 1_000_000,
         };
         let timing = Timing::new(MHZ);
-        // The deadline of 7,812 ticks divided by 8 bins is 976 ticks, rounded down. So 976 is the
-        // longest duration in the first bin, 7,808 = 8 x 976 is the longest in the last bin, and
-        // 7,809 counts as late.
+        // 7,812 ticks divided by 8 bins are 976 ticks, rounded down. So 976 is the longest duration
+        // in the first bin, 7,808 = 8 x 976 the longest in the last bin, and 7,809 counts as late.
         for ticks in [1, 976, 977, 7_808, 7_809, 9_999] {
             timing.record(Stage::Step, 10_000 - ticks);
         }

@@ -78,14 +78,13 @@ impl BatchError {
 pub(crate) struct Job {
     pub(crate) input: PathBuf,
     pub(crate) output: PathBuf,
-    /// Path of the input relative to the processed folder, or its file name if no folder is
-    /// processed.
+    /// Path of the input relative to the processed folder; its file name if no folder is processed.
     pub(crate) name: PathBuf,
 }
 
 /// Returns the jobs for `input`. A file is one job, which writes `output`. A folder has one job for
-/// each file with one of the `extensions` in the folder or its subfolders; the jobs write files at
-/// the same places below the folder `output`, with names from `rename`.
+/// each file with one of the `extensions` in it or its subfolders; each job writes a file below the
+/// folder `output`, at the relative path that `rename` makes from the input's.
 ///
 /// # Errors
 /// [`BatchError`] if there is nothing to do, or a folder cannot be read or created.
@@ -139,8 +138,7 @@ pub(crate) fn jobs(
 }
 
 /// Appends to `files` those files of a folder and its subfolders that have one of the extensions.
-/// `visited` has the folders that were read already, so that links in a circle cause no endless
-/// loop.
+/// `visited` has the folders read already, so that links in a circle cause no endless loop.
 fn collect(
     folder: &Path,
     extensions: &[&str],
@@ -301,8 +299,7 @@ pub(crate) fn progress_bar(seconds: Option<u64>, end: &str, quiet: bool) -> Prog
 }
 
 impl<R> Finished<'_, R> {
-    /// Returns a line of text that states how many times faster than real time `seconds` of signal
-    /// were processed.
+    /// States in one line how many times faster than real time `seconds` of signal were processed.
     pub(crate) fn speed(&self, seconds: f64) -> String {
         let times = seconds / self.elapsed.as_secs_f64();
         let per_thread = match self.threads {

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use pipeline::ELECTRODES;
 use thiserror::Error;
 
-/// Impedance of an electrode, or of all of them.
+/// Impedance of one electrode or of all electrodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
     /// Index in the montage; `None` for all electrodes.
@@ -13,13 +13,13 @@ pub struct Contact {
     ohms: f64,
 }
 
-/// Why a text is no [`Contact`].
+/// Why a text is not a valid [`Contact`].
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum ContactError {
-    /// The text before the colon is no impedance; holds that text.
+    /// The text before the colon is not an impedance; holds that text.
     #[error("'{0}' is no impedance; write ohms or kilohms, such as 800 or 5k")]
     NoImpedance(String),
-    /// The text after the colon is no electrode of the model; holds that text.
+    /// The text after the colon is not an electrode of the model; holds that text.
     #[error("'{0}' is no electrode of the model; its electrodes are {labels}", labels = model::LABELS)]
     NoElectrode(String),
 }

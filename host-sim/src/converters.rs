@@ -1,4 +1,4 @@
-//! The simulated converters and the driver that boards use for them.
+//! Simulated converters, read by the driver that boards use.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -51,7 +51,7 @@ pub struct Converters {
     failure: Option<Error>,
 }
 
-/// Returns the duration of sample periods, ns, rounded up.
+/// Returns the duration of `periods` sample periods, ns, rounded up.
 fn periods_ns(periods: u64) -> u64 {
     let settings = CONVERTER_SETTINGS;
     let cycles = u128::from(periods) * u128::from(settings.rate.divider());
@@ -59,12 +59,12 @@ fn periods_ns(periods: u64) -> u64 {
     u64::try_from(ns).unwrap_or(u64::MAX)
 }
 
-/// A sample from the driver, or a repeated one that replaces missing samples.
+/// A sample from the driver, or a repetition of the last sample in place of missing ones.
 #[derive(Clone, Copy, Debug)]
 pub struct ConvertedSample {
     /// Counts of all channels. The channels of a bad chip repeat the chip's last good sample.
     pub sample: Sample,
-    /// Status of the chips, and samples missed before this one.
+    /// Status of the chips, and number of samples missed before this one.
     pub reading: Reading<CHIPS>,
     /// Time by which DRDY came before it was due, microseconds of device time; 0 unless the chain
     /// runs too fast.
@@ -72,7 +72,8 @@ pub struct ConvertedSample {
 }
 
 impl Converters {
-    /// Powers on the chain with the faults that are present at power-on, and initialises it.
+    /// Powers on the chain with the faults that are present at power-on, and initialises it. Ask
+    /// [`Self::failure()`] whether that worked.
     pub fn new(faults: Faults) -> Self {
         let electrodes = Arc::new(Mutex::new([[0; CHANNELS]; CHIPS]));
         let at_electrodes = electrodes.clone();

@@ -139,8 +139,8 @@ fn decode_one(
     Ok((decoded, warnings))
 }
 
-/// Returns the recording from which the codes of a job were made; `None` if `original` is not
-/// given, or is a folder that has no recording with the name of the codes.
+/// Returns the recording from which the codes of a job were made; `None` if `original` is `None`,
+/// or a folder that has no recording with the name of the codes.
 fn recording_of(job: &Job, original: Option<&Path>) -> Option<PathBuf> {
     let original = original?;
     if !original.is_dir() {

@@ -44,8 +44,7 @@ TO it stays. {numbers} Kinds:
 pub struct Fault {
     /// The change of the simulated chain that begins the fault, and the change that repairs it.
     changes: (Change, Change),
-    /// Number of ADC samples before the fault begins; 0 if it is present before the chain is
-    /// initialised.
+    /// Number of ADC samples before the fault begins; 0 if it is present at power-on.
     from: u64,
     /// Number of ADC samples before the fault is repaired; `None` if it is never repaired.
     to: Option<u64>,
@@ -54,7 +53,7 @@ pub struct Fault {
 /// Why a text is not a fault, or why two faults cannot be combined.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum FaultError {
-    /// The text has no colon, so it names no place; holds the text.
+    /// The text has no colon, so it does not say where the fault is; holds the text.
     #[error("'{0}' names no place; write KIND@FROM:WHERE, such as dead@3s:chip0")]
     NoPlace(String),
     /// The word before `@` or `:` is not a kind of fault; holds the word.
@@ -63,7 +62,7 @@ pub enum FaultError {
     /// The fault needs a chip, but the model has no chip of this name; holds the name.
     #[error("'{0}' is no chip; write chip0 or another below chip{CHIPS}")]
     NoChip(String),
-    /// The place of a `lead-off` is not an electrode of the model; holds the place.
+    /// The text after the colon of a `lead-off` is not an electrode of the model; holds that text.
     #[error("'{0}' is no electrode of the model; its electrodes are {labels}", labels = model::LABELS)]
     NoElectrode(String),
     /// FROM or TO is negative or not a number of seconds; holds the text of that time.
@@ -135,8 +134,8 @@ impl Fault {
     }
 }
 
-/// Returns the change of the chain that causes the fault `name` at `place`, and the change that
-/// repairs it.
+/// Returns the change of the chain that causes the fault `name` at the chip or electrode `place`,
+/// and the change that repairs it.
 fn changes(name: &str, place: &str) -> Result<(Change, Change), FaultError> {
     use simulation::Fault as Broken;
     let broken = match name {

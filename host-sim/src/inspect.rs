@@ -15,7 +15,7 @@ pub(crate) fn inspect(file: &Path) -> Result<(), Box<dyn Error>> {
     describe(&mut recording, &mut text)?;
     new_file::print(text)?;
     let played = Played::open(file, Missing::Interpolate);
-    // If the recording is refused, only the recording itself holds its warnings.
+    // If `Played` refuses the recording, the warnings are only in `recording`.
     let warnings = match &played {
         Ok(played) => played.warnings.clone(),
         Err(_) => recording
@@ -35,8 +35,8 @@ pub(crate) fn inspect(file: &Path) -> Result<(), Box<dyn Error>> {
 }
 
 /// Appends format, length, signals and events of a recording to `text`. Each event has its time
-/// since the first sample, at which every program places it, and the time that the file states if
-/// it differs.
+/// since the first sample, which every program uses, and also the time that the file states if it
+/// differs.
 fn describe(recording: &mut Recording, text: &mut String) -> Result<(), Box<dyn Error>> {
     writeln!(text, "{}", recording.format())?;
     let (seconds, records) = (recording.duration_s(), recording.records());

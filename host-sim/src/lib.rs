@@ -1,7 +1,7 @@
 //! A virtual board: passes EEG through simulated converters and the firmware's pipeline to a port.
 //!
-//! The converter driver, pipeline and link are those of the firmware, so the codes equal those of a
-//! board bit for bit. The program `host-sim` is the command line of [`Session`].
+//! The converter driver, the pipeline and the link are the firmware's code, so the codes equal a
+//! board's bit for bit. The program `host-sim` is the command line of [`Session`].
 //!
 //! ```text
 //! Source -------> Converters -------> VirtualBoard ------> Outbox ------> Port

@@ -53,8 +53,7 @@ const CODE_RATE: usize = model::STEP_RATE_HZ as usize / model::HOP;
 /// converters.
 const REPORT_RATE: usize = 5;
 
-/// Number of frames per second of all streams together: raw samples, filtered steps, codes and
-/// reports.
+/// Number of frames per second of all streams: raw samples, filtered steps, codes and reports.
 const FRAME_RATE: usize = (model::ADC_RATE_HZ as usize).div_ceil(RAW_SAMPLES)
     + (model::STEP_RATE_HZ as usize).div_ceil(FILTERED_STEPS)
     + CODE_RATE
@@ -187,7 +186,7 @@ impl Outbox {
         self.lock().failure.take()
     }
 
-    /// Returns true after [`Outbox::close`], from which on no frame is sent.
+    /// Returns whether [`Outbox::close`] was called; no frame is sent after that.
     pub fn is_closed(&self) -> bool {
         self.lock().closed
     }

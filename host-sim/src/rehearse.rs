@@ -10,7 +10,7 @@ use thiserror::Error;
 use crate::batch::progress_bar;
 use crate::command_line::ScenarioOptions;
 
-/// Scenarios that did not pass.
+/// Error: some scenarios failed.
 #[derive(Debug, Error)]
 #[error("{failed} of {scenarios} scenarios failed")]
 pub(crate) struct Failed {
@@ -19,7 +19,7 @@ pub(crate) struct Failed {
 }
 
 pub(crate) fn rehearse_all(options: &ScenarioOptions) -> Result<(), Box<dyn Error>> {
-    // Read all files first: a mistake in the last one shows before the others run for hours.
+    // Read all files first, so that a mistake in the last one shows before the others run.
     let scenarios: Result<Vec<Scenario>, _> = options
         .files
         .iter()

@@ -256,7 +256,7 @@ impl OpenedInput {
 }
 
 /// Returns trigger edges that mark the events of a recording. Warns of events outside the signal,
-/// and of those that share a pulse.
+/// and of events that share a pulse.
 fn edges(played: &Played, quiet: bool) -> RecordedEdges {
     let onsets = &played.onsets;
     let edges = RecordedEdges::new(onsets, played.adc.samples());

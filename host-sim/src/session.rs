@@ -1,5 +1,4 @@
-//! A run of the virtual board: passes the samples of a source to the board and the board's frames
-//! to a port.
+//! A run of the virtual board: a source's samples go to the board, the board's frames to a port.
 
 use std::{
     io,
@@ -140,8 +139,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Returns the duration of the processed signal in seconds, computed from the number of
-    /// samples.
+    /// Returns the duration of the processed signal in seconds, from the number of samples.
     #[expect(
         clippy::cast_precision_loss,
         reason = "sample counts are far below 2^52"
@@ -246,8 +244,7 @@ impl Session {
             0
         };
         outbox.close();
-        // Complete the file before returning an error of the source, because the frames in it are
-        // whole.
+        // Complete the file before returning an error of the source: the frames in it are whole.
         let finished = port.finish_file();
         outcome?;
         finished?;

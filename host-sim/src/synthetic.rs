@@ -24,7 +24,8 @@
 //! | at 1.1 | 0.62-0.64 | 0.57-0.71 |
 //! | at 1.7 | 0.33-0.39 | 0.26-0.50 |
 //!
-//! A recording has more components than the dipoles: muscles, and electrodes that differ.
+//! A recording also holds muscle activity and differences between electrodes, which the dipoles
+//! lack.
 //!
 //! Equal specs yield equal counts on every platform. The random numbers come from ChaCha8, and
 //! samples are computed with `+ - * /` and square roots, for which IEEE 754 specifies every bit of
@@ -67,8 +68,8 @@ const RAILS: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 /// wet electrodes.
 const SENSOR_UV: f64 = 1.0;
 
-/// Generator of synthetic EEG: an endless iterator over samples of 64 counts, each a 24-bit value
-/// in an `i32`.
+/// Endless generator of synthetic EEG: yields samples of 64 counts, each a 24-bit value in an
+/// `i32`.
 #[derive(Debug, Clone)]
 pub struct Generator {
     lsb_uv: f64,
@@ -84,7 +85,7 @@ pub struct Generator {
 }
 
 impl Generator {
-    /// Creates a generator. Its samples, from the first one on, depend only on `spec`.
+    /// Creates a generator. Its samples depend only on `spec` and on calls of [`Self::move_hand`].
     ///
     /// # Errors
     /// [`SyntheticError`] if a field of `spec` is outside its range.

@@ -54,8 +54,7 @@ impl Trigger {
         self.edges = 0;
     }
 
-    /// Skips the edges before `start_us`, microseconds of device time. Later edges keep their
-    /// numbers.
+    /// Skips the edges before the device time `start_us`. Later edges keep their numbers.
     pub(crate) fn skip_before(&mut self, start_us: u64) {
         let since_boot_us = start_us.saturating_sub(self.boot_us);
         self.edges = since_boot_us.saturating_sub(1) / self.interval_us;

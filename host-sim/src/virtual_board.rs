@@ -144,7 +144,7 @@ impl VirtualBoard {
         self.edges = self.edges.wrapping_add(1);
     }
 
-    /// Reads bytes from the host and answers the commands that they complete.
+    /// Receives bytes from the host; executes and acknowledges the commands that they complete.
     pub fn receive(&mut self, bytes: &[u8], now_us: u64) {
         let counts = self.counts();
         let mut orders = Vec::new();

@@ -1,4 +1,4 @@
-//! Names the folder of the model to embed: the one in `CORTICODE_ARTIFACT`, by default
+//! Build script: embeds the model from the folder that `CORTICODE_ARTIFACT` names, by default
 //! `signal/model/artifact/`. `signal/model/build.rs` chooses the same folder.
 
 use std::{
@@ -7,14 +7,14 @@ use std::{
     process::ExitCode,
 };
 
-/// Name of the environment variable with the absolute path of the folder of the model to embed.
+/// Environment variable that holds the absolute path of the model's folder.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 fn main() -> ExitCode {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
     println!("cargo::rerun-if-changed=build.rs");
-    // Read the variable at run time, not with `env!`: in a shared target folder, cargo can run a
-    // script that it built for another checkout, and that checkout's path is compiled in.
+    // Read `CARGO_MANIFEST_DIR` at run time. With a shared target folder, cargo can run a script
+    // that it built for another checkout, whose path `env!` would have compiled in.
     let package = env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
     let artifact = env::var_os(ARTIFACT).map_or_else(
         || Path::new(&package).join("../../signal/model/artifact"),

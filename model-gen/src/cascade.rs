@@ -15,11 +15,11 @@ pub struct FilterSpec {
     pub rate_hz: f64,
     /// Mains frequency, at which a notch is placed, Hz.
     pub mains_hz: f64,
-    /// Quality factor of every notch: its frequency divided by its -3 dB width. Notches at
-    /// harmonics have the same factor: if the mains frequency drifts, the k-th harmonic drifts k
-    /// times as far.
+    /// Quality factor of every notch: its centre frequency divided by its -3 dB width. All notches
+    /// have the same quality factor, so the k-th notch is k times as wide: if the mains frequency
+    /// drifts, the k-th harmonic drifts k times as far.
     pub notch_q: f64,
-    /// Number of notches at harmonics of the mains frequency: 1 for 2 x, 2 for 2 x and 3 x, ..
+    /// Number of notches above the mains frequency: at 2, 3, .. times the mains frequency.
     pub harmonics: u32,
     /// Lower and upper -3 dB edge of the band-pass, Hz.
     pub band_hz: [f64; 2],
@@ -34,8 +34,8 @@ pub(crate) const MAX_ORDER: usize = 8;
 /// Designs the cascade of a specification: notches, high-pass sections (low Q first), one band-pass
 /// section if the order is odd, low-pass sections (low Q first), each with gain 1 in its pass band.
 ///
-/// This order of sections keeps the signal large and the rounding noise small at every node.
-/// scipy's order, whose first section has the whole gain of 0.0024, doubles the noise.
+/// This order of sections keeps the signal large and the rounding noise small at every node. In
+/// scipy's order, the first section has the whole gain of 0.0024, which doubles the noise.
 ///
 /// # Errors
 /// If a frequency is not below half of the sampling rate, another number is out of range, there are
@@ -88,7 +88,7 @@ impl FilterSpec {
                 return Err(FilterError::OutsideNyquist(name, hz, *self));
             }
         }
-        // Half the width of the highest, and so widest, notch, radians. It must be below pi / 2,
+        // Half the width in radians of the highest and so widest notch. It must be below pi / 2,
         // where the tangent in the notch's design changes sign.
         let half_width = PI * self.highest_notch_hz() / self.rate_hz / self.notch_q;
         if !inside(self.highest_notch_hz()) {
@@ -154,9 +154,9 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
     }
 }
 
-/// Returns a Butterworth band-pass of order 2 at each edge as two sections
-/// `y0 = gain (x0 - x2) + a1 y1 + a2 y2`: gain, a1 and a2 of each section, Q32. Both sections have
-/// the same gain; the first has the poles of lower frequency.
+/// Designs a Butterworth band-pass of order 2 at each edge as two sections
+/// `y[n] = gain (x[n] - x[n-2]) + a1 y[n-1] + a2 y[n-2]`. Returns `[gain, a1, a2]` of each section
+/// in Q32. Both sections have the same gain; the first has the poles of lower frequency.
 ///
 /// Expects `0 < low_hz < high_hz < rate_hz / 2`.
 pub fn band_power_sections([low_hz, high_hz]: [f64; 2], rate_hz: f64) -> [[i64; 3]; 2] {

@@ -1,4 +1,4 @@
-//! The whole filter chain from the ADC to the time steps: a cascade, then a resampler.
+//! The whole filter chain from the ADC to the encoder's time steps: a cascade, then a resampler.
 
 use fixed_dsp::Section;
 use num_complex::Complex64;
@@ -17,8 +17,8 @@ pub struct Chain<'a> {
 }
 
 impl Chain<'_> {
-    /// Returns the complex gain at `frequency_hz`, an input frequency. A tone above half of the
-    /// step rate appears in the output at its alias frequency, with this gain.
+    /// Returns the complex gain for an input tone at `frequency_hz`. A tone above half of the step
+    /// rate appears in the output at its alias frequency, with this gain.
     pub fn frequency_response(&self, frequency_hz: f64) -> Complex64 {
         let rate_hz = f64::from(self.rate_hz);
         response::frequency_response(self.sections, frequency_hz, rate_hz)
@@ -49,8 +49,8 @@ impl Chain<'_> {
             .fold(0.0, f64::max))
     }
 
-    /// Returns the number of samples after a unit step at the input, after which the output of
-    /// every phase of the resampler stays below `threshold`.
+    /// Returns how long the output of every phase of the resampler takes to fall below `threshold`
+    /// for good after a unit step at the input, in ADC samples.
     ///
     /// # Errors
     /// If the cascade's response decays too slowly ([`response::decay_samples`]).

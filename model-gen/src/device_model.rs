@@ -25,8 +25,8 @@ const DELAY_AT_HZ: f64 = 10.0;
 /// step: 1 uV for an electrode offset of 10 mV.
 const SETTLED: f64 = 1e-4;
 
-/// Smallest permitted factor from filtered samples to input levels, Q0.32. Rounding changes a
-/// factor by at most 0.5 units, which is at most 2^-9 of a permitted factor.
+/// Smallest permitted factor from filtered samples to input levels, Q0.32. Rounding to Q0.32
+/// changes a factor by at most half a unit, so a permitted factor by at most 2^-9 of its value.
 const MIN_INPUT_MULTIPLIER: i32 = 256;
 
 /// The filters for one mains frequency, and their delays.
@@ -50,7 +50,7 @@ pub struct MainsFilter {
     pub description: String,
 }
 
-/// A model as the integers with which the device computes, made from an artifact.
+/// A model made from an artifact, in the integers with which the device computes.
 #[derive(Clone, Debug)]
 pub struct DeviceModel {
     /// Id of the artifact; the device sends it with every code.
@@ -62,8 +62,8 @@ pub struct DeviceModel {
     pub description: Description,
     /// Filters for each frequency of [`MAINS_HZ`], in the same order.
     pub filters: Vec<MainsFilter>,
-    /// Resampler from the ADC's rate to the step rate; it follows the filters for either mains
-    /// frequency.
+    /// Resampler from the ADC's rate to the step rate, applied after the filters. The same table
+    /// serves both mains frequencies.
     pub resampler: ResamplerTable,
     /// Factor that turns a filtered sample (counts, Q27.5) into a level of the int8 input, Q0.32.
     pub input_multiplier: i32,
@@ -135,7 +135,7 @@ pub(crate) fn input_multiplier(
         .ok_or(ModelGenError::InputScale(factor))
 }
 
-/// Designs the cascade of an artifact's filters, for one mains frequency and an ADC's rate.
+/// Designs the cascade of an artifact's filters for one mains frequency and one ADC rate.
 ///
 /// # Errors
 /// If the filters cannot be realised, as in [`cascade()`].
@@ -154,8 +154,8 @@ pub fn filter_cascade(
     })
 }
 
-/// Returns the number of ADC samples after a step at the input, after which the output of filters
-/// and resampler stays below 1e-4 of the step. Until then the device sets its flag `settling`.
+/// Returns how long the output of filters and resampler takes to fall below 1e-4 of a step at the
+/// input for good, in ADC samples. During this time the device sets its flag `settling`.
 ///
 /// # Errors
 /// If the filters cannot be realised.

@@ -1,5 +1,5 @@
-//! The device's front end for any description: filters and a resampler whose sizes are known only
-//! at run time. Their outputs equal the outputs on the device, bit for bit.
+//! The device's front end for any model description: filters and a resampler whose sizes are known
+//! only at run time. Their outputs equal the outputs on the device, bit for bit.
 
 use std::collections::VecDeque;
 

@@ -32,8 +32,8 @@ pub struct NodeGain {
 /// Returns the worst-case gains of all signals within a cascade that must fit 32 bits.
 ///
 /// These signals are the outputs of all sections, the numerators of the sections that scale them,
-/// and the change (output minus input) and balance (`2 y2 - x0 - x2`) of a notch. Intermediate sums
-/// may wrap.
+/// and the change (output minus input) and balance (`2 y[n-2] - x[n] - x[n-2]`) of a notch.
+/// Intermediate sums may wrap.
 ///
 /// # Errors
 /// If a full-scale input (2^23 counts with [`GUARD_BITS`]) could take one of these signals to 2^31.
@@ -73,8 +73,8 @@ fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     }
 }
 
-/// Returns name and samples of each signal that must fit 32 bits in a section with this input and
-/// this output.
+/// Returns the name and the samples of each signal that must fit 32 bits in a section with this
+/// input and output.
 fn nodes(section: &Section, input: &[f64], output: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
     let before = |signal: &[f64], index: usize, age: usize| {
         index

@@ -10,14 +10,14 @@ pub struct IntegerLayer {
     pub weights: Vec<i8>,
     /// Bias of each output, in units of the accumulator.
     pub bias: Vec<i32>,
-    /// Requantisation factor of each output, Q0.32. If the batch norm after a convolution has a
-    /// negative factor for a channel, the channel's weights are negated and its factor here is
-    /// negative.
+    /// Requantisation factor of each output, Q0.32. Before the max-pool, a channel that the
+    /// following batch norm multiplies by a negative number has negated weights and a negative
+    /// requantisation factor.
     pub multipliers: Vec<i32>,
 }
 
 impl IntegerLayer {
-    /// Returns the layer's contribution to number `output` of the code, Q32, for the layer inputs
+    /// Returns the layer's contribution to value `output` of the code, Q32, for the layer inputs
     /// `features`; 0 if the layer is empty.
     fn contribution(&self, output: usize, features: &[i64]) -> i64 {
         let Some(&multiplier) = self.multipliers.get(output) else {
@@ -43,7 +43,7 @@ pub struct IntegerModel {
     pub code_scale: Vec<f32>,
     /// Level that stands for 0 in each dimension of the code; 0 in formats other than `Int8`.
     pub code_zero_point: Vec<i8>,
-    /// Index of each electrode's cell on the scalp grid, row by row.
+    /// Index of each electrode's cell on the scalp grid, counted row by row.
     pub cells: Vec<u8>,
     /// First convolution, padded with 0.
     pub conv1: IntegerLayer,
@@ -66,9 +66,9 @@ impl IntegerModel {
         largest_hidden(&self.hidden_padding)
     }
 
-    /// Returns the code of one window of quantised input, in the order step, row, column (the last
-    /// fastest). Computes it layer by layer over the whole window: the reference that the streaming
-    /// encoder must equal bit for bit.
+    /// Returns the code of one window. `window` is the quantised input in the order step, row,
+    /// column (the last fastest). The code is computed layer by layer over the whole window; the
+    /// streaming encoder must return the same code bit for bit.
     ///
     /// # Panics
     /// If `window` does not have the length of the model's windows.
@@ -215,14 +215,14 @@ fn convolve(conv: &IntegerLayer, input: &Volume) -> Volume {
     let outputs = conv.bias.len();
     let [inputs, times, rows, columns] = input.shape;
     let shape = [outputs, times - SHRINK, rows - SHRINK, columns - SHRINK];
-    // In 16 bits: an SSE2 vector then computes eight products; 32-bit products need SSE4.1.
+    // Use 16 bits: SSE2 computes eight 16-bit products at once; 32-bit products need SSE4.1.
     let narrow = |value: &i32| i16::try_from(*value).expect("quantised, or padding of 16 bits");
     let narrowed: Vec<i16> = input.values.iter().map(narrow).collect();
     let mut values = Vec::with_capacity(shape.iter().product());
     for (out, &bias) in conv.bias.iter().enumerate() {
         for time in 0..shape[1] {
-            // Sums of a plane with rows as long as the input's. The last `SHRINK` sums of a row mix
-            // two rows of the input, and are left out below.
+            // Sums of an output plane, computed with rows as long as the input's. The last `SHRINK`
+            // sums of each row mix two rows of the input and are dropped below.
             let mut sums = vec![bias; shape[2] * columns - SHRINK];
             for channel in 0..inputs {
                 for (dt, dr, dc) in positions([1, KERNEL, KERNEL, KERNEL]) {
@@ -242,7 +242,7 @@ fn convolve(conv: &IntegerLayer, input: &Volume) -> Volume {
     Volume { shape, values }
 }
 
-/// Returns the maxima of all pools after requantisation, `[channel][time][row][column]`.
+/// Returns the requantised maximum of each pool, in the order `[channel][time][row][column]`.
 fn pool(sums: &Volume, geometry: &Geometry, multipliers: &[i32]) -> Vec<i64> {
     let ([steps, rows, columns], [t, r, c]) = (geometry.pooled, geometry.pool);
     let mut features = Vec::with_capacity(geometry.flat());

@@ -1,4 +1,4 @@
-//! Quantises the weights and biases of a layer, proves its ranges, and rounds f64 to integers.
+//! Quantises a layer's weights and biases, proves that the results fit, and rounds f64 to integers.
 
 use crate::{error::ModelGenError, integer_model::IntegerLayer};
 
@@ -19,8 +19,8 @@ impl Layer {
     /// Quantises the weights with one scale for each output, and proves that the accumulator and
     /// the requantisation factor of every output fit 32 bits.
     ///
-    /// `gain` is, for each output, the number of quantised levels for a layer value of 1; it can be
-    /// negative.
+    /// `gain` is, for each output, the number of quantised output levels per unit of the float
+    /// layer's output; it can be negative.
     pub(crate) fn quantise(
         &self,
         name: &'static str,
@@ -48,9 +48,9 @@ impl Layer {
     }
 }
 
-/// Returns the smallest permitted scale of an output's weights. With it, the requantisation factor
-/// is at least 2^8 (unless the gain is 0) and the bias at most 2^24 in magnitude, so even an output
-/// with negligible weights can be represented.
+/// Returns the smallest permitted scale of an output's weights. With this scale, the Q0.32
+/// requantisation factor is at least 2^8 (unless the gain is 0) and the bias at most 2^24 in
+/// magnitude, so even an output with negligible weights can be represented.
 fn finest_scale(bias: f64, gain: f64, input: LayerInput) -> f64 {
     const TWO_TO_24: f64 = 16_777_216.0;
     let output_level = if gain == 0.0 { 0.0 } else { 1.0 / gain.abs() };

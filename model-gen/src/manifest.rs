@@ -67,7 +67,7 @@ window's middle       {} us before its last step",
     }
 }
 
-/// Writes the network's layers and the format of its codes, with their flash and RAM.
+/// Writes the network's layers, the format of its codes, and its flash and RAM sizes.
 fn network(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
     let (description, integers) = (&model.description, &model.integers);
     writeln!(
@@ -89,7 +89,7 @@ fn network(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
     memory(out, &memory::parts(integers, description.window.hop))
 }
 
-/// Writes the dimensions, the units and the flash of the packed model.
+/// Writes the dimensions, the units and the flash size of the packed model.
 fn packed_model(out: &mut String, packed: &PackedIntegers) -> std::fmt::Result {
     let description = &packed.model.description;
     let analysis = packed.analysis();
@@ -110,7 +110,7 @@ packed code           {} coefficients of {} values, rate {}
     )
 }
 
-/// Writes the shape, the flash and the range of innovations of the table of substitutions.
+/// Writes the shape, the flash size and the range of innovations of the table of substitutions.
 fn substitution(out: &mut String, table: &SubstitutionTable) -> std::fmt::Result {
     let electrodes = table.innovation.len();
     let rms_uv = |value: Option<&i32>| value.map_or(0.0, |&value| f64::from(value).sqrt() / 16.0);
@@ -125,7 +125,7 @@ substitution          {electrodes} electrodes, each from the others, {} B
     )
 }
 
-/// Writes the flash and RAM of each part of the encoder, and the sums.
+/// Writes the flash and RAM sizes of each part of the encoder, and their sums.
 fn memory(out: &mut String, parts: &[Part]) -> std::fmt::Result {
     writeln!(
         out,

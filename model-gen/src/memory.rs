@@ -8,7 +8,7 @@ use crate::{
     pack::{self, ConvKernel},
 };
 
-/// Size of a pair, an accumulator or a requantisation factor, bytes; each has 32 bits.
+/// Size in bytes of a pair of weights, an accumulator or a requantisation factor: 32 bits each.
 const WORD: usize = size_of::<Pair>();
 /// Number of consecutive input planes from which a convolution computes one output plane.
 const PLANES: usize = KERNEL;
@@ -52,7 +52,7 @@ pub fn parts(model: &IntegerModel, hop: usize) -> Vec<Part> {
     }
     parts.push(Part {
         name: format!("codes of {open_windows} open windows"),
-        // Each number of a code has a bias, two factors (fully connected layer and shortcut), and a
+        // Each value of a code has a bias, two factors (fully connected layer and shortcut), and a
         // zero point of one byte.
         flash_bytes: 3 * WORD * numbers + numbers,
         ram_bytes: open_windows * 2 * WORD * numbers,
@@ -79,7 +79,7 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
         columns: hidden_columns.min(framed_columns - margin),
         channels: CONV1_CHANNELS,
     };
-    // The buffer lengths do not depend on the input's columns, so any number will do; 0 is used.
+    // The buffer lengths do not depend on the number of input columns, which is set to 0 here.
     let conv1 = InputConv::<0> {
         rows: grid_rows,
         output: interior,

@@ -7,7 +7,7 @@ use crate::integer_model::{IntegerLayer, IntegerModel};
 
 /// Number of weights for each pair of input and output channel: steps x rows x columns of a kernel.
 const TAPS: usize = KERNEL.pow(3);
-/// Number of pairs of channels between the first and the second convolution.
+/// Number of channel pairs that the second convolution reads.
 const HIDDEN_PAIRS: usize = CONV1_CHANNELS / 2;
 
 /// Implementation of the second convolution that runs on the device.
@@ -20,8 +20,8 @@ pub enum ConvKernel {
 }
 
 impl ConvKernel {
-    /// Selects the Winograd kernel if its tiles of 2x4 outputs hold whole pools and its
-    /// intermediate values fit 16 bits, otherwise the direct kernel.
+    /// Selects the Winograd kernel if each of its tiles of 2x4 outputs holds two whole pools and
+    /// its intermediate values fit 16 bits, otherwise the direct kernel.
     ///
     /// A model without convolutions gets the direct kernel, which is never run.
     pub fn select(model: &IntegerModel) -> Self {
@@ -42,7 +42,7 @@ impl ConvKernel {
 
 /// Packs the weights of the first convolution for [`InputConv`].
 pub fn input_convolution(conv: &IntegerLayer) -> Vec<Pair> {
-    // The packed weights do not depend on the input's columns, so any number will do; 0 is used.
+    // The packed weights do not depend on the number of input columns, which is set to 0 here.
     type Conv = InputConv<'static, 0>;
     let outputs = conv.bias.len();
     let mut packed = vec![Pair::ZERO; Conv::weights_len(outputs)];
@@ -53,7 +53,7 @@ pub fn input_convolution(conv: &IntegerLayer) -> Vec<Pair> {
 /// Returns the second convolution's weights, transformed (Winograd kernel) or packed (direct
 /// kernel).
 pub fn convolution(model: &IntegerModel) -> Vec<Pair> {
-    // The packed weights do not depend on the input's columns, so any number will do; 6 is used.
+    // The packed weights do not depend on the number of input columns, which is set to 6 here.
     type Transformed = Winograd<'static, HIDDEN_PAIRS, 6>;
     type Plain = Direct<'static, HIDDEN_PAIRS, 6>;
     let (outputs, weights) = (model.conv2.bias.len(), by_tap(&model.conv2));
@@ -84,9 +84,9 @@ fn by_tap(conv: &IntegerLayer) -> Vec<i8> {
         .collect()
 }
 
-/// Packs the fully connected layer and returns the pieces of each pooled plane, with inputs in the
-/// order `[position][channel]`. PyTorch's order is `[out][channel][plane][position]`. Returns an
-/// empty list for a model without convolutions.
+/// Packs the fully connected layer. Returns the matrices ([`fc_pieces`] many) of each pooled plane,
+/// with inputs in the order `[position][channel]`; PyTorch's order is
+/// `[out][channel][plane][position]`. Returns an empty list for a model without convolutions.
 pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
     if !model.mode.has_convolutions() {
         return Vec::new();
@@ -150,8 +150,8 @@ pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     matrices(&weights, numbers, steps, electrode_pairs(electrodes))
 }
 
-/// Returns the number of pairs of inputs of one time step, including the zeros that pad it to a
-/// multiple of eight.
+/// Returns the number of input pairs of one time step, rounded up to a multiple of eight; zeros
+/// fill the rest.
 pub fn electrode_pairs(electrodes: usize) -> usize {
     electrodes.div_ceil(2).next_multiple_of(8)
 }
@@ -223,7 +223,7 @@ impl UnsignedInput {
         offsets.chain(paddings).max().unwrap_or(0)
     }
 
-    /// Packs one number for each channel into pairs of neighbouring channels.
+    /// Packs one value for each channel into pairs of neighbouring channels.
     pub fn to_pairs(channels: [i16; CONV1_CHANNELS]) -> [Pair; HIDDEN_PAIRS] {
         let mut pairs = [Pair::ZERO; HIDDEN_PAIRS];
         Pair::fill(&mut pairs, channels.into_iter());

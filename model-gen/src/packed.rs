@@ -7,7 +7,7 @@ use crate::error::ModelGenError;
 use crate::headroom::GUARD_BITS;
 use crate::layer::to_i32;
 
-/// The packed model, with additional numbers that the device needs.
+/// The packed model, with additional values that the device needs.
 #[derive(Clone, Debug)]
 pub struct PackedIntegers {
     /// The packed model of the artifact: matrices, levels and frequencies.
@@ -16,9 +16,9 @@ pub struct PackedIntegers {
     pub input_multiplier: i32,
     /// Limit of a block's misfit energy: the sum of squares, in units of an input value, of the
     /// part of the block that the model does not represent. A block above the limit is a misfit.
-    /// Negative if errors are weighted: probes then estimate the misfit energy.
+    /// Negative if errors are weighted: the probes (last coefficients) then give the energy.
     pub misfit_energy: i64,
-    /// For each step of a hop, the end of the input range that the analysis has processed after it.
+    /// Number of a block's inputs that the analysis has processed after each step of a hop.
     slices: Vec<usize>,
 }
 
@@ -53,8 +53,9 @@ impl PackedIntegers {
         })
     }
 
-    /// Returns the analysis in slices: for each step, the index of the first pair of inputs, and
-    /// the packed weights of the inputs that are complete after the step. Zeros pad the last slice.
+    /// Returns the analysis in slices, one for each step: the index of the slice's first pair of
+    /// inputs, and the packed weights of the inputs that are complete after the step. Zeros pad the
+    /// last slice.
     pub fn analysis(&self) -> Vec<(usize, Vec<Pair>)> {
         let mut start = 0;
         let slices = self.slices.iter().map(|&end| {
@@ -70,7 +71,7 @@ impl PackedIntegers {
         packed(&self.model.prediction, 0..self.model.coefficients())
     }
 
-    /// Returns the number of pairs of inputs of a block, including the zeros that pad it.
+    /// Returns the number of input pairs of a block, including the zeros that pad the last slice.
     pub fn input_pairs(&self) -> usize {
         self.model
             .analysis

@@ -5,11 +5,10 @@
 //!
 //! Batch norm follows the ReLU, so it cannot be folded into the convolution before it. With
 //! `g = weight / sqrt(variance + eps)` and `b = bias - g * mean`, the next layer reads
-//! `g * relu + b`. The factor |g| becomes part of the requantisation factor of the convolution, the
-//! sign of g part of the next layer's weights, and b times these weights part of its bias; without
-//! sign of g part of the next layer's weights, and b times these weights part of its bias; without
-//! padding this is exact. Before the max-pool, a negative g would turn the maximum into a minimum.
-//! So the weights and the bias of such a channel are negated, and its requantisation factor is
+//! `g * relu + b`. So |g| goes into the requantisation factor of the convolution, the sign of g
+//! into the next layer's weights, and b times these weights into the next layer's bias. Without
+//! padding this is exact. Before the max-pool, a negative g would turn the maximum into a minimum,
+//! so the weights and the bias of such a channel are negated, and its requantisation factor is
 //! negative.
 //!
 //! With padding, padded cells must be 0 after the first batch norm. The second convolution,
@@ -42,7 +41,7 @@ const WIDE_CODE_HEAD_ROOM: f64 = 16.0;
 const LARGEST_PADDING: u16 = 32_767 - 255;
 
 /// Quantises the encoder of an artifact. For a model without a network, the result holds only the
-/// input's scale and the electrodes' cells.
+/// input scale and the electrodes' cells.
 ///
 /// # Errors
 /// If a tensor is missing, a calibrated range is not positive, a factor does not fit Q0.32, a
@@ -230,8 +229,8 @@ impl Norm {
         Ok(Self { factor, offset })
     }
 
-    /// Returns, for each channel, the integer that the norm turns into 0. `scale` is the layer
-    /// value of one level, without the sign of the norm's factor.
+    /// Returns, for each channel, the integer that the norm turns into 0. `scale` is the size of
+    /// one level of |factor| * x.
     fn padding(&self, scale: f64) -> Result<[i16; CONV1_CHANNELS], ModelGenError> {
         let mut padding = [0; CONV1_CHANNELS];
         let norm = self.factor.iter().zip(&self.offset);

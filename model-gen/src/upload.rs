@@ -9,12 +9,12 @@ use crate::pack;
 use crate::packed::PackedIntegers;
 use crate::quantise::quantise;
 
-/// Version of the upload's layout, which the first bytes state.
+/// Version of the upload's layout, stored in the first four bytes.
 const LAYOUT: u32 = 2;
 
 /// Returns the packed model of an artifact in the layout of an upload (`docs/wire-format.md`), with
-/// the weights in the order of the device's matrix kernel; `None` if the artifact has no packed
-/// model. If the network is linear (mode `pca`), the linear code follows.
+/// the weights in the order of the device's matrix kernel. If the network is linear (mode `pca`),
+/// its code follows. `None` if the artifact has no packed model.
 ///
 /// # Errors
 /// If a factor does not fit the device's integers, or a sum could overflow them.

@@ -21,13 +21,13 @@ mod kernels;
 #[path = "src/signal.rs"]
 mod signal;
 
-/// Environment variable that names the folder of a model to use instead of the checked-in one, as
-/// in `signal/model/build.rs`.
+/// Environment variable that names the folder of a model other than the checked-in one, as in
+/// `signal/model/build.rs`.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
-/// File with filter outputs that scipy has computed; `scipy_rates.py` in the same folder writes it.
+/// File with filter outputs from scipy; `scipy_rates.py` in the same folder writes it.
 const SCIPY: &str = "../../signal/pipeline/tests/it/front_end/scipy_rates.csv";
-/// Document that shows frames as hex dumps. The test `signal/link/tests/it/wire_format.rs` checks
-/// that the encoder of frames makes these dumps.
+/// Document with frames as hex dumps; `signal/link/tests/it/wire_format.rs` checks that the frame
+/// encoder produces these dumps.
 const WIRE_FORMAT: &str = "../../docs/wire-format.md";
 /// Largest number of golden windows whose codes the image compares.
 const WINDOWS: usize = 6;
@@ -35,8 +35,8 @@ const WINDOWS: usize = 6;
 const CODES: usize = 12;
 /// Number of hops whose features the image compares.
 const HOPS: usize = 24;
-/// Number of packed blocks that the image compares; enough to contain two blocks without prediction
-/// and all between them.
+/// Number of packed blocks that the image compares: enough to contain two blocks without prediction
+/// and all blocks between them.
 const BLOCKS: u8 = 70;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -62,8 +62,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     link(&out)
 }
 
-/// Writes the filters that model-gen designs for three test cases, each with the outputs that scipy
-/// computes and those that this PC computes.
+/// Writes the filters that model-gen designs for three test cases, each with the outputs from scipy
+/// and from this PC.
 fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={SCIPY}");
     let scipy = fs::read_to_string(SCIPY)?;
@@ -137,8 +137,8 @@ fn filtered<const PHASES: usize, const TAPS: usize>(
     Ok(())
 }
 
-/// Writes up to [`WINDOWS`] of the artifact's golden windows, evenly spaced, with the codes that
-/// model-gen's batch reference has computed for them.
+/// Writes up to [`WINDOWS`] of the artifact's golden windows, evenly spaced, with their codes from
+/// model-gen's batch reference.
 fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
     let folder = env::var_os(ARTIFACT).map_or("../../signal/model/artifact".into(), PathBuf::from);
@@ -193,14 +193,14 @@ fn features(golden: &mut String) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Writes the first [`BLOCKS`] packed blocks that this PC computes for [`signal::samples`], with
-/// the rates 0 to 15 in turn, and the encoder's state after the last.
+/// Writes the first [`BLOCKS`] packed blocks that this PC computes from [`signal::samples`], with
+/// the rates 0 to 15 in turn, and the encoder's state after them.
 fn blocks(golden: &mut String) -> Result<(), Box<dyn Error>> {
     let mut acquisition = Acquisition::new(Mains::Hz50);
     let mut encoder = Box::new(PackedEncoder::new());
     let mut samples = signal::samples();
     let mut blocks = Vec::new();
-    // Without a packed code in the model the state is empty, and no step completes a block.
+    // If the model has no packed code, the state is empty, and no step completes a block.
     let count = if encoder.state().is_empty() {
         0
     } else {
@@ -248,8 +248,7 @@ fn has_feature(feature: &str) -> bool {
     env::var_os(format!("CARGO_FEATURE_{feature}")).is_some()
 }
 
-/// Passes the memory map of the board that the features select to the linker. Does nothing in a
-/// build for the PC.
+/// Passes the memory map of the selected board to the linker. Does nothing in a build for the PC.
 fn link(out: &Path) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=../../memory.x");
     let map = match (has_feature("H743"), has_feature("F446")) {
@@ -262,7 +261,7 @@ fn link(out: &Path) -> Result<(), Box<dyn Error>> {
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return Ok(());
     }
-    // Copy the map as `board.x`, which `memory.x` in the root of the workspace includes.
+    // `memory.x` in the workspace's root includes `board.x`.
     fs::copy(map, out.join("board.x"))?;
     println!("cargo::rustc-link-search={}", out.display());
     for argument in ["-Tlink.x", "--nmagic"] {

@@ -12,7 +12,7 @@ use packed_fit::MIN_RANGE;
 ///
 /// The calibration holds the smallest and largest value of each dimension of the code (at most -10
 /// and at least 10), the largest input and the largest activations. model-gen adds head room to
-/// these ranges. Channels that never vary are held at the bias of their norm
+/// these ranges. A channel that never varies is held at its batch norm's bias
 /// ([`Parameters::hold_silent_channels`]).
 ///
 /// # Errors
@@ -59,7 +59,7 @@ mod tests {
     use super::*;
     use crate::testing;
 
-    /// Returns the calibration tensor `name`: the lower or upper ends of all numbers' ranges.
+    /// Returns the calibration tensor `name`: one end of the range of each code value.
     fn range<'a>(artifact: &'a Artifact, name: &str) -> &'a [f32] {
         let numbers = artifact.description.code.numbers;
         artifact.calibration.tensor(name, &[numbers]).unwrap()

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Rate of the time steps, the same in every model, Hz.
 const STEP_RATE_HZ: u32 = 128;
 
-/// Content of the default montage file, the paper's montage.
+/// Content of the default montage file: the montage of the paper (arXiv 2008.13485).
 const PAPER: &str = include_str!("../../files/montages/paper-61.toml");
 
 /// Montage and shape of a model.
@@ -169,8 +169,8 @@ fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
     )
 }
 
-/// Fills in the number of electrodes that every training recording has, and the electrodes that at
-/// least one recording lacks, so that they were interpolated there.
+/// Fills in the number of electrodes that every training recording has, and the electrodes that are
+/// interpolated because at least one recording lacks them.
 pub(crate) fn fill_electrodes(card: &mut TrainingCard, electrodes: &[String], tracks: &[Track]) {
     card.interpolated = interpolated(electrodes, tracks);
     card.interpolated_electrodes = card.interpolated.len();

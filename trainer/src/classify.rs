@@ -38,7 +38,7 @@ pub(crate) use validation::Course;
 /// A trained classifier, with further results that a report shows.
 pub(crate) struct Trained {
     pub(crate) classifier: Classifier,
-    /// File to which it was written.
+    /// File to which the classifier was written.
     path: PathBuf,
     /// For each class, the mean probability of that class around its event, from classifiers that
     /// were not trained on these trials.
@@ -116,7 +116,7 @@ pub(crate) fn train(
     })
 }
 
-/// Reads recordings with their trials, bad electrodes interpolated.
+/// Reads recordings with their trials, and interpolates bad electrodes.
 fn read(
     files: &[PathBuf],
     option: &'static str,
@@ -134,7 +134,6 @@ fn read(
 }
 
 impl Trained {
-    /// Returns the classifier's figures as a JSON object.
     pub(crate) fn to_json(&self) -> Json {
         let Classifier {
             decision,

@@ -135,11 +135,12 @@ enum MontageVerb {
     },
 }
 
-/// Exit status for wrong usage, and for every error of a command that checks something.
+/// Exit status for wrong usage, and for every error of a command that inspects or imports files.
 const USAGE: u8 = 2;
 
-/// Runs the program. Returns 0, 1 for a failure, 2 for wrong usage and 130 after Ctrl-C. Commands
-/// that check something return 1 or 2 for their findings, and 2 for every error.
+/// Runs the program. Returns 0 for success, 1 for a failure, 2 for wrong usage and 130 after
+/// Ctrl-C. Commands that inspect or import files return 2 for every error. If they find a
+/// difference or a mistake, `diff` and `check` return 1, and `montage check` returns 2.
 pub fn run() -> ExitCode {
     let (result, on_failure) = match Cli::parse().verb {
         Verb::Train(options) => (train(&options), 1),
@@ -218,7 +219,7 @@ fn cross_validate(args: &CrossvalArgs) -> Result<ExitCode, TrainerError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns wall time since `start`, processor time and peak memory of this process, as text.
+/// Returns the wall time since `start`, and this process's processor time and peak memory, as text.
 fn cost(start: Instant) -> String {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     let wall = start.elapsed().as_secs_f64();
@@ -293,8 +294,8 @@ fn check_model(options: &CheckOptions) -> Result<ExitCode, TrainerError> {
     Ok(ExitCode::from(u8::from(!checked.is_good())))
 }
 
-/// Prints the check of a montage, and how a recording fits it. Returns exit status 2 if the montage
-/// has mistakes.
+/// Prints the mistakes in a montage, and how a recording fits it. Returns exit status 2 if the
+/// montage has mistakes.
 fn check_montage(file: &Path, recording: Option<&Path>) -> Result<ExitCode, TrainerError> {
     let montage = MontageFile::read(file)?;
     let check = MontageCheck::new(&montage);

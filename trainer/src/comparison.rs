@@ -23,7 +23,7 @@ use std::path::Path;
 /// of its packed code.
 #[derive(Clone, Debug)]
 pub struct Comparison {
-    /// Id of the model.
+    /// Id of the model, hexadecimal.
     pub model: String,
     /// Mode of the model.
     pub mode: Mode,
@@ -40,9 +40,9 @@ pub struct Comparison {
     pub packed: Vec<RateFigures>,
     /// Rate of the packed code with which a device starts; `None` without a packed model.
     pub packed_rate: Option<u8>,
-    /// Figures of a code that transforms each block by the Karhunen-Loeve transform. It differs
-    /// from the packed code only in that it does not predict. The figures are read from the packed
-    /// model's card; empty if the card has other test recordings.
+    /// Figures of a code that transforms each block by the Karhunen-Loeve transform and differs
+    /// from the packed code only in that it does not predict. They are read from the packed model's
+    /// training card; empty if the card has other test recordings.
     pub without_prediction: Vec<PackedFigures>,
     /// Number of time steps from one code to the next, and from one packed block to the next.
     pub hop: usize,
@@ -51,13 +51,13 @@ pub struct Comparison {
     /// Error for each person, with substitution on and off. Empty after training, and if the model
     /// has no network or no table of substitutions.
     pub(crate) people: Vec<PersonError>,
-    /// Loss of classifiers with each code; `None` after training.
+    /// Loss of classifiers with each code; `None` if it was not requested.
     pub(crate) classifiers: Option<ClassifierLossTable>,
 }
 
 impl Comparison {
     /// Measures a model and its PCA on tracks, which have passed the model's front end. If `loss`
-    /// is given, also measures the loss of classifiers; it must have the same recordings.
+    /// is given, also measures the loss of classifiers; `loss` must have the same recordings.
     ///
     /// # Errors
     /// If a track is shorter than a window, or the model cannot be turned into integers.
@@ -141,7 +141,7 @@ impl Comparison {
     }
 
     /// Returns the figures that `figure` selects, for the training card. They are rounded to six
-    /// decimals, because one training run on one subject has no more significant digits.
+    /// decimals: a training run on one subject has no more significant digits.
     pub(crate) fn figures(&self, figure: fn(&ReconstructionError) -> f64) -> Option<Figures> {
         let codes = self.codes.as_ref()?;
         let pca = codes.pca.as_ref()?;
@@ -209,8 +209,8 @@ impl fmt::Display for Comparison {
     }
 }
 
-/// Returns the figures of the Karhunen-Loeve transform from the packed model's card; empty unless
-/// `tracks` are the test recordings of that card.
+/// Returns the figures of the Karhunen-Loeve transform from the packed model's training card; empty
+/// unless `tracks` are the card's test recordings.
 fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> {
     let card = model
         .packed
@@ -223,9 +223,9 @@ fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> 
 
 /// Evaluates the artifact in `folder`, and its `pca.safetensors` if present, on recordings whose
 /// bad electrodes are interpolated as in training. If the model has a table of substitutions and a
-/// network, also measures the error for each person with bad electrodes substituted, and on the
-/// recordings as they are. `files` selects the recordings; by default, the test recordings of the
-/// training card.
+/// network, also measures each person's error with bad electrodes substituted, and on the unchanged
+/// recordings. `files` selects the recordings; by default, the test recordings of the training
+/// card.
 ///
 /// # Errors
 /// If the artifact or a recording cannot be used.
@@ -240,7 +240,7 @@ pub fn compare(
 /// Evaluates an artifact like [`compare`], and the loss of classifiers if `loss` is given.
 ///
 /// # Errors
-/// The errors of [`compare`], or if the recordings lack the events or enough trials.
+/// If [`compare`] would fail, or the recordings lack the events or enough trials.
 pub(crate) fn compare_for(
     folder: &Path,
     files: &TestFiles,
@@ -299,7 +299,7 @@ pub struct CodeComparison {
     pub network: Evaluation,
     /// Errors of PCA; `None` if the artifact has no `pca.safetensors`.
     pub pca: Option<Evaluation>,
-    /// Length of a code in numbers.
+    /// Number of values in a code.
     pub numbers: usize,
     /// Errors of the network at each electrode, in the order of the montage.
     pub(crate) electrode_errors: Vec<ElectrodeError>,
@@ -340,8 +340,8 @@ impl CodeComparison {
         })
     }
 
-    /// Returns the errors of the network, called `name`, and of PCA. In mode `pca` both are the
-    /// same, so only the errors of PCA are returned.
+    /// Returns the errors of the network, under the name `name`, and of PCA. In mode `pca` both are
+    /// the same, so only the errors of PCA are returned.
     pub(crate) fn models(&self, name: &str, mode: Mode) -> Vec<(String, Evaluation)> {
         let network = (mode != Mode::Pca).then(|| (name.to_owned(), self.network));
         let pca = self.pca.map(|pca| (format!("PCA-{}", self.numbers), pca));

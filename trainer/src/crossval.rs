@@ -7,13 +7,14 @@
 //!                                     shard K of N              Table as Markdown, CSV, JSON
 //! ```
 //!
-//! Each fold is tested with a model trained on the other folds of the same subject; or each subject
-//! with a model of all other subjects. Bad electrodes are interpolated ([`People`]). No window of a
-//! test fold overlaps a training window: folds consist of whole runs, or of blocks with a gap of
-//! one window between them, never of shuffled windows.
+//! Each fold is tested with a model trained on the other folds of the same subject or, with
+//! `--leave-one-person-out`, each subject with a model trained on all other subjects. Bad
+//! electrodes are interpolated ([`People`]). No window of a test fold overlaps a training window:
+//! folds consist of whole runs, or of blocks with a gap of one window between them, never of
+//! shuffled windows.
 //!
-//! Every outcome is a file of its own, so an interrupted cross-validation continues with the
-//! missing folds, and several processes or machines can share the folds ([`Shard`]) and a folder.
+//! Every outcome is a file of its own. So an interrupted cross-validation continues with the
+//! missing folds, and several processes or machines can share the folds ([`Shard`]) and one folder.
 //! The table depends on the outcomes alone.
 
 mod fit;
@@ -116,7 +117,7 @@ pub(crate) fn run(
     observer.folds_planned(missing.iter().map(|fold| fold.trained_on).sum());
     let mut loaded: Option<(&str, People)> = None;
     for (number, fold) in missing.iter().enumerate() {
-        // Unless models train on other people, only one subject's recordings are in memory.
+        // Keep only one subject's recordings in memory, unless models are trained on other people.
         let (name, files) = if options.leave_one_person_out {
             ("", &recordings)
         } else {
@@ -163,7 +164,7 @@ pub(crate) fn run(
     Ok(Some(table))
 }
 
-/// Returns as text all settings that determine an outcome, except the fold number. All outcomes of
+/// Returns all settings that determine an outcome, except the fold number, as text. All outcomes of
 /// a subject in a table have the same text.
 fn identity(options: &CrossvalOptions, montage: &str, people: &str, fold: &Fold) -> String {
     let test = if options.leave_one_person_out {

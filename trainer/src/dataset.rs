@@ -89,7 +89,6 @@ impl Dataset {
         self.segments.iter().map(Vec::as_slice)
     }
 
-    /// Returns the number of time steps of a segment.
     fn steps(&self, segment: &[f32]) -> usize {
         segment.len() / self.dimensions.electrodes
     }
@@ -202,7 +201,7 @@ impl TrainingSet {
         })
     }
 
-    /// Returns the principal directions of the training part, one for each number of a code.
+    /// Returns the principal directions of the training part, one for each value of a code.
     pub(crate) fn directions(&self) -> Vec<Vec<f32>> {
         let count = self.whole.dimensions.numbers;
         principal_directions(pca::second_moment(&self.split.training), count)

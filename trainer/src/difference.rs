@@ -18,14 +18,14 @@ pub(crate) struct Difference {
     pub(crate) fields: Vec<FieldDifference>,
     /// Tensors that differ.
     pub(crate) tensors: Vec<TensorDifference>,
-    /// Parts whose numbers differ: packed models, tables of substitutions, golden codes.
+    /// Parts whose contents differ: packed models, tables of substitutions, golden codes.
     pub(crate) parts: Vec<&'static str>,
 }
 
 /// A field of `model.toml` that differs between two models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct FieldDifference {
-    /// Name of the field after the names of its tables, separated by dots.
+    /// Names of the field's tables and of the field, separated by dots.
     pub(crate) field: String,
     /// Value in each model; `None` if the model lacks the field.
     pub(crate) values: [Option<String>; 2],
@@ -127,11 +127,11 @@ fn read_golden(folder: &Path) -> Result<Option<Golden>, TrainerError> {
     }
 }
 
-/// Returns the fields of a model's description as text. The key of a field is its name after the
-/// names of its tables.
+/// Returns the fields of a model's description as text. A key consists of the names of the field's
+/// tables and of the field, separated by dots.
 fn fields(artifact: &Artifact) -> BTreeMap<String, String> {
     let mut fields = BTreeMap::new();
-    // Conversion to JSON cannot fail: the keys of a description are texts and its numbers finite.
+    // Conversion to JSON cannot fail: a description has only string keys and finite numbers.
     if let Ok(Json::Object(description)) = serde_json::to_value(&artifact.description) {
         for (name, value) in description {
             flatten(&name, &value, &mut fields);

@@ -11,7 +11,7 @@ pub(crate) struct ElectrodeError {
     /// Row and column of the electrode's cell on the scalp grid, from 0; the first row is at the
     /// front of the head, the first column on the left.
     pub(crate) cell: [usize; 2],
-    /// Whether the electrode was recorded in every recording; otherwise it is interpolated in some.
+    /// Whether all recordings have the electrode; false if it is interpolated in at least one.
     pub(crate) is_recorded: bool,
     /// Mean squared error with float codes, in units of `input.sd_uv` squared.
     pub(crate) mse_float: f64,
@@ -97,8 +97,8 @@ mod tests {
         let dimensions = description.dimensions();
         let window = vec![0.0; dimensions.window_electrodes()];
         let (mut float, mut integer) = (window.clone(), window.clone());
-        // The window decoded from float codes is wrong at electrode 3 in two time steps; the window
-        // decoded from integer codes is wrong at electrode 5 in one time step.
+        // The first window is wrong at electrode 3 in two time steps if decoded from float codes.
+        // The second is wrong at electrode 5 in one time step if decoded from integer codes.
         float[3] = 2.0;
         float[7 * electrodes + 3] = -1.0;
         integer[4 * electrodes + 5] = 3.0;

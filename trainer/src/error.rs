@@ -71,15 +71,15 @@ pub enum TrainerError {
     )]
     PaperMode,
     /// A checkpoint was written with other settings or data. The texts describe the settings and
-    /// data of the checkpoint, and the expected ones.
+    /// data of the checkpoint, and the expected settings and data.
     #[error(
         "{} belongs to a training with {}, this one has {}; use the same settings, or train without \
          --resume",
         .0.display(), .1, .2
     )]
     OtherTraining(PathBuf, String, String),
-    /// A checkpoint cannot be resumed with the requested number of epochs: it is smaller than the
-    /// checkpoint's number, or it is larger and the checkpoint's training run is not finished.
+    /// A checkpoint cannot be resumed with the requested number of epochs: the number is smaller
+    /// than the checkpoint's, or larger while the checkpoint's training run is not finished.
     #[error(
         "{} has finished {finished} of {stored} epochs; resume it with --epochs {stored}, then \
          more epochs can be added ({requested} were asked for)",
@@ -106,8 +106,8 @@ pub enum TrainerError {
          several people, whose names precede the run: S001R03.edf is of S001"
     )]
     OnePerson(String),
-    /// A folder contains an outcome of another cross-validation. The texts are the settings of this
-    /// outcome, and the expected settings.
+    /// A folder contains an outcome of another cross-validation. The texts are the outcome's
+    /// settings and the expected settings.
     #[error(
         "{} belongs to another cross-validation; choose another folder for --out\n  \
          it has:   {}\n  expected: {}",
@@ -137,8 +137,8 @@ pub enum TrainerError {
          decision is made"
     )]
     DecisionWindow { window_s: f64, trial_s: f64 },
-    /// No recording of the option `files` has this event. `found` lists the events that they have,
-    /// each with its count.
+    /// No recording that the option `files` names has this event. `found` lists the events in these
+    /// recordings, each with its count.
     #[error(
         "no recording of {files} has the event {event}; {}",
         event_words(found)
@@ -149,7 +149,7 @@ pub enum TrainerError {
         found: Vec<(String, usize)>,
     },
 
-    // Errors of files.
+    // Errors of recordings and other files.
     #[error(
         "the training recordings have {count} whole trials of {event}; at least {needed} are \
          needed: use more recordings, or a shorter --trial"
@@ -226,7 +226,7 @@ pub enum TrainerError {
     Unusable(PathBuf, #[source] Box<TrainerError>),
     #[error("{} and {} do not fit together:\n  {}", .0.display(), .1.display(), .2.join("\n  "))]
     ImportMistakes(PathBuf, PathBuf, Vec<String>),
-    /// From the same weights, this program computes other values than the exported network did.
+    /// With the same weights, this program computes other values than the exported network did.
     /// `what` is `code` or `reconstruction`; `difference` is the largest difference, and `rms` the
     /// RMS of all reference values.
     #[error(
@@ -300,7 +300,7 @@ impl TrainerError {
     }
 }
 
-/// Returns a text for an error message that lists the events in recordings.
+/// Returns the part of an error message that lists the events in recordings.
 fn event_words(found: &[(String, usize)]) -> String {
     if found.is_empty() {
         return "they have no events within their signals".to_owned();
@@ -311,7 +311,7 @@ fn event_words(found: &[(String, usize)]) -> String {
     format!("they have: {}", events.collect::<Vec<_>>().join(", "))
 }
 
-/// Returns a text for an error message that lists the recordings in a folder.
+/// Returns the part of an error message that lists the recordings in a folder.
 fn found_words(found: &[String]) -> String {
     match found {
         [] => "the folder has none: name the folder of the recordings with --data".to_owned(),
@@ -319,7 +319,7 @@ fn found_words(found: &[String]) -> String {
     }
 }
 
-/// Returns a text for an error message on how to resume an interrupted training run.
+/// Returns the part of an error message that says how to resume an interrupted training run.
 fn resume_words(epochs: u32, checkpoint: &Path) -> String {
     if epochs == 0 {
         return "there is no checkpoint yet".to_owned();

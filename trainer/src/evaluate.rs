@@ -28,7 +28,7 @@ pub struct Evaluation {
     pub code_sqnr_db: f64,
     /// Number of values that saturated when the windows were quantised.
     pub input_clipped: u64,
-    /// Number of values of the integer codes at either end of their range. If codes have an
+    /// Number of values of the integer codes at either end of their range. Of codes with an
     /// exponent, only codes with the largest exponent count.
     pub code_clipped: u64,
 }

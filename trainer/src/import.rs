@@ -163,7 +163,7 @@ const TOLERANCE: f32 = 2e-3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Agreement {
     pub(crate) windows: usize,
-    /// Largest difference between two numbers of codes, relative to the RMS of all codes.
+    /// Largest difference between two code values, relative to the RMS of all codes.
     pub(crate) codes: f32,
     /// Largest difference between two reconstructed values, relative to the RMS of all
     /// reconstructions; `None` if the file has no reconstructions.

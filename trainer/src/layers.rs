@@ -66,7 +66,7 @@ impl Volume {
     /// Creates a volume from its values.
     ///
     /// # Panics
-    /// If the number of values is not the number of values in the volume.
+    /// If `values` does not have one element for each position of each channel.
     pub(crate) fn from_values(channels: usize, size: [usize; 3], values: Vec<Lanes>) -> Self {
         assert_eq!(
             values.len(),
@@ -80,8 +80,7 @@ impl Volume {
         }
     }
 
-    /// Returns the number of positions (step, row, column), which is the number of values of a
-    /// channel.
+    /// Returns the number of positions (step, row, column): the number of values in each channel.
     pub(crate) fn places(&self) -> usize {
         product(self.size)
     }

@@ -18,7 +18,7 @@ pub use backward::BatchGradients;
 /// Weight of a new batch in the running statistics: PyTorch's default.
 const MOMENTUM: f32 = 0.1;
 
-/// The autoencoder without its parameters, computed on the CPU.
+/// The shape of the autoencoder; all methods take the parameters as an argument and run on the CPU.
 #[derive(Debug)]
 pub struct Network {
     layout: Layout,
@@ -35,7 +35,7 @@ pub struct Trace {
 }
 
 impl Network {
-    /// Creates a network; its methods take the parameters as an argument.
+    /// Creates the network for a model description.
     pub fn new(description: &Description) -> Self {
         Self {
             layout: Layout::new(description),

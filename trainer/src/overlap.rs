@@ -3,7 +3,7 @@
 use crate::dataset::Dataset;
 use artifact::reconstruction::{HopLayout, Overlap, Window};
 
-/// Joins the decoded windows of a dataset to a continuous signal for each segment, as they arrive.
+/// Joins decoded windows, as they arrive, to a continuous signal for each segment of a dataset.
 pub(crate) struct OverlapMean {
     overlap: Overlap,
     /// Number of values of a window.
@@ -42,7 +42,7 @@ impl OverlapMean {
             let segment = self.signals.len() - 1;
             self.add_hop(segment, Some(window.to_vec()));
             if self.signals[segment].len() == self.windows[segment] * self.hop {
-                // Only earlier windows cover the last hops of a segment.
+                // Complete the last hops of the segment, which only earlier windows cover.
                 for _ in 1..self.window / self.hop {
                     self.add_hop(segment, None);
                 }

@@ -17,7 +17,7 @@ use std::path::PathBuf;
 pub(crate) use rate_table::{RateTable, cells, to_json};
 pub(crate) use trained::PackedTrained;
 
-/// Number of time steps that `model.toml` states for a window; only networks use this number.
+/// Number of time steps of a window in `model.toml`, which only networks use.
 const STEPS: usize = 16;
 
 /// Options of `trainer packed`.

@@ -1,11 +1,10 @@
-//! The parameters of the network: one field per tensor, which has the tensor's name in the
-//! artifact.
+//! The parameters of the network: one field per tensor, named as in the artifact.
 
 use artifact::{ArtifactError, Geometry, Mode, NORM_EPSILON, Tensors, weight_shapes};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A number for each element of each tensor of a network: weights, gradients or state of the
+/// One number for each element of each tensor of a network: weights, gradients or state of the
 /// optimiser. The last dimension is the fastest; a tensor that the mode lacks is empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[expect(missing_docs, reason = "layers, by their names")]
@@ -45,7 +44,7 @@ pub struct Layer {
     pub bias: Vec<f32>,
 }
 
-/// A batch norm, with a number for each channel in each tensor.
+/// A batch norm; each tensor has one element per channel.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[expect(missing_docs, reason = "PyTorch's names")]
 pub struct Norm {
@@ -78,8 +77,8 @@ enum Role {
     /// Kernels, matrix or bias of a layer other than the last.
     Layer,
     /// Kernels, matrix or bias of the last layer of encoder or decoder. If there is a shortcut, the
-    /// layer starts at 0, so that the convolutions contribute nothing at first. Its gradients are
-    /// then still not 0, because the layer's inputs are not 0.
+    /// layer starts at 0, so that the convolutions contribute nothing at first. The layer's
+    /// gradients are not 0 even then, because its inputs are not 0.
     LastLayer,
     /// Factor of a batch norm.
     Gain,
@@ -145,7 +144,7 @@ impl Tensor {
         (self.get_mut)(weights)
     }
 
-    /// Returns whether gradients train the tensor, which is not the case for running statistics.
+    /// Returns whether gradients train the tensor: all except running statistics.
     pub(crate) fn is_trained(&self) -> bool {
         !matches!(self.role, Role::Mean | Role::Variance)
     }
@@ -187,8 +186,8 @@ impl Parameters {
     /// are random; batch norm starts with factor 1 and offset 0.
     ///
     /// # Panics
-    /// In a mode with a shortcut, unless there is one direction for each number of the code, with
-    /// one element for each value of a window.
+    /// If the mode has a shortcut and `directions` does not hold one direction for each code value,
+    /// with one element for each value of a window.
     pub fn initial(mode: Mode, geometry: Geometry, directions: &[Vec<f32>], seed: u64) -> Self {
         let mut weights = Weights::default();
         if mode.has_shortcut() {
@@ -222,7 +221,7 @@ impl Parameters {
     /// Sets the initial values of all tensors except the shortcut's; layers get random values.
     fn draw_convolutions(&mut self, seed: u64) {
         let has_shortcut = self.mode.has_shortcut();
-        // A bias follows the weight of its layer in the list, and its values are from the same
+        // A bias follows its layer's weight in the list and takes its initial values from the same
         // range.
         let mut fan_in = 1.0_f32;
         for (index, (tensor, shape)) in shapes(self.mode, &self.geometry).into_iter().enumerate() {
@@ -291,8 +290,8 @@ impl Parameters {
     /// channels.
     ///
     /// ReLU can silence a channel for good. Its variance then decays towards 0, and the norm would
-    /// amplify the first window that excites the channel several hundred times, beyond the range of
-    /// an int8 factor. For all windows of the training set the output stays the same.
+    /// amplify the first window that excites the channel by several hundred, beyond the range of a
+    /// requantisation factor. Holding it changes no output for training windows.
     pub fn hold_silent_channels(&mut self) -> usize {
         let Weights { encoder, decoder } = &mut self.weights;
         let mut held = 0;

@@ -8,8 +8,8 @@ use nalgebra::DMatrix;
 const BLOCK: usize = 512;
 
 /// Returns the second-moment matrix of the dataset's windows that start half a window apart. It
-/// replaces the covariance: the band-pass removes the mean anyway, and because no mean is
-/// subtracted, the code of a window of zeros is 0.
+/// serves as the covariance, because the band-pass removes the mean; without subtracting a mean,
+/// the code of a window of zeros is exactly 0.
 pub(crate) fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     let windows = dataset.aligned(dataset.dimensions().steps / 2);
     let features = dataset.dimensions().window_electrodes();

@@ -6,8 +6,8 @@
 //!                                        --> every person at equal power: training
 //! ```
 //!
-//! The weight of a person depends only on the length of the recordings. Without equal power, a
-//! person with twice the amplitude would have four times the weight.
+//! At equal power, the weight of a person in training depends only on the length of the recordings.
+//! Otherwise a person with twice the amplitude would have four times the weight.
 
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
@@ -49,7 +49,7 @@ impl People {
     /// are of this person.
     ///
     /// # Errors
-    /// [`FitError::SilentRecording`].
+    /// [`FitError::SilentRecording`] if a recording has no signal at any electrode.
     pub(crate) fn new(
         mut tracks: Vec<Track>,
         electrodes: &[String],
@@ -138,7 +138,7 @@ impl People {
         }
     }
 
-    /// Returns the other people, and the recordings of the person `subject`.
+    /// Returns all people except `subject`, and the recordings of `subject`.
     pub(crate) fn leave_out(&self, subject: &str) -> (Self, Vec<Track>) {
         let mut others = self.clone();
         let is_left_out = |of: &usize| self.cards[*of].subject == subject;

@@ -19,7 +19,7 @@ pub(crate) struct PersonError {
     /// Error with substitution: bad electrodes are filled from the others before the encoder, and
     /// the decoded signal is compared with the filled signal.
     pub(crate) on: IntegerError,
-    /// Error without substitution, on the recordings as they are.
+    /// Error without substitution, on the recordings before interpolation.
     pub(crate) off: IntegerError,
 }
 
@@ -41,7 +41,7 @@ impl PersonError {
     }
 
     /// Measures the error for each person; `recorded` are the recordings of `people` before
-    /// interpolation. Returns nothing unless [`PersonError::is_measured`].
+    /// interpolation. Returns an empty list unless [`PersonError::is_measured`].
     ///
     /// # Errors
     /// If the model cannot be turned into integers, or its codes cannot be decoded.
@@ -88,7 +88,6 @@ impl PersonError {
         pairs.map(|(on, off)| (&*on.label, [self.on.mse_uv2(on), self.off.mse_uv2(off)]))
     }
 
-    /// Returns the error as a JSON object.
     pub(crate) fn to_json(&self) -> Json {
         let [good_on, good_off] = self.of_good();
         let electrodes = self.of_electrodes().map(

@@ -3,8 +3,8 @@
 use crate::crossval::Outcome;
 use crate::training::EpochLosses;
 
-/// Receives the progress of a command. By default, all methods except [`message`](Self::message) do
-/// nothing.
+/// Receives the progress of a command. All methods except [`message`](Self::message) do nothing by
+/// default.
 pub trait ProgressObserver {
     /// Reports a one-line message to the user.
     fn message(&mut self, text: &str);
@@ -24,7 +24,7 @@ pub trait ProgressObserver {
         false
     }
 
-    /// Reports the total work of all unfinished folds of a cross-validation.
+    /// Reports the work of all unfinished folds of a cross-validation, in blocks to train on.
     fn folds_planned(&mut self, _work: usize) {}
 
     /// Reports the start of a fold of a cross-validation, and its number among the `folds`

@@ -65,7 +65,7 @@ impl<'a> Report<'a> {
     }
 }
 
-/// Creates the folder of a report, if `folder` is given, and tries to write to it.
+/// Creates the folder of a report, if `folder` is given, and checks that it is writable.
 ///
 /// # Errors
 /// If the folder already holds a report and `force` is false, or the folder is not writable.

@@ -61,7 +61,7 @@ impl TestFiles {
 /// Parses a mains frequency, Hz.
 ///
 /// # Errors
-/// Unless it is 50 or 60.
+/// If the frequency is neither 50 nor 60 Hz.
 pub(crate) fn mains_hz(text: &str) -> Result<u32, String> {
     match text {
         "50" => Ok(50),
@@ -80,8 +80,8 @@ impl TrainingFiles {
     /// Finds the recordings for training and tests.
     ///
     /// # Errors
-    /// The errors of [`recordings()`], and [`TrainerError::TrainedOn`] if a recording is named both
-    /// for training and for tests.
+    /// If [`recordings()`] fails; [`TrainerError::TrainedOn`] if a recording is named both for
+    /// training and for tests.
     pub(crate) fn find(&self) -> Result<Selected, TrainerError> {
         let train = recordings(&self.data, &self.train)?;
         let test = recordings(&self.data, &self.test)?;
@@ -114,10 +114,10 @@ pub(crate) fn check_writable(folder: &Path) -> Result<(), TrainerError> {
         .map_err(|source| TrainerError::NotWritable(folder.to_owned(), source))
 }
 
-/// Refuses a folder that holds a model, unless it may be replaced.
+/// Returns an error if a folder already holds a model and `force` is false.
 ///
 /// # Errors
-/// [`TrainerError::ArtifactExists`].
+/// [`TrainerError::ArtifactExists`] for such a folder.
 pub(crate) fn refuse_model(folder: &Path, force: bool) -> Result<(), TrainerError> {
     if !force && folder.join("model.toml").exists() {
         return Err(TrainerError::ArtifactExists(folder.to_owned()));
@@ -130,8 +130,8 @@ pub(crate) fn refuse_model(folder: &Path, force: bool) -> Result<(), TrainerErro
 ///
 /// * the path of a recording, or of a folder, which selects all recordings in it;
 /// * a pattern of paths with `*`, `?` or `[...]`;
-/// * the end of the file names of recordings in `folder`, which may be a pattern of folders, with
-///   or without extension; `R03..R10` means R03, R04, ... R10, each of which some folder must have.
+/// * the end of file names in `folder`, with or without extension; `folder` may be a pattern of
+///   folders, and `R03..R10` means R03, R04, ... R10, each of which must match a recording.
 ///
 /// # Errors
 /// If a folder cannot be read, a range cannot be expanded or a name selects no recording.
@@ -220,8 +220,8 @@ fn is_pattern(name: &str) -> bool {
     name.contains(['*', '?', '['])
 }
 
-/// Returns the recordings in a folder whose file name, with or without extension, ends with `name`
-/// or, if `name` is a range, with a name in this range.
+/// Returns the recordings in a folder whose file name, with or without extension, ends with `name`.
+/// If `name` is a range, returns the recordings for each name in the range.
 fn named(folder: &Path, name: &str) -> Result<Vec<PathBuf>, TrainerError> {
     let files = list(folder)?;
     let mut selected = Vec::new();
@@ -275,7 +275,7 @@ fn expand(name: &str) -> Result<Vec<String>, TrainerError> {
         .collect())
 }
 
-/// Splits a name into the text before the number at its end, this number, and the number's count of
+/// Splits a name into the text before the number at its end, this number, and the number of its
 /// digits. Returns `None` if the name does not end with a number.
 fn split_number(name: &str) -> Option<(&str, u32, usize)> {
     let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());

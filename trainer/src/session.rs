@@ -62,7 +62,7 @@ pub(crate) fn train(
     options: &TrainOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<Option<Comparison>, TrainerError> {
-    // Make all checks first, because training can take hours.
+    // Make all checks before training, which can take hours.
     let montage = options.model.montage()?;
     refuse_model(&options.out, options.force)?;
     let mut description = card::checked_description(&montage, options.model.shape)?;
@@ -150,7 +150,7 @@ pub(crate) fn train(
     Ok(comparison)
 }
 
-/// Returns and reports the error on each person's test recordings; empty if all are of one person.
+/// Returns and reports the error on each person's test recordings; empty for fewer than two people.
 fn test_each(
     model: &Artifact,
     pca: &Pca,

@@ -10,9 +10,9 @@ pub(crate) struct Subject {
     pub(crate) recordings: Vec<PathBuf>,
 }
 
-/// Groups recordings by subject. If `name` is given, all belong to the subject of this name.
-/// Otherwise the subject is the file name without its ending, the number of the run and the word
-/// before this number: `S001R03.edf` and `S001R04.edf` belong to `S001`,
+/// Groups recordings by subject. If `name` is given, all recordings belong to the subject of this
+/// name. Otherwise a subject's name is the file name without its extension, the number of the run
+/// at its end, and the word before this number: `S001R03.edf` and `S001R04.edf` belong to `S001`,
 /// `motorexecution_subject2_run1.gdf` belongs to `motorexecution_subject2`. A file without a number
 /// is a subject of its own.
 pub(crate) fn group(recordings: &[PathBuf], name: Option<&str>) -> Vec<Subject> {

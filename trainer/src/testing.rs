@@ -86,7 +86,7 @@ pub(crate) fn model(parameters: &Parameters, dataset: &Dataset) -> Artifact {
     calibrated_artifact(description(), parameters, dataset).unwrap()
 }
 
-/// Returns the sizes between the layers of the paper's network.
+/// Returns the sizes of the feature maps of the paper's network.
 pub(crate) fn geometry() -> Geometry {
     Geometry::new(&description())
 }
@@ -129,10 +129,10 @@ impl Run {
     }
 }
 
-/// Runs a program in Python with the number of electrodes, further `arguments` and the names of
-/// files that hold the values of `tracks`, and returns the JSON that it prints. Without numpy,
-/// panics if the environment variable CORTICODE_REQUIRE_ROS is 1, and otherwise prints that
-/// `test` is skipped.
+/// Runs a Python program and returns the JSON that it prints. Its arguments are the number of
+/// electrodes, `arguments`, and the names of files with the values of `tracks`. Without numpy,
+/// panics if the environment variable CORTICODE_REQUIRE_ROS is 1, and otherwise prints that `test`
+/// is skipped.
 pub(crate) fn numpy<'t>(
     test: &str,
     program: &str,
@@ -140,7 +140,7 @@ pub(crate) fn numpy<'t>(
     tracks: impl Iterator<Item = &'t Track>,
 ) -> Option<serde_json::Value> {
     let folder = tempfile::tempdir().unwrap();
-    // Debian's Python, because another Python on the PATH can lack numpy.
+    // Use Debian's Python: another Python on the PATH can lack numpy.
     let mut python = Command::new("/usr/bin/python3");
     python.args(["-c", program, "8"]).args(arguments);
     for (index, track) in tracks.enumerate() {

@@ -206,8 +206,8 @@ impl Training {
     /// Runs the next epoch over windows at random offsets, and returns its losses. `after_batch`
     /// receives the loss of each batch and may stop the epoch; the training run is then unusable.
     ///
-    /// The order of the windows depends only on the seed and the epoch, so a resumed training run
-    /// equals an uninterrupted run.
+    /// The windows depend only on the seed and the epoch, so a resumed training run equals an
+    /// uninterrupted run.
     ///
     /// # Errors
     /// If the loss or the validation error becomes infinite or NaN, or `after_batch` stops the

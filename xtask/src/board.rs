@@ -13,9 +13,9 @@ use crate::figures::{self, Figures, Row};
 use crate::images::{self, ARTIFACT, Board, Rig};
 use crate::install;
 
-/// Figures that are true if the row of a board has all figures of a group, and null if it has none.
-/// Each entry has the figure's name, the common start of the names in the group, and their
-/// different ends, separated by blanks.
+/// Figures that summarise a group of figures: true if the row of a board has all of them, false if
+/// it has only some, and null if it has none. Each entry has the summary's name, the common start
+/// of the names in the group, and their different ends, separated by blanks.
 #[rustfmt::skip]
 const VERDICTS: [[&str; 3]; 3] = [
     ["reset_cause_ok", "reset_cause_", "hang panic fault overflow wild_stack"],
@@ -27,7 +27,7 @@ const VERDICTS: [[&str; 3]; 3] = [
 /// measured is null.
 const ALWAYS: &str = "booted codes equal_to_host violations unmapped selftest_ok";
 
-/// Name of the figures, and of the member that has the board's name in each of their lines.
+/// Name of the figures, and of the member of each line that names the board.
 const FIGURES: &str = "board";
 
 /// Common start of the names of the scenarios with a bridge.
@@ -36,11 +36,11 @@ const WITH_BRIDGE: &str = "bridge_";
 const AFTER_A_SCENARIO: &str = "run the failed test alone, as docs/bring-up.md has it under \"Reproduce a fault on a \
                                 virtual board\"";
 
-/// Builds the images and the bridge, runs the scenarios on `rig`, or on all if it is `None`, and
+/// Builds the images and the bridge, runs the scenarios on `rig` (on all rigs if `None`), and
 /// prints the figures.
 pub(crate) fn board(rig: Option<Rig>, json: bool) -> Result<(), Failure> {
     install::virtual_board_compiler()?;
-    // Build all programs, as the acceptance tests do: for the bridge alone, cargo would select
+    // Build all programs, as the acceptance tests do. For the bridge alone, cargo would select
     // other features of its dependencies and compile them again.
     run(cargo("build --bins").env_remove(ARTIFACT), AFTER_A_BUILD)?;
     let rigs = rig.map_or(Rig::ALL.to_vec(), |rig| vec![rig]);
@@ -54,16 +54,16 @@ pub(crate) fn board(rig: Option<Rig>, json: bool) -> Result<(), Failure> {
     publish(&rigs, &file, passed, json)
 }
 
-/// Runs the scenarios without a bridge on all rigs, whose images are already built. Their figures
-/// are printed by [`test_with_bridge`].
+/// Runs the scenarios without a bridge on all rigs, whose images must be built.
+/// [`test_with_bridge`] prints their figures.
 pub(crate) fn test_without_bridge() -> Result<(), Failure> {
     let mut test = scenarios(&Rig::ALL);
     figures::attach(&mut test, FIGURES, false);
     run(test.args(["--skip", WITH_BRIDGE]), AFTER_A_SCENARIO)
 }
 
-/// Runs the scenarios with a bridge, which waits in real time for what the emulator computes, on
-/// all rigs. Prints the figures of these and of [`test_without_bridge`], which has run before.
+/// Runs the scenarios with a bridge on all rigs; the bridge waits in real time for the emulator.
+/// Prints their figures and those of [`test_without_bridge`], which must have run before.
 pub(crate) fn test_with_bridge() -> Result<(), Failure> {
     let mut test = scenarios(&Rig::ALL);
     let file = figures::attach_again(&mut test, FIGURES);
@@ -71,8 +71,7 @@ pub(crate) fn test_with_bridge() -> Result<(), Failure> {
     publish(&Rig::ALL, &file, passed, false)
 }
 
-/// Returns the command that runs all scenarios on `rigs`, whose images and a bridge are already
-/// built.
+/// Returns the command that runs all scenarios on `rigs`; their images and a bridge must be built.
 fn scenarios(rigs: &[Rig]) -> Command {
     let mut test = linted("test --release --test boards --");
     let bridge = target_folder().join("debug/corticode-bridge");
@@ -91,7 +90,7 @@ fn scenarios(rigs: &[Rig]) -> Command {
     test
 }
 
-/// Prints and saves the figures of `rigs` in `file`, after the last scenario.
+/// Prints and saves the figures of `rigs`, which it reads from `file` after the last scenario.
 fn publish(
     rigs: &[Rig],
     file: &Path,
@@ -106,8 +105,8 @@ fn publish(
 }
 
 /// Runs an emulated board until Ctrl-C, with its link at TCP port `port`. `other_port` selects the
-/// image whose link is not the board's default port, USB or UART. A model that `CORTICODE_ARTIFACT`
-/// names replaces the rig's own.
+/// image for the other link (USB or UART) than the board's default. The model is the rig's own,
+/// unless `CORTICODE_ARTIFACT` names another.
 pub(crate) fn live(rig: Rig, port: u16, other_port: bool) -> Result<(), Failure> {
     let mut images = rig.images().iter().map(|[name, _]| *name);
     let (first, default) = (images.next(), images.next_back());
@@ -141,8 +140,8 @@ pub(crate) fn live(rig: Rig, port: u16, other_port: bool) -> Result<(), Failure>
     replace(live.env_remove(ARTIFACT).arg("--image").arg(image))
 }
 
-/// Lints the workspace of the emulated boards, and runs its tests of peripheral models and of
-/// invalid command lines.
+/// Lints the workspace of the emulated boards, and tests its models of peripherals and its command
+/// line.
 pub(crate) fn models() -> Result<(), Failure> {
     run(
         &mut linted("test --release --no-run"),
@@ -154,16 +153,15 @@ pub(crate) fn models() -> Result<(), Failure> {
 }
 
 /// Returns a cargo command in the workspace of the emulated boards that lints what it builds.
-/// clippy's driver compiles as rustc does, so the emulator is built once, not again for `cargo
-/// clippy`.
+/// clippy's driver compiles as rustc does, so `cargo clippy` need not build the emulator again.
 fn linted(words: &str) -> Command {
     let mut cargo = virtual_board_cargo(words);
     cargo.env("RUSTC_WORKSPACE_WRAPPER", "clippy-driver");
     cargo
 }
 
-/// Returns one row with the figures of a rig. Those of the image that uses the board's other port
-/// have the port's name in front, such as `uart_codes`.
+/// Returns one row with the figures of a rig. Figures of the image for the board's other port start
+/// with the port's name, such as `uart_codes`.
 fn row(board: &str, figures: &Figures) -> Row {
     let nothing = ALWAYS.split(' ').map(|key| (key.to_owned(), Value::Null));
     let mut row: Row = nothing.collect();

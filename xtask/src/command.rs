@@ -1,4 +1,4 @@
-//! Commands that the verbs of `cargo xtask` run, and the failure with which a verb ends.
+//! Commands that the verbs of `cargo xtask` run, and a verb's failure.
 
 use std::env;
 use std::fmt::Display;
@@ -20,7 +20,7 @@ pub(crate) const AFTER_A_TEST: &str =
 /// A failure that ends a verb.
 #[derive(Debug)]
 pub(crate) struct Failure {
-    /// Exit status: 1 if a check failed, 2 if something is missing on this machine.
+    /// Exit status: 1 if a check failed, 2 if this machine lacks something.
     pub(crate) status: u8,
     pub(crate) message: String,
 }
@@ -48,7 +48,7 @@ impl<T, E: Display> OrFail<T> for Result<T, E> {
     }
 }
 
-/// Prints a text to standard output. Does nothing if its reader has gone, such as `head`.
+/// Prints a text to standard output. Ignores a closed pipe, such as that of `head`.
 ///
 /// # Errors
 /// The output cannot be written for another reason.
@@ -61,16 +61,15 @@ pub(crate) fn print(text: impl Display) -> Result<(), Failure> {
 
 /// Returns a cargo command in the workspace's root; `words` are its arguments, separated by blanks.
 pub(crate) fn cargo(words: &str) -> Command {
-    // Use the cargo that runs this program, so that a toolchain chosen on the command line stays
-    // chosen.
+    // Use the cargo that runs this program, and so the toolchain chosen on the command line.
     let program = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(program);
     command.args(words.split_whitespace()).current_dir(root());
     command
 }
 
-/// Returns a cargo command in the workspace of the emulated boards, with its own toolchain and
-/// target folder.
+/// Returns a cargo command in the workspace of the emulated boards, with that workspace's toolchain
+/// and target folder.
 pub(crate) fn virtual_board_cargo(words: &str) -> Command {
     let mut command = Command::new("rustup");
     command
@@ -81,15 +80,13 @@ pub(crate) fn virtual_board_cargo(words: &str) -> Command {
     command
 }
 
-/// Returns the name of the Rust toolchain, such as "1.98.0", from the emulated boards'
-/// rust-toolchain.toml.
+/// Returns the name of the toolchain in the emulated boards' rust-toolchain.toml, such as "1.98.0".
 pub(crate) fn virtual_board_toolchain() -> &'static str {
     let file = include_str!("../../tests/virtual-board/rust-toolchain.toml");
     file.split('"').nth(1).unwrap_or("stable")
 }
 
-/// Returns the folder of the workspace's Cargo.toml; its path is fixed when this program is
-/// compiled.
+/// Returns the folder of the workspace's Cargo.toml, as it was when this program was compiled.
 pub(crate) fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
@@ -100,8 +97,7 @@ pub(crate) fn target_folder() -> PathBuf {
     program.ancestors().nth(2).unwrap_or(root()).to_owned()
 }
 
-/// Runs the command with this program's standard streams. `next` is the advice to the user if it
-/// fails.
+/// Runs the command with this program's standard streams. A failure advises the user to do `next`.
 pub(crate) fn run(command: &mut Command, next: &str) -> Result<(), Failure> {
     let status = command.status().or_fail(typed(command), next)?;
     if status.success() {
@@ -110,8 +106,8 @@ pub(crate) fn run(command: &mut Command, next: &str) -> Result<(), Failure> {
     Err(Failure::check(typed(command), status, next))
 }
 
-/// Runs the command with this program's standard error, and returns its standard output. `next` is
-/// the advice to the user if it fails.
+/// Runs the command with this program's standard error, and returns its standard output. A failure
+/// advises the user to do `next`.
 pub(crate) fn output(command: &mut Command, next: &str) -> Result<String, Failure> {
     let output = command.stderr(Stdio::inherit()).output();
     let output = output.or_fail(typed(command), next)?;
@@ -121,17 +117,17 @@ pub(crate) fn output(command: &mut Command, next: &str) -> Result<String, Failur
     Err(Failure::check(typed(command), output.status, next))
 }
 
-/// Replaces this process by the command. The command's exit status becomes the verb's.
+/// Replaces this process by the command, whose exit status becomes the verb's.
 pub(crate) fn replace(command: &mut Command) -> Result<(), Failure> {
     Err(command.exec()).or_fail(typed(command), "is it installed?")
 }
 
-/// Returns whether the command can be started and exits with status 0; discards its output.
+/// Returns whether the command starts and exits with status 0; discards its output.
 pub(crate) fn succeeds(command: &mut Command) -> bool {
     command.output().is_ok_and(|output| output.status.success())
 }
 
-/// Returns the command as a user types it, in backquotes and without the folder of its program.
+/// Returns the command as a user types it: in backquotes, without the folder of its program.
 pub(crate) fn typed(command: &Command) -> String {
     let program = Path::new(command.get_program()).file_name();
     let words = program.into_iter().chain(command.get_args());

@@ -28,16 +28,16 @@ const FILES: [(&str, &str); 11] = [
     ("debian/prerm", "DEBIAN/prerm"),
     ("debian/postrm", "DEBIAN/postrm"),
 ];
-/// Each shell, and the path in the package of its script that completes the bridge's options.
+/// Each shell, and the path of its completion script in the package.
 const COMPLETIONS: [(&str, &str); 3] = [
     ("bash", "bash-completion/completions/corticode-bridge"),
     ("zsh", "zsh/vendor-completions/_corticode-bridge"),
     ("fish", "fish/vendor_completions.d/corticode-bridge.fish"),
 ];
 
-/// Builds the package and prints its path. It contains the bridge `program` and `corticode-node`
+/// Builds the package and prints its path. It contains the bridge `program`, and `corticode-node`
 /// from the same folder; without `program`, both are built in release first. With `check`, also
-/// runs the test that installs the package.
+/// tests the installation of the package.
 pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> {
     let program = if let Some(program) = program {
         program
@@ -55,7 +55,7 @@ pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> 
     print(format_args!("{}\n", package.display()))
 }
 
-/// Returns an error if a program of the package is not in the folder of the bridge `program`.
+/// Returns an error if the bridge's folder lacks a program of the package.
 fn refuse_missing(program: &Path) -> Result<(), Failure> {
     let paths = PROGRAMS.map(|name| program.with_file_name(name));
     let Some(missing) = paths.iter().find(|path| !path.is_file()) else {
@@ -126,8 +126,7 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     let mut gzip = Command::new("gzip");
     run(gzip.args(["-9nr"]).args([&pages, &changelog]), NEXT)?;
 
-    // dpkg-shlibdeps reads the control file of a source package, so write one; it needs only these
-    // fields.
+    // dpkg-shlibdeps reads a source package's control file, but only these fields of it.
     let source = "Source: corticode-bridge\n\nPackage: corticode-bridge\nArchitecture: any\n";
     write("debian/control", source)?;
     let mut libraries = Command::new("dpkg-shlibdeps");
@@ -153,7 +152,7 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     write("DEBIAN/control", &control)?;
     let name = format!("corticode-bridge_{version}_{}.deb", architecture.trim());
     let package = folder.join(name);
-    // Set the permissions explicitly, because those of new files depend on the user's umask.
+    // Set the permissions explicitly: those of new files depend on the user's umask.
     run(
         Command::new("chmod").args(["-R", "u=rwX,go=rX"]).arg(&tree),
         NEXT,

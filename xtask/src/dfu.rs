@@ -1,4 +1,4 @@
-//! Writes the image that cargo has built as a DfuSe file, for `corticode-bridge update`.
+//! Writes the image built by cargo as a DfuSe file, for `corticode-bridge update`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,18 +17,18 @@ const MAX_BYTES: usize = 2 << 20;
 /// Advice to the user when cargo's output is not as expected.
 const NEXT: &str = "run `cargo clean` and repeat the command";
 
-/// What cargo reports of the build of an image.
+/// What cargo reports about the build of an image.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Build {
     elf: PathBuf,
     /// Version and commit, which the board's build script has set.
     firmware: String,
-    /// Manifest of the model, which its build script has written.
+    /// Manifest of the model, written by the build script of the crate `model`.
     manifest: PathBuf,
 }
 
-/// Writes the DfuSe file next to the image's ELF file, and returns its path. `messages` is what cargo
-/// printed with `--message-format=json`.
+/// Writes the DfuSe file next to the image's ELF file, and returns its path. `messages` is the
+/// output of cargo with `--message-format=json`.
 pub(crate) fn write(board: Board, messages: &str) -> Result<PathBuf, Failure> {
     let Build {
         elf,

@@ -1,4 +1,4 @@
-//! `cargo xtask docs`: measures the figures and writes docs/figures.md; `cargo xtask test` compares
+//! `cargo xtask docs`: measures the figures and writes docs/figures.md. `cargo xtask test` compares
 //! the page with its own measurements.
 
 use std::env;
@@ -26,7 +26,7 @@ fn folder() -> PathBuf {
     target_folder().join("figures")
 }
 
-/// Returns the path of a verb's JSON object: `bench-filters.json` for "bench filters".
+/// Returns the path of a verb's JSON object, such as `bench-filters.json` for "bench filters".
 fn object_file(folder: &Path, verb: &str) -> PathBuf {
     folder.join(verb.replace(' ', "-")).with_extension("json")
 }
@@ -36,16 +36,16 @@ pub(crate) fn save(verb: &str, object: &Value) -> Result<(), Failure> {
     write(&object_file(&folder(), verb), &object.to_string())
 }
 
-/// Makes `program` also write the JSON object that it prints with `--json` to the file of `verb`.
-/// Empties the file first, so that an object of an earlier run cannot be mistaken for the new one.
+/// Makes `program` also write the JSON object of `--json` to the file of `verb`. Empties the file
+/// first, so that no object of an earlier run is mistaken for the new one.
 pub(crate) fn attach(program: &mut Command, verb: &str) -> Result<(), Failure> {
     let file = object_file(&folder(), verb);
     program.env("CORTICODE_OBJECT", &file);
     write(&file, "")
 }
 
-/// Measures every figure, or reads the JSON objects from the folder `measured` if it is given, and
-/// writes docs/figures.md.
+/// Measures every figure, or reads the JSON objects from the folder `measured`, and writes
+/// docs/figures.md.
 pub(crate) fn docs(measured: Option<&Path>) -> Result<(), Failure> {
     let source = source()?;
     let mut page = HEADER.to_owned();
@@ -64,8 +64,7 @@ pub(crate) fn docs(measured: Option<&Path>) -> Result<(), Failure> {
 
 /// Compares docs/figures.md with the JSON objects that the verbs of this run have saved.
 pub(crate) fn check() -> Result<(), Failure> {
-    // The page states figures measured with real recordings; without them, this run has other
-    // figures.
+    // The page's figures are from real recordings; without recordings, this run has other figures.
     if env::var_os("CORTICODE_DATA").is_none() {
         eprintln!("SKIPPED: the comparison with docs/figures.md needs CORTICODE_DATA");
         return Ok(());
@@ -88,7 +87,7 @@ fn sections() -> Result<Vec<Section>, Failure> {
     Ok(page.or_fail(file.display(), "correct the file")?.sections)
 }
 
-/// Runs the verb of a section and makes it write its JSON object to the file that [`object`] reads.
+/// Runs the verb of a section and makes it write its JSON object for [`object`].
 fn measure(section: &Section) -> Result<(), Failure> {
     let mut verb = Command::new(env::current_exe().unwrap_or_default());
     attach(&mut verb, &section.command)?;
@@ -123,8 +122,7 @@ fn write(file: &Path, text: &str) -> Result<(), Failure> {
     written.or_fail(file.display(), "is its folder writable?")
 }
 
-/// Description of docs/figures.md, read from `docs/figures.toml`: its sections in the order of the
-/// page.
+/// Contents of `docs/figures.toml`: the sections of docs/figures.md, in the order of the page.
 #[derive(Debug, Deserialize)]
 struct FiguresPage {
     #[serde(rename = "section")]
@@ -179,8 +177,8 @@ impl Section {
         ))
     }
 
-    /// Returns one line for each figure whose values in `page` and `measured` disagree, or that one
-    /// of the two lacks. Only an optional figure may be absent from `measured`.
+    /// Returns one line for each figure that is missing on one side, or whose values in `page` and
+    /// `measured` disagree. Only an optional figure may be absent from `measured`.
     fn differences(&self, page: &str, measured: &Value) -> Vec<String> {
         let mut sections = page.split("\n## ");
         let section = sections.find(|text| text.starts_with(&self.title));
@@ -212,15 +210,15 @@ impl Figure {
         Some(measured.pointer(&self.pointer)?.as_f64()? * self.scale.unwrap_or(1.0))
     }
 
-    /// Returns whether a new value equals the value on the page within the tolerance plus the
-    /// page's rounding.
+    /// Returns whether `now` equals the value on the page within the tolerance and the page's
+    /// rounding.
     fn agree(&self, stated: f64, now: f64) -> bool {
         let digits = i32::try_from(self.decimals).unwrap_or(i32::MAX);
         (stated - now).abs() <= now.abs() * self.tolerance + 0.5001 * 10_f64.powi(-digits)
     }
 }
 
-/// Formats a number with commas between groups of three digits: "1,224,652", "-1,000.50".
+/// Formats a number with commas between groups of digits: "1,224,652", "-1,000.50".
 fn grouped(value: f64, decimals: usize) -> String {
     let mut number = format!("{value:.decimals$}");
     let first_digit = usize::from(value < 0.0);
@@ -260,8 +258,8 @@ mod tests {
         let rows = "| instructions per code | 1,000,000 |  |\n| worst step | 3.03 | ms |\n";
         assert!(page.contains(rows), "{page}");
         assert_eq!(section().differences(&page, &measured), [""; 0]);
-        // The step's time has changed by 6 %, less than its tolerance, and the cycles are optional,
-        // so only the number of instructions must be reported.
+        // Only the number of instructions must be reported: the time has changed by 6 %, less than
+        // its tolerance, and the cycles are optional.
         let later = json!({"machines": [{"insn": 1_002_000}], "ns": 3_200_000});
         let expected = "Encoder, instructions per code: the page states 1,000,000, this run measured 1,002,000";
         assert_eq!(section().differences(&page, &later), [expected]);

@@ -15,15 +15,14 @@ use crate::docs;
 /// Figures of one machine, of one board or of a whole run: name and value.
 pub(crate) type Row = Map<String, Value>;
 
-/// Rows by the name of the machine or board; the row with an empty name belongs to the whole run.
+/// Rows by the name of machine or board; the row without a name belongs to the whole run.
 pub(crate) type Figures = BTreeMap<String, Row>;
 
-/// Makes the tests that `command` runs write their figures to a new file for `verb`, and returns
-/// its path. With `json`, the command's stdout is redirected to stderr, so that stdout holds only
-/// the JSON object.
+/// Makes the tests of `command` write their figures to a new file for `verb`, and returns its path.
+/// With `json`, redirects their stdout to stderr, so that stdout holds only the JSON object.
 pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
     // Removing fails if no earlier run left a file, which is no error. A test that cannot write the
-    // file reports it.
+    // file reports so.
     let _ = fs::remove_file(file(verb));
     if json {
         command.stdout(stderr());
@@ -31,8 +30,8 @@ pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
     attach_again(command, verb)
 }
 
-/// Makes the tests that `command` runs append their figures to the file that an earlier command has
-/// begun for `verb`, and returns its path.
+/// Makes the tests of `command` append their figures to the file that an earlier command has begun
+/// for `verb`, and returns its path.
 pub(crate) fn attach_again(command: &mut Command, verb: &str) -> PathBuf {
     let file = file(verb);
     command.env("CORTICODE_FIGURES", &file);
@@ -93,7 +92,7 @@ pub(crate) fn publish(
     docs::save(verb, &object)
 }
 
-/// Returns one figure per line, including the figures inside objects and lists.
+/// Returns one figure per line, including those inside objects and lists.
 fn table(title: &str, row: &Row) -> String {
     let lines = row.iter().map(|(key, value)| lines(key, value));
     format!("\n{title}\n{}", lines.collect::<String>())

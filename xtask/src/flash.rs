@@ -54,8 +54,8 @@ pub(crate) struct Options {
 }
 
 /// Prints for which model and converters the image is, and builds it. With `flash`, runs it on the
-/// board; otherwise writes it as a file for `corticode-bridge update`, whose path it prints, or
-/// prints that of the ELF file for a board that takes no update.
+/// board. Otherwise writes it as a file for `corticode-bridge update` and prints the file's path;
+/// for a board that takes no update, prints the path of the ELF file.
 pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     install::board_target()?;
     let board = options.board;
@@ -94,7 +94,7 @@ pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     print(format_args!("{}\n", file.display()))
 }
 
-/// Returns what the model in `folder` expects of the converters, one thing a line.
+/// Returns what the model in `folder` expects of the converters, one item per line.
 fn summary(folder: &Path) -> Result<String, Failure> {
     let path = folder.join("model.toml");
     let next = "set CORTICODE_ARTIFACT to the absolute path of a folder that `trainer` has written, or \

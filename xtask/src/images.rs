@@ -11,7 +11,7 @@ use crate::command::{
 };
 use crate::install;
 
-/// Environment variable that names the folder of a model to use in place of a board's default one.
+/// Environment variable that names the folder of a model other than a board's default model.
 pub(crate) const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 /// Board for which images are built.
@@ -41,7 +41,7 @@ impl Board {
         ["STM32H743ZITx", "STM32F446RETx", "STM32F407VETx"][self as usize]
     }
 
-    /// Folder of the model that the board has by default; `None` for the built-in one.
+    /// Folder of the board's default model; `None` for the built-in one.
     pub(crate) fn model(self) -> Option<PathBuf> {
         (self == Self::Ironbci).then(|| root().join("signal/model/ironbci"))
     }
@@ -107,8 +107,8 @@ impl Rig {
         }
     }
 
-    /// Names of the images, each with the arguments for cargo that select it: the image with the
-    /// other port first, the default image last.
+    /// Names of the images, each with the cargo arguments that select it: first the image with the
+    /// other port, last the default image.
     pub(crate) const fn images(self) -> &'static [[&'static str; 2]] {
         match self {
             Self::H743 => &[
@@ -158,8 +158,8 @@ pub(crate) fn file(name: &str) -> PathBuf {
     folder().join(name).with_extension("elf")
 }
 
-/// Builds the images of a rig, the default one last. Cargo writes all images of a board to the same
-/// path, so each is copied to a separate file, together with the list of its sources (`.d`).
+/// Builds the images of a rig, the default image last. Cargo writes all images of a board to the
+/// same path, so each is copied to a file of its own, with the list of its sources (`.d`).
 pub(crate) fn build(rig: Rig) -> Result<(), Failure> {
     let model = rig.model();
     if let (Some(model), Rig::Cyton16 | Rig::TenTwenty32) = (&model, rig) {
@@ -195,8 +195,8 @@ fn build_to(
     Ok(())
 }
 
-/// Builds the image `name` of a rig with the user's model in the folder `model`. Returns the folder
-/// with the image, which is not that of the rig's own ones.
+/// Builds the image `name` of a rig with the user's model in the folder `model`. Returns the
+/// image's folder, which is separate from the folder of the rig's own images.
 pub(crate) fn build_with(rig: Rig, name: &str, model: &Path) -> Result<PathBuf, Failure> {
     let folder = folder().join("own-model");
     let wanted = rig.images().iter().filter(|[image, _]| *image == name);
@@ -205,8 +205,8 @@ pub(crate) fn build_with(rig: Rig, name: &str, model: &Path) -> Result<PathBuf, 
     Ok(folder)
 }
 
-/// Returns cargo's list of an image's sources without generated ones, which the build of an image
-/// with another model replaces.
+/// Returns cargo's list of an image's sources without generated files, which a build with another
+/// model overwrites.
 fn sources(list: &str) -> String {
     let target = target_folder();
     let is_source = |path: &&str| !Path::new(path).starts_with(&target);
@@ -218,8 +218,8 @@ fn sources(list: &str) -> String {
 /// Returns a cargo command for images with the model in `model`, or with the built-in one.
 ///
 /// The crates that depend on another model get a changed profile and thereby other file names, so
-/// that those with the built-in model remain. Tests and `cargo flash` both use this command, so that
-/// the image that is flashed is, byte for byte, the one that virtual boards have run.
+/// that their files with the built-in model remain. Tests and `cargo flash` both use this command,
+/// so that the image that is flashed is, byte for byte, the one that virtual boards have run.
 pub(crate) fn cargo_for(model: Option<&Path>, words: &str) -> Command {
     let mut cargo = cargo(words);
     match model {

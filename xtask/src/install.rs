@@ -1,5 +1,5 @@
-//! Installs the Debian packages, the Python packages and the parts of Rust that `cargo xtask test`
-//! needs, if this user has the right to install them.
+//! Installs what `cargo xtask test` needs and this user may install: Debian packages, Python
+//! packages and parts of Rust.
 
 use std::path::Path;
 use std::process::Command;
@@ -12,8 +12,8 @@ use crate::wheels;
 /// ROS-Neuro's recorder writes GDF, the emulator of the microcontrollers, udev with a testbed that
 /// simulates devices, the formatter of manual pages, a browser with its remote control, the
 /// compiler that checks the types of the live page's scripts, the tools to build the catkin
-/// packages in `ros/` and the Debian package, a clean Debian and a systemd to check the latter, and
-/// Python's environments.
+/// packages in `ros/` and the Debian package, a clean Debian and a systemd to check that package,
+/// and Python's environments.
 const PACKAGES: [&str; 24] = [
     "ros-core",
     "python3-std-srvs",
@@ -54,7 +54,7 @@ pub(crate) fn install() -> Result<(), Failure> {
 
 /// Adds Rust's standard library for the microcontrollers, if it is missing.
 pub(crate) fn board_target() -> Result<(), Failure> {
-    // Ask the compiler, not rustup: a Rust from a Linux distribution has no rustup.
+    // Ask the compiler, not rustup, which a Rust from a Linux distribution lacks.
     let mut rustc = Command::new("rustc");
     let folder = rustc
         .args(["--print=target-libdir", "--target", BOARD_TARGET])
@@ -69,8 +69,8 @@ pub(crate) fn board_target() -> Result<(), Failure> {
     )
 }
 
-/// Installs the Rust toolchain of the emulated boards if it is missing: not every rustup installs a
-/// toolchain on first use.
+/// Installs the Rust toolchain of the emulated boards if it is missing, because not every rustup
+/// installs a toolchain on first use.
 pub(crate) fn virtual_board_compiler() -> Result<(), Failure> {
     let version = virtual_board_toolchain();
     if succeeds(Command::new("rustup").args(["run", version, "cargo", "clippy", "--version"])) {
@@ -111,10 +111,9 @@ fn debian_packages() -> Result<(), Failure> {
 
 /// Returns a shell script that installs `packages` with apt-get.
 fn script(packages: &[&str]) -> String {
-    // Noninteractive, because a package's question would block a run without a terminal. The update
-    // comes first, because apt-get installs nothing without package lists, which a fresh machine
-    // lacks. Only `install` can wait for another program, so `update` is repeated, for ten minutes
-    // at most.
+    // Noninteractive, because a package's question would block a run without a terminal. Update
+    // first, because a fresh machine has no package lists, without which apt-get installs nothing.
+    // Only `install` can wait for another program, so repeat `update` for ten minutes at most.
     let install = apt_get_install(packages);
     format!(
         "export DEBIAN_FRONTEND=noninteractive LC_ALL=C
@@ -167,7 +166,7 @@ mod tests {
     fn a_busy_package_database_is_waited_for() {
         let folder = std::env::temp_dir().join(format!("xtask-apt-{}", std::process::id()));
         fs::create_dir_all(&folder).expect("a folder");
-        // A fake apt-get whose first two updates fail, as if another program updated the lists.
+        // Fake apt-get whose first two updates fail, as if another program updated the lists.
         let apt_get = "#!/bin/sh
             cd \"$(dirname \"$0\")\"
             echo \"$*\" >>calls

@@ -12,8 +12,8 @@ use crate::command::{
 use crate::images::{self, Board, Rig};
 use crate::install;
 
-/// Arguments that build host-sim and the bridge for the verbs below, which need no ROS 2: its 53
-/// crates take a quarter of the time.
+/// Arguments that build host-sim and the bridge for the verbs below. They need no ROS 2, whose 53
+/// crates would take a quarter of the time.
 const BUILD: &str = "build --profile quick --bins --no-default-features --features host-sim/program \
     --package host-sim --package bridge";
 
@@ -81,8 +81,8 @@ pub(crate) fn closed_loop(
     replace(demo.arg("loop").args(mains_and_seed).arg(pace).args(own))
 }
 
-/// Runs the program `report` of the benchmarks with the arguments `words`. It is optimised only for
-/// `offline`, `bridge` and `node`, the benchmarks that measure time on this PC.
+/// Runs the benchmark program `report` with the arguments `words`. It is optimised only for
+/// `offline`, `bridge` and `node`, which measure times on this PC.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;
     match words.first().map(String::as_str) {
@@ -122,8 +122,7 @@ impl Nucleo {
     }
 }
 
-/// Runs the golden vectors on both emulated microcontrollers or, if `board` is given, on that
-/// board.
+/// Runs the golden vectors on `board`, or on both emulated microcontrollers if `None`.
 pub(crate) fn hil(board: Option<Nucleo>) -> Result<(), Failure> {
     install::board_target()?;
     let Some(board) = board else {
@@ -139,8 +138,8 @@ pub(crate) fn hil(board: Option<Nucleo>) -> Result<(), Failure> {
     replace(cargo(&run).arg(image))
 }
 
-/// Builds the image with the golden vectors for a board. A successful build also shows that the
-/// image fits the board's memory.
+/// Builds the image with the golden vectors for a board, which also shows that the image fits the
+/// board's memory.
 pub(crate) fn link_vectors(board: Nucleo) -> Result<(), Failure> {
     let build = "build --package=on-target --bin=on-target --profile=firmware";
     let words = format!("{build} --target={BOARD_TARGET} --features={}", board.key());
@@ -154,15 +153,14 @@ pub(crate) fn budget(json: bool) -> Result<(), Failure> {
     replace(budget.arg(images::folder()).args(json.then_some("--json")))
 }
 
-/// Runs the application in real time on an emulated microcontroller, with its link at TCP port
-/// `port`.
+/// Runs the application in real time on an emulated microcontroller, linked to TCP port `port`.
 pub(crate) fn live_qemu(port: u16) -> Result<(), Failure> {
     install::board_target()?;
     let live = format!("run --package emulated --bin live -- --port {port}");
     replace(&mut cargo(&live))
 }
 
-/// Runs cargo-deny in both workspaces: this one and that of the emulated boards.
+/// Runs cargo-deny in this workspace and in the emulated boards' workspace.
 pub(crate) fn deny() -> Result<(), Failure> {
     let install = "`cargo install --locked cargo-deny`";
     require("cargo-deny", &mut cargo("deny"), install)?;
@@ -173,7 +171,7 @@ pub(crate) fn deny() -> Result<(), Failure> {
         .try_for_each(|check| run(&mut cargo(check), next))
 }
 
-/// Returns an error with the command that installs probe-rs if probe-rs does not run.
+/// Returns an error with the command that installs probe-rs, unless probe-rs runs.
 pub(crate) fn require_probe_rs() -> Result<(), Failure> {
     let install = "`cargo install probe-rs-tools --version 0.32.0 --locked`";
     require("probe-rs", &mut Command::new("probe-rs"), install)

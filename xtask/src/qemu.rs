@@ -39,8 +39,8 @@ pub(crate) fn report(file: &Path, failure: Option<&Failure>, json: bool) -> Resu
     figures::publish("qemu", "machine", machines, whole, json)
 }
 
-/// Returns figures that summarise all machines: each is the smallest value, the sum or the worst
-/// value of a figure. A truth value is true if it is true on every machine.
+/// Returns figures that summarise all machines: the smallest value, the sum or the worst value of
+/// each figure. A truth value is true if it is true on every machine.
 fn summary(machines: &Value) -> Row {
     let machines = || machines.as_array().into_iter().flatten();
     let figure = |pointer: &'static str| machines().filter_map(move |row| row.pointer(pointer));

@@ -23,8 +23,8 @@ const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8
     --package=pipeline --package=link --package=device --package=firmware --package=bench \
     --package=on-target --package=board-qemu";
 /// Cargo arguments for the bridge without ROS 2, as `cargo demo` builds it. All other features are
-/// those of the workspace, and one test keeps those of development dependencies, so that cargo
-/// compiles next to nothing else again.
+/// the same as in the build of the workspace; `--test recorder` keeps the features that development
+/// dependencies select. So cargo compiles next to nothing again.
 const BRIDGE_WITHOUT_ROS2: &str = "build --workspace --lib --test recorder --no-default-features \
     --features host-sim/program,neuro-ros/ros1";
 /// Cargo arguments for the NUCLEO-F446RE's image with the network and the packed code. Only models
@@ -52,8 +52,8 @@ const SLOW_TESTS: &[&str] = &[
     "a_silent_client_is_closed",
 ];
 
-/// Smallest number of tests to run in parallel, even on fewer cores: a test of the whole chain
-/// mostly waits for samples.
+/// Smallest number of tests to run in parallel, even on fewer cores: tests of the whole chain
+/// mostly wait for samples.
 const TESTS_IN_PARALLEL: usize = 6;
 
 /// Name of a stage, and the function that runs it.
@@ -81,7 +81,7 @@ const FULL: &[Stage] = &[
 ];
 
 /// Stages of `test --boards`, in the order in which they run. The scenarios with a bridge are not
-/// among them: it waits in real time for what the emulator computes.
+/// among them, because the bridge waits in real time for what the emulator computes.
 #[rustfmt::skip]
 const BOARDS: &[Stage] = &[
     ("build with lints, while packages and toolchains are installed", build_and_installation),
@@ -91,7 +91,7 @@ const BOARDS: &[Stage] = &[
     ("virtual boards: images that are flashed, without the bridge", board::test_without_bridge),
 ];
 
-/// Runs the stages and stops at the first that fails. At the end, prints the time of each.
+/// Runs the stages, stops at the first failure, and prints the time of each stage at the end.
 pub(crate) fn test(fast: bool, boards: bool) -> Result<(), Failure> {
     let stages = match (fast, boards) {
         (true, _) => FAST,
@@ -150,8 +150,8 @@ fn lints(options: &str) -> Result<(), Failure> {
 }
 
 /// Builds the workspace's programs and tests with clippy's driver. Meanwhile, installs what the
-/// later stages need, which mostly waits for downloads. The message of a failed installation does
-/// not wait for the build.
+/// later stages need, which mostly waits for downloads. If the installation fails, prints its
+/// message at once, not after the build.
 fn build_and_installation() -> Result<(), Failure> {
     thread::scope(|scope| {
         let installation = scope.spawn(|| {
@@ -167,8 +167,8 @@ fn build_and_installation() -> Result<(), Failure> {
     })
 }
 
-/// Returns a cargo command in which clippy's driver compiles the members of the workspace: it
-/// compiles as rustc does, so that lints take no compilation of their own. Any warning is an error.
+/// Returns a cargo command that lints the members of the workspace as it builds them: clippy's
+/// driver compiles as rustc does. Any warning is an error.
 fn linting_cargo(words: &str) -> Command {
     let mut cargo = cargo("--config=build.rustc-workspace-wrapper='clippy-driver'");
     cargo.args(words.split_whitespace());
@@ -177,7 +177,7 @@ fn linting_cargo(words: &str) -> Command {
     cargo
 }
 
-/// Lints the selected packages for the microcontrollers' target, which includes code that is not
+/// Lints the selected packages for the microcontrollers' target, including code that is not
 /// compiled for a PC. Uses the profile of the images, so that lints and images share compiled
 /// macros and build scripts.
 fn lints_for_target(model: Option<&Path>, selection: &str) -> Result<(), Failure> {
@@ -186,14 +186,13 @@ fn lints_for_target(model: Option<&Path>, selection: &str) -> Result<(), Failure
     run(lints.args(["--", "-D", "warnings"]), AFTER_A_LINT)
 }
 
-/// Lints the crates of [`THUMB_CRATES`] with the schedule of each microcontroller, and every board
+/// Lints the crates of [`THUMB_CRATES`] with the kernels for each microcontroller, and every board
 /// with each of its ports. The features of the two microcontrollers exclude each other, so each
 /// image is a separate call of cargo.
 fn lints_for_microcontrollers() -> Result<(), Failure> {
     for rig in [Rig::H743, Rig::F446, Rig::Ironbci] {
         for [name, selection] in rig.images() {
-            // Lint the crates once for each NUCLEO board: with its default image, not again with
-            // its other images.
+            // Lint these crates only once for each NUCLEO board, with its default image.
             let crates = if ["h743", "f446"].contains(name) {
                 THUMB_CRATES
             } else {
@@ -210,7 +209,7 @@ fn lints_for_microcontrollers() -> Result<(), Failure> {
 }
 
 /// Tests the default members of the workspace, except for [`SLOW_TESTS`] and examples in the
-/// documentation. Builds the programs that tests start first, from the same packages: otherwise
+/// documentation. First builds the programs that tests start, from the same packages: otherwise
 /// cargo would compile most crates twice, with different features.
 fn fast_tests() -> Result<(), Failure> {
     run(&mut cargo("build --bins --tests"), AFTER_A_BUILD)?;
@@ -223,8 +222,8 @@ fn fast_tests() -> Result<(), Failure> {
 }
 
 /// Runs the tests of all members of the workspace and, because many of them wait, the stages of
-/// `test --boards` at the same time. Prints what the latter printed when both have ended, then the
-/// figures of the emulated microcontrollers.
+/// `test --boards` at the same time. When both have ended, prints the output of the stages, and
+/// then the figures of the emulated microcontrollers.
 fn all_tests() -> Result<(), Failure> {
     let log = target_folder().join("boards.log");
     eprintln!(
@@ -233,7 +232,7 @@ fn all_tests() -> Result<(), Failure> {
     );
     let output = File::create(&log).and_then(|file| Ok([file.try_clone()?, file]));
     let [stdout, stderr] = output.or_fail(log.display(), "is its folder writable?")?;
-    // With the lowest priority, so that it takes only the time in which the tests wait.
+    // With the lowest priority, so that it only takes time in which the tests wait.
     let mut boards = Command::new("nice");
     boards
         .args(["-n", "19"])

@@ -10,13 +10,13 @@ use crate::command::{Failure, OrFail, root, run, succeeds, target_folder};
 const LIST: &str = "tests/acceptance/wheels.txt";
 /// Name of the environment's folder, in cargo's target folder.
 const FOLDER: &str = "wheels";
-/// Copy of the list, in the environment's folder. It is written last, so it exists only in a whole
-/// environment.
+/// Copy of the list in the environment's folder. It is written last, so it exists only in a
+/// complete environment.
 const INSTALLED: &str = "installed.txt";
 /// Debian's Python. Another one on the PATH may lack the module `venv`.
 const PYTHON: &str = "/usr/bin/python3";
 
-/// Makes the environment, unless it has the packages of the list.
+/// Creates the environment, unless it has the packages of the list.
 pub(crate) fn install() -> Result<(), Failure> {
     let list = root().join(LIST);
     let packages = fs::read_to_string(&list).or_fail(list.display(), "restore the file")?;
@@ -31,8 +31,8 @@ pub(crate) fn install() -> Result<(), Failure> {
             .arg(&folder),
         next,
     )?;
-    // Without compiling, because a test loads only a few of the modules. All versions are given, so
-    // pip need not resolve dependencies, and one that is not listed is an error of `pip check`.
+    // Without compiling, because a test loads few of the modules. The list gives every version, so
+    // pip need not resolve dependencies; `pip check` reports a dependency that the list lacks.
     let mut pip = Command::new(folder.join("bin/python"));
     pip.args(["-m", "pip", "install", "--quiet", "--no-deps"]);
     pip.args(["--no-compile", "--only-binary=:all:", "--requirement"]);

@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-/// Largest number of spatial filters that a device takes.
+/// Largest number of spatial filters that a device accepts.
 pub const MAX_FEATURES: usize = 8;
 /// Largest sum of the magnitudes of a filter's weights. Inputs are at most 4,096 in magnitude, so
 /// the weighted sum over all electrodes then fits the device's 24-bit accumulator.
@@ -21,12 +21,12 @@ pub const LARGEST_ROW: u32 = 2_047;
 /// Largest gain from a filter's output, which is below 2^23, to the output of a section. The
 /// difference of two section outputs, which the next section multiplies, then stays below 2^31.
 const LARGEST_GAIN: f64 = 128.0;
-/// Largest window of a decision in hops (some minutes), and largest magnitude of a weight or bias,
-/// with which no score overflows.
+/// Limits within which no score overflows: the window of a decision in hops (some minutes), and the
+/// magnitude of a weight or bias.
 const LARGEST_WINDOW: u32 = 4_096;
 const LARGEST_WEIGHT: f64 = 1e6;
-/// Number of steps within which the impulse response of the band-pass must decay, and the magnitude
-/// below which it counts as decayed.
+/// Largest number of steps that the band-pass's impulse response may take to decay, and the
+/// magnitude below which it has decayed.
 const DECAY: (usize, f64) = (20_000, 1e-6);
 
 /// A classifier, as stored in its file. [`Self::read`] and [`Self::parse`] check it.
@@ -57,8 +57,8 @@ pub struct Classifier {
 pub struct Band {
     /// Lower and upper -3 dB edge, Hz.
     pub hz: [f64; 2],
-    /// Two sections `y0 = gain (x0 - x2) + a1 y1 + a2 y2` at the step rate: gain, a1, a2 of each,
-    /// Q32.
+    /// Two sections `y0 = gain (x0 - x2) + a1 y1 + a2 y2` at the step rate, each as gain, a1 and a2
+    /// in Q32.
     pub sections: [[i64; 3]; 2],
 }
 
@@ -66,7 +66,7 @@ pub struct Band {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SpatialFilter {
-    /// Weight of each electrode, -127..=127; the magnitudes sum to [`LARGEST_ROW`] at most.
+    /// Weight of each electrode, -127..=127. The magnitudes sum to at most [`LARGEST_ROW`].
     pub weights: Vec<i8>,
     /// How strongly the source that the filter extracts appears at each electrode, relative to the
     /// strongest electrode, -1..=1. For display only; the device does not use it.
@@ -101,7 +101,7 @@ pub struct Class {
 }
 
 impl Class {
-    /// Valid codes: the 16-bit codes of event files except 0, which stands for no decision.
+    /// Valid codes: 16-bit codes of event files, without 0, which stands for no decision.
     pub const CODES: RangeInclusive<i32> = 1..=65_535;
 }
 
@@ -115,8 +115,8 @@ pub struct ClassifierTraining {
     pub trial_s: [f64; 2],
     /// Number of training trials of each class, in the order of the classes.
     pub trials: Vec<u32>,
-    /// Results of cross-validation: each recording, or block of trials, is left out of training in
-    /// turn.
+    /// Results of cross-validation, which leaves each recording, or each block of trials, out of
+    /// training in turn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cross_validation: Option<ClassifierFigures>,
     /// Results on the test recordings; `None` if there were none.
@@ -182,8 +182,8 @@ impl Classifier {
         Ok(toml::to_string(self)?)
     }
 
-    /// Returns the id with which features name their filters: the first four bytes of the SHA-256
-    /// over band-pass and weights.
+    /// Returns the id by which a device's features name their filters: the first four bytes of the
+    /// SHA-256 over band-pass and weights.
     pub fn id(&self) -> u32 {
         let mut hash = Sha256::new();
         for coefficient in self.band.sections.as_flattened() {

@@ -16,7 +16,7 @@ pub(crate) struct Volume {
 }
 
 impl Volume {
-    /// Creates a volume with one channel for each bias; every value of a channel is its bias.
+    /// Creates a volume with one channel for each bias, which is the value at all its positions.
     fn filled(size: [usize; 3], bias: &[f32]) -> Self {
         let [steps, rows, columns] = size;
         let per_channel = steps * rows * columns;
@@ -46,14 +46,14 @@ impl Volume {
         padded
     }
 
-    /// Returns a copy without the first and the last `pads[axis]` positions of each axis, which
-    /// inverts [`Volume::padded`].
+    /// Returns a copy without the first and last `pads[axis]` positions of each axis: the inverse
+    /// of [`Volume::padded`].
     pub(crate) fn cropped(&self, pads: [usize; 3]) -> Self {
         let size = std::array::from_fn(|axis| self.size[axis] - 2 * pads[axis]);
         self.part(pads, size)
     }
 
-    /// Returns a copy of the box of `size` positions that starts at `first`, for all channels.
+    /// Returns a copy of the box of `size` positions that starts at `first`, with all channels.
     fn part(&self, first: [usize; 3], size: [usize; 3]) -> Self {
         let mut values = Vec::with_capacity(self.channels * size.iter().product::<usize>());
         for channel in 0..self.channels {
@@ -118,8 +118,8 @@ pub(crate) struct Convolution {
 }
 
 impl Convolution {
-    /// Reads `{name}.weight`, whose first two dimensions are `shape`, and `{name}.bias`, which has
-    /// one number for each of the `outputs` channels.
+    /// Reads `{name}.weight`, whose first two dimensions are `shape`, and `{name}.bias`, with one
+    /// number for each of the `outputs` channels.
     pub(crate) fn read(
         weights: &Tensors,
         name: &str,
@@ -140,8 +140,8 @@ impl Convolution {
     /// w[o][i][kt][kr][kc] x[i][t+kt][r+kr][c+kc].
     pub(crate) fn forward(&self, x: &Volume) -> Volume {
         let size = x.size.map(|length| length - (KERNEL - 1));
-        // `wide` has the input's row length, so that each weight applies to one long slice of the
-        // input. `part` then removes the positions beyond the rows of the output.
+        // `wide` has the input's row length, so that each weight multiplies one long slice of the
+        // input. `part` then removes the positions beyond the output's rows.
         let mut wide = Volume::filled(x.size, &self.bias);
         let count = x.row_start(0, size[0] - 1, size[1] - 1) + size[2];
         let tap_rows = tap_rows(x);
@@ -170,8 +170,8 @@ impl Convolution {
         let length = y.row_start(0, x.size[0] - 1, x.size[1] - 1) + x.size[2];
         let tap_rows = tap_rows(&y);
         let mut weights = self.weight.as_chunks::<KERNEL>().0.iter();
-        // One channel of the input, spread to the output's row length. The zeros before and after
-        // it are read by the weights at the ends of a kernel row.
+        // One channel of the input, spread to the output's row length. The weights at the ends of a
+        // kernel row read the zeros before and after it.
         let mut wide = vec![0.0; length + 2 * (KERNEL - 1)];
         for input in 0..self.inputs {
             for step in 0..x.size[0] {
@@ -192,8 +192,7 @@ impl Convolution {
     }
 }
 
-/// Returns, for each of the kernel's nine rows, the offset in a channel of `volume` at which the
-/// inputs of this kernel row start.
+/// Returns, for each of the kernel's nine rows, where its inputs start in a channel of `volume`.
 fn tap_rows(volume: &Volume) -> [usize; KERNEL * KERNEL] {
     std::array::from_fn(|index| volume.row_start(0, index / KERNEL, index % KERNEL))
 }
@@ -255,8 +254,7 @@ impl Norm {
         }
     }
 
-    /// Returns the largest |gain| * x over all channels and positions of `x`, the input of
-    /// [`Norm::apply`].
+    /// Returns the largest |gain| * x in `x`, the input of [`Norm::apply`].
     pub(crate) fn largest_scaled(&self, x: &Volume) -> f32 {
         let channels = self.gain.iter().enumerate().map(|(channel, gain)| {
             let largest = x.channel(channel).iter().fold(0.0, |a: f32, b| a.max(*b));

@@ -7,9 +7,8 @@ use std::fmt::{self, Display, Formatter};
 /// Label of a grid cell without an electrode.
 pub const EMPTY: &str = "_";
 
-/// Everything that training decided except the weights: the contents of `model.toml`.
-///
-/// A missing or misspelt field is an error; no field has a default.
+/// Everything that training decided except the weights: the contents of `model.toml`. A missing or
+/// misspelt field is an error.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Description {
@@ -57,7 +56,7 @@ pub enum Mode {
     /// The network of arXiv 2008.13485 ("the paper"). Its decoder unpools with pool indices, which
     /// the code does not carry, so the code alone cannot be decoded.
     Paper,
-    /// The paper's network, but with nearest-neighbour unpooling, which needs nothing but the code.
+    /// The paper's network with nearest-neighbour unpooling, which needs nothing but the code.
     PaperCodeOnly,
     /// [`Self::PaperCodeOnly`] plus linear maps from window to code and back.
     Shortcut,
@@ -108,13 +107,13 @@ pub struct Window {
     pub rate_hz: u32,
 }
 
-/// Padding of the convolutions and size of the max-pool, which differ between models.
+/// Padding of the convolutions and size of the max-pool.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkShape {
     /// Zero padding of the encoder's two convolutions.
     pub padding: Padding,
-    /// Size of a max-pool in steps, rows, columns; positions that do not fill a pool are dropped.
+    /// Size of a max-pool in steps, rows, columns. Positions that do not fill a pool are dropped.
     pub pool: [usize; 3],
 }
 
@@ -152,7 +151,7 @@ impl Padding {
         matches!(self, Self::All)
     }
 
-    /// Returns how many steps, rows and columns of zeros are added at each end: 0 or 1 of each.
+    /// Returns the numbers of steps, rows and columns of zeros at each end, each 0 or 1.
     pub const fn pads(self) -> [usize; 3] {
         let space = self.pads_space() as usize;
         [self.pads_time() as usize, space, space]
@@ -163,7 +162,7 @@ impl Padding {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CodeQuantisation {
-    /// Length of a code in numbers, 8 to 256; 0 in mode `packed`, whose model has no network.
+    /// Number of values in a code, 8 to 256; 0 in mode `packed`, whose model has no network.
     pub numbers: usize,
     /// Width of the integers, and whether they share an exponent.
     pub format: CodeFormat,
@@ -173,14 +172,12 @@ pub struct CodeQuantisation {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CodeFormat {
-    /// Numbers of 8 bits, each dimension with a separate scale and zero point. A code takes n
-    /// bytes.
+    /// 8-bit numbers, each of the n with its own scale and zero point. A code takes n bytes.
     Int8,
-    /// Numbers of 8 bits times a common power of two, chosen for each window, so that large signals
-    /// are not clipped and small ones have a finer resolution. A code takes 1 + n bytes.
+    /// 8-bit numbers times a common power of two, chosen for each window, so that large signals are
+    /// not clipped and small ones have a finer resolution. A code takes 1 + n bytes.
     Int8Exponent,
-    /// Numbers of 16 bits, each dimension with a separate scale; zero points are 0. A code takes 2n
-    /// bytes.
+    /// 16-bit numbers, each of the n with its own scale; zero points are 0. A code takes 2n bytes.
     Int16,
 }
 
@@ -242,7 +239,7 @@ pub struct Adc {
     pub vref_v: f64,
     /// Gain of the ADC's input amplifier: 1, 2, 4, 6, 8, 12 or 24.
     pub gain: u32,
-    /// Number of channels: 8 for each of 1 to 8 chips. There are at least as many as electrodes.
+    /// Number of channels, 8 for each of 1 to 8 chips; not less than the number of electrodes.
     pub channels: usize,
     /// Connection of the chips' data outputs to the microcontroller.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -289,7 +286,7 @@ pub enum AdcControl {
 }
 
 /// Returns whether a setting has its default value. Files omit such settings, so that models from
-/// versions without the setting keep their id.
+/// before the setting keep their id.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
@@ -309,8 +306,8 @@ pub struct Filters {
     pub mains_hz: Vec<u32>,
     /// Quality factor of every notch: its centre frequency divided by its -3 dB width.
     pub notch_q: f64,
-    /// Number of notches at harmonics of the mains frequency, besides the notch at that frequency
-    /// itself: 1 for 2 x, 2 for 2 x and 3 x, and so on.
+    /// Number of harmonics of the mains frequency that also have a notch: 1 for 2 x, 2 for 2 x and
+    /// 3 x the mains frequency, and so on.
     pub harmonics: u32,
     /// Lower and upper -3 dB edge of the Butterworth band-pass, Hz.
     pub band_hz: [f64; 2],
@@ -358,11 +355,10 @@ pub struct TrainingCard {
     pub note: String,
     /// Names, without folder, of the recordings on which the model was trained.
     pub train_files: Vec<String>,
-    /// Names of the recordings that were used for the test only, neither for training nor for
-    /// validation.
+    /// Names of the recordings that were used for the test alone, not for training or validation.
     pub test_files: Vec<String>,
-    /// Text that states which parts of the recordings were not used for training: those on which
-    /// the best epoch was chosen, and the start of each file, where the filters settle.
+    /// Which parts of the recordings were not used for training, as text: those that chose the best
+    /// epoch, and the start of each file, where the filters settle.
     pub validation: String,
     /// Mains frequency of the recordings, Hz.
     pub mains_hz: u32,
@@ -370,8 +366,8 @@ pub struct TrainingCard {
     pub seed: u64,
     /// Number of epochs in the training run.
     pub epochs: u32,
-    /// Epoch after which the weights were kept; 0 if the weights before training were kept (in mode
-    /// `shortcut`, the weights of PCA).
+    /// Epoch whose weights were kept; 0 for the weights before training (in mode `shortcut`, the
+    /// weights of PCA).
     pub best_epoch: u32,
     /// Number of training windows in an epoch.
     pub windows: u64,
@@ -380,13 +376,13 @@ pub struct TrainingCard {
     /// Mean squared error over all electrodes of the test files, in units of `input.sd_uv` squared;
     /// absent if not measured.
     pub mse: Option<Figures>,
-    /// Percent root-mean-square difference on the test files: 100 times the root of the summed
-    /// squared error, divided by the root of the summed squared signal; absent if not measured.
+    /// Percent root-mean-square difference on the test files, 100 sqrt(sum of squared errors / sum
+    /// of squared signals); absent if not measured.
     pub prd_percent: Option<Figures>,
-    /// People on whom the model was trained, if there are several or one has bad electrodes.
+    /// People whose recordings trained the model, if there are several or one has bad electrodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub people: Vec<Person>,
-    /// Error on each person's test files, if the test files are of several people.
+    /// Error on each person's test files, if they are from several people.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tested: Vec<TestedPerson>,
 }
@@ -395,12 +391,12 @@ pub struct TrainingCard {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Person {
-    /// Name that precedes the run in the names of the files.
+    /// Name of the person: the text before the run's number in the file names, such as `S001`.
     pub subject: String,
-    /// Standard deviation of all electrodes, uV. Training scales each person's recordings by a
-    /// factor that gives all people the standard deviation of the median person.
+    /// Standard deviation of all electrodes, uV. Training scales each person's recordings to the
+    /// standard deviation of the median person.
     pub sd_uv: f64,
-    /// Electrodes that are bad in at least one recording; there they are interpolated from
+    /// Electrodes that are bad in at least one recording, where they are interpolated from
     /// neighbours.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bad: Vec<String>,
@@ -410,9 +406,9 @@ pub struct Person {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TestedPerson {
-    /// Name that precedes the run in the names of the files.
+    /// Name of the person: the text before the run's number in the file names, such as `S001`.
     pub subject: String,
-    /// Electrodes that are bad in at least one recording; there they are interpolated before
+    /// Electrodes that are bad in at least one recording, where they are interpolated before
     /// coding.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bad: Vec<String>,

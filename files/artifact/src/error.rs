@@ -37,8 +37,7 @@ pub enum ArtifactError {
         found: String,
         expected: String,
     },
-    /// Only one of two files that belong together exists: of a packed model, or of a table of
-    /// substitutions.
+    /// Only one of the two files of a packed model, or of a substitution table, exists.
     #[error(
         "{} is missing, which {other} needs; restore it, or delete the other one too and run `trainer {command}`",
         missing.display()
@@ -87,17 +86,17 @@ pub enum TensorProblem {
     #[error(" has elements of type {0}, expected {1}; convert it before writing")]
     ElementType(String, String),
     /// An element is infinite or NaN, probably because training diverged. The fields are its index
-    /// in the flat tensor, last dimension fastest, and its value.
+    /// in the flat tensor (last dimension fastest) and its value.
     #[error(", element {0}, is {1}; train again with a lower rate")]
     NotFinite(usize, f32),
     /// A calibrated range is empty, a variance is negative, or a sum could overflow. The fields are
-    /// the index of the first such element, last dimension fastest, and the problem in words.
+    /// the index of the first such element (last dimension fastest) and the problem in words.
     #[error(", element {0}: {1}; calibrate or train again")]
     Range(usize, &'static str),
 }
 
 impl ArtifactError {
-    /// Returns the error with `folder` put before the path of its missing or inaccessible file.
+    /// Returns the error with `folder` before the path of the file that is missing or inaccessible.
     pub(crate) fn in_folder(mut self, folder: &Path) -> Self {
         if let Self::File { path, .. } | Self::Half { missing: path, .. } = &mut self {
             *path = folder.join(&path);
@@ -105,7 +104,7 @@ impl ArtifactError {
         self
     }
 
-    /// Returns a function that adds the name of the file to an error of the TOML library.
+    /// Returns a function that adds the file's name to an error of the TOML library.
     pub(crate) fn toml(file: &'static str) -> impl FnOnce(toml::de::Error) -> Self {
         move |source| Self::Toml {
             file,

@@ -29,7 +29,7 @@ struct Convolutions {
     fc: Dense,
 }
 
-/// A code, with the largest activations that occurred when it was computed, for calibration.
+/// A code, and the largest activations on the way to it, for calibration.
 #[derive(Clone, Debug)]
 pub struct TracedCode {
     /// The code as floats, before quantisation.

@@ -24,13 +24,11 @@ const SUBSTITUTION: Pair = (
     "substitution",
 );
 
-/// Names of two files, of which a model has both or neither, and the trainer command that writes
-/// them.
+/// Names of two files, of which a model has both or none, and the trainer command that writes both.
 type Pair = ([&'static str; 2], &'static str);
 
-/// Factor by which the int8 range of the input and of activations exceeds the range measured in
-/// calibration. The margin is there because clipping costs far more accuracy than coarse
-/// resolution.
+/// Factor by which the int8 range of input and activations exceeds the range measured in
+/// calibration: clipping costs far more accuracy than coarse resolution.
 pub const HEAD_ROOM: f64 = 1.25;
 
 /// A trained model: a network (weights and their calibration), a packed model, or both, with their
@@ -50,7 +48,7 @@ pub struct Artifact {
     /// Model of the packed code for the same montage and hop, if there is one; mode `packed` needs
     /// it.
     pub packed: Option<PackedModel>,
-    /// Table with which a device substitutes bad electrodes, if there is one.
+    /// Table with which a device predicts bad electrodes from the others, if there is one.
     pub substitution: Option<SubstitutionTable>,
     /// Hash over the files of all the parts above, which identifies the model.
     pub id: ModelId,
@@ -140,8 +138,8 @@ impl Artifact {
         self.identified()
     }
 
-    /// Names of the files that the model id covers, in the order in which they are hashed. No model
-    /// has all of them.
+    /// Names of the files that the model id covers, in the order in which they are hashed. Not
+    /// every model has all of them.
     pub const FILES: [&str; 7] = [
         DESCRIPTION,
         WEIGHTS,
@@ -297,8 +295,8 @@ impl Artifact {
         }
     }
 
-    /// Returns names and contents of the files that the model id covers, in the order in which the
-    /// id hashes them.
+    /// Returns names and contents of the files that the model id covers, in the order of the id's
+    /// hash.
     fn to_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, ArtifactError> {
         let mut files = self.network_files()?;
         if let Some(packed) = &self.packed {
@@ -310,7 +308,7 @@ impl Artifact {
         Ok(files)
     }
 
-    /// Returns the files of [`Self::to_files`] that do not depend on packed model and table.
+    /// Returns the files that depend neither on the packed model nor on the table of substitutions.
     fn network_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, ArtifactError> {
         // Breaks the line after each row of the grid, so that people can read it.
         let description = toml::to_string(&self.description)?
@@ -333,7 +331,7 @@ fn parse_description(model_toml: &[u8]) -> Result<Description, ArtifactError> {
     Ok(description)
 }
 
-/// Removes those of the named files that exist in the folder.
+/// Removes the named files that exist in the folder.
 fn remove(folder: &Path, names: &[&str]) -> Result<(), ArtifactError> {
     for name in names {
         let path = folder.join(name);

@@ -20,7 +20,7 @@ pub struct Dimensions {
     pub columns: usize,
     /// Number of electrodes of the montage; each has one cell of the scalp grid.
     pub electrodes: usize,
-    /// Length of a code in numbers.
+    /// Number of values in a code.
     pub numbers: usize,
 }
 
@@ -108,7 +108,7 @@ impl Geometry {
     }
 }
 
-/// Returns the size of a convolution's output from the size of its input; 0 along an axis that is
+/// Returns the size of a convolution's output for an input of `size`; 0 along an axis that is
 /// shorter than the kernel after padding.
 const fn convolved(size: [usize; 3], padding: Padding) -> [usize; 3] {
     let pads = padding.pads();

@@ -1,4 +1,4 @@
-//! Golden windows: quantised windows, and the codes that every integer encoder must return.
+//! Golden windows: quantised windows, and the codes that every integer encoder must compute.
 
 use crate::description::CodeFormat;
 use crate::error::ArtifactError;
@@ -10,12 +10,11 @@ use std::path::Path;
 /// Name of the file with the golden windows in an artifact's folder.
 pub(crate) const GOLDEN: &str = "golden.safetensors";
 
-/// Name of the tensor of exponents, which only files with codes of format `Int8Exponent` have.
+/// Name of the tensor of exponents, which only codes of format `Int8Exponent` have.
 const EXPONENTS: &str = "exponents";
 
 /// Quantised windows of one model, and the codes that its integer encoder returns for them.
-///
-/// `trainer` computes them with model-gen's integer reference; every other integer encoder must
+/// `trainer` computes them with model-gen's integer reference. Every other integer encoder must
 /// return the same bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Golden {
@@ -138,8 +137,8 @@ fn element_type(format: CodeFormat) -> Dtype {
     }
 }
 
-/// Returns the lengths of the first `N` dimensions of a tensor. A dimension that the tensor lacks
-/// is returned as 0, which the check of its elements then refuses.
+/// Returns the lengths of the first `N` dimensions of a tensor. A missing dimension has the length
+/// 0, which the check of the elements refuses.
 fn shape<const N: usize>(file: &TensorFile, name: &str) -> Result<[usize; N], ArtifactError> {
     let view = file.tensor(name)?;
     let lengths = view.shape();

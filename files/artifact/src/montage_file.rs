@@ -1,4 +1,4 @@
-//! Montage files: text files in which a user states the scalp grid, the channel order and the ADC.
+//! Montage files: text files with the scalp grid, the channel order and the ADC.
 
 use crate::description::{Adc, AdcClock, AdcControl, AdcWiring, Grid, Montage};
 use serde::Deserialize;
@@ -54,8 +54,7 @@ pub enum MontageFileError {
         path: PathBuf,
         source: std::io::Error,
     },
-    /// The text has no montage: it is not TOML, or a field is missing, misspelt or of the wrong
-    /// type.
+    /// The text is not TOML, or a field is missing, misspelt or of the wrong type.
     #[error("{} is no montage; files/montages/paper-61.toml is an example", path.display())]
     Toml {
         path: PathBuf,

@@ -1,4 +1,4 @@
-//! The packed model: the integers of a predictive transform code that needs few bits.
+//! The packed model: the integers of a predictive transform code with few bits.
 
 mod file;
 mod model;

@@ -20,7 +20,7 @@ impl Pca {
     /// microvolts.
     ///
     /// # Panics
-    /// If a range has not as many values as there are directions.
+    /// If the number of values in a range is not the number of directions.
     pub fn new(directions: &[Vec<f32>], ranges: [Vec<f32>; 2], largest_uv: f32) -> Self {
         let numbers = directions.len();
         let values = directions.concat();
@@ -37,7 +37,7 @@ impl Pca {
         Self(tensors)
     }
 
-    /// Returns the PCA that a model of mode `pca` is made of.
+    /// Returns the PCA of a model of mode `pca`.
     ///
     /// # Errors
     /// If the model has another mode.
@@ -83,7 +83,7 @@ impl Pca {
         Artifact::new(description, weights, calibration)
     }
 
-    /// Reads `pca.safetensors` from the folder of an artifact; `None` if the folder has none.
+    /// Reads `pca.safetensors` from an artifact's folder; `None` if the folder has no such file.
     ///
     /// # Errors
     /// If the file cannot be read.

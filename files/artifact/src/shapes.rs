@@ -3,7 +3,7 @@
 use crate::description::Mode;
 use crate::geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, Geometry, KERNEL};
 
-/// Number added to a variance before its square root is taken, as PyTorch does by default.
+/// Number added to a variance before its square root is taken: PyTorch's default.
 pub const NORM_EPSILON: f32 = 1e-5;
 
 /// Name of the calibration tensor with the largest magnitude of the network's input, uV.
@@ -12,8 +12,8 @@ pub(crate) const INPUT_RANGE: &str = "input.max_abs";
 /// Name and shape of a tensor; the dimensions are in PyTorch's order.
 pub type NamedShape = (&'static str, Vec<usize>);
 
-/// Returns names and shapes of the tensors of convolutions, norms and fully connected layers, for a
-/// model whose max-pool yields `flat` values.
+/// Returns names and shapes of the tensors of convolutions, norms and fully connected layers. The
+/// max-pool yields `flat` values, and codes have `numbers` values.
 fn convolution_shapes(flat: usize, numbers: usize) -> Vec<NamedShape> {
     let kernel = |first: usize, second: usize| vec![first, second, KERNEL, KERNEL, KERNEL];
     vec![
@@ -50,8 +50,8 @@ fn convolution_shapes(flat: usize, numbers: usize) -> Vec<NamedShape> {
     ]
 }
 
-/// Returns name and shape of each tensor that `weights.safetensors` must have, for a mode and the
-/// sizes of its volumes.
+/// Returns name and shape of each tensor that `weights.safetensors` must have for a mode and the
+/// sizes of its layers.
 pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
     let mut shapes = Vec::new();
     let numbers = geometry.dimensions.numbers;
@@ -66,7 +66,7 @@ pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
     shapes
 }
 
-/// Returns name and shape of each tensor that `calibration.safetensors` must have, for a mode and
+/// Returns name and shape of each tensor that `calibration.safetensors` must have for a mode and
 /// the dimensions of a model.
 pub fn calibration_shapes(mode: Mode, dimensions: &Dimensions) -> Vec<NamedShape> {
     let mut shapes = vec![(INPUT_RANGE, vec![1])];

@@ -14,7 +14,8 @@ pub(crate) const TENSORS: &str = "substitution.safetensors";
 const WEIGHTS: &str = "weights";
 const INNOVATION: &str = "innovation";
 
-/// Largest mean square of an innovation that a table may state, in (1/16 uV)^2: (512 uV)^2.
+/// Largest permitted mean square of an innovation (an electrode minus its prediction), in (1/16
+/// uV)^2; it is (512 uV)^2.
 pub const LARGEST_INNOVATION: i32 = 1 << 26;
 
 /// Largest sum of the magnitudes of a row's weights. Inputs are at most 4,096 in magnitude, so a
@@ -39,11 +40,11 @@ pub struct SubstitutionTraining {
     pub train_files: Vec<String>,
     /// File names of the test recordings.
     pub test_files: Vec<String>,
-    /// Labels of the electrodes that a training recording lacks. Their rows predict an
-    /// interpolation, not a measurement.
+    /// Electrodes that a training recording lacks. Their rows predict an interpolation, not a
+    /// measurement.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub interpolated: Vec<String>,
-    /// People on whom the table was trained, if there are several or one has bad electrodes.
+    /// People whose recordings trained the table, if there are several or one has bad electrodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub people: Vec<Person>,
     /// Errors of the predictions on the test recordings; `None` without test recordings.
@@ -51,8 +52,8 @@ pub struct SubstitutionTraining {
     pub figures: Option<SubstitutionFigures>,
 }
 
-/// Errors with which a table predicts electrodes from the others. An electrode's error is the mean
-/// square of its innovation divided by the mean square of its signal.
+/// Errors of predicting electrodes from the others. An electrode's error is the mean square of its
+/// innovation divided by the mean square of its signal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SubstitutionFigures {
@@ -71,8 +72,8 @@ pub struct SubstitutionFigures {
 pub struct SubstitutionTable {
     /// Training and test results.
     pub description: SubstitutionDescription,
-    /// Weights, Q7, -127..=127, in the order `[electrode][other electrode]`; an electrode's weight
-    /// for itself is 0.
+    /// Weights, Q7, -127..=127, in the order `[electrode][other electrode]`. An electrode has the
+    /// weight 0 for itself.
     pub weights: Vec<i8>,
     /// Typical mean square of each electrode's innovation (the electrode minus its prediction), in
     /// (1/16 uV)^2, 1..=2^26.
@@ -80,7 +81,7 @@ pub struct SubstitutionTable {
 }
 
 impl SubstitutionTable {
-    /// Parses the two files and checks that they form a table for the montage of `description`.
+    /// Parses both files and checks that they are a table for the montage of `description`.
     pub(crate) fn parse(
         toml: &[u8],
         tensors: &[u8],

@@ -77,8 +77,8 @@ impl Tensors {
             .map(|(name, (shape, _))| (name.as_str(), shape.as_slice()))
     }
 
-    /// Returns an error if an `expected` tensor is missing or has another shape, if there is a
-    /// tensor that is not expected, or if a number is not finite.
+    /// Returns an error if an expected tensor is missing or has another shape, a tensor is
+    /// unexpected, or a number is not finite.
     pub(crate) fn check(&self, expected: &[NamedShape]) -> Result<(), ArtifactError> {
         for (name, shape) in expected {
             let values = self.tensor(name, shape)?;
@@ -126,7 +126,7 @@ impl Tensors {
 mod tests {
     use super::*;
 
-    /// Asserts that `result` is an error that states this problem of the tensor `name`.
+    /// Asserts that `result` is an error with this problem of the tensor `name`.
     fn assert_problem<T: std::fmt::Debug>(
         result: Result<T, ArtifactError>,
         name: &str,

@@ -6,7 +6,7 @@ use crate::geometry::Geometry;
 use crate::shapes::{calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
 
-/// Returns the description of the built-in model for 61 electrodes, but with mode `pca`.
+/// Returns the description of the built-in model for 61 electrodes, with the mode `pca`.
 pub(crate) fn description() -> Description {
     let paper = include_str!("../../../signal/model/paper/model.toml");
     let paper: Description = toml::from_str(paper).unwrap();
@@ -53,7 +53,7 @@ pub(crate) fn shortcut() -> Artifact {
     shortcut_with(description())
 }
 
-/// Returns the model of [`shortcut`], but with the padding and the pool in `description`.
+/// Returns the model of [`shortcut`] with the padding and the pool of `description`.
 pub(crate) fn shortcut_with(mut description: Description) -> Artifact {
     description.mode = Mode::Shortcut;
     let mut weights = Tensors::for_weights();

@@ -29,10 +29,10 @@ pub(crate) struct UnpooledConvolution {
     cells: usize,
     /// Numbers of steps, rows and columns of the output.
     size: [usize; 3],
-    /// For each output position in turn (column fastest), its products in the order in which they
-    /// are added, each as an index `tap * cells + cell`.
+    /// For each output position (column fastest), its products in the order in which they are
+    /// added; each is an index `tap * cells + cell`.
     products: Vec<usize>,
-    /// For each output position, the index in `products` at which its products end.
+    /// For each output position, the end of its products in `products`.
     ends: Vec<usize>,
 }
 
@@ -74,8 +74,8 @@ impl UnpooledConvolution {
             multiply(weights, values, &mut products);
             let mut start = 0;
             for (sums, &end) in sums.iter_mut().zip(&self.ends) {
-                // The local copy stays in registers. The compiler would reload `sums` on every
-                // pass, because it cannot prove that the products do not alias it.
+                // A local copy, which stays in registers. The compiler would reload `sums` on every
+                // pass, because it cannot prove that `sums` and the products do not overlap.
                 let mut outputs = *sums;
                 for &product in &self.products[start..end] {
                     for (output, product) in outputs.iter_mut().zip(&products[product]) {
@@ -108,10 +108,10 @@ fn multiply(weights: &[Outputs; TAPS], values: &[f32], products: &mut [Outputs])
 
 /// Returns the indices `tap * cells + cell` of the products that the output at `position` sums.
 ///
-/// Before cropping, output position p sums tap k times the unpooled value at p - k, for all k for
-/// which it exists. Unpooled position p of n repeats pooled position floor(p * m / n), where m is
-/// the pooled size, as in PyTorch's `interpolate`. For example, the first three of five columns
-/// repeat pooled column 0 of two.
+/// Before cropping, output position p sums tap k times the unpooled value at p - k, for each k for
+/// which that value exists. Unpooled position p of n repeats pooled position floor(p * m / n),
+/// where m is the pooled size, as in PyTorch's `interpolate`. For example, the first three of five
+/// columns repeat pooled column 0 of two.
 fn products_of(position: [usize; 3], geometry: &Geometry) -> impl Iterator<Item = usize> {
     let (pooled, unpooled) = (geometry.pooled, geometry.feature_map);
     let pads = geometry.padding.pads();

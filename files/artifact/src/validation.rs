@@ -25,13 +25,13 @@ pub const LARGEST_SIDE: usize = 12;
 /// Permitted numbers of electrodes: at most 64, so that a 64-bit mask can mark channels at the
 /// rail.
 pub const ELECTRODES: RangeInclusive<usize> = 4..=64;
-/// Lengths that a code may have, in numbers.
+/// Permitted numbers of values in a code.
 const NUMBERS: RangeInclusive<usize> = 8..=256;
-/// The length of a code must be a multiple of this number, because the kernels of the linear layers
-/// compute four outputs at a time.
+/// The number of values in a code must be a multiple of this number, because the kernels of the
+/// linear layers compute four outputs at a time.
 const NUMBERS_MULTIPLE: usize = 4;
-/// Smallest number of columns that the pools of a row may cover together, because the kernels of
-/// the convolutions compute three columns at a time.
+/// Smallest number of columns that the pools of a row may cover together: the convolutions compute
+/// three columns at a time.
 const COLUMNS_AT_A_TIME: usize = 3;
 /// Sampling rates of an ADS1299, Hz: its master clock of 2.048 MHz or 2.097152 MHz divided by
 /// powers of two (datasheet SBAS499, section 9.6.1.2).
@@ -49,7 +49,7 @@ pub const LARGEST_CHAIN: usize = 8;
 struct Field<'d>(&'static str, &'d dyn Display);
 
 impl Field<'_> {
-    /// If `holds` is false, returns an error that states the field, its value and the `expected`
+    /// If `holds` is false, returns an error that names the field, its value and the `expected`
     /// values.
     fn must(self, holds: bool, expected: impl Into<String>) -> Result<(), ArtifactError> {
         if holds {
@@ -219,8 +219,8 @@ fn check_convolutions(d: &Description) -> Result<(), ArtifactError> {
     Field("network.pool", &List(&pool))
         .must(map[2] / pool[2] * pool[2] >= COLUMNS_AT_A_TIME, expected)?;
     // A hop must be a whole number of pools in steps, so that overlapping windows share pools. With
-    // padded steps, windows do not share their first and last pool. With pools of four steps these
-    // would be two of a window's four pools, so such pools are refused.
+    // padding in time, windows do not share their first and last pools. With pools of four steps,
+    // these would be two of a window's four pools, so such pools are refused.
     let (steps, expected) = if padding.pads_time() {
         (&[1, 2][..], "of 1 or 2 steps with padding \"all\"")
     } else {
@@ -297,7 +297,8 @@ fn check_filters(d: &Description) -> Result<(), ArtifactError> {
     Field("filters.order", &filters.order).must((1..=8).contains(&filters.order), "1 to 8")
 }
 
-/// Returns an error if the weights are not those that the description's mode and shape require.
+/// Returns an error if a tensor is not as the description's mode and geometry require, or if a
+/// variance is negative.
 pub(crate) fn check_weights(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
     let expected = weight_shapes(d.mode, &Geometry::new(d));
     tensors.check(&expected)?;
@@ -313,8 +314,8 @@ pub(crate) fn check_weights(d: &Description, tensors: &Tensors) -> Result<(), Ar
     Ok(())
 }
 
-/// Returns an error if the calibration lacks a tensor that the description's mode and dimensions
-/// require, or if a largest magnitude is not positive or a range is empty.
+/// Returns an error if a tensor that the description requires is missing, a largest magnitude is
+/// not positive, or a range is empty.
 pub(crate) fn check_calibration(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
     let expected = calibration_shapes(d.mode, &d.dimensions());
     tensors.check(&expected)?;

@@ -4,7 +4,7 @@
 //! ELF file ──xtask──► Image ──to_dfu──► corticode-h743.dfu ──from_dfu──► Image ──bridge──► flash
 //! ```
 //!
-//! The format is the one in ST's manual UM0391, with one target that has one element. The target's
+//! ST's manual UM0391 defines the format. The file has one target with one element. The target's
 //! name describes the image: `NUCLEO-H743ZI2; firmware 0.1.0 5d4b736; model 2acfeb29e96e2dab`.
 //!
 //! ```
@@ -40,12 +40,12 @@ const HEADERS: u32 = 11 + 274 + 8;
 /// Length of the zero-padded field with the target's name, bytes; at least one byte is zero.
 const NAME: usize = 255;
 
-/// A firmware image, with the board, version and model that it is for.
+/// A firmware image, with its board, version and model.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
-    /// Name of the board, as its `Hello` states it.
+    /// Name of the board, as the device's `Hello` message states it.
     pub board: String,
-    /// Version and commit of the firmware, as the device's `Hello` states them.
+    /// Version and commit of the firmware, as the `Hello` message states them.
     pub firmware: String,
     /// Id of the model, 16 hexadecimal digits.
     pub model: String,
@@ -138,7 +138,7 @@ impl Image {
     }
 }
 
-/// Parses prefix and target of a file, up to its suffix.
+/// Parses the prefix and the target of a file whose suffix has been removed.
 fn parse(file: &[u8]) -> Option<Image> {
     let mut rest = file;
     expect(&mut rest, b"DfuSe\x01")?;
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(file[11..35], *b"Target\0\x01\0\0\0NUCLEO-F446RE");
         assert_eq!(file[277..293], *b"\x6C\0\0\0\x01\0\0\0\0\0\0\x08\x64\0\0\0");
         assert_eq!(file[393..405], *b"\xFF\xFF\x11\xDF\x83\x04\x1A\x01UFD\x10");
-        // zlib.crc32(file[:-4]) ^ 0xFFFFFFFF
+        // Python: zlib.crc32(file[:-4]) ^ 0xFFFFFFFF
         assert_eq!(file[405..], 0x38B0_AD6B_u32.to_le_bytes());
     }
 
@@ -230,8 +230,7 @@ mod tests {
     fn a_sound_file_of_something_else_is_foreign() {
         let file = image().to_dfu().expect("a file");
         let foreign = Err(DfuseError::Foreign);
-        // Changes in turn the version, size, number of targets, name, number of elements, length
-        // and USB product.
+        // In turn: version, size, number of targets, name, number of elements, length, USB product.
         for at in [5, 6, 10, 35, 281, 289, 395] {
             let mut file = file.clone();
             file[at] ^= 1;

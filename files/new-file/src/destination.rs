@@ -9,7 +9,7 @@ use std::{
 
 use crate::error::NewFileError;
 
-/// Number of symbolic links in a row after which a name is refused; Linux has the same limit.
+/// Longest chain of symbolic links that is followed; Linux has the same limit.
 const MAX_LINKS: usize = 40;
 
 /// What to do if a file with the chosen name exists already.
@@ -39,8 +39,8 @@ pub(crate) enum Destination {
 }
 
 impl Destination {
-    /// Returns which kind of file the name `path` stands for. Refuses a folder, one of the `inputs`
-    /// that the program reads, and, if `existing` says so, any existing file.
+    /// Returns the kind of file that `path` names. Fails for a folder, for any of the `inputs`,
+    /// which the program reads, and, with [`Existing::Refuse`], for any existing regular file.
     pub(crate) fn check(
         path: &Path,
         existing: Existing,

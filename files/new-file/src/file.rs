@@ -15,11 +15,11 @@ use crate::{
     error::NewFileError,
 };
 
-/// Permissions of a new file before the umask applies; by default, a temporary file has fewer.
+/// Permissions of a new file before the umask applies. `tempfile` alone would set 0o600.
 const MODE: u32 = 0o666;
 
-/// A file that is being written; [`NewFile::finish`] gives it its name. Dropping it before that
-/// deletes the temporary file.
+/// A file that is written under a temporary name. [`NewFile::finish`] gives it its final name;
+/// dropping it before that deletes it.
 #[derive(Debug)]
 pub struct NewFile {
     /// Name that the user chose.
@@ -38,12 +38,12 @@ enum Bytes {
 }
 
 impl NewFile {
-    /// Creates a temporary file in the folder of `path`, its later name. `inputs` are the files
-    /// that the program reads, which must not be overwritten.
+    /// Creates a temporary file, which [`Self::finish`] renames to `path`; opens a device or a pipe
+    /// directly. `inputs` are the files that the program reads; they are never overwritten.
     ///
     /// # Errors
-    /// [`NewFileError`] if the name is the name of an input, of a folder or, with
-    /// [`Existing::Refuse`], of any existing file; or if the file cannot be created.
+    /// [`NewFileError`] if `path` names an input, a folder or, with [`Existing::Refuse`], any
+    /// existing regular file; or if the file cannot be created.
     pub fn create(
         path: &Path,
         existing: Existing,

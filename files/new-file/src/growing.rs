@@ -11,7 +11,7 @@ use crate::{
     error::NewFileError,
 };
 
-/// A file that has its final name while it grows. For example, a recording must stay readable if
+/// A file that has its final name while it grows, such as a recording that must stay readable if
 /// the program is killed.
 #[derive(Debug)]
 pub struct GrowingFile {
@@ -23,8 +23,8 @@ impl GrowingFile {
     /// Creates a file, or opens a device or a pipe.
     ///
     /// # Errors
-    /// [`NewFileError`] if the name is the name of a folder or of a file that must not be replaced,
-    /// or if the file cannot be created.
+    /// [`NewFileError`] if `path` names a folder or, with [`Existing::Refuse`], an existing regular
+    /// file, or if the file cannot be created.
     pub fn create(path: &Path, existing: Existing) -> Result<Self, NewFileError> {
         let destination = Destination::check(path, existing, &[])?;
         let mut options = OpenOptions::new();

@@ -1,9 +1,9 @@
 //! Files that a user names as output, and standard output.
 //!
-//! A [`GrowingFile`] has its name from its first byte. A [`NewFile`] appears under its name only
-//! when it is complete. Until then its bytes are in a temporary file in the same folder, so a
-//! killed program leaves no incomplete file under the name. An existing file is replaced only if
-//! the user asks for it, and a file that the program reads is never replaced.
+//! A [`GrowingFile`] exists under its final name from the start. A [`NewFile`] appears under its
+//! name only when it is complete. Until then its bytes are in a temporary file in the same folder,
+//! so a killed program leaves no incomplete file under the name. An existing file is replaced only
+//! if the user asks for it, and a file that the program reads is never overwritten.
 //!
 //! ```text
 //! create ──> .NAME.XXXXXX.part ──> finish ──> NAME

@@ -28,8 +28,7 @@ pub fn print_message(line: impl Display) {
     let _ = writeln!(io::stderr(), "{line}");
 }
 
-/// Prints a line to standard error like `eprintln!`, but does not panic if the reader has closed
-/// the pipe.
+/// Prints a line to standard error as `eprintln!` does, but without a panic if the pipe is closed.
 #[macro_export]
 macro_rules! message {
     ($($text:tt)*) => { $crate::print_message(format_args!($($text)*)) };

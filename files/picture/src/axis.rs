@@ -25,7 +25,7 @@ pub struct Axis {
     pub ticks: Vec<(f64, String)>,
 }
 
-/// Largest number of ticks on an axis whose ticks the caller does not choose.
+/// Largest number of intervals between the ticks that [`Axis::round_values`] chooses.
 const MOST_TICKS: f64 = 10.0;
 
 impl Axis {

@@ -22,7 +22,7 @@ pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe9, 0xee);
 pub const SOURCE: RGBColor = RGBColor(0x2b, 0x6c, 0xb0);
 /// Orange of output signals; in comparisons, of results that are not this project's.
 pub const RESULT: RGBColor = RGBColor(0xdd, 0x6b, 0x20);
-/// Green of reference values, such as published results or the response of a design.
+/// Green of reference values, such as published results or the designed response of a filter.
 pub const REFERENCE: RGBColor = RGBColor(0x2f, 0x85, 0x5a);
 
 const FONT: &str = "Helvetica, Arial, DejaVu Sans, sans-serif";
@@ -39,8 +39,8 @@ pub struct PictureError {
     why: String,
 }
 
-/// Writes an SVG file of `size` pixels (width, height) with title and subtitle (`heading`), and
-/// lets `draw` fill the area below them.
+/// Writes an SVG file of `size` pixels (width, height) with a title and a subtitle, and lets `draw`
+/// fill the area below them.
 pub(crate) fn page(
     path: &Path,
     size: (u32, u32),

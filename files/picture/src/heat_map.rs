@@ -1,4 +1,4 @@
-//! Chart of codes over time: one row for each number of a code, one column for each code.
+//! Chart of codes over time: one row for each value of a code, one column for each code.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::spread::Spread;
 /// Codes of one run of the signal path, in the order of their windows.
 #[derive(Debug, Clone)]
 pub struct HeatMap {
-    /// Dequantised codes of 128 numbers each; `None` stands for a lost code.
+    /// Dequantised codes of 128 values each; `None` stands for a lost code.
     pub codes: Vec<Option<Vec<f32>>>,
     /// Time of the first code since the device's start, s.
     pub start_s: f64,
@@ -24,8 +24,8 @@ pub struct HeatMap {
 }
 
 const SIZE: (u32, u32) = (1200, 860);
-/// Highest colour level. Each number of a code is drawn in one of the levels -10 to 10, by its
-/// deviation from the number's mean over all codes.
+/// Highest colour level. Each value of a code is drawn at one of the levels -10 to 10, by its
+/// deviation from the mean of this component over the codes.
 const STRONGEST: i32 = 10;
 /// Deviation from the mean, in standard deviations, that is drawn at the highest level.
 const REACH: f64 = 2.5;
@@ -94,7 +94,7 @@ impl HeatMap {
         draw_scale(&scale)
     }
 
-    /// Returns the colour level of number `component` of every code, or `None` for a lost code.
+    /// Returns the colour level of value number `component` of every code; `None` for a lost code.
     ///
     /// The level is the component's deviation from its mean, in standard deviations (SD), divided
     /// by [`REACH`] / 10 and rounded. It is relative to the SD because components differ a

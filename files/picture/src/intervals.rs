@@ -109,7 +109,7 @@ impl Intervals {
 }
 
 impl Counted {
-    /// Counts `values` in bins of width `width`, the first of which starts at `low`; all in ms.
+    /// Counts `values` in bins of equal `width` from `low` on; all in ms.
     fn new(values: &[f64], low: f64, width: f64) -> Self {
         let mut counted = Self {
             counts: [0.0; BINS],

@@ -1,4 +1,4 @@
-//! The HTML page of a report, with text, tables and links to pictures; also quotes CSV fields.
+//! The HTML page of a report: text, tables and links to pictures. Also quotes fields of CSV files.
 
 use std::fmt::Write as _;
 
@@ -70,7 +70,7 @@ impl Page {
         self.body.push_str("</table>\n");
     }
 
-    /// Returns the page as HTML.
+    /// Returns the complete page as HTML, with its style sheet.
     pub fn to_html(&self) -> String {
         let Self { title, body } = self;
         format!(

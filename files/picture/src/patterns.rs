@@ -22,7 +22,7 @@ pub struct Patterns {
     pub subtitle: String,
 }
 
-/// Width and height of a map's cell, pixels.
+/// Width and height of the area of one map, pixels.
 const CELL: (i32, i32) = (300, 310);
 const IN_ROW: usize = 4;
 /// Number of colour levels for each sign.

@@ -137,7 +137,8 @@ pub(crate) struct Head {
 }
 
 impl Head {
-    /// Draws a map in the colours that `color` returns, and the outline of the head around it.
+    /// Draws the map and, around it, the outline of the head. `color` returns the colour at a
+    /// position on the map; where it returns `None`, nothing is drawn.
     pub(crate) fn draw(&self, area: &Area, color: impl Fn([f64; 2]) -> Option<RGBColor>) -> Drawn {
         let Self {
             centre,
@@ -186,9 +187,9 @@ impl Head {
     }
 }
 
-/// Returns the value at position `at`: the mean of all electrodes, given as (position, value),
-/// weighted by the inverse fourth power of their distances. `None` if no electrode is within
-/// [`REACH`].
+/// Returns the value at position `at`: the mean of the values of all `electrodes`, which are pairs
+/// of position and value, weighted by the inverse fourth power of the distance. `None` if no
+/// electrode is within [`REACH`].
 pub(crate) fn interpolated(
     electrodes: impl Iterator<Item = ([f64; 2], f64)>,
     at: [f64; 2],

@@ -35,9 +35,9 @@ pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, Recordin
     }
 }
 
-/// Returns whether `fixed`, whose first field names neither EDF nor BDF, is the header of an EDF
-/// file nevertheless: its version is text, and it states the header length that its number of
-/// signals needs. Emotiv's programs write a date as the version.
+/// Returns whether a header whose version field names neither EDF nor BDF is nevertheless an EDF
+/// header: the version is text, and the stated header length fits the number of signals. Emotiv's
+/// programs, for example, write a date as the version.
 pub(crate) fn is_other_version(fixed: &[u8; HEADER_BLOCK]) -> bool {
     let is_text = fixed[..8].iter().all(|byte| matches!(byte, b' '..=b'~'));
     let length = signal_count(fixed).map(|signals| HEADER_BLOCK * (1 + signals));
@@ -153,7 +153,8 @@ fn duration(
         return Ok(exact);
     }
     let places = i32::try_from(decimals.len()).unwrap_or(0);
-    // A little more than half a unit of the last digit, because 0.0078125 can be rounded down.
+    // Slightly more than half a unit of the last digit, so that the interval contains 0.0078125
+    // even if the file rounds it down to 0.007812.
     let half = 0.500_001 * 10_f64.powi(-places);
     let simplest = Ratio::simplest(seconds - half, seconds + half);
     match simplest {

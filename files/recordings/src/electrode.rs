@@ -9,8 +9,7 @@ pub(crate) struct Row {
     inner: &'static str,
     /// Name of the row in labels of columns 7 to 10, at the head's circumference, such as `T`.
     outer: &'static str,
-    /// Distance of the row from the nasion, in twentieths of the midline from nasion to inion,
-    /// 0..=20.
+    /// Distance of the row from the nasion along the midline, in twentieths of its length, 0..=20.
     pub(crate) twentieths: u8,
     /// True if a column number in this row always means a half column, with or without `h`.
     /// Montages write FFC1 for FFC1h, and no common cap has full columns in such rows.
@@ -61,7 +60,7 @@ const REFERENCES: [&str; 13] = [
     "REF", "LE", "RE", "AR", "AV", "AVG", "CAR", "A1", "A2", "A1A2", "M1", "M2", "M1M2",
 ];
 
-/// Number of letter-and-number labels from which a cap counts as having its own names.
+/// Minimum number of labels that name another cap; each is a letter and a number.
 const CAP_NAMES_MIN: usize = 8;
 
 /// Returns the name in a label, and the reference that follows a dash. Both are in upper case,
@@ -77,14 +76,14 @@ fn spelling(label: &str) -> (String, Option<String>) {
     }
 }
 
-/// Returns the labels that number electrodes by letter and number, such as those of BioSemi's caps
-/// (A1 to H32) or of depth electrodes; `None` if there are fewer than [`CAP_NAMES_MIN`].
+/// Returns the labels that name electrodes by a letter and a number, as BioSemi's caps (A1 to H32)
+/// and depth electrodes do; `None` if there are fewer than [`CAP_NAMES_MIN`].
 ///
-/// Also `None` if none of these labels begins with C or F, and electrodes of the 10-20 system are
-/// present: the labels then name auxiliary signals.
+/// Also `None` if none of these labels begins with C or F, and another label, such as Cz, certainly
+/// names an electrode of the 10-20 system: the labels then name auxiliary signals.
 ///
-/// C3 and F3 of such a cap are not the electrodes of the 10-20 system. Only labels that the 10-20
-/// system lacks are returned, and neither A1 nor A2, which it has at the ear lobes.
+/// Labels that the 10-20 system also has, such as C3, F3 and the ear lobes A1 and A2, are not
+/// returned, although they name other electrodes in such a cap.
 pub(crate) fn names_of_another_cap<L: AsRef<str>>(labels: &[L]) -> Option<Vec<&str>> {
     let is_foreign = |label: &&str| {
         let (name, _) = spelling(label);
@@ -98,8 +97,8 @@ pub(crate) fn names_of_another_cap<L: AsRef<str>>(labels: &[L]) -> Option<Vec<&s
         .map(AsRef::as_ref)
         .filter(is_foreign)
         .collect();
-    // Beside C8, C3 is also a name of the cap. Cz beside E1 to E8 shows that E1 to E8 are
-    // auxiliary.
+    // C8, which the 10-20 system lacks, shows that C3 is a name of the cap too. Cz beside E1 to E8
+    // shows that E1 to E8 are auxiliary signals.
     let clashes = |label: &&str| spelling(label).0.starts_with(['C', 'F']);
     let is_certain = |label: &L| {
         let (name, _) = spelling(label.as_ref());
@@ -135,9 +134,9 @@ impl Electrode {
         }
     }
 
-    /// Returns the electrodes that `labels` denote, as [`Self::parse`] does, and in upper case the
-    /// suffix of a common reference that [`REFERENCES`] lacks. All electrodes, at least two
-    /// different ones, must have this suffix; the signals of a bipolar montage share no suffix.
+    /// Returns the electrodes that `labels` denote and, in upper case, their common reference if
+    /// [`REFERENCES`] lacks it. A suffix counts as a common reference only if all electrodes, at
+    /// least two different ones, have it; the signals of a bipolar montage share no suffix.
     pub(crate) fn parse_all<L: AsRef<str>>(labels: &[L]) -> (Vec<Option<Self>>, Option<String>) {
         let spellings = labels.iter().map(|label| spelling(label.as_ref()));
         let named: Vec<_> = spellings
@@ -159,7 +158,7 @@ impl Electrode {
         (parsed.collect(), None)
     }
 
-    /// Returns the electrode whose name is spelled as [`spelling`] returns it.
+    /// Returns the electrode with this name, in the spelling that [`spelling`] returns.
     fn named(plain: &str) -> Option<Self> {
         let plain = OLD_NAMES
             .iter()

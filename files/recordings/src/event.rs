@@ -20,8 +20,8 @@ pub enum EventLabel {
 }
 
 impl EventLabel {
-    /// Returns the name by which a user names the event: the text without blanks around it, or the
-    /// type as a decimal number.
+    /// Returns the name by which a user refers to the event: the text without blanks around it, or
+    /// the type as a decimal number.
     pub fn name(&self) -> String {
         match self {
             Self::Type(kind) => kind.to_string(),
@@ -76,9 +76,9 @@ pub struct Onsets {
 }
 
 impl Onsets {
-    /// Collects the starts of all events within the signal. Each event comes with its time in the
-    /// signal, if it is inside. Leaves out ends of events that have begun, rows without an event,
-    /// and sparse samples.
+    /// Collects the starts of all events within the signal. `events` pairs each event with its time
+    /// in the signal, `None` if it is outside. Leaves out ends of events that have begun, rows
+    /// without an event, and sparse samples.
     pub(crate) fn new(mut events: Vec<(Event, Option<f64>)>) -> Self {
         events.sort_by(|(a, _), (b, _)| a.onset_s.total_cmp(&b.onset_s));
         let mut onsets = Self::default();
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn a_type_with_bit_15_is_an_event_of_its_own_unless_it_ends_one() {
-        // 0x8205 is a stimulation of OpenViBE, so nothing has begun that it could end. The first
+        // 0x8205, a stimulation of OpenViBE, ends no event, because 0x0205 has not begun. The first
         // 0x8300 ends the event that began at 2 s; the second has no event to end.
         let times = [
             (1.0, 0x8205),

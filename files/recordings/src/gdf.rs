@@ -18,8 +18,8 @@ use crate::{
     warning::Warning,
 };
 
-/// Limit between GDF 2.20 and 2.21. From 2.21 on, a header stores the record duration as a float64,
-/// before that as two u32. A limit between both versions tolerates rounding of the parsed version.
+/// Version from which GDF headers store the record duration as a float64, not as two u32: 2.21. The
+/// constant is halfway between 2.20 and 2.21, to tolerate rounding of the parsed version.
 const FLOAT_DURATION: f64 = 2.205;
 
 /// Reads the number of signals, 1..=65535, from `fixed`, the first [`HEADER_BLOCK`] bytes of a
@@ -102,7 +102,7 @@ fn duration(format: Format, bytes: &[u8]) -> Result<Option<Ratio>, RecordingErro
 }
 
 /// Parses the header fields of all signals. GDF 1 and 2 encode units and digital limits
-/// differently, and have different unread fields between them.
+/// differently, and also differ in the fields that are skipped.
 fn parse_signals(
     format: Format,
     bytes: &[u8],

@@ -82,7 +82,7 @@ impl Header {
             }
             if signal.unit.microvolts().is_none() {
                 let unit = signal.unit.to_string();
-                // `Unit` already prints a missing unit in brackets; the others get brackets here.
+                // `Unit` prints a missing unit as `(none)`; all other units get brackets here.
                 let is_bare = !unit.starts_with('(');
                 let unit = if is_bare { format!("({unit})") } else { unit };
                 unknown_units.push(format!("{} {unit}", signal.label));
@@ -310,8 +310,8 @@ pub(crate) fn read(source: &mut dyn Source, file_bytes: u64) -> Result<Header, R
     } else {
         edf::signal_count(&fixed)?
     };
-    // At most 65,536 blocks of 256 bytes: `enough` has checked that the file contains them, so a
-    // damaged header cannot cause a large allocation.
+    // At most 65,536 blocks of 256 bytes. `enough` checks that the file contains them, so a damaged
+    // header cannot cause a large allocation.
     let header_bytes = HEADER_BLOCK * (1 + signals);
     enough(header_bytes as u64)?;
     let mut bytes = vec![0; header_bytes];
@@ -336,7 +336,7 @@ pub struct SignalToWrite {
     pub label: String,
     /// True if the values are microvolts, false if they have no unit.
     pub is_microvolt: bool,
-    /// True if all values are integers that fit 24 bits with sign.
+    /// True if all values are signed integers of at most 24 bits.
     pub is_integer: bool,
     /// Smallest and largest value that the signal can have.
     pub range: [f64; 2],

@@ -118,7 +118,7 @@ impl MontageMap {
     /// Finds each electrode of the montage (`electrodes`) among the labels of the recording
     /// (`labels`). [`Electrode::parse`] defines which spellings are equal. If two signals have the
     /// same electrode, the map uses the first signal. If the labels of all electrodes end with the
-    /// name of one reference, this suffix is stripped; if the reference is an electrode, it is 0.
+    /// name of one reference, this suffix is stripped; the montage's electrode of this name is 0.
     ///
     /// # Errors
     /// [`MontageMapError`] if the montage is invalid or the recording does not fit it.
@@ -395,8 +395,7 @@ mod tests {
             let message = refused.expect_err("another cap").to_string();
             assert!(message.contains("names of another cap"), "{message}");
         }
-        // Seven labels of a cap's form, beside ear lobes and 10-20 electrodes, are too few for a
-        // cap.
+        // Seven labels of a cap's form, beside ear lobes and 10-20 electrodes, are too few.
         let mut labels = cap("B", plain)[..7].to_vec();
         labels.extend(["A1", "A2", "C3", "F4"].map(str::to_owned));
         let map = MontageMap::new(&labels, &["C3", "F4"], Missing::Refuse);

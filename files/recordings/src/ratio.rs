@@ -43,8 +43,8 @@ impl Ratio {
             return None;
         }
         let (mut before, mut now) = ((0_u64, 1_u64), (1_u64, 0_u64));
-        // Each pass adds a term of the continued fraction. Numerator and denominator at least
-        // double in two passes.
+        // Each pass adds a term of the continued fraction. The numerator and the denominator at
+        // least double in two passes, so 128 passes exceed 64 bits.
         for _ in 0..128 {
             let has_integer = low.ceil() <= high;
             let term = if has_integer { low.ceil() } else { low.floor() };

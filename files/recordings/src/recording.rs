@@ -257,7 +257,7 @@ impl Recording {
         }
     }
 
-    /// Returns all events in file order. Each comes with its time in the signal that a
+    /// Returns all events in file order, each with its time in the signal that a
     /// [`crate::VirtualAdc`] plays, in s since the first sample; `None` for an event outside the
     /// signal.
     ///
@@ -315,7 +315,7 @@ impl Recording {
         Ok(Vec::new())
     }
 
-    /// Reads the start times of the records: only of the first record, unless gaps can follow.
+    /// Reads the start times of all records, or only of the first if the format allows no gaps.
     fn read_record_times(&mut self) -> Result<(), RecordingError> {
         let can_have_gaps = self.header.format.is_discontinuous();
         let timed = if can_have_gaps { self.records } else { 1 };
@@ -355,7 +355,7 @@ impl Recording {
         Ok(events)
     }
 
-    /// Returns the offset in a record and the length of each annotation signal, bytes.
+    /// For each annotation signal, returns its offset in a record and its length, both in bytes.
     fn annotation_places(&self) -> Vec<(u64, u64)> {
         let mut places = Vec::new();
         let mut offset = 0;

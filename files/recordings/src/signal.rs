@@ -57,7 +57,7 @@ pub struct Calibration {
     /// Physical values of `digital`, in the signal's unit.
     pub(crate) physical: [f64; 2],
     gain: f64,
-    /// The point (d0, p0).
+    /// The point (d0, p0) of the formula above: a digital and a physical value.
     nearest_zero: [f64; 2],
 }
 
@@ -73,7 +73,7 @@ impl Calibration {
     /// Creates the line through both ends of the ranges; `None` unless all ends are finite and the
     /// gain is finite and not 0.
     pub(crate) fn new(digital: [f64; 2], physical: [f64; 2]) -> Option<Self> {
-        // Scaled by powers of two, no difference or product of the ends overflows.
+        // Exact scaling by powers of two prevents overflow in differences and products of the ends.
         let [digital_unit, physical_unit] = [digital, physical].map(power_of_two);
         let [d_min, d_max] = digital.map(|end| end / digital_unit);
         let [p_min, p_max] = physical.map(|end| end / physical_unit);

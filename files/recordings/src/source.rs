@@ -44,8 +44,8 @@ const SEARCHED: u64 = 4 << 20;
 /// carriage return precedes a line feed by chance in one of 256 cases, so four of four mean damage.
 const LEAST_LINE_FEEDS: usize = 4;
 
-/// Returns whether a carriage return precedes every line feed at the start of a file, as after a
-/// transfer in text mode.
+/// Returns whether a carriage return precedes every line feed in the first [`SEARCHED`] bytes of a
+/// file, as after a transfer in text mode.
 ///
 /// # Errors
 /// [`RecordingError::Read`] if reading fails.

@@ -147,8 +147,7 @@ impl VirtualAdc {
         self.conversion.spec
     }
 
-    /// Returns the recording that is played. It has been read further than the samples delivered so
-    /// far.
+    /// Returns the recording that is played; its read position is ahead of the delivered samples.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }
@@ -158,7 +157,7 @@ impl VirtualAdc {
         self.samples
     }
 
-    /// Returns how many values were saturated or not finite since the start of the recording.
+    /// Returns the numbers of saturated counts and of non-finite samples since the first record.
     pub fn counters(&self) -> AdcCounters {
         self.conversion.counters
     }
@@ -239,9 +238,9 @@ mod tests {
 
     #[test]
     fn a_rate_group_that_is_ahead_buffers_only_a_few_blocks() {
-        // The file lasts 20 minutes. At most 32,768 (512 and 160 Hz) and 47,348 samples (160 and
-        // 250 Hz) were measured in memory, so 65,536 is the limit. One block read from the file
-        // already takes 48 s (24,576 outputs) or 79 s (40,448 outputs).
+        // The file lasts 20 minutes. At most 32,768 samples (512 and 160 Hz) and 47,348 samples
+        // (160 and 250 Hz) were measured in memory, so 65,536 is the limit. A single block read
+        // from the file already holds 48 s (24,576 outputs) or 79 s (40,448 outputs).
         const SECONDS: u16 = 1200;
         for rates in [[512, 160], [160, 250]] {
             let file = Cursor::new(file(rates, SECONDS));

@@ -33,9 +33,9 @@ bind_interrupts!(struct UartIrqs {
     DMA1_STREAM5 => dma::InterruptHandler<DMA1_CH5>;
 });
 
-/// Clocks at the HSE input from which all others can be derived. The NUCLEO-F446RE's ST-LINK
-/// supplies only this one (UM1724, section 6.7.1). The range is wide because HSI, which measures
-/// it, is off by up to 8 % when warm or cold (as on the STM32F407, DS8626).
+/// Clock that the NUCLEO-F446RE's ST-LINK supplies at the HSE input (UM1724, section 6.7.1). The
+/// range is wide because the oscillator HSI, against which the clock is measured, is up to 8 % off
+/// when warm or cold (as on the STM32F407, DS8626).
 const SOURCES: &[KnownClock] = &[(ClockSource::StLink, 7_360_000..=8_640_000)];
 
 #[entry]
@@ -54,8 +54,8 @@ fn main() -> ! {
     let mut config = stm32f4::config(clock);
     config.rcc.mux.clk48sel = mux::Clk48sel::PLL1_Q;
     let parts = Parts::new(init_chip(config));
-    // Spawning a task twice is an error in the image. It panics, because no task runs yet that
-    // could report the error.
+    // Spawning a task twice is an error in the image. Panic, because no task runs yet that could
+    // report the error.
     start(parts, clock).expect("every task is spawned once");
     sleep()
 }

@@ -46,8 +46,8 @@ fn main() -> ! {
         clocks::SOURCES,
     );
     let parts = Parts::new(init_chip(clocks::config(clock)));
-    // Spawning a task twice is an error in the image. It panics, because no task runs yet that
-    // could report the error.
+    // Spawning a task twice is an error in the image. Panic, because no task runs yet that could
+    // report the error.
     start(parts, clock).expect("every task is spawned once");
     sleep()
 }

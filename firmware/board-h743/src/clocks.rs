@@ -14,15 +14,16 @@ use firmware::deadlines::priority;
 /// Frequency of the core after a reset, Hz; it then runs from the oscillator HSI (RM0433, RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 64_000_000;
 
-/// Clocks at the HSE input from which [`config`] can derive all others. HSI, which measures them,
-/// is accurate to 1.5 % (DS12110, section 7.3.9), hence the crystal's range; the RC oscillator's
-/// range is wider. A frequency between the two ranges could be either clock and counts as neither.
+/// Clocks at the HSE input from which [`config`] can derive all others. They are measured with HSI,
+/// which is accurate to 1.5 % (DS12110, section 7.3.9); this gives the range of the ST-LINK's
+/// crystal. Its RC oscillator has a wider range. A frequency between the two ranges counts as
+/// neither clock.
 pub(crate) const SOURCES: &[KnownClock] = &[
     (ClockSource::StLink, 7_760_000..=8_160_000),
     (ClockSource::StLinkCrystal, 8_200_000..=8_470_000),
 ];
 
-/// Returns the configuration of the clocks. Each clock has the same frequency from every source.
+/// Returns the configuration of the clocks. Their frequencies do not depend on the source.
 pub(crate) fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = nvic_priority(priority::DRDY);
@@ -85,8 +86,9 @@ pub(crate) fn config(source: ClockSource) -> Config {
 struct Inputs {
     source: PllSource,
     prediv: PllPreDiv,
-    /// Frequency of HSE that embassy is told, Hz, so that it computes exactly 960 MHz. embassy uses
-    /// whole hertz and single precision: with 1 Hz less, the timers' 240 MHz would become 239.
+    /// Frequency of HSE in Hz as passed to embassy, which must compute exactly 960 MHz from it.
+    /// embassy uses whole hertz and single precision: with 1 Hz less, the timers' 240 MHz would
+    /// become 239.
     hse_hz: Option<u32>,
     pll1: Factor,
     pll2: Factor,

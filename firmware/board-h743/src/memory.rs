@@ -35,14 +35,14 @@ const SRAM1: u32 = 0x3000_0000;
 /// never executed (ARM DDI 0403, B3.5.9).
 const SRAM1_UNCACHED: u32 = 1 << 28 | 0b011 << 24 | 0b001 << 19 | 1 << 18 | 16 << 1 | 1;
 /// Value of RASR for all memory, 4 GB: no access, never executed, strongly ordered (TEX 000, C 0, B
-/// 0, S 1). The sub-regions 0, 1, 2 and 7, of 512 MB each, are excluded. What remains, 0x6000_0000
-/// to 0xDFFF_FFFF, has no memory, and the core would otherwise read it speculatively (Arm DDI 0489
-/// on the Cortex-M7; erratum 1013783; as in the examples of ST's STM32CubeH7).
+/// 0, S 1). The sub-regions 0, 1, 2 and 7, of 512 MB each, are excluded. The remaining addresses,
+/// 0x6000_0000 to 0xDFFF_FFFF, have no memory, and the core could otherwise read them speculatively
+/// (Arm DDI 0489 on the Cortex-M7; erratum 1013783; as in the examples of ST's STM32CubeH7).
 const NOTHING_FITTED: u32 = 1 << 28 | 1 << 18 | 0x87 << 8 | 31 << 1 | 1;
 /// Start address of the system memory, with the boot loader.
 const SYSTEM_MEMORY: u32 = 0x1FF0_0000;
 /// Value of RASR for the system memory, 512 KB: strongly ordered, readable and writable, never
-/// executed, because a speculative read there can raise an error of the flash (as in Zephyr's
+/// executed. A speculative read there could raise an error of the flash (as in Zephyr's
 /// `mpu_regions.c` for this chip).
 const NOT_SPECULATIVE: u32 = 1 << 28 | 0b011 << 24 | 1 << 18 | 18 << 1 | 1;
 /// Value of the MPU's control register: enabled, with the architecture's default attributes for
@@ -50,12 +50,12 @@ const NOT_SPECULATIVE: u32 = 1 << 28 | 0b011 << 24 | 1 << 18 | 18 << 1 | 1;
 const ON_WITH_DEFAULTS: u32 = 0b101;
 
 /// Enables SRAM1 and the caches, and returns the DMA's buffers and the empty model slot. The
-/// buffers are not cached, so that core and DMA always see the same data. Takes the core's
-/// peripherals by value, so that it can be called only once.
+/// buffers are not cached, so that core and DMA always see the same data. Taking the core's
+/// peripherals by value allows only one call.
 pub(crate) fn init(mut core: Peripherals) -> (&'static mut DmaMemory, &'static mut ModelSlot) {
     RCC.ahb2enr().modify(|enable| enable.set_sram1en(true));
-    // The clock of SRAM1 starts with a delay; a read of the clock enable register waits until it
-    // runs (RM0433, RCC).
+    // The clock of SRAM1 starts with a delay; a read of the clock enable register waits until the
+    // clock runs (RM0433, RCC).
     let _ = RCC.ahb2enr().read();
     // SAFETY: no MPU region is in use, and the caches are still off.
     unsafe { core.MPU.ctrl.write(0) };

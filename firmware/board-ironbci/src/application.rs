@@ -24,8 +24,8 @@ bind_interrupts!(struct UartIrqs {
     DMA1_STREAM0 => dma::InterruptHandler<DMA1_CH0>;
 });
 
-/// Clock at the HSE pins: a crystal of 8 MHz. The range is wide because HSI, against which the
-/// crystal is measured, is off by up to 8 % when warm or cold (DS8626).
+/// Crystal of 8 MHz at the HSE pins. The range is wide because the crystal is measured against HSI,
+/// which is off by up to 8 % when warm or cold (DS8626).
 const SOURCES: &[KnownClock] = &[(ClockSource::Crystal, 7_360_000..=8_640_000)];
 
 #[entry]
@@ -39,8 +39,8 @@ fn main() -> ! {
         SOURCES,
     );
     let parts = Parts::new(init_chip(stm32f4::config(clock)));
-    // Spawning a task twice is an error in the image. It panics, because no task runs yet that
-    // could report the error.
+    // Spawning a task twice is an error in the image. Panic, because no task runs yet that could
+    // report the error.
     start(parts, clock).expect("every task is spawned once");
     sleep()
 }
@@ -59,7 +59,7 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     let reset_cause = stm32f4::take_cause();
     stm32f4::enable_flash_accelerator();
 
-    // START is connected to PD11 and, through 0 Ohm, to ground: PD11 stays an input.
+    // START is connected to PD11 and, through 0 Ohm, to ground, so PD11 stays an input.
     let wires = Wires::without_start_and_reset(
         board_stm32::bus!(parts, Irqs, SPI_BUFFER.take()),
         [parts.select0.into()],

@@ -22,8 +22,8 @@ use crate::semihosting::{Arguments, HostFile};
 use crate::uart::{self, Receiver, Transmitter};
 use crate::{commands, drdy, time_driver, trigger};
 
-/// Time between the end of the file of samples and the end of the emulation, for sending the last
-/// frames. Shorter than the watchdog's period, because nothing feeds the watchdog without samples.
+/// Time from the end of the file of samples to the end of the emulation, in which the last frames
+/// are sent. Shorter than the watchdog's period: without samples, nothing feeds the watchdog.
 const DRAIN_TIMEOUT: Duration = Duration::from_millis(60);
 
 static MEMORY: Memory<BothEncoders> = Memory::new(BothEncoders::EMPTY);
@@ -84,8 +84,8 @@ async fn converse(
     firmware::converse(port, &mut session, start, memory, &SHARED, machine).await;
 }
 
-/// Ends the emulation [`DRAIN_TIMEOUT`] after the end of the file of samples; first prints how many
-/// samples were read and how many the encoder's queue had no room for.
+/// Ends the emulation [`DRAIN_TIMEOUT`] after the last sample of the file; first prints the number
+/// of samples that were read, and the number that the encoder's full queue has dropped.
 #[embassy_executor::task]
 async fn end() {
     while !FILE_ENDED.load(Relaxed) {
@@ -168,8 +168,8 @@ fn start() -> Result<(), SpawnError> {
     Ok(())
 }
 
-/// Opens the file `name` on the PC if `argument` is among the emulator's arguments. Returns `None`
-/// otherwise, or if there is no such file.
+/// Opens the file `name` on the PC. Returns `None` if `argument` is not among the emulator's
+/// arguments, or the file does not exist.
 fn open_if_requested(
     arguments: &Arguments,
     argument: &str,

@@ -1,5 +1,5 @@
-//! Commands of a simulated host, read from a file and delivered at fixed device times. They arrive
-//! at the same times in every emulation; commands from a pipe would arrive when the PC sends them.
+//! Commands of a simulated host, read from a file and delivered at the same device times in every
+//! emulation. Commands from a pipe would arrive at times that depend on the PC.
 
 use embassy_time::{Instant, Timer};
 
@@ -9,11 +9,11 @@ use crate::{semihosting::HostFile, uart};
 /// endian, followed by the command's bytes.
 pub(crate) const COMMANDS: &core::ffi::CStr = c"commands.bin";
 
-/// Length of a header, bytes: device time in microseconds, 64 bits; number of the boot, from 1, 32
-/// bits; length of the command in bytes, 32 bits.
+/// Length of a header in bytes. It holds the device time in microseconds (64 bits), the number of
+/// the boot, counted from 1 (32 bits), and the length of the command in bytes (32 bits).
 const HEAD: usize = 16;
 
-/// Largest number of bytes that are read from the file and passed to the UART together.
+/// Largest number of bytes that are read from the file and passed to the UART at once.
 const PIECE: usize = 64;
 
 /// Delivers the commands for boot number `boot` at their times, as if the UART received them.

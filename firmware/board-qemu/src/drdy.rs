@@ -1,5 +1,4 @@
-//! DRDY of the simulated converter: timer 1 generates the edges, at exactly the model's sampling
-//! rate.
+//! DRDY of the simulated converter: timer 1 generates the edges at the model's exact sampling rate.
 
 use core::{cell::Cell, future::poll_fn, task::Poll};
 
@@ -29,15 +28,14 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Returns the time of edge number `index`, in ticks: `index` sampling periods after `first`,
-/// rounded down.
+/// Returns the time of edge number `index` in ticks, rounded down; edge 0 is at `first`.
 fn due(first: u64, index: u64) -> u64 {
     first + index * u64::from(CLOCK_HZ) / u64::from(ADC_RATE_HZ)
 }
 
-/// Starts the converter. Returns the time of its first edge in ticks: one sampling period from now,
-/// rounded up to a whole microsecond. Because of this rounding, the device times of two emulations
-/// differ by the same constant at all edges.
+/// Starts the converter. Returns the time of the first edge in ticks: one sampling period from now,
+/// rounded up to a whole microsecond. The device times of two emulations therefore differ by the
+/// same constant at every edge.
 pub(crate) fn start() -> u64 {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
@@ -85,12 +83,11 @@ pub(crate) struct Edge {
     pub(crate) us: u64,
     /// Time of the edge on the free-running timer, ticks; wraps.
     pub(crate) ticks: u32,
-    /// Number of edges that were missed between the previous call's edge and this one.
+    /// Number of edges between the edge of the previous call and this edge.
     pub(crate) missed: u64,
 }
 
-/// Waits until there is an edge that no earlier call has returned or counted as missed. Returns the
-/// newest edge.
+/// Waits for an edge that no earlier call has returned or counted as missed; returns the newest.
 pub(crate) async fn next_edge() -> Edge {
     poll_fn(|context| {
         WAKER.register(context.waker());

@@ -1,6 +1,6 @@
 //! Panics, faults and the watchdog: each failure leaves a record for the next boot and resets the
-//! board. No test makes this image fail; `tests/virtual-board/tests/boards/failures.rs` does so with
-//! the images for the boards, whose handlers differ in the registers of the watchdog.
+//! board. No test makes this image fail; `tests/virtual-board/tests/boards/failures.rs` tests the
+//! failures of the images for the boards, which have their own handlers in `board-stm32`.
 #![expect(unsafe_code, reason = "exception handlers")]
 
 use core::panic::PanicInfo;
@@ -18,8 +18,8 @@ use crate::{
 /// Starts the watchdog. Its first expiry raises [`NonMaskableInt`], and the second one resets the
 /// board.
 pub(crate) fn start_watchdog() {
-    // The first expiry must come after the whole of the watchdog's period, not after half of it: if
-    // the watchdog starts between two progress checks, the first check may not feed it.
+    // The first expiry must come after the watchdog's whole period, not half of it: if the watchdog
+    // starts between two progress checks, the first check may not feed it.
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     WATCHDOG.write(watchdog::LOAD, us * TICKS_PER_US);
     WATCHDOG.write(watchdog::CONTROL, watchdog::INTERRUPT_THEN_RESET);

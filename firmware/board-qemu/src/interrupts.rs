@@ -1,5 +1,5 @@
-//! Interrupt handlers, their priorities, the vector table, and the state that tasks and interrupts
-//! share.
+//! Interrupt handlers, their priorities, the vector table, and the state that they share with
+//! tasks.
 #![expect(unsafe_code, reason = "the vector table and its handlers")]
 
 use cortex_m::peripheral::NVIC;
@@ -11,7 +11,7 @@ use crate::registers::CLOCK_HZ;
 use crate::{drdy, time_driver, trigger, uart};
 
 /// Interrupts of the MPS2 that the image uses. The last three, `Encode`, `Acquire` and `Converse`,
-/// belong to no peripheral of the emulated boards, so they run the executors.
+/// belong to no peripheral of the emulated boards and are therefore free to run the executors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
 pub(crate) enum Interrupt {
@@ -123,7 +123,7 @@ static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
     table
 };
 
-/// Shared state of the tasks. Its clock, the free-running timer, measures how long the stages take.
+/// Shared state of the tasks. The free-running timer measures the durations of the stages.
 pub(crate) static SHARED: Shared = Shared::new(Clock {
     now: time_driver::ticks,
     hz: CLOCK_HZ,

@@ -20,7 +20,7 @@
 #![cfg_attr(target_os = "none", no_main)]
 #![deny(unsafe_code)]
 
-/// Prints how to run the image, if it was compiled for a PC instead of a microcontroller.
+/// On a PC, prints how to run the image.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this image runs on an emulated microcontroller: `cargo xtask qemu`");

@@ -29,7 +29,7 @@ pub(crate) enum SampleSource {
 }
 
 impl SampleSource {
-    /// Opens the file [`SAMPLES`], or falls back to synthetic EEG if there is none.
+    /// Opens the file [`SAMPLES`], or generates synthetic EEG if there is no such file.
     pub(crate) fn open() -> Self {
         HostFile::open(SAMPLES).map_or_else(|| Self::Eeg(Eeg::new()), Self::File)
     }
@@ -58,8 +58,8 @@ impl SampleSource {
 impl Converter for SampleSource {
     async fn next(&mut self, sample: &mut Sample) -> Conversion {
         let edge = drdy::next_edge().await;
-        // Read the samples of the missed edges too, and discard them: a converter overwrites a
-        // sample that is not read in time.
+        // Read and discard the samples of the missed edges: a converter overwrites samples that are
+        // not read in time.
         let whole = (0..=edge.missed).all(|_| self.read(sample));
         if !whole {
             FILE_ENDED.store(true, Relaxed);
@@ -74,8 +74,8 @@ impl Converter for SampleSource {
     }
 }
 
-/// Generator of synthetic EEG: independent low-frequency noise in each channel, and a 10 Hz wave
-/// that is common to all channels, with an amplitude that varies from channel to channel.
+/// Generator of synthetic EEG: low-frequency noise, independent in each channel, and a 10 Hz wave
+/// common to all channels, whose amplitude differs from channel to channel.
 #[derive(Debug)]
 pub(crate) struct Eeg {
     random: u32,

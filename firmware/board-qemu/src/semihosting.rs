@@ -17,7 +17,6 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// Reads the arguments from the emulator.
     pub(crate) fn read() -> Self {
         let mut line = [0; MAX_LINE];
         let mut block = [line.as_mut_ptr() as usize, MAX_LINE];

@@ -84,8 +84,8 @@ impl embassy_time_driver::Driver for Time {
 
 impl Time {
     /// Sets timer 0 to expire at `next`, in microseconds since boot, but at the latest after
-    /// [`LONGEST_US`]. If `next` has passed already, wakes the tasks that are due and continues
-    /// with the next alarm of the queue.
+    /// [`LONGEST_US`]. If `next` is in the past, wakes the tasks that are due and takes the next
+    /// alarm.
     fn arm(&self, _: CriticalSection<'_>, mut next: u64, queue: &mut Queue) {
         let now = loop {
             let now = self.now();

@@ -29,8 +29,8 @@ pub(crate) fn on_receive() {
     }
 }
 
-/// Queues bytes for the conversation. Bytes for which the queue has no room are lost, and so is
-/// their frame; the host repeats the command.
+/// Queues received bytes for the conversation task. Bytes that do not fit are lost, and so is their
+/// frame; the host repeats the command.
 pub(crate) fn push_received(mut bytes: &[u8]) {
     // Write in a loop: one write stops at the end of the pipe's memory even if there is room at its
     // start.
@@ -58,8 +58,8 @@ fn fill_transmitter() {
     });
 }
 
-/// Bytes that were taken from [`SENDING`] and that the UART has not accepted yet: up to 64 at a
-/// time, because taking one byte costs as much as taking 64.
+/// Bytes taken from [`SENDING`] that the UART has not accepted yet: up to 64, because taking 64
+/// bytes costs no more than taking one.
 struct Outgoing {
     bytes: [u8; 64],
     next: usize,

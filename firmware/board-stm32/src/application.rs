@@ -51,9 +51,9 @@ const ABILITIES: Abilities = Abilities {
     impedance: cfg!(feature = "impedance"),
 };
 
-/// What `start_tasks` must know of a board: its names, parts and state after the reset.
+/// What `start_tasks` must know about a board: its names, parts and state after the reset.
 pub struct Board {
-    /// Name of the board, which the frame `Hello` tells the host.
+    /// Name of the board, reported to the host in the frame `Hello`.
     pub name: &'static str,
     /// Version and commit of the image.
     pub firmware: &'static str,
@@ -75,9 +75,8 @@ pub struct Board {
     pub slot: &'static mut device::ModelSlot,
 }
 
-/// Starts the tasks. Returns a spawner for further tasks at the conversation's priority.
-///
-/// Not inlined into `main`, whose stack frame stays in use while the tasks run and should be small.
+/// Starts the tasks. Returns a spawner for further tasks at the conversation's priority. Not
+/// inlined: `main`'s stack frame stays in use while the tasks run and should be small.
 ///
 /// # Errors
 /// If a task is spawned twice, which is an error in the image.
@@ -103,7 +102,7 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
             .map_or(board.reset_cause, FaultRecord::reset_cause),
         fault: clock_fault,
     };
-    // After other resets than these three, the converters have had power for long enough to start.
+    // After any other reset, the converters have already had power for long enough to start.
     let is_cold = matches!(
         board.reset_cause,
         ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::NotKnown
@@ -124,8 +123,8 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
     Ok(conversation)
 }
 
-/// Initialises the converters' memory. Neither this function nor [`self_test`] is inlined, so that
-/// their large temporaries are no longer on the stack when the first task runs.
+/// Initialises the converters' memory. [`self_test`] and this function are not inlined, so that
+/// their large temporaries have left the stack when the first task runs.
 #[inline(never)]
 fn converters(wires: Wires) -> &'static mut Adc {
     let test = self_test();
@@ -137,8 +136,8 @@ fn self_test() -> &'static mut SelfTest<CHIPS> {
     TEST.init_with(SelfTest::new)
 }
 
-/// Starts the watchdog with the long period of the start-up, [`deadlines::START_UP`], before
-/// anything waits for a clock or a supply. The first feeding sets the short period.
+/// Starts the watchdog with [`deadlines::START_UP`], the long period, before anything waits for a
+/// clock or a supply. The first feeding sets the short period.
 pub fn start_watchdog(watchdog: pac::iwdg::Iwdg) {
     watchdog.kr().write(|key| key.set_key(Key::START));
     watchdog.kr().write(|key| key.set_key(Key::ENABLE));
@@ -149,8 +148,8 @@ pub fn start_watchdog(watchdog: pac::iwdg::Iwdg) {
 }
 
 /// Feeds the running watchdog while all tasks make progress. The period stays at
-/// [`deadlines::START_UP`] until every task has made progress once, because bringing up the
-/// converters takes more than a second.
+/// [`deadlines::START_UP`] until every task has made progress once: the converters start in more
+/// than a second.
 pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     let mut stopped = Some(watchdog);
@@ -235,7 +234,7 @@ pub(crate) type ImageEncoders = pipeline::PackedMemory;
 compile_error!("an image without encoders: select the feature `network`, `packed` or both");
 
 /// Shared state of the tasks. The device's clock measures the durations of the stages, because the
-/// core's cycle counter stops while the core sleeps.
+/// cycle counter stops while the core sleeps.
 pub(crate) static SHARED: Shared = Shared::new(Clock {
     now: ticks,
     #[expect(clippy::cast_possible_truncation, reason = "1 MHz")]

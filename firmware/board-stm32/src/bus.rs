@@ -34,8 +34,9 @@ pub struct Bus {
 impl Bus {
     /// Returns the configuration with which a board creates its [`Spi`]: SPI mode 1, and SCLK at
     /// the frequency for register transfers. The edges of SCLK and MOSI are no faster than 20 MHz
-    /// needs, so that they ring less on wires. MISO has a pull-up, so that without a chip all bits
-    /// are 1, unless the read-back resistors of a daisy chain would form a divider with it.
+    /// needs, so that they ring less on wires. A pull-up on MISO makes all bits 1 if there is no
+    /// chip. A daisy chain has no pull-up, because it would form a voltage divider with the
+    /// read-back resistors.
     pub fn config() -> Config {
         let has_resistors = device::CHIPS > 1 && CONVERTER_SETTINGS.wiring == Wiring::Daisy;
         let mut config = Config::default();
@@ -58,8 +59,8 @@ impl Bus {
 }
 
 impl ads1299::Bus for Bus {
-    /// Selects the divider whose SCLK is nearest to the limit for transfers of the kind `speed`.
-    /// Fails if that SCLK is faster than the limit.
+    /// Sets the SCLK that is nearest to the limit for transfers of the kind `speed`. Fails if that
+    /// SCLK is above the limit.
     fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast> {
         let fastest_hz = match speed {
             Speed::Registers => FASTEST_REGISTERS_HZ,

@@ -1,5 +1,5 @@
-//! Selects the source of the core's clock at start: the clock at the HSE input, if it runs and has
-//! a frequency that the board knows, or the internal oscillator.
+//! Selects the source of the core's clock at start: the clock at the HSE input if it runs and the
+//! board knows its frequency, otherwise the internal oscillator.
 
 use core::ops::RangeInclusive;
 
@@ -51,22 +51,22 @@ const CAPTURE_PERIODS: u32 = 8 * HSE_DIVIDER as u32;
 /// Number of captures per measurement; all of them take 0.3 ms at 8 MHz.
 const CAPTURES: u32 = 16;
 
-/// Number of polls after which a capture counts as missing. Each takes at least one core cycle.
+/// Number of polls after which a capture counts as missing. Each poll takes at least one core
+/// cycle.
 const CAPTURE_POLLS: u32 = 100_000;
 
-/// Clock at the HSE input from which a board can derive all others, and the frequencies in Hz, as
-/// measured by the chip's own oscillator, at which it counts as this clock.
+/// Clock at the HSE input from which a board can derive all others, and the range of frequencies in
+/// Hz that counts as this clock, measured with the chip's own oscillator.
 pub type KnownClock = (ClockSource, RangeInclusive<u32>);
 
-/// Time limit for the clock at the HSE input to start, ms. The ST-LINK's clock starts with the
-/// ST-LINK's own firmware, whose start-up time is not specified. Only a board without a clock waits
-/// for the whole time.
+/// Time limit for the clock at the HSE input to start, ms. The start-up time of the ST-LINK, which
+/// supplies the clock, is not specified. Only a board without a clock waits for the whole time.
 const TIMEOUT_MS: u32 = 500;
 
 impl ClockSource {
-    /// Returns the clock at the HSE input if it starts within 500 ms and is one of `known`, and the
-    /// internal oscillator otherwise. `core_hz` is the core's and the timer's clock after a reset.
-    /// Replaces embassy's own wait for the clock, which has no limit.
+    /// Returns the clock at the HSE input if it starts within 500 ms and is in `known`, otherwise
+    /// the internal oscillator. `core_hz` is the clock of core and timer after a reset. Replaces
+    /// embassy's own wait for the clock, which has no time limit.
     #[cfg(target_os = "none")]
     pub fn find(
         core_hz: u32,
@@ -134,9 +134,9 @@ impl ClockSource {
     }
 }
 
-/// Measures HSE against the timer's clock of `timer_hz`. Returns its frequency in Hz, with a
-/// resolution of one count per interval between captures (0.1 % at 64 MHz, 0.4 % at 16 MHz); `None`
-/// if a capture is missing. Uses the shortest interval, because a late poll lengthens one.
+/// Measures HSE against the timer's clock of `timer_hz`. Returns the frequency in Hz, with a
+/// resolution of 0.1 % at 64 MHz and 0.4 % at 16 MHz; `None` if a capture is missing. Uses the
+/// shortest interval between captures: a late poll misses captures, which lengthens an interval.
 fn measure(timer_hz: u32, timer: &mut impl HseTimer) -> Option<u32> {
     timer.start();
     let mut next = || (0..CAPTURE_POLLS).find_map(|_| timer.capture());
@@ -148,7 +148,7 @@ fn measure(timer_hz: u32, timer: &mut impl HseTimer) -> Option<u32> {
         let interval = last
             .zip(count)
             .map(|(last, count)| count.wrapping_sub(last));
-        // `None`, a missing capture, is less than any interval, so the minimum keeps it.
+        // A missing capture gives `None`, which is less than any interval, so the result is `None`.
         shortest = shortest.map_or(Some(interval), |shortest| Some(interval.min(shortest)));
         last = count;
     }
@@ -157,7 +157,7 @@ fn measure(timer_hz: u32, timer: &mut impl HseTimer) -> Option<u32> {
     u32::try_from(edges.checked_div(shortest.flatten()?.into())?).ok()
 }
 
-/// Calls `pause` until `is_ready()`, but at most `pauses` times. Returns whether it became ready.
+/// Calls `pause` until `is_ready()`, at most `pauses` times. Returns the last `is_ready()`.
 fn poll_until(pauses: u32, mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
     for _ in 0..pauses {
         if is_ready() {
@@ -174,8 +174,8 @@ mod tests {
 
     use super::*;
 
-    /// Waits as the board does for a clock that becomes ready after `until_ready` ms. Returns the
-    /// milliseconds waited, and whether the clock was found.
+    /// Waits for a clock that becomes ready after `until_ready` ms. Returns the milliseconds
+    /// waited, and whether the clock became ready.
     fn waited(until_ready: u32) -> (u32, bool) {
         let waited = Cell::new(0);
         let is_ready = || waited.get() >= until_ready;
@@ -191,12 +191,12 @@ mod tests {
         assert_eq!(waited(u32::MAX), (TIMEOUT_MS, false));
     }
 
-    /// Simulated timer with a clock of `timer_hz`, which captures edges of an HSE of `hse_hz`.
+    /// Simulated timer with a clock of `timer_hz`, which captures the edges of an HSE of `hse_hz`.
     struct Captures {
         timer_hz: u64,
         hse_hz: u64,
         number: u64,
-        /// Number of the capture that comes while nobody polls.
+        /// Number of the capture that is missed because no poll comes in time.
         lost: u64,
     }
 

@@ -58,9 +58,9 @@ type WiredChain = Chain<Bus, Line, Delay, CHIPS>;
 impl Wires {
     /// Configures the pins so that the chain is at rest: deselected, stopped and not in reset.
     ///
-    /// A chain with fewer chips than the board has chip selects uses the first ones. All chips
-    /// share SPI, START and RESET. Only chip 0's DRDY is connected, to one of EXTI's lines 5 to 9.
-    /// The first chip select belongs to chip 0, whose DOUT drives MISO directly.
+    /// All chips share SPI, START and RESET. Only chip 0's DRDY is connected, to one of EXTI's
+    /// lines 5 to 9. The first chip select belongs to chip 0, whose DOUT drives MISO directly. Chip
+    /// selects beyond the model's chips stay unused.
     ///
     /// Does not compile for a model with more chips than the board has chip selects.
     pub fn new<DrdyPin: Pin + ExtiPin, const SELECTS: usize>(
@@ -119,7 +119,7 @@ impl Wires {
     }
 }
 
-/// Returns the chip selects of the chain, deselected: the first ones of the board.
+/// Returns the deselected chip selects of the chain: the board's first `CHIPS` chip selects.
 fn chain_selects<const SELECTS: usize>(selects: [Peri<'static, AnyPin>; SELECTS]) -> [Line; CHIPS] {
     const {
         assert!(
@@ -135,24 +135,24 @@ fn chain_selects<const SELECTS: usize>(selects: [Peri<'static, AnyPin>; SELECTS]
     })
 }
 
-/// Returns the DRDY input, which refills the budget of the trigger's interrupt before every wait
-/// for an edge.
+/// Returns the DRDY input. Before every wait for an edge, it refills the budget of the trigger's
+/// interrupt.
 fn drdy_edges() -> impl Drdy {
     DrdyEdges(trigger::refill_budget)
 }
 
-/// Chain of converters, which is started again and again until a start succeeds. Kept in a static,
-/// because a task that owned it by value would copy it through the task's stack.
+/// Chain of converters, whose start is repeated until it succeeds. It must be a static: a task that
+/// owned it by value would copy it through the task's stack.
 pub(crate) struct Adc {
     chain: RetryingSampler<Bus, Line, Delay, CHIPS, FRAME_BYTES>,
     drdy: ExtiInput<'static, Blocking>,
     test: &'static mut SelfTest<CHIPS>,
-    /// Outcome of the start that was logged last: its error, or `None` if it succeeded.
+    /// Outcome of the latest start that was logged: its error, or `None` if it succeeded.
     logged: Option<Error>,
 }
 
 impl Adc {
-    /// Creates the converter from wires with the chain at rest; `test` is memory for the self-test.
+    /// Creates the converter from the wires of a chain at rest; the self-test uses `test`.
     pub(crate) fn new(wires: Wires, test: &'static mut SelfTest<CHIPS>) -> Self {
         let (chain, drdy) = wires.into_chain();
         let sampler = Sampler::new(chain, CONVERTER_SETTINGS);
@@ -164,8 +164,8 @@ impl Adc {
         }
     }
 
-    /// Sets up the chain and starts it. With `is_cold`, first waits as long as the converters need
-    /// after power-on. If this fails, the error is logged, and every sample is flagged.
+    /// Sets up the chain and starts it; with `is_cold`, after the time that the converters need
+    /// after power-on. A failure is logged, and every sample is then flagged.
     pub(crate) async fn start(&mut self, is_cold: bool) {
         self.drdy.enable_interrupt();
         self.chain.start(is_cold, &mut drdy_edges()).await;
@@ -198,7 +198,7 @@ impl Adc {
             #[expect(clippy::cast_possible_truncation, reason = "ticks wrap")]
             drdy_ticks: edge.us as u32,
             // Use the larger count: an edge that occurred while no task waited for it also leaves a
-            // gap in the readings, and the sum would count it twice.
+            // gap in the readings, and a sum would count this edge twice.
             missed: edge.missed.max(reading.missed),
             status_bad: !reading.is_sound(),
             lead_off: reading.lead_off(),
@@ -234,8 +234,8 @@ impl Converter for &mut Adc {
         ))
     }
 
-    /// Runs the self-test, after which a chain whose start had failed is set up again without
-    /// waiting for the next retry.
+    /// Runs the self-test. If the start of the chain had failed, then sets up the chain again at
+    /// once.
     async fn self_test(&mut self, alive: impl FnMut()) {
         self.chain
             .sampler_mut()

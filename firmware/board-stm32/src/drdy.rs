@@ -30,8 +30,8 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Handles a falling edge of DRDY. Called by DRDY's interrupt, the most urgent one after the time
-/// driver's.
+/// Handles a falling edge of DRDY. Called by DRDY's interrupt, the most urgent interrupt after the
+/// time driver's.
 ///
 /// # Timing
 /// The time stamp is late by the interrupt's latency, by the rest of a critical section if one is
@@ -51,7 +51,7 @@ pub(crate) fn on_edge() {
     WAKER.wake();
 }
 
-/// Marks all edges so far as taken. Returns the state before they were marked.
+/// Marks all edges so far as taken. Returns the state before the call.
 fn take_edges(section: CriticalSection<'_>) -> Edges {
     let edges = EDGES.borrow(section);
     let before = edges.get();
@@ -62,8 +62,7 @@ fn take_edges(section: CriticalSection<'_>) -> Edges {
     before
 }
 
-/// Calls `before_wait`, then waits until there is an edge that was not taken yet. Returns the
-/// newest edge.
+/// Calls `before_wait`, then waits for an edge that was not taken yet and returns the newest one.
 async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     before_wait();
     poll_fn(|context| {
@@ -80,8 +79,8 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     .await
 }
 
-/// DRDY input that gives the device time of its edges. Before every wait for an edge, it calls the
-/// function that it holds.
+/// DRDY input that stamps edges with the device time. Before every wait for an edge, it calls the
+/// function in its field.
 pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
 impl<F: Fn()> Drdy for DrdyEdges<F> {

@@ -1,4 +1,4 @@
-//! Interrupts: their initialisation, handlers and priorities, and the executors, which run in
+//! Interrupts: initialisation, handlers and priorities, and the executors, which run in the
 //! interrupts of unused peripherals.
 #![expect(
     unsafe_code,
@@ -19,7 +19,7 @@ pub(crate) static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
 pub(crate) static CONVERSE: InterruptExecutor = InterruptExecutor::new();
 pub(crate) static ENCODE: InterruptExecutor = InterruptExecutor::new();
 
-/// Returns a level of [`priority`] in the form in which the NVIC stores it: in the upper 4 bits.
+/// Returns a level of [`priority`] as the NVIC stores it: in the upper 4 bits.
 pub fn nvic_priority(level: u8) -> Priority {
     Priority::from(level << 4)
 }
@@ -27,18 +27,18 @@ pub fn nvic_priority(level: u8) -> Priority {
 /// Initialises the chip: clocks, DMA, GPIO, time driver. The interrupts of all pins are disabled
 /// afterwards ([`disable_pins`]).
 ///
-/// Also mends an error of the time driver (embassy-stm32 0.6.0, `time_driver/gp16.rs`). The driver
-/// generates an update while the timer's counter and its compare register 1 are both 0. The update
-/// sets the flag CC1IF, and the driver enables the interrupt of this flag without clearing the
-/// flag. The driver would therefore count half a period that has not passed. From then on, `now()`
-/// would be ahead by 65,536 us, and for a moment at each half period it would jump back by as much.
-/// This function therefore clears the flags before the interrupt first runs. By then the counter
-/// has been running for some microseconds, far less than its half period of 32.768 ms.
+/// Also works around an error of the time driver (embassy-stm32 0.6.0, `time_driver/gp16.rs`).
+/// While the timer's counter and its compare register 1 are both 0, the driver generates an update,
+/// which sets the flag CC1IF; it then enables this flag's interrupt without clearing the flag. It
+/// would therefore count half a period that has not passed: `now()` would be ahead by 65,536 us,
+/// and would jump back by as much for a moment at each half period. So this function clears the
+/// flags before the interrupt first runs. The counter has then been running for some microseconds,
+/// far less than its half period of 32.768 ms.
 ///
 /// # Panics
 /// On the second call.
 pub fn init_chip(config: Config) -> Peripherals {
-    // Interrupts stay disabled in this section, even when embassy's `init` leaves its own ones.
+    // Keeps interrupts disabled from embassy's `init` until the flags are cleared.
     critical_section::with(|_| {
         let peripherals = embassy_stm32::init(config);
         // Writing 0 clears the flags of this register (RM0433, RM0390 and RM0090, TIMx_SR).
@@ -49,8 +49,8 @@ pub fn init_chip(config: Config) -> Peripherals {
     })
 }
 
-/// Sets the priorities and enables DRDY's interrupt. For peripherals that only one board uses, that
-/// board sets the priorities.
+/// Sets the priorities and enables DRDY's interrupt. A board sets the priorities of the peripherals
+/// that only this board uses.
 pub(crate) fn init() {
     interrupt::EXTI9_5.set_priority(nvic_priority(priority::DRDY));
     interrupt::EXTI15_10.set_priority(nvic_priority(priority::TRIGGER));

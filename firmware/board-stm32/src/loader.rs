@@ -1,10 +1,10 @@
-//! Jump to the microcontroller's own boot loader, in the system memory, and the reset after it.
+//! Runs the microcontroller's own boot loader, in the system memory, and resets the chip after it.
 #![expect(unsafe_code, reason = "runs another program")]
 
 use cortex_m::{asm, peripheral::SCB};
 use firmware::failure::take_bootloader_request;
 
-/// Boot loader that the manufacturer has built into a chip; one variant for each chip.
+/// Boot loader that the manufacturer has built into a chip.
 #[derive(Clone, Copy, Debug)]
 pub enum Loader {
     /// Boot loader of the STM32H743, which is not at the start of the system memory.

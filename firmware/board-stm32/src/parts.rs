@@ -1,5 +1,6 @@
-//! Pins and peripherals of a board, as rows of its documentation and as types of the HAL, and what
-//! is made of them alike on every board.
+//! Macros that declare the pins and peripherals of a board, as rows of its documentation and as
+//! types of the HAL, and that create what every board has: SPI bus, wires of the converters, UART
+//! port.
 
 use core::fmt;
 
@@ -26,7 +27,7 @@ impl fmt::Display for Pin {
 }
 
 /// Returns whether the first table after `heading` in a Markdown text lists exactly `pins`, in
-/// their order.
+/// order.
 pub fn are_documented(pins: &[Pin], text: &str, heading: &str) -> bool {
     let Some((_, section)) = text.split_once(heading) else {
         return false;
@@ -47,9 +48,8 @@ fn is_row(pin: Pin, row: &str) -> bool {
         && cells.next().is_none()
 }
 
-/// Declares the pins and peripherals of a board: `PINS`, which a test compares with the
-/// documentation, and on the microcontroller `Parts`, a struct that owns the same pins and the
-/// peripherals.
+/// Declares a board's pins and peripherals: `PINS`, which a test compares with the documentation,
+/// and on the microcontroller the struct `Parts`, which owns these pins and the peripherals.
 #[macro_export]
 macro_rules! parts {
     (
@@ -84,8 +84,8 @@ macro_rules! parts {
     };
 }
 
-/// Defines the program of a board on a PC, where `main` prints the pins as rows for
-/// `docs/hardware.md`, and a test that compares them with the section `$heading` of that page.
+/// Defines a board's program on a PC: `main` prints the pins as rows for `docs/hardware.md`, and a
+/// test compares them with the section `$heading` of that page.
 #[macro_export]
 macro_rules! pin_rows {
     ($heading:literal) => {
@@ -109,8 +109,8 @@ macro_rules! pin_rows {
     };
 }
 
-/// Returns the SPI bus of the converters from a board's `Parts`, with the interrupts `$irqs` of its
-/// DMA and the memory `$buffer` that the DMA can access.
+/// Returns the converters' SPI bus from a board's `Parts`. `$irqs` are the interrupts of its DMA;
+/// the DMA must be able to access `$buffer`.
 #[macro_export]
 macro_rules! bus {
     ($parts:ident, $irqs:expr, $buffer:expr) => {{
@@ -152,8 +152,8 @@ macro_rules! chain_wires {
     };
 }
 
-/// Returns the port over the UART `$uart` from a board's `Parts`, with the interrupts `$irqs` and
-/// the memory `$memory` that the DMA can access.
+/// Returns the port over the UART `$uart` from a board's `Parts`. `$irqs` are its interrupts; the
+/// DMA must be able to access `$memory`.
 #[macro_export]
 macro_rules! uart_port {
     ($parts:ident, $uart:ty, $irqs:expr, $memory:expr) => {{

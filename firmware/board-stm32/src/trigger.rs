@@ -94,8 +94,8 @@ pub(crate) fn refill_budget() {
 /// spent.
 ///
 /// The timer continues to capture edges, and after the next [`refill_budget`] the interrupt handles
-/// the latest one. If no samples are read for a time, the time of this latest edge can be wrong by
-/// multiples of 65.536 ms; no run is active then.
+/// the latest one. While no samples are read, and therefore no run is active, nothing refills the
+/// budget; the time of this latest edge can then be wrong by multiples of 65.536 ms.
 pub(crate) fn on_edge() {
     interrupts::clear_pending(1 << PIN);
     let edge = critical_section::with(|section| {

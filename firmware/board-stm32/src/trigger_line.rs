@@ -6,7 +6,7 @@ pub(crate) struct Edge {
     pub(crate) is_rise: bool,
     /// Device time of the edge, microseconds since boot.
     pub(crate) at_us: u64,
-    /// Least number of edges that must have occurred unobserved since the previous reported edge.
+    /// Smallest number of edges that must have been missed since the previous reported edge.
     pub(crate) lost: u32,
 }
 
@@ -31,7 +31,7 @@ impl TriggerLine {
         }
     }
 
-    /// Sets the current level and stamp, with which the next observation is compared.
+    /// Sets the current level and stamp, to which the next observation is compared.
     pub(crate) const fn reset(&mut self, is_high: bool, stamp: u16) {
         self.is_high = is_high;
         self.stamp = stamp;
@@ -42,7 +42,7 @@ impl TriggerLine {
         core::mem::replace(&mut self.budget, observations) == 0
     }
 
-    /// Returns whether the interrupt may not observe the input again until the next refill.
+    /// Returns whether the interrupt must not run again until the next refill.
     pub(crate) const fn budget_exhausted(&self) -> bool {
         self.budget == 0
     }
@@ -53,7 +53,7 @@ impl TriggerLine {
     /// Rising and falling edges alternate, so a new stamp with an unchanged level means that
     /// another edge in between was lost.
     pub(crate) fn observe(&mut self, is_high: bool, stamp: u16, now_us: u64) -> Option<Edge> {
-        // An observation without a new edge counts too, because the interrupt has run for it.
+        // Count an observation without a new edge too: the interrupt has run for it.
         self.budget = self.budget.saturating_sub(1);
         if is_high == self.is_high && stamp == self.stamp {
             return None;

@@ -11,8 +11,8 @@ const RANGES: [(&str, &str); 3] = [
     ("__suninit", "__euninit"),
 ];
 
-/// Sections that must be in a region of their own if the board has this region: the DMA's buffers,
-/// where the DMA cannot reach all RAM, and the memory for an uploaded model.
+/// Sections that belong in a region of their own if the board has this region: the DMA's buffers on
+/// a chip whose DMA cannot reach all RAM, and the memory for an uploaded model.
 const PLACES: [(&str, &str); 2] = [(".dma", "SRAM1"), (".slot", "AXI")];
 
 /// Returns one sentence for each symbol or section that is missing or is not where `regions`
@@ -118,8 +118,8 @@ mod tests {
     #[test]
     fn a_section_or_symbol_in_the_wrong_place_is_named() {
         for (name, address, fault) in [
-            // The first case stands for a section .dma that was linked into .bss: the start-up code
-            // would zero everything up to `__ebss`.
+            // As if a section .dma had been linked into .bss: the start-up code would zero it,
+            // because it zeroes everything up to `__ebss`.
             ("__ebss", 0x5020, "__ebss 0x00005020 is not in RAM"),
             ("__ebss", 0x3000, "__sbss 0x00003008"),
             ("__edata", 0x3041, "__edata"),

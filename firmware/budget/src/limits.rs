@@ -5,7 +5,7 @@
 pub(crate) struct Limits {
     /// Name of the board in the printed table.
     pub(crate) name: &'static str,
-    /// Names of the board's image files without ".elf". The limits apply to the first.
+    /// Names of the board's image files without ".elf". The limits apply to the first image.
     pub(crate) images: &'static [&'static str],
     /// Whether the first image is the board's default image.
     pub(crate) is_default: bool,
@@ -31,9 +31,9 @@ pub(crate) const BOARDS: [Limits; 4] = [
         ],
         is_default: true,
         memory_map: "firmware/board-h743/stm32h743.x",
-        // The limits are above the sizes measured with USB: 9 % above 660 KB of flash, 5 % above 92
-        // KB of RAM. The DMA may use half of SRAM1. The AXI SRAM holds the model slot, 258 KB. The
-        // ITCM stays empty, because the kernels run from flash
+        // Limits for the image with USB: 9 % above the measured 660 KB of flash, 5 % above 92 KB of
+        // RAM. The DMA may use half of SRAM1. The AXI SRAM holds the model slot, 258 KB. The ITCM
+        // stays empty, because the kernels run from flash
         // (docs/decisions/0015-kernels-run-from-flash.md).
         regions: &[
             ("FLASH", 704 << 10),
@@ -49,8 +49,8 @@ pub(crate) const BOARDS: [Limits; 4] = [
         images: &["f446", "f446-usb"],
         is_default: true,
         memory_map: "firmware/board-f446/stm32f446.x",
-        // The limits are above the sizes measured with the UART: 3 % above 495 KB of flash, 5 %
-        // above 86 KB of RAM. The flash limit is low because the chip has only 512 KiB.
+        // Limits for the image with the UART: 3 % above the measured 495 KB of flash, because the
+        // chip has only 512 KiB; 5 % above 86 KB of RAM.
         regions: &[("FLASH", 496 << 10), ("RAM", 88 << 10)],
         stack: 32 << 10,
     },

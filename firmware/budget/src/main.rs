@@ -25,7 +25,7 @@ use crate::image::{Image, Segment};
 use crate::limits::{BOARDS, Limits};
 use crate::memory_map::Region;
 
-/// A board with the figures of its image, as the table and the JSON object show them.
+/// A board and the figures of its image.
 #[derive(Debug, Serialize)]
 struct Board {
     board: &'static str,
@@ -33,7 +33,7 @@ struct Board {
 }
 
 /// Figures of one memory region, bytes. In a region without a limit the image must take no memory,
-/// and only `length` is stated.
+/// and all fields but `length` are `None`.
 #[derive(Debug, Serialize)]
 struct Row {
     region: String,
@@ -102,7 +102,7 @@ fn budget(folder: &Path, json: bool, default_images: bool) -> Result<Vec<String>
         }
     }
     let object = json!({"boards": boards, "faults": faults});
-    // `cargo xtask test` sets the variable, and compares the object with docs/figures.md.
+    // `cargo xtask test` sets this variable, and compares the object with docs/figures.md.
     if let Some(file) = env::var_os("CORTICODE_OBJECT") {
         let written = fs::write(&file, object.to_string());
         written.map_err(|error| format!("writing {} failed: {error}", file.display()))?;
@@ -123,8 +123,8 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(|error| format!("reading {} failed: {error}\n  {NEXT}", path.display()))
 }
 
-/// Returns the figures of all regions for an image that consists of `segments`, and one sentence
-/// for each exceeded limit.
+/// Returns the figures of all regions for an image of these `segments`, and one sentence for each
+/// exceeded limit.
 fn measure(limits: &Limits, segments: &[Segment], regions: &[Region]) -> (Vec<Row>, Vec<String>) {
     let (mut rows, mut faults) = (Vec::new(), Vec::new());
     for region in regions {
@@ -197,8 +197,8 @@ mod tests {
         stack: 100,
     };
 
-    /// Measures an image with `code` bytes of instructions and `variables` bytes of variables. In
-    /// flash, the 16 bytes of initial values follow the instructions after a gap of 4 bytes.
+    /// Measures an image with `code` bytes of instructions and `variables` bytes of variables,
+    /// whose 16 bytes of initial values follow the instructions in flash after a gap of 4 bytes.
     fn measured(code: u64, variables: u64, map: &str) -> (Vec<Row>, String) {
         let code = Segment {
             address: 0x1000,

@@ -32,7 +32,7 @@ fn region(line: &str) -> Option<Region> {
     })
 }
 
-/// Parses an address or a number of bytes: `0x20000000`, `512`, `32K` or `4M`.
+/// Parses an address or a number of bytes, such as `0x20000000`, `512`, `32K` or `4M`.
 fn bytes(text: &str) -> Option<u64> {
     let (digits, shift) = match text.chars().last()? {
         'K' => (text.strip_suffix('K')?, 10),

@@ -21,7 +21,7 @@ use crate::{
 /// Number of slots in the tests' sample queue, small so that few samples fill it.
 const DEPTH: usize = 3;
 
-/// Converter that delivers `left` samples, a number that the test sets, and then waits.
+/// Converter that delivers `left` samples, then waits until the test increases `left`.
 struct Counted<'c> {
     left: &'c Cell<u32>,
     delivered: u64,
@@ -84,13 +84,13 @@ fn start(number: u32) -> Order {
     })
 }
 
-/// A sample that the task has queued: number of the run if the sample starts one, index of the
-/// sample, and whether an overrun marks it.
+/// A queued sample: number of the run if the sample starts one, index of the sample, and whether an
+/// overrun marks the sample.
 type Queued = (Option<u32>, u64, bool);
 
-/// Runs an acquisition task through `acts`: each act is an optional order, followed by a number of
-/// samples. Returns the samples that each act queued. `is_read` decides by the number of the act
-/// whether these samples leave the queue at the end of the act.
+/// Runs an acquisition task through `acts`: an optional order, then a number of samples. After the
+/// act with an index for which `is_read(index)` is true, empties the queue; otherwise the samples
+/// stay queued. Returns, for each act, the samples taken from the queue after it.
 fn handed_over(
     shared: &Shared,
     converter: Counted<'_>,

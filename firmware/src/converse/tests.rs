@@ -1,4 +1,4 @@
-//! Test, with a simulated host, that the conversation task counts the outputs that were lost.
+//! Tests, with a simulated host, that the conversation task counts lost outputs.
 
 use core::{
     convert::Infallible,

@@ -40,7 +40,7 @@ pub struct Options {
     pub fast: bool,
 }
 
-/// A cue of the recording, and what was decided about it.
+/// A cue of the recording, and the class that was decided for it.
 #[derive(Debug, Clone, Copy)]
 pub struct Trial {
     /// Index of the class that the cue asks for.
@@ -57,14 +57,14 @@ pub struct Trial {
 /// Results of a closed loop.
 #[derive(Debug)]
 pub struct Outcome {
-    /// The classifier that decided.
+    /// Classifier that made the decisions.
     pub classifier: Classifier,
     /// File name of the recording.
     recording: String,
     is_fast: bool,
     /// All cues, in the order of time.
     pub trials: Vec<Trial>,
-    /// All predictions that arrived, in their order.
+    /// All predictions that arrived, in the order of their arrival.
     pub received: Vec<Received>,
     /// Number of hops in the recording.
     pub hops: usize,
@@ -73,7 +73,7 @@ pub struct Outcome {
     pub equal: usize,
 }
 
-/// Runs a closed loop with the programs in the folder `programs`. Draws it into the folder
+/// Runs a closed loop with the programs in the folder `programs`. Draws the results into the folder
 /// `pictures`, unless that is `None`.
 ///
 /// # Errors
@@ -175,8 +175,7 @@ impl Outcome {
         [right.count(), decided.count()]
     }
 
-    /// Returns the chance level: the fraction of the decided trials that have the most frequent
-    /// cue.
+    /// Returns the chance level: the share of the most frequent cue among the decided trials.
     fn chance(&self) -> f64 {
         let decided = self.trials.iter().filter(|trial| trial.decision.is_some());
         let of = |class: usize| decided.clone().filter(|trial| trial.class == class).count();
@@ -184,10 +183,10 @@ impl Outcome {
         ratio(most.unwrap_or(0), decided.clone().count())
     }
 
-    /// Returns an error if a prediction is missing, or differs from the offline prediction.
+    /// Checks that all predictions arrived, and that they equal the offline predictions.
     ///
     /// # Errors
-    /// [`Failure`] in these cases.
+    /// [`Failure`] if a prediction is missing or differs.
     pub fn check(&self) -> Result<(), Failure> {
         if self.equal == self.hops {
             return Ok(());

@@ -85,8 +85,7 @@ fn in_a_folder<T>(what: impl AsyncFnOnce(&Path) -> Result<T, Failure>) -> Result
     })
 }
 
-/// Checks that the folder `programs` holds the programs `names`, which the command `builder`
-/// builds.
+/// Checks that the folder `programs` holds the programs `names`; the command `builder` builds them.
 fn require(programs: &Path, names: &[&str], builder: &str) -> Result<(), Failure> {
     let missing = names.iter().find(|name| !programs.join(name).exists());
     missing.map_or(Ok(()), |name| {
@@ -100,7 +99,7 @@ fn require(programs: &Path, names: &[&str], builder: &str) -> Result<(), Failure
 #[derive(Debug)]
 pub struct Failure {
     /// Exit status: 1 if a check failed, 2 if a file is missing, 3 if one of the programs did not
-    /// start or did not answer, 130 after Ctrl-C.
+    /// start or respond, 130 after Ctrl-C.
     pub status: u8,
     /// Text that states what failed, why, and what the user can do next.
     pub message: String,

@@ -14,7 +14,7 @@ fn main() -> ExitCode {
     let words: Vec<OsString> = std::env::args_os().skip(1).collect();
     let program = std::env::current_exe().unwrap_or_default();
     let programs = program.parent().unwrap_or(Path::new("."));
-    // Only paths can be something other than UTF-8; such a word becomes an empty text here.
+    // An argument that is not UTF-8, which only a path may be, becomes an empty text here.
     let texts: Vec<&str> = words
         .iter()
         .map(|word| word.to_str().unwrap_or_default())

@@ -41,7 +41,7 @@ impl Program {
         let start = || -> io::Result<Child> {
             let file = File::create(&log)?;
             let mut command = Command::new(path);
-            // The user has set these variables for programs of their own, not for this one.
+            // `CORTICODE_` variables configure the user's own runs of these programs, not this one.
             for (name, _) in env::vars_os() {
                 if name.to_string_lossy().starts_with("CORTICODE_") {
                     command.env_remove(name);
@@ -95,8 +95,8 @@ impl Program {
     pub(crate) async fn terminate(&mut self, deadline: Duration) -> Result<(), Failure> {
         let pid = self.child.id().map(u32::cast_signed);
         if let Some(pid) = pid.and_then(Pid::from_raw) {
-            // Sending fails if the program has already ended by itself; the `wait` below then
-            // returns its status.
+            // Sending fails if the program has already ended; the `wait` below then returns its
+            // status.
             let _ = kill_process(pid, Signal::TERM);
         }
         match timeout(deadline, self.child.wait()).await {

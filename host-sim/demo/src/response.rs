@@ -102,8 +102,7 @@ fn curves(compared: &[[f64; 3]]) -> [Series; 2] {
     ]
 }
 
-/// Returns the outline of the pass band and a line at the mains frequency, over a range of the y
-/// axis.
+/// Returns the outline of the pass band and a line at the mains frequency, from `low` to `high` dB.
 fn marks([low, high]: [f64; 2]) -> [Series; 2] {
     let [from, to] = BAND_HZ;
     let band = vec![(from, low), (from, high), (to, high), (to, low)];

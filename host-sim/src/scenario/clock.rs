@@ -1,4 +1,4 @@
-//! The board's clock and the times of its samples, by the host's time.
+//! The board's clock, and the host times of its samples.
 
 use super::file::ClockTable;
 
@@ -43,15 +43,14 @@ impl BoardClock {
         self.host_us + SAMPLE_US * self.converter_rate()
     }
 
-    /// Advances to the next sample.
     pub(super) fn advance(&mut self) {
         let next_us = self.next_sample_us();
         self.device_us += (next_us - self.host_us) / self.rate();
         self.host_us = next_us;
     }
 
-    /// Returns the time by the board's clock at the host time `host_us`, which is within a few
-    /// samples of the newest one; 0 before the boot.
+    /// Returns the time by the board's clock at the host time `host_us`, which must be within a few
+    /// samples of the newest sample; 0 before the boot.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -61,8 +60,8 @@ impl BoardClock {
         (self.device_us + (host_us - self.host_us) / self.rate()).max(0.0) as u64
     }
 
-    /// Returns the host time at which the board's clock shows `device_us`, which is within a few
-    /// samples of the newest one.
+    /// Returns the host time at which the board's clock shows `device_us`, which must be within a
+    /// few samples of the newest sample.
     #[expect(clippy::cast_precision_loss, reason = "below 2^53 us (285 years)")]
     pub(super) fn host_us_of(&self, device_us: u64) -> f64 {
         self.host_us + (device_us as f64 - self.device_us) * self.rate()

@@ -80,7 +80,7 @@ pub(super) struct ClockTable {
     /// Seconds of the board's clock per second of the converters' clock, minus 1, ppm.
     #[serde(deserialize_with = "ppm")]
     pub(super) converter_ppm: f64,
-    /// Changes of `ppm`.
+    /// Changes of `ppm` during the session.
     pub(super) changes: Vec<ClockChange>,
 }
 
@@ -96,15 +96,15 @@ pub(super) struct ClockChange {
     pub(super) ppm: f64,
 }
 
-/// Kind of port, which decides what happens at its interruption and when the host reads too slowly.
+/// Kind of port, which decides what happens when it is interrupted or the host reads too slowly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum LineKind {
     /// The board's own USB: waits for the host; a restart of the board interrupts it.
     #[default]
     Usb,
-    /// A UART behind an adapter: loses what the host's buffer does not take; a restart of the board
-    /// does not interrupt it.
+    /// A UART behind an adapter: loses bytes that do not fit the host's buffer; a restart of the
+    /// board does not interrupt it.
     Uart,
     /// A network connection: waits for the host, and loses nothing while the network is down.
     Tcp,
@@ -119,8 +119,8 @@ pub(super) struct LineTable {
     #[serde(deserialize_with = "some_positive")]
     pub(super) bytes_per_s: Option<f64>,
     /// Shortest time from the end of a frame on the line to its arrival at the host, and the
-    /// largest random addition to this time, milliseconds. Most frames get less than a quarter of
-    /// the addition.
+    /// largest random addition to this time, milliseconds. Most additions are less than a quarter
+    /// of the largest.
     #[serde(deserialize_with = "not_negative")]
     pub(super) delay_ms: f64,
     #[serde(deserialize_with = "not_negative")]
@@ -151,7 +151,7 @@ impl LineTable {
     }
 }
 
-/// Rates of the line's random faults, each 0 to 1, for both directions.
+/// Probabilities of the line's random faults per bit, frame or chunk, in both directions.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Noise {
@@ -161,7 +161,7 @@ pub(super) struct Noise {
     pub(super) frames_dropped: f64,
     #[serde(deserialize_with = "rate")]
     pub(super) frames_duplicated: f64,
-    /// For chunks of up to 64 bytes, such as a packet of USB at full speed.
+    /// For chunks of up to 64 bytes, the size of a USB packet at full speed.
     #[serde(deserialize_with = "rate")]
     pub(super) chunks_dropped: f64,
     #[serde(deserialize_with = "rate")]
@@ -197,14 +197,14 @@ impl Noise {
     }
 }
 
-/// How the host reads.
+/// How the host reads the port.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct HostTable {
     /// Interval at which the host reads, milliseconds; 0 reads at each arrival.
     #[serde(deserialize_with = "not_negative")]
     pub(super) poll_ms: f64,
-    /// Bytes that the host's driver keeps for a program that does not read.
+    /// Capacity of the receive buffer in the host's driver, bytes.
     pub(super) buffer_bytes: usize,
     /// Whether the bridge searches for the board (`--port auto`), or opens one port with a fixed
     /// name.
@@ -222,7 +222,7 @@ impl Default for HostTable {
     }
 }
 
-/// Kind of a fault at a stated time.
+/// Kind of a scheduled fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum FaultKind {
@@ -238,11 +238,11 @@ pub(super) enum FaultKind {
     LostAcks,
     /// Another program sends commands to the board.
     Commands,
-    /// The host's wall clock is set.
+    /// The host's wall clock jumps by `step_s`.
     WallClock,
 }
 
-/// A fault with its time.
+/// A fault, and the times at which it occurs.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ScheduledFault {
@@ -269,7 +269,7 @@ pub(super) struct ScheduledFault {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Limits {
-    /// Errors of stamps and events, milliseconds, beyond the shortest delay of the line.
+    /// Errors of time stamps and of events, less the line's shortest delay, milliseconds.
     #[serde(deserialize_with = "not_negative")]
     pub(super) stamp_p99_ms: f64,
     #[serde(deserialize_with = "not_negative")]
@@ -282,14 +282,14 @@ pub(super) struct Limits {
     pub(super) settle_s: f64,
     #[serde(deserialize_with = "not_negative")]
     pub(super) unsettled_max_ms: f64,
-    /// Largest error of the number of rows that fill interruptions, milliseconds.
+    /// Largest error of the time that the fillers of an interruption represent, milliseconds.
     #[serde(deserialize_with = "not_negative")]
     pub(super) gap_error_ms: f64,
-    /// Largest fraction of fillers among all rows of a topic.
+    /// Largest fraction of fillers, rows in place of missing ones, among all rows of a topic.
     #[serde(deserialize_with = "not_negative")]
     pub(super) fillers: f64,
     pub(super) lost_events: u64,
-    /// Longest time from the end of a fault to the next code that is no filler, seconds.
+    /// Longest time from the end of a fault to the next row that is not a filler, seconds.
     #[serde(deserialize_with = "not_negative")]
     pub(super) recovery_s: f64,
 }
@@ -316,7 +316,7 @@ pub enum ScenarioError {
     /// The file cannot be read.
     #[error("{0} cannot be read; check the name")]
     Read(PathBuf, #[source] std::io::Error),
-    /// The file is no TOML, or a key or value is not valid in a scenario.
+    /// The file is not TOML, or a key or value is not valid in a scenario.
     #[error("{0} is no scenario; docs/scenarios.md lists the keys")]
     Toml(PathBuf, #[source] Box<toml::de::Error>),
     /// Keys contradict each other.
@@ -335,7 +335,7 @@ impl Scenario {
     /// Reads the scenario in the file at `path`.
     ///
     /// # Errors
-    /// [`ScenarioError`] if the file cannot be read or is no scenario.
+    /// [`ScenarioError`] if the file cannot be read or is not a scenario.
     pub fn read(path: &Path) -> Result<Self, ScenarioError> {
         let text = std::fs::read_to_string(path);
         let text = text.map_err(|error| ScenarioError::Read(path.to_owned(), error))?;
@@ -356,7 +356,7 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Returns the name of the scenario.
+    /// Returns the name of the scenario, which its report shows.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -366,16 +366,15 @@ impl Scenario {
         self.duration_s
     }
 
-    /// Returns the announced stream; by default the first stream, in the order of the topics, that
-    /// runs.
+    /// Returns the stream that the bridge announces; by default the first in topic order that runs.
     pub(super) fn announced(&self) -> AnnouncedStream {
         let mut topics = AnnouncedStream::TOPICS.iter().map(|(_, stream)| *stream);
         let first = topics.find(|stream| stream.is_in(self.streams));
         self.announced.or(first).unwrap_or_default()
     }
 
-    /// Returns an error, and the offset in the file to which it belongs, if keys contradict each
-    /// other, for example if a fault would not take place.
+    /// Returns an error and its offset in the file if keys contradict each other, for example if a
+    /// fault would begin after the end of the scenario.
     fn check(&self) -> Result<(), (usize, String)> {
         let end = self.duration_s;
         for fault in &self.faults {
@@ -442,7 +441,7 @@ fn codes() -> Streams {
     Streams::CODES
 }
 
-/// Reads a number for which `is_valid` holds; `what` completes "write ...".
+/// Reads a number for which `is_valid` holds. The error message ends with "write" and `what`.
 fn number<'de, D: Deserializer<'de>>(
     from: D,
     is_valid: impl Fn(f64) -> bool,

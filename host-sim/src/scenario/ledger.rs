@@ -1,4 +1,4 @@
-//! Everything that the core publishes, compared with what the board made.
+//! Compares everything that the bridge's core publishes with what the board made.
 
 use std::rc::Rc;
 
@@ -8,10 +8,10 @@ use neuro_ros::{DiagnosticArray, NeuroEvent, NeuroFrame, Stamp};
 use super::topic::Topic;
 use super::truth::{Content, Made, TopicKind, Values};
 
-/// Flag of fillers, bit 15 of the first status word.
+/// Flag of fillers, rows in place of missing ones: bit 15 of a row's first status word.
 const FILLER: u16 = 1 << 15;
 
-/// Error of a stamp before the shortest delay is subtracted.
+/// Error of a time stamp, before the line's shortest delay is subtracted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StampError {
     pub(super) error_us: f64,
@@ -20,28 +20,29 @@ pub(super) struct StampError {
     pub(super) is_event: bool,
 }
 
-/// Everything published so far. Executes the core's effects: commands are kept for the line.
+/// Record of everything published so far. As the core's [`Effects`], stores commands until the
+/// rehearsal sends them.
 #[derive(Debug)]
 pub(super) struct Ledger {
     pub(super) topics: [Topic; 4],
-    /// Bytes for the board, frame by frame.
+    /// Commands that are not yet sent to the board, one frame each.
     pub(super) commands: Vec<Vec<u8>>,
-    /// The frame that the core handles at present, and the time of its bytes.
+    /// The frame that the core handles now, and the time at which its bytes were read.
     frame: Option<Rc<Made>>,
     now: HostTime,
-    /// Wall clock at host time 0, and the sum of its steps so far, nanoseconds.
+    /// Wall clock at host time 0 plus the sum of its steps so far, nanoseconds.
     wall_ns: i64,
-    /// Host time from which on stamps are settled, microseconds.
+    /// Host time from which on time stamps count as settled, microseconds.
     settled_us: f64,
     settle_us: f64,
     /// Newest stamp of each topic, nanoseconds.
     stamps: [i64; 4],
     pub(super) errors: Vec<StampError>,
-    /// Shortest time from the newest sample of a frame to the host's read, microseconds.
+    /// Shortest time from the newest sample of a frame to the host's reading of it, microseconds.
     pub(super) shortest_us: f64,
     pub(super) edges: u64,
     pub(super) wrong_edges: u64,
-    /// Ends of faults after which no code has been published yet, microseconds.
+    /// Ends of the faults after which no row has been published yet, microseconds.
     recovering: Vec<f64>,
     /// Longest recovery: duration, and end of the fault, microseconds.
     pub(super) longest_recovery: (f64, f64),
@@ -81,18 +82,17 @@ impl Ledger {
         }
     }
 
-    /// Sets the wall clock by `step_s` seconds.
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     pub(super) fn step_wall_clock(&mut self, step_s: f64, now_us: f64) {
         self.wall_ns = self.wall_ns.saturating_add((step_s * 1e9) as i64);
         if step_s < -30.0 {
-            // The documentation allows stamps to go back with the wall clock beyond 30 s.
+            // Stamps may go back with the wall clock if it steps back by more than 30 s.
             self.stamps = [i64::MIN; 4];
         }
         self.unsettle(now_us);
     }
 
-    /// Records that the clock's fit begins again.
+    /// Marks the next stamps as unsettled, because the fit of the board's clock begins again.
     pub(super) fn unsettle(&mut self, now_us: f64) {
         self.settled_us = self.settled_us.max(now_us + self.settle_us);
     }
@@ -101,8 +101,8 @@ impl Ledger {
         self.recovering.push(now_us);
     }
 
-    /// Returns the value `key` of the status `status` in the newest report to `/diagnostics`; 0 if
-    /// there is no such value.
+    /// Returns the value `key` of the status whose name ends with `status` in the newest report to
+    /// `/diagnostics`; 0 if there is no such value.
     pub(super) fn shown(&self, status: &str, key: &str) -> u64 {
         let mut statuses = self.diagnostics.status.iter();
         let status = statuses.find(|found| found.name.ends_with(status));
@@ -112,8 +112,7 @@ impl Ledger {
         number.unwrap_or_default()
     }
 
-    /// Returns a sentence about a fault after which no row was published; `None` without such a
-    /// fault.
+    /// Returns a sentence about a fault after which no row was published, if there is one.
     pub(super) fn not_recovered(&self) -> Option<String> {
         let end_s = self.recovering.first()? / 1e6;
         Some(format!(
@@ -140,7 +139,7 @@ impl Ledger {
         self.now.monotonic_us as f64
     }
 
-    /// Records the error of a stamp; the exact stamp is `true_us`, a host time, by the wall clock.
+    /// Records the error of a stamp against the wall clock at `true_us`, the exact host time.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_precision_loss,

@@ -15,16 +15,16 @@ const CHUNK: usize = 64;
 pub(super) struct Faults {
     noise: Noise,
     random: Random,
-    /// Number of frames that the present burst still drops.
+    /// Number of frames that the current burst still drops.
     burst: u64,
     /// Number of bits before the next bit error.
     bits: u64,
-    /// How often each fault took place, in the order of [`Noise::rates`].
+    /// Number of times that each fault has occurred, in the order of [`Noise::rates`].
     pub(super) counts: [u64; 5],
 }
 
 impl Faults {
-    /// Creates the faults of direction number `direction`.
+    /// Creates the faults of a direction: 0 is to the host, 1 to the board.
     pub(super) fn new(noise: Noise, seed: u64, direction: u64) -> Self {
         let mut faults = Self {
             noise,
@@ -49,8 +49,8 @@ impl Faults {
         self.random.uniform(0.0, 1.0)
     }
 
-    /// Returns how many trials fail before the first success. Each succeeds with probability
-    /// `rate`.
+    /// Returns a random number of failed trials before the first success, where each trial succeeds
+    /// with probability `rate`.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -67,7 +67,7 @@ impl Faults {
         rate > 0.0 && self.unit() < rate
     }
 
-    /// Returns the bytes that arrive of a frame, after the random faults.
+    /// Applies the random faults to a frame and returns the bytes that arrive.
     fn apply(&mut self, frame: &[u8]) -> Vec<u8> {
         let noise = self.noise;
         if self.burst == 0 && self.happens(noise.frames_dropped) {
@@ -126,14 +126,13 @@ pub(super) struct Line {
     start: Instant,
     /// Host time from which on the line can carry the next frame, microseconds.
     free_us: f64,
-    /// Number of bytes of the next frame after which the board loses its power.
+    /// Number of bytes of the next frame after which the board loses its power; 0 afterwards.
     cut: Option<usize>,
     /// Bytes that were sent and not read, and the host time of their arrival, microseconds.
     sent: VecDeque<(f64, Vec<u8>)>,
     sent_bytes: usize,
-    /// Number of frames that the board's queue has dropped.
     pub(super) dropped_by_board: u64,
-    /// Number of frames that found the host's buffer full, or the cable unplugged.
+    /// Number of frames lost because the host's buffer was full or the cable unplugged.
     pub(super) unreceived: u64,
 }
 
@@ -176,7 +175,7 @@ impl Line {
         let waits = self.kind != LineKind::Uart;
         while self.free_us <= now_us && self.cut != Some(0) {
             if waits && (!self.is_up || self.sent_bytes >= self.buffer_bytes) {
-                // The frame that comes next begins when there is room again.
+                // The next frame starts when there is room again.
                 self.free_us = now_us;
                 return;
             }
@@ -233,13 +232,13 @@ impl Line {
         self.cut = Some(bytes);
     }
 
-    /// Returns the host time at which the board lost its power in the middle of a frame.
+    /// Returns the host time at which the board lost its power in the middle of a frame, if it has.
     pub(super) fn cut_us(&self) -> Option<f64> {
         (self.cut == Some(0)).then_some(self.free_us)
     }
 
-    /// Interrupts the line, or restores it. Bytes that the host has not read get lost, unless the
-    /// line sends them again.
+    /// Interrupts or restores the line. An interruption loses the bytes that the host has not read,
+    /// except on TCP, which sends them again.
     pub(super) fn set_up(&mut self, is_up: bool, now_us: f64) {
         self.carry(now_us);
         self.is_up = is_up;

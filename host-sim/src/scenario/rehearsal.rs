@@ -28,17 +28,17 @@ const HANDLE_US: f64 = 500.0;
 /// Wall clock at the start, nanoseconds since 1970.
 const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
 
-/// Time limit for the board to confirm, at the end, that it has stopped, microseconds. Until then
-/// the line has no random faults.
+/// Length of the final phase, microseconds: the line has no random faults, and the board must
+/// confirm that it has stopped.
 const STOP_US: f64 = 3e6;
 
-/// Least time for which a board that restarts sends nothing, microseconds.
+/// Shortest time for which a board that restarts sends nothing, microseconds.
 const BOOT_US: f64 = 50_000.0;
 
 /// Why a scenario cannot be rehearsed.
 #[derive(Debug, Error)]
 pub enum RehearsalError {
-    /// There is no signal.
+    /// The signal cannot be opened, or ends too early.
     #[error(transparent)]
     Signal(#[from] SignalError),
     /// Faults of the converters overlap.
@@ -53,7 +53,7 @@ pub enum RehearsalError {
     Streams(&'static str),
 }
 
-/// Things that can happen next. If two happen at the same time, they happen in this order.
+/// Events that can happen next. If several are due at the same time, they happen in this order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Next {
     Change,
@@ -70,7 +70,7 @@ enum Next {
 /// Rehearses a scenario. Calls `on_second` after each second.
 ///
 /// # Errors
-/// [`RehearsalError`] if the scenario cannot run. That it fails is no error but a [`Report`].
+/// [`RehearsalError`] if the scenario cannot run. The [`Report`] says whether it has passed.
 pub fn rehearse(
     scenario: &Scenario,
     mut on_second: impl FnMut(),
@@ -96,11 +96,11 @@ pub fn rehearse(
 struct Rehearsal<'s> {
     scenario: &'s Scenario,
     signal: Signal,
-    /// Host time of what was handled last, microseconds.
+    /// Host time of the event that was handled last, microseconds.
     now_us: f64,
     clock: BoardClock,
     board: VirtualBoard,
-    /// Frames that the board queues; emptied after each call.
+    /// Frames that the board queues; emptied after each call to the board.
     outbox: Outbox,
     truth: Truth,
     line: Line,
@@ -110,14 +110,13 @@ struct Rehearsal<'s> {
     boot_us: f64,
     is_powered: bool,
     restart: ResetCause,
-    /// The brown-out that is due in the next frame: number of its fault, and time without power.
+    /// The brown-out due in the next frame: index of its fault, and microseconds without power.
     brown_out: (usize, f64),
     loses_acks: bool,
     /// Number of acknowledgements lost, and of commands received, when a fault that counts them
     /// last began or ended.
     lost_before: u64,
     commands_before: u32,
-    /// Whether the cable is unplugged.
     is_unplugged: bool,
     /// Commands of another program: host time of the next one, and interval, microseconds.
     other_us: f64,
@@ -136,7 +135,7 @@ struct Rehearsal<'s> {
     /// Host time until which the host does not run, and the earliest time of its next read.
     stalled_us: f64,
     read_us: f64,
-    /// Bytes of the host since the last zero.
+    /// Bytes that the host has read since the last zero, which ends a frame.
     segment: Vec<u8>,
     facts: Facts,
 }
@@ -193,7 +192,7 @@ impl<'s> Rehearsal<'s> {
             is_unplugged: false,
             other_us: f64::INFINITY,
             other_every_us: f64::INFINITY,
-            // Far from the frame numbers of the bridge's own commands.
+            // Begins far from the frame numbers of the bridge's own commands.
             other: Encoder::starting_at(1 << 31),
             core: Box::new(Core::new(settings, Some(Arc::new(model)))),
             ledger: Ledger::new(WALL_START_NS, scenario.limits.settle_s),
@@ -212,7 +211,7 @@ impl<'s> Rehearsal<'s> {
         Ok(rehearsal)
     }
 
-    /// Handles everything up to the next sample, and the sample.
+    /// Handles all events that are due before the next sample, then the sample.
     fn advance(&mut self) -> Result<(), RehearsalError> {
         let sample_us = self.clock.next_sample_us();
         while let (us, next) = self.next()
@@ -257,7 +256,7 @@ impl<'s> Rehearsal<'s> {
         }
     }
 
-    /// Returns what happens next, and at which host time.
+    /// Returns the next event and its host time.
     fn next(&self) -> (f64, Next) {
         let running = |us: f64| us.max(self.stalled_us);
         let when = |condition: bool, us: f64| if condition { us } else { f64::INFINITY };
@@ -407,7 +406,8 @@ impl<'s> Rehearsal<'s> {
         self.ledger.commands.clear();
     }
 
-    /// Interrupts the line: the cable is unplugged, or a board with a USB port of its own restarts.
+    /// Interrupts the line, as unplugging the cable or restarting a board with its own USB port
+    /// does.
     fn interrupt(&mut self, now_us: f64) {
         self.line.set_up(false, now_us);
         self.commands.lose();
@@ -485,7 +485,7 @@ impl<'s> Rehearsal<'s> {
         }
     }
 
-    /// Ends a run of the board, which starts again after `off_us` microseconds.
+    /// Cuts the board's power for `off_us` microseconds, which ends its run.
     fn lose_power(&mut self, now_us: f64, off_us: f64) {
         self.line.lose_queue(now_us);
         if self.scenario.line.kind == LineKind::Usb {
@@ -513,7 +513,7 @@ impl<'s> Rehearsal<'s> {
         self.line.faults.silence();
         self.commands.silence();
         let until_us = self.clock.host_us + STOP_US;
-        // The board streams on until everything that is on the way has arrived.
+        // Let the board stream on until everything on the way has arrived.
         let drain_us = self.clock.host_us + STOP_US / 2.0;
         while self.clock.host_us < drain_us {
             self.advance()?;

@@ -11,7 +11,7 @@ use super::schedule::Schedule;
 use super::topic::{Topic, TopicCounts};
 use super::truth::{TopicKind, Truth};
 
-/// Counts of what happened on the line and in the host, taken where it happened.
+/// Counts of what happened on the line and in the host, which the core's own counts must equal.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Facts {
     /// Frames that arrived undamaged, frames that arrived a second time, and damaged stretches
@@ -44,12 +44,13 @@ pub struct Report {
     pub failures: Vec<String>,
     /// The topics that were streamed.
     pub topics: Vec<TopicCounts>,
-    /// 99th percentile of the errors of the settled stamps, beyond the shortest delay,
-    /// milliseconds.
+    /// 99th percentile of the errors of the stamps after `limits.settle_s`, less the line's
+    /// shortest delay, milliseconds.
     pub stamp_p99_ms: f64,
-    /// Largest error of the settled stamps, beyond the shortest delay, milliseconds.
+    /// Largest error of the stamps after `limits.settle_s`, less the shortest delay, milliseconds.
     pub stamp_max_ms: f64,
-    /// Largest error of the stamps that had not settled, milliseconds.
+    /// Largest error of the stamps and events in the `limits.settle_s` seconds after a start, less
+    /// the line's shortest delay, milliseconds.
     pub unsettled_max_ms: f64,
     /// Shortest time from a row's last sample to its arrival at the host, milliseconds. All stamps
     /// are late by this time.
@@ -58,11 +59,11 @@ pub struct Report {
     pub edges: u64,
     /// Edges that were published.
     pub edges_published: u64,
-    /// Largest error of an event, settled or not, milliseconds.
+    /// Largest error of the events after `limits.settle_s`, less the shortest delay, milliseconds.
     pub event_max_ms: f64,
-    /// Longest time from the end of a fault to the next row that is no filler, seconds.
+    /// Longest time from the end of a fault to the next row that is not a filler, seconds.
     pub recovery_s: f64,
-    /// Largest error of the number of rows that fill interruptions, milliseconds.
+    /// Largest error of the time that the fillers of an interruption represent, milliseconds.
     pub gap_error_ms: f64,
     /// Frames that the board made.
     pub frames: u64,
@@ -85,8 +86,7 @@ struct Errors {
 }
 
 impl Errors {
-    /// Returns the figures of the errors for which `is_one` holds, beyond the line's shortest
-    /// delay.
+    /// Returns the figures of the errors that `is_one` selects, less the line's shortest delay.
     fn of(ledger: &Ledger, is_one: impl Fn(&StampError) -> bool) -> Self {
         let errors = ledger.errors.iter().filter(|error| is_one(error));
         let size_us = |error: &StampError| (error.error_us - ledger.shortest_us).abs();
@@ -217,7 +217,7 @@ impl Report {
         report
     }
 
-    /// Returns whether the scenario has passed.
+    /// Returns whether the scenario has passed: [`Self::failures`] is empty.
     pub fn passed(&self) -> bool {
         self.failures.is_empty()
     }
@@ -310,7 +310,7 @@ fn unequal(
             let shown = ledger.shown(status, key);
             compare(&format!("{name} {key} on /diagnostics"), shown, happened);
         }
-        // Only the number of codes is in the report that a board sends at its stop.
+        // The report that a board sends when it stops states only the number of codes.
         if name == "codes" {
             compare(
                 "codes made at the end and not counted",

@@ -8,7 +8,7 @@ pub(super) struct Change {
     /// Host time, microseconds.
     pub(super) at_us: f64,
     pub(super) begins: bool,
-    /// Number of the fault in the file, from 0, and of its occurrence, from 0.
+    /// Index of the fault in the file, and of its occurrence.
     pub(super) fault: usize,
     pub(super) occurrence: usize,
 }

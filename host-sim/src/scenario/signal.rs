@@ -10,18 +10,18 @@ use super::file::SourceTable;
 use crate::session::Source;
 use crate::synthetic::{Generator, SyntheticError, SyntheticSpec};
 
-/// Length of the synthetic EEG. It is played forwards and backwards in turn, because making it
-/// takes longer than everything else in a rehearsal.
+/// Number of samples of the synthetic EEG: 20 s. It is played forwards and backwards in turn,
+/// because generating it takes longer than everything else in a rehearsal.
 const SYNTHETIC_SAMPLES: usize = 20 * model::ADC_RATE_HZ as usize;
 
 /// Samples at the ADC's rate.
 pub(super) enum Signal {
     Recording(Box<VirtualAdc>),
-    /// Samples, and the number of those that were played.
+    /// Samples, and the number of samples played so far.
     Synthetic(Vec<Sample>, usize),
 }
 
-/// Why there is no signal, or no more.
+/// Why the signal cannot be opened, or ends too early.
 #[derive(Debug, Error)]
 pub enum SignalError {
     /// The recording cannot be opened.
@@ -55,7 +55,6 @@ impl Signal {
         Ok((Self::Synthetic(samples, 0), Substitutes::NONE))
     }
 
-    /// Returns the next sample.
     pub(super) fn next_sample(&mut self) -> Result<Sample, SignalError> {
         match self {
             Self::Recording(adc) => {

@@ -19,13 +19,13 @@ pub struct TopicCounts {
     pub published: u64,
     /// Rows that the board made and that are counted as lost.
     pub lost: u64,
-    /// Rows that the board made just before an interruption, and of which no later frame told the
-    /// host. They are part of the time between two runs, which fillers represent.
+    /// Rows that the board made just before an interruption and that no later frame reported to the
+    /// host. They lie in the time between two runs, which fillers represent.
     pub interrupted: u64,
     /// Fillers that were published.
     pub fillers: u64,
-    /// Errors: rows that the board did not make, rows out of order or published twice, fillers that
-    /// stand for nothing, and stamps that go back.
+    /// Errors: rows that the board did not make, rows out of order or published twice, more or
+    /// fewer fillers than missing rows, and stamps that go back.
     pub wrong: u64,
 }
 
@@ -42,23 +42,23 @@ pub(super) struct Topic {
     pub(super) name: &'static str,
     /// Time between two rows by the stated rate, microseconds.
     period_us: f64,
-    /// Whether a row is published when it arrives; otherwise, when its frame is full.
+    /// True if a row is published when it arrives, false if it waits until its frame is full.
     is_immediate: bool,
     /// Number of rows that the board made in each run.
     made: Vec<u64>,
-    /// Number of rows of each run that the host knows of: rows up to the newest published one, or
-    /// rows that the board has stated to have made.
+    /// Number of rows of each run that the host knows of: those up to the newest published row, or
+    /// those that the board has reported as made, whichever are more.
     known: Vec<u64>,
     /// Rows that have arrived and can be published, oldest first.
     arrived: VecDeque<Row>,
     /// The newest row that was published, without fillers.
     newest: Option<Row>,
-    /// Number of fillers since that row.
+    /// Number of fillers since `newest`.
     fillers_since: u64,
     published: u64,
     fillers: u64,
     wrong: u64,
-    /// Sum of the errors of all interruptions, rows: rows published minus rows in the time passed.
+    /// Rows published in all interruptions, minus the rows that the same time would contain.
     gap_error: f64,
     pub(super) worst_gap_us: f64,
     /// First error that was found.
@@ -85,7 +85,6 @@ impl Topic {
         }
     }
 
-    /// Records a row that the board made.
     pub(super) fn record_made(&mut self, row: &Row) {
         let run = row.place.run;
         self.made.resize(self.made.len().max(run + 1), 0);
@@ -98,8 +97,8 @@ impl Topic {
         self.arrived.extend(rows.iter().cloned());
     }
 
-    /// Records that the board has stated that it made `made` rows of run number `run`, and that the
-    /// core has filled the missing ones.
+    /// Records that the board has reported `made` rows in run number `run`, and that the core has
+    /// filled in the missing rows.
     pub(super) fn record_stated(&mut self, run: usize, made: u64) {
         if let Some(known) = self.known.get_mut(run) {
             *known = made.max(*known);
@@ -111,7 +110,7 @@ impl Topic {
         self.fillers_since += u64::from(self.newest.is_some());
     }
 
-    /// Compares a published row that is no filler with the rows that have arrived. Returns the
+    /// Compares a published row that is not a filler with the rows that have arrived. Returns the
     /// arrived row that equals it; `None` if there is none.
     pub(super) fn compare(&mut self, values: &Values, flags: u16, now_us: f64) -> Option<Row> {
         let seconds = now_us / 1e6;

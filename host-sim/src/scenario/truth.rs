@@ -1,4 +1,4 @@
-//! Everything that the board made, with its times by the host's true clock.
+//! Records everything that the board made, with exact host times.
 
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -11,7 +11,7 @@ use super::clock::BoardClock;
 const STEP_US: f64 = 1e6 / model::STEP_RATE_HZ as f64;
 const SAMPLE_US: f64 = 1e6 / model::ADC_RATE_HZ as f64;
 
-/// Returns the duration of `rows` samples or steps, microseconds.
+/// Returns the duration of `rows` rows that are `period_us` apart, microseconds.
 #[expect(clippy::cast_precision_loss, reason = "a few rows")]
 fn time_us(rows: usize, period_us: f64) -> f64 {
     rows as f64 * period_us
@@ -29,12 +29,12 @@ pub(super) enum TopicKind {
     Filtered,
 }
 
-/// Place of a code, packed block, sample or step: number of the run, from 0, and index in it.
+/// Place of a code, packed block, sample or step: number of its run, from 0, and index in this run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
     pub(super) run: usize,
     pub(super) index: u64,
-    /// Host time of the sample at the electrodes that the row's stamp refers to, microseconds.
+    /// Host time at which the sample that the stamp refers to was at the electrodes, microseconds.
     pub(super) scalp_us: f64,
 }
 
@@ -73,7 +73,7 @@ pub(super) enum Content {
     Edge {
         rises: bool,
     },
-    /// Number of the present run of codes, and number of windows made in this run.
+    /// Number of the current run of codes, and number of windows made in this run.
     Stats {
         run: usize,
         next_window: u32,
@@ -82,7 +82,7 @@ pub(super) enum Content {
     Other,
 }
 
-/// What the host has received between two zeros.
+/// Meaning of the bytes that the host has received between two zeros.
 #[derive(Clone, Debug)]
 pub(super) enum Segment {
     /// A frame of the board, unchanged, for the first time.
@@ -96,27 +96,27 @@ pub(super) enum Segment {
 #[derive(Debug, Default)]
 pub(super) struct Truth {
     decoder: Box<Decoder<MAX_FRAME>>,
-    /// The newest samples of the present run, microvolts, and the number of all its samples.
+    /// The newest samples of the current run, microvolts, and the number of all its samples.
     samples: VecDeque<Vec<f32>>,
     sample_count: u64,
-    /// Number of the present run of each topic; the first run of a topic has number 0.
+    /// Number of each topic's current run; the first run has number 0.
     runs: [Option<usize>; 4],
     scales: Vec<(f32, i8)>,
     uv_per_count: f64,
     group_delay_us: f64,
-    /// Frames that the host has not received, oldest first, and the newest frame that it has
-    /// received.
+    /// Frames not yet received by the host, oldest first, and the newest received frame.
     waiting: VecDeque<Rc<Made>>,
     newest: Option<Rc<Made>>,
     /// Numbers of frames and of edges made.
     pub(super) frames: u64,
     pub(super) edges: u64,
-    /// All flags of all codes, blocks, samples and steps.
+    /// Union of the flags of all codes, blocks, samples and steps.
     pub(super) flags: Flags,
 }
 
 impl Truth {
-    /// Records what the driver has read from the converters, before the frames that it completes.
+    /// Records a sample that the driver has read from the converters. Call it before
+    /// [`Self::record`] gets the frames that this sample completes.
     pub(super) fn record_sample(&mut self, counts: impl Iterator<Item = i32>) {
         #[expect(clippy::cast_possible_truncation, reason = "within 187500 uV")]
         let microvolts = counts.map(|count| (f64::from(count) * self.uv_per_count) as f32);
@@ -134,9 +134,9 @@ impl Truth {
         self.sample_count = 0;
     }
 
-    /// Returns the place of a row whose index in its run is `index`. Its stamp refers to the sample
-    /// that was converted `before_us` microseconds of the converters' clock before the host time
-    /// `at_us`, less the delay of the filters if the row is filtered.
+    /// Returns the [`Place`] of the row with index `index` in its run. The row's stamp refers to
+    /// the sample that was converted `before_us` microseconds of the converters' clock before the
+    /// host time `at_us`; unless the row is raw, to a time that is earlier by the filters' delay.
     fn place(
         &mut self,
         kind: TopicKind,
@@ -163,7 +163,7 @@ impl Truth {
     /// Records a frame that the board has just made, and returns it.
     ///
     /// # Panics
-    /// If the board makes bytes that are no frame.
+    /// If the board makes bytes that are not a frame.
     pub(super) fn record(&mut self, frame: &[u8], clock: &BoardClock) -> Rc<Made> {
         let mut decoder = std::mem::take(&mut self.decoder);
         let made = decoder.next::<ToHost>(&mut &*frame);

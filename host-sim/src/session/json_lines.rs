@@ -43,8 +43,7 @@ struct PackedBlock<'a> {
     bytes: &'a [u8],
 }
 
-/// Fields of an `Exclusion`, with labels in place of bits, because many JSON parsers keep only 53
-/// bits of a number.
+/// Fields of an `Exclusion`, with labels in place of bits: many JSON parsers keep only 53 bits.
 #[derive(Serialize)]
 struct ExcludedElectrodes<'a> {
     first_step: u64,

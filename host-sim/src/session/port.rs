@@ -284,8 +284,8 @@ impl Port {
 
 impl Drop for Port {
     fn drop(&mut self) {
-        // Remove the link only if it still names our terminal: another program may have replaced
-        // it.
+        // Another program may have replaced the link, so remove it only if it still names our
+        // terminal.
         if let Some(pty) = &self.pty
             && fs::read_link(&pty.link).is_ok_and(|target| target == pty.name)
         {

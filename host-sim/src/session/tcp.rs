@@ -90,8 +90,8 @@ pub(crate) fn serve(
 fn accept(listener: &TcpListener, current: &CurrentHost, commands: &mpsc::Sender<Vec<u8>>) {
     loop {
         let Ok((stream, _)) = listener.accept() else {
-            // Most likely the process is out of file descriptors. Wait, because an immediate retry
-            // would fail again.
+            // The process is probably out of file descriptors, so an immediate retry would fail
+            // too.
             thread::sleep(RETRY);
             continue;
         };

@@ -12,14 +12,14 @@ const ALPHA_HZ: f64 = 10.0;
 /// Half of the rhythm's bandwidth, Hz. This bandwidth makes the amplitude vary within about a
 /// second, even during a burst.
 const HALF_WIDTH: f64 = 0.5;
-/// Place, in radii of the scalp, and moment of each of the rhythm's dipoles in the occipital
+/// Position, in radii of the scalp, and moment of each of the rhythm's dipoles in the occipital
 /// cortex: left, right and upper.
 const DIPOLES: [([f64; 3], [f64; 3]); 3] = [
     ([-0.2, -0.6, 0.15], [-0.2, -1.0, 0.3]),
     ([0.2, -0.6, 0.15], [0.2, -1.0, 0.3]),
     ([0.0, -0.55, 0.35], [0.0, -1.0, 0.6]),
 ];
-/// Electrodes over the back of the head. The amplitude in the spec is the largest of the rhythm's
+/// Electrodes over the back of the head. `SyntheticSpec::alpha_uv` is the largest of the rhythm's
 /// amplitudes at these electrodes.
 const SITES: &str = "Pz PO3 POz PO4 O1 Oz O2";
 /// Amplitude between bursts, relative to the amplitude in a burst.

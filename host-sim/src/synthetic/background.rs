@@ -19,8 +19,8 @@ struct Band {
 /// the last, as in EEGMMIDB S001 (exponents of 1.6 to 1.7 from 2 to 40 Hz in R01, R03, R07 and
 /// R11).
 ///
-/// Slow activity spans larger patches of cortex than fast activity, and the dipole that has the
-/// potential of a patch is deeper than the patch (de Munck, Vijn and Lopes da Silva 1992). In
+/// Slow activity spans larger patches of cortex than fast activity, and a dipole with the same
+/// potential as a patch lies deeper than the patch (de Munck, Vijn and Lopes da Silva 1992). In
 /// S001R11, ten spatial components hold 99.1 % of the variance from 0.5 to 2 Hz and 95.3 % from 14
 /// to 30 Hz.
 const BANDS: [Band; 4] = [
@@ -49,9 +49,8 @@ const IN_BAND: f64 = 0.6146;
 /// Number of dipoles in each band.
 const DIPOLES: usize = 48;
 
-/// Share of the variance that comes from the reference: potentials at the ear lobes' electrodes,
-/// which are the same at each electrode of the scalp. It sets the correlation of distant
-/// electrodes.
+/// Share of the variance that comes from the reference: potentials at the ear lobes, which appear
+/// equally at each electrode of the scalp. This share sets the correlation of distant electrodes.
 const REFERENCE: f64 = 0.5;
 
 /// Electrodes over which the variance of the background is averaged: the 10-20 system.
@@ -74,8 +73,7 @@ struct Source {
 impl Background {
     pub(super) fn new(mut noise: Noise, scalp: &Scalp, rate: f64, rms_uv: f64) -> Self {
         let mut sources = Vec::new();
-        // The four bands have the relative variances 1, FALL, FALL^2 and FALL^3; their sum is
-        // `total`.
+        // `total` is the sum of the bands' relative variances 1, FALL, FALL^2 and FALL^3.
         let total = 1.0 + FALL * (1.0 + FALL * (1.0 + FALL));
         let mut variance = rms_uv * rms_uv / (total * IN_BAND);
         for band in BANDS {

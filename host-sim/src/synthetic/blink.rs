@@ -4,10 +4,10 @@ use super::{dipole::Dipole, noise::Noise, scalp::Scalp};
 
 /// Electrode at which blinks have their largest amplitude.
 const SITE: &str = "Fpz";
-/// Places of the eyes, in radii of the scalp: as far from the midline and as high as in a real
+/// Positions of the eyes, in radii of the scalp: as far from the midline and as high as in a real
 /// head, but moved back until they lie in the brain of the spherical head.
 const EYES: [[f64; 3]; 2] = [[-0.33, 0.7, -0.3], [0.33, 0.7, -0.3]];
-/// Moment of each eye while the lid slides over the cornea: forward and up.
+/// Dipole moment of each eye while the lid slides over the cornea: forward and up.
 const MOMENT: [f64; 3] = [0.0, 0.8, 0.6];
 /// Time from the start of a blink to its peak, s.
 const RISE_S: f64 = 0.1;

@@ -37,7 +37,7 @@ impl Dipole {
     }
 
     /// Draws a dipole with a moment of length 1: the direction uniform over the upper part of the
-    /// head, the eccentricity uniform between the given limits.
+    /// head, the eccentricity uniform between the two limits.
     pub(super) fn draw(noise: &mut Noise, eccentricity: (f64, f64)) -> Self {
         let direction = loop {
             let direction = direction(noise);
@@ -58,8 +58,7 @@ impl Dipole {
     }
 }
 
-/// Draws a direction, uniform over the sphere: draws points of a cube until one is within the
-/// sphere.
+/// Draws a direction, uniform over the sphere: draws points of a cube until one is in the sphere.
 fn direction(noise: &mut Noise) -> Position {
     loop {
         let mut coordinate = || noise.uniform(-1.0, 1.0);

@@ -67,8 +67,7 @@ impl Head {
         Self { transfer }
     }
 
-    /// Returns the potential of `dipole` at a point of the scalp, relative to the potential far
-    /// away.
+    /// Returns the potential of `dipole` at a point of the scalp, relative to a point far away.
     pub(super) fn potential(&self, dipole: &Dipole, at: Position) -> f64 {
         let x = dipole.direction.dot(at);
         let radial = dipole.moment.dot(dipole.direction);

@@ -11,12 +11,12 @@ use super::scalp::Scalp;
 const RHYTHMS: [(f64, f64); 2] = [(11.0, 0.9), (22.0, 0.43)];
 /// Half of the bandwidth of either frequency, Hz.
 const HALF_WIDTH: f64 = 1.0;
-/// Place of the left hand area, in radii of the scalp, below C3; the right one mirrors it. The
-/// dipole is radial.
+/// Position of the left hand area, in radii of the scalp, below C3; the right hand area mirrors it.
+/// The dipole is radial.
 const HAND_AREA: [f64; 3] = [-0.52, 0.0, 0.5];
-/// Electrode at which the left hand area has the amplitude in the spec, at rest.
+/// Electrode at which the left hand area has the amplitude `SyntheticSpec::mu_uv` at rest.
 const SITE: &str = "C3";
-/// Amplitude opposite a moving hand, relative to the amplitude at rest.
+/// Amplitude in the hemisphere opposite a moving hand, relative to the amplitude at rest.
 const MOVING: f64 = 0.5;
 /// Corner frequency of the low-pass that smooths the start and end of a movement, Hz.
 const ENVELOPE: f64 = 0.6;
@@ -40,7 +40,7 @@ pub(super) struct Mu {
 
 #[derive(Debug, Clone)]
 struct HandArea {
-    /// The hand on the other side.
+    /// Hand on the other side of the body, whose movement weakens this rhythm.
     hand: Hand,
     phasors: [Phasor; 2],
     /// Amplitude at each electrode at rest, uV RMS.

@@ -12,8 +12,7 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
-    /// Creates the random stream number `stream` of `seed`. Different streams of a seed are
-    /// independent.
+    /// Creates random stream number `stream` of `seed`, which is independent of its other streams.
     pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(stream);
@@ -69,8 +68,7 @@ pub(super) struct LowPassNoise {
 }
 
 impl LowPassNoise {
-    /// Creates the noise with a random first value. `corner` is the corner frequency, Hz; `rate` is
-    /// the sample rate, Hz.
+    /// Creates the noise with a random first value. The frequencies `corner` and `rate` are in Hz.
     pub(crate) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
         let pole = pole(corner, rate);
         Self {
@@ -97,8 +95,7 @@ pub(super) struct SmoothNoise {
 }
 
 impl SmoothNoise {
-    /// Creates the noise with a random first value. `corner` is the corner frequency, Hz; `rate` is
-    /// the sample rate, Hz.
+    /// Creates the noise with a random first value. The frequencies `corner` and `rate` are in Hz.
     pub(crate) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
         let square = pole(corner, rate) * pole(corner, rate);
         Self {

@@ -40,7 +40,7 @@ impl Phasor {
     }
 
     /// Rotates by one sample, damped by the factor `damping` < 1, and returns a coordinate of the
-    /// point. Noise, which drives both coordinates, keeps its variance at 1.
+    /// point. Noise drives both coordinates, which keeps the variance of each at 1.
     pub(super) fn resonate(&mut self, damping: f64, noise: &mut Noise) -> f64 {
         let drive = (1.0 - damping * damping).sqrt();
         self.rotate(damping);

@@ -57,9 +57,9 @@ impl Scalp {
         potentials.into_iter().sum()
     }
 
-    /// Returns the power of independent dipoles of RMS 1 at each of the electrodes `labels`,
-    /// separated by blanks. A scale that is computed from these powers does not depend on the
-    /// spec's electrodes.
+    /// Returns the total power that independent dipoles of RMS 1 cause at each electrode in
+    /// `labels`, which are separated by blanks. A scale that is computed from these powers does not
+    /// depend on the spec's electrodes.
     pub(super) fn powers_at(&self, dipoles: &[Dipole], labels: &str) -> Vec<f64> {
         let places = labels.split(' ').filter_map(Position::from_label);
         let mut powers: Vec<(Position, f64)> = places.map(|place| (place, 0.0)).collect();

@@ -1,4 +1,4 @@
-//! Tests of the answers and codes of a virtual board.
+//! Tests of the codes of a virtual board and of its responses to commands.
 
 use link::{
     Decoder, Encoder, ExclusionPolicy, Flags, MAX_FRAME, ResetInto, Streams, ToDevice, ToHost,
@@ -180,8 +180,7 @@ fn every_second_of_a_stream_the_quality_of_each_electrode_is_sent() {
 
 const START_PACKED: ToDevice<'_> = start(Streams::PACKED);
 
-/// Processes one second of samples, and returns the quantiser rates of the packed blocks made from
-/// them.
+/// Processes one second of samples, and returns the quantiser rates of their packed blocks.
 fn rates(board: &mut VirtualBoard, outbox: &Outbox) -> Vec<u8> {
     for _ in 0..model::ADC_RATE_HZ {
         board.process_sample(&Sample::default(), 0);

@@ -1,5 +1,5 @@
 //! A defect of a recording causes a warning, even with -q, or an error that says what to do. Values
-//! that repeat exactly are no defect.
+//! that repeat exactly are not a defect.
 
 use std::{fs, path::Path};
 

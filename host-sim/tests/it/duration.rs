@@ -60,7 +60,7 @@ fn a_run_whose_host_has_left_ends_too() {
         let commands = [Some(start(Streams::ALL)), command];
         for (number, command) in (0..).zip(commands.into_iter().flatten()) {
             send(&mut port, number, command);
-            // Read a part of the answer, so that the board has executed the command.
+            // Read a part of the response, which shows that the board has executed the command.
             port.read_exact(&mut [0; 100]).expect("frames");
         }
         drop(port);

@@ -8,8 +8,8 @@ use crate::edf_file::EdfFile;
 use crate::gdf_file::gdf_file;
 use crate::program::{connect, frames, free_address, program, run, send, start, wait};
 
-/// Plays a recording to a host that wants events. Returns each event, with its time since the run's
-/// first sample in microseconds.
+/// Plays a recording to a host that requests events. Returns each event, with its time since the
+/// run's first sample in microseconds.
 fn played(input: &Path, more: &[&str]) -> Vec<(Event, u64)> {
     let address = free_address();
     let input = format!("--input={}", input.display());
@@ -65,8 +65,8 @@ fn annotations_of_edf_are_pulses_at_their_samples() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("annotated.edf");
     let mut file = EdfFile::with_all_electrodes(4);
-    // By their times, the event "Right" is in the first record, and "Late" is after the end of the
-    // file.
+    // The event "Right" is stored in the second record, but its time is in the first. "Late" is
+    // after the end of the file.
     file.annotations = vec![
         b"+0\x14\x14\0+0.25\x14Left\x14\0",
         b"+1\x14\x14\0+0.125\x152\x14Right\x14\0",

@@ -21,7 +21,7 @@ fn inspect(path: &Path) -> (Option<i32>, String, String) {
 fn an_event_has_the_time_since_the_first_sample_and_that_of_the_file_if_it_differs() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("events.edf");
-    // Records of 1 s: the file starts at 0.640625 s, and in EDF+D there is a gap before the last.
+    // The EDF+C file starts at 0.640625 s; the EDF+D file has a gap before its last record.
     let start: [&[u8]; 3] = [
         b"+0.640625\x14\x14\0+0.890625\x14first\x14\0",
         b"+1.640625\x14\x14\0+1.890625\x14second\x14\0",

@@ -37,17 +37,17 @@ impl Core {
     pub const TICK: Duration = Duration::from_millis(100);
     /// Number of ticks between two calls of [`Core::diagnostics`]: one report per second.
     pub const TICKS_PER_REPORT: u32 = 10;
-    /// Time between two attempts to open a port: several attempts fit into the 1 s within which a
-    /// replugged device shall be connected again.
+    /// Time between two attempts to open a port. Several attempts fit into the 1 s within which a
+    /// replugged device must be connected again.
     pub const REOPEN_AFTER: Duration = Duration::from_millis(250);
     /// Silence after which a serial port is reopened. A board sends `Stats` every second and keeps
     /// at most 4 s of frames, so after a longer silence either the board or its port has stopped.
     pub const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
     /// Silence after which a TCP port is reopened. TCP itself detects a broken connection earlier.
-    /// An intact connection to a suspended device may hold bytes, which reopening would lose.
+    /// If a suspended device has an intact connection, reopening would lose the bytes in it.
     pub const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
 
-    /// Creates a core without a connection. Without a model it publishes codes but decodes none.
+    /// Creates a core without a connection. Without a model, no codes are decoded.
     pub fn new(settings: Settings, model: Option<Arc<Model>>) -> Core {
         Core {
             decoder: Decoder::new(),
@@ -93,7 +93,7 @@ impl Core {
         self.session.tick(now, effects);
     }
 
-    /// Sets whether the device should stream. The next [`Core::tick`] sends the command to do so.
+    /// Sets whether the device should stream. The next [`Core::tick`] sends `Start` or `Stop`.
     pub fn set_streaming(&mut self, streaming: bool) {
         self.session.commands.set_streaming(streaming);
     }
@@ -104,7 +104,7 @@ impl Core {
         self.session.commands.set_rate(rate);
     }
 
-    /// Sets the rate that the device's model uses for its packed code. Needed if the core was
+    /// Sets the rate that the device's model uses for its packed code. Needed only if the core was
     /// created without this model.
     pub fn set_model_rate(&mut self, rate: u8) {
         self.session.set_model_rate(rate);
@@ -116,7 +116,7 @@ impl Core {
         self.session.set_exclusions(exclusions);
     }
 
-    /// Returns what the user has decided about the exclusion of electrodes.
+    /// Returns the user's choice of electrodes to exclude.
     pub fn exclusions(&self) -> &Exclusions {
         &self.session.exclusions
     }
@@ -126,29 +126,29 @@ impl Core {
         self.session.electrodes()
     }
 
-    /// Returns the device's answer to [`Core::set_exclusions`]: its reason, worded for the user, if
-    /// it refuses; `None` until it has answered, which it does while it is to stream.
+    /// Returns the device's answer to [`Core::set_exclusions`], with the reason, worded for the
+    /// user, if it refuses. `None` until it answers; it is asked only while a stream is wanted.
     pub fn exclusion_answer(&self) -> Option<Result<(), String>> {
         self.session.commands.exclusion_answer().map(words::answer)
     }
 
-    /// Returns the device's answer to [`Core::set_packed_rate`], as [`Core::exclusion_answer`]
-    /// does.
+    /// Returns the device's answer to [`Core::set_packed_rate`], in the form of
+    /// [`Core::exclusion_answer`].
     pub fn packed_rate_answer(&self) -> Option<Result<(), String>> {
         self.session.commands.rate_answer().map(words::answer)
     }
 
-    /// Returns the streams that the device is asked for.
+    /// Returns the streams that the device is asked for: the wanted streams less the refused ones.
     pub fn streams(&self) -> Streams {
         self.session.commands.streams()
     }
 
-    /// Returns whether the user wants the device to stream.
+    /// Returns whether the user wants a stream and the core does not refuse the device.
     pub fn is_streaming_wanted(&self) -> bool {
         self.session.commands.wants_stream()
     }
 
-    /// Returns whether the device streams, by its acknowledgements.
+    /// Returns whether the device streams, as its acknowledgements show.
     pub fn is_streaming(&self) -> bool {
         self.session.commands.is_streaming()
     }
@@ -158,7 +158,7 @@ impl Core {
     ///
     /// # Errors
     ///
-    /// Why this is not possible, and what the user can do.
+    /// The reason why the device cannot be asked, and what the user can do.
     pub fn start_self_test(&mut self) -> Result<(), &'static str> {
         self.session.start_self_test()
     }
@@ -169,23 +169,23 @@ impl Core {
         self.session.take_self_test()
     }
 
-    /// Publishes an event with a text of the user, which happens at `now`, and returns whether
-    /// events are published. A recording by `rosneuro_recorder` has it at the next row.
+    /// Publishes an event at `now` with the user's `text`, and returns whether the bridge publishes
+    /// events at all. A recording by `rosneuro_recorder` holds the event at the next row.
     pub fn mark(&mut self, text: &str, now: HostTime, effects: &mut dyn Effects) -> bool {
         self.session.mark(text, now, effects)
     }
 
-    /// Returns two times at the host time `now`. One is the device time, microseconds, by the fit
-    /// of the clocks; it is `None` before the first frame, and as late as the stamps, see
-    /// [`Clock`](crate::Clock). The other is that of the wall clock as stamps have it, nanoseconds
-    /// since 1970.
+    /// Converts the host time `now` to device time, microseconds, and to the wall-clock time that
+    /// stamps use, nanoseconds since 1970. The device time comes from the fit of the clocks: it is
+    /// `None` before the first frame, and late by as much as stamps are, see
+    /// [`Clock`](crate::Clock).
     pub fn times_at(&mut self, now: HostTime) -> (Option<i64>, i64) {
         self.session.times_at(now)
     }
 
     /// Sets the packed model to upload to every device that does not have it, before the device
     /// streams. The upload must belong to the model with which the core was created. A device
-    /// without a slot for a model is used as it is.
+    /// without a slot for a model keeps its own model.
     pub fn set_upload(&mut self, upload: Upload) {
         self.session.upload = Some(upload);
     }
@@ -196,15 +196,15 @@ impl Core {
         self.session.set_classifier(classifier);
     }
 
-    /// Asks every device to measure the impedance of the electrodes while it streams. `series_ohms`
-    /// is the resistance in series with each electrode on the board, which reports subtract.
+    /// Asks every device to measure the impedance of the electrodes while it streams. Reports
+    /// subtract `series_ohms`, the resistance in series with each electrode on the board.
     pub fn measure_impedance(&mut self, series_ohms: u32) {
         self.session.measure_impedance(series_ohms);
     }
 
     /// Does what [`Core::measure_impedance`] does, but asks for trigger edges as the only stream.
-    /// Below 500 Hz, a device measures impedance only if it streams no more than edges and raw
-    /// samples.
+    /// At ADC rates below 500 Hz, a device measures impedance only if it streams no more than edges
+    /// and raw samples.
     pub fn measure_impedance_alone(&mut self, series_ohms: u32) {
         self.session.commands.stream_events_alone();
         self.session.measure_impedance(series_ohms);
@@ -220,7 +220,7 @@ impl Core {
     }
 
     /// Asks every device whether it accepts a packed model, and also a linear code if
-    /// `with_linear`. A device that does not is not started.
+    /// `with_linear`. A device that does not accept them is not started.
     pub fn require_slot(&mut self, with_linear: bool) {
         self.session.commands.require_slot(with_linear);
     }
@@ -275,15 +275,15 @@ impl Core {
 }
 
 /// Actions that [`Core`](crate::Core) requests from its environment. No method may block. By
-/// default all methods but `send` ignore the request, for an environment without that output.
+/// default, all methods but `send` ignore the request.
 pub trait Effects {
     /// Queues a complete frame, whose bytes go to the device unchanged.
     fn send(&mut self, frame: &[u8]);
 
     /// Notes what the stamps of the following frames and events mean. Stamps of frames are
-    /// `_offset_ns` nanoseconds larger than the host's monotonic time; those of events are also
-    /// `_event_shift_us` microseconds later than the events. Called before each message of the
-    /// device is handled.
+    /// `_offset_ns` nanoseconds larger than the host's monotonic time. Stamps of events are in
+    /// addition `_event_shift_us` microseconds later than the events. Called before each message of
+    /// the device is handled.
     fn note_stamps(&mut self, _offset_ns: i64, _event_shift_us: i64) {}
 
     /// Notes a frame from the device, before the core handles it.
@@ -297,9 +297,9 @@ pub trait Effects {
     /// Publishes the frame of a code, or of a filler, on `/encoded`.
     fn publish_encoded(&mut self, _frame: &NeuroFrame) {}
 
-    /// Returns how many fillers can be published on `/encoded` at once. If a gap is longer, this
-    /// number of codes is filled, and the rest is only counted. The default, 68 minutes of codes,
-    /// is for an output without a queue.
+    /// Returns how many fillers can be published on `/encoded` at once. In a longer gap, only this
+    /// number of codes is filled, and the rest is counted. The default, 68 minutes of codes, suits
+    /// an output without a queue.
     fn max_fillers(&self) -> u64 {
         65_536
     }
@@ -323,13 +323,13 @@ pub trait Effects {
     /// Publishes a frame of filtered steps on `/neurodata_corticode`.
     fn publish_filtered(&mut self, _frame: &NeuroFrame) {}
 
-    /// Publishes the prediction of a hop, whose status words are `_words`.
+    /// Publishes the prediction for a hop. `_words` are the status words of the hop.
     fn publish_prediction(&mut self, _prediction: &NeuroOutput, _words: TriWords) {}
 
-    /// Publishes an event on `/events/bus`: an edge of the trigger input, or a report about data.
+    /// Publishes an event on `/events/bus`, such as an edge of the trigger input or a loss of data.
     fn publish_event(&mut self, _event: &NeuroEvent, _place: EventPlace) {}
 
-    /// Publishes the impedance of the electrodes, about every second while the device measures it.
+    /// Publishes the impedance of the electrodes, every one to two seconds while it is measured.
     fn publish_impedance(&mut self, _report: &ImpedanceReport) {}
 
     /// Compares the device's code with the float network's code for the same window. Called only if
@@ -344,9 +344,8 @@ pub struct EventPlace {
     /// row published on the stream's topic; `None` before a device has introduced itself.
     /// [`RecordingStart`](crate::RecordingStart) turns the row into the stamp for a recorder.
     pub row: Option<u64>,
-    /// Device time at which the event happened, microseconds; `None` if the device has not told it.
-    /// An edge of the trigger input happened after the ADC sample before this time, and not after
-    /// the next one.
+    /// Device time at which the event happened, microseconds; `None` if it is unknown. For a
+    /// trigger edge, it is the time of the edge itself, which can lie between two ADC samples.
     pub device_us: Option<u64>,
 }
 

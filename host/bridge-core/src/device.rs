@@ -29,8 +29,8 @@ pub struct Device {
     pub hop_steps: u8,
     /// Mains frequency that the notch filter removes, Hz.
     pub mains_hz: u8,
-    /// Group delay of the filters, microseconds. The stamps of codes and filtered steps are earlier
-    /// by this time.
+    /// Group delay of the filters, microseconds. It is subtracted from the stamps of codes and
+    /// filtered steps.
     pub group_delay_us: u32,
     /// Number of ADC channels: one for each electrode, plus spare channels.
     pub channels: u8,
@@ -339,7 +339,7 @@ impl Identity {
     }
 
     /// Returns whether `hello` comes from the same device, which has not restarted since it sent
-    /// this identity. It may have been given another model.
+    /// this identity. Its model may have changed by an upload.
     pub fn is_same_start(&self, hello: &Hello) -> bool {
         self.session_id == hello.session_id && self.chip_uid == hello.chip_uid
     }

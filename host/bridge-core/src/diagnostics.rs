@@ -152,11 +152,11 @@ pub(crate) struct LinkLog {
     /// Host time of the last log message about a bad link, microseconds; `None` before the first.
     logged_us: Option<i64>,
     damaged: u64,
-    /// Number of items missing within runs of the device.
+    /// Number of codes, blocks, samples and events missing within runs of the device.
     lost: u64,
-    /// Number of items missing between two runs, which a restart of the device explains.
+    /// Number of codes, blocks and samples missing between two runs, because the device restarted.
     between_runs: u64,
-    /// Sum of all items missing between runs so far.
+    /// Total of `between_runs` so far; a log message does not reset it.
     all_between_runs: u64,
 }
 

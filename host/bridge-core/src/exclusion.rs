@@ -6,7 +6,7 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::device::Device;
 
-/// The user's choice of electrodes to exclude. The device fills them from the others.
+/// The user's choice of electrodes to exclude. The device computes their signals from the others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exclusions {
     /// Labels of electrodes that are always excluded.
@@ -18,7 +18,7 @@ pub struct Exclusions {
 }
 
 impl Default for Exclusions {
-    /// Returns the decision to leave everything to the device.
+    /// Leaves the choice to the device, which excludes the electrodes that it finds bad.
     fn default() -> Exclusions {
         Exclusions {
             always: Vec::new(),
@@ -30,7 +30,7 @@ impl Default for Exclusions {
 
 impl Exclusions {
     /// Returns the policy for a device with the electrodes `labels`, and the wanted labels that the
-    /// device does not have. Ignores case.
+    /// device does not have. Upper and lower case do not matter.
     pub(crate) fn policy(&self, labels: &[String]) -> (ExclusionPolicy, Vec<String>) {
         let mut unknown = Vec::new();
         let mut mask = |wanted: &[String]| {
@@ -54,7 +54,7 @@ impl Exclusions {
     }
 }
 
-/// Returns the status `exclusion`: a warning that names the excluded electrodes.
+/// Returns the status `exclusion`: a warning if an electrode is excluded, or should be and is not.
 pub(crate) fn status(report: &Exclusion, device: &Device) -> DiagnosticStatus {
     let named = |mask: u64| match labels(mask, &device.labels).join(" ") {
         none if none.is_empty() => "none".to_owned(),
@@ -88,7 +88,7 @@ pub(crate) fn status(report: &Exclusion, device: &Device) -> DiagnosticStatus {
     DiagnosticStatus::new("exclusion", state, values)
 }
 
-/// Returns the labels of the electrodes in a mask, or `electrode` and the index without a label.
+/// Returns the labels of the electrodes in a mask, or "electrode 5" for index 5 without a label.
 pub(crate) fn labels(mask: u64, labels: &[String]) -> Vec<String> {
     let electrodes = (0..64).filter(|electrode| mask >> electrode & 1 != 0);
     let label = |electrode: usize| {

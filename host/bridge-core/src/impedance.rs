@@ -1,4 +1,4 @@
-//! Impedance of the electrodes, as the device measures it about once a second.
+//! Impedance of the electrodes, which the device measures every one to two seconds.
 
 use std::fmt;
 
@@ -8,11 +8,11 @@ use serde::Serialize;
 
 use crate::device::channel_label;
 
-/// Impedance below which a contact is good, in ohms: what laboratories ask for with gel.
+/// Impedance below which a contact is good, in ohms: the usual limit for gel electrodes.
 const GOOD_OHMS: u32 = 5_000;
 /// Impedance from which a contact is bad, in ohms.
 const BAD_OHMS: u32 = 20_000;
-/// Impedance too small for an electrode on skin, in ohms.
+/// Impedance below which a measurement is implausible for an electrode on skin, in ohms.
 const IMPLAUSIBLE_OHMS: u32 = 100;
 
 /// Impedance of all electrodes in one measurement; displays as a table.
@@ -22,10 +22,10 @@ pub struct ImpedanceReport {
     pub electrodes: Vec<ElectrodeImpedance>,
 }
 
-/// Impedance of one electrode.
+/// Impedance and class of the contact of one electrode.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ElectrodeImpedance {
-    /// Label of the electrode.
+    /// Label of the electrode, such as `Cz`.
     pub electrode: String,
     /// Impedance in ohms, less the series resistance that the user states for the board; `None` if
     /// the electrode is open.
@@ -40,13 +40,13 @@ pub struct ElectrodeImpedance {
 pub enum Contact {
     /// Below 5 kOhm.
     Good,
-    /// Below 20 kOhm.
+    /// At least 5 kOhm and below 20 kOhm.
     Fair,
     /// 20 kOhm or more.
     Bad,
     /// Disconnected, above the range of 1 MOhm, or at the converter's rail.
     Open,
-    /// Below 0.1 kOhm with the series resistance: short-circuited, or without excitation.
+    /// Below 0.1 kOhm, series resistance included: short-circuited, or without excitation.
     Implausible,
 }
 
@@ -112,7 +112,7 @@ impl Contact {
 }
 
 impl ElectrodeImpedance {
-    /// Returns the impedance in words, such as "4.9 kOhm".
+    /// Returns the impedance with its unit, such as "4.9 kOhm", or "open".
     fn words(&self) -> String {
         match self.ohms {
             Some(_) => format!("{} kOhm", self.kohm()),

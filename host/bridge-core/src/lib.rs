@@ -12,8 +12,8 @@
 //! ```
 //!
 //! [`Core`] is pure: bytes and times in, [`Effects`] out. Tests drive it without a port or a clock.
-//! [`Query`] does the same for a single request, such as a self-test. [`DecoderThread`] runs the
-//! decoder in a thread of its own, because one window takes milliseconds. The crate `bridge`
+//! [`Query`] handles a single request, such as a self-test, in the same way. [`DecoderThread`] runs
+//! the decoder in a thread of its own, because one window takes milliseconds. The crate `bridge`
 //! connects the core to a port and to ROS; `capture` records what it receives.
 //!
 //! # Example

@@ -17,7 +17,7 @@ const RESULT_TIMEOUT_S: u32 = 15;
 /// A single request to a device, for a subcommand such as `selftest`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Report identity, firmware and model; the device's streams go on.
+    /// Report identity, firmware and model. The device keeps streaming.
     Identify,
     /// Test the converters with the test signals that they generate themselves.
     SelfTest,
@@ -40,8 +40,8 @@ pub enum Answer {
 }
 
 /// State machine of a single request: identifies the device, stops its streams, sends the request
-/// and waits for the result. The caller passes in bytes and times, sends the bytes that it gets,
-/// and finally gets a [`QueryResult`].
+/// and waits for the result. The caller passes in received bytes and times, sends the outgoing
+/// bytes, and finally gets a [`QueryResult`].
 #[derive(Debug)]
 pub struct Query {
     request: Request,
@@ -51,8 +51,8 @@ pub struct Query {
     since_us: i64,
     pending: Option<PendingCommand>,
     device: Option<(u32, DeviceSummary)>,
-    /// Number of ADC channels, and labels of the electrodes, which are the first of these channels.
-    /// `None` until the device has reported them.
+    /// Number of ADC channels, and labels of the electrodes on the first of these channels. `None`
+    /// until the device has reported them.
     montage: Option<(usize, Vec<String>)>,
     outgoing: Vec<u8>,
 }
@@ -139,8 +139,8 @@ impl Query {
         }
     }
 
-    /// Returns whether it is normal at present that the port closes and opens again: a device on
-    /// USB disconnects while it restarts.
+    /// Returns whether the port may close and open again at present: a device on USB disconnects
+    /// while it restarts.
     pub fn expects_reconnect(&self) -> bool {
         self.stage == Stage::Wait && matches!(self.request, Request::Reset(_))
     }
@@ -271,8 +271,8 @@ impl Query {
             return Some(Err(QueryError::NoAnswer { what, seconds }));
         }
         let command = match (self.stage, self.request) {
-            // After a reset the device sends `Hello` unasked, perhaps while the port is still
-            // closed. So ask for `Hello` again.
+            // After a reset, ask for `Hello`: the device sends it unasked, but perhaps while the
+            // port is still closed.
             (Stage::Identify, _) | (_, Request::Identify) | (Stage::Wait, Request::Reset(_)) => {
                 ToDevice::Identify
             }

@@ -211,7 +211,7 @@ impl Session {
         }
     }
 
-    /// Sets the classifier of features.
+    /// Sets the classifier of features, and queues its filters for the device.
     pub(crate) fn set_classifier(&mut self, classifier: Classifier) {
         let [first, second] =
             classifier
@@ -303,7 +303,7 @@ impl Session {
         effects: &mut dyn Effects,
     ) {
         effects.note_stamps(self.clock.follow(read), self.side.bus.shift_us());
-        // Note the next row now: if data is missing before this message, the gap begins there.
+        // Note the next row before handling the message: any gap before it begins at this row.
         let row = self.next_row(None).map(|next| next.index);
         self.handle_message(frame, read, effects);
         self.report_missing(row, read, effects);
@@ -403,8 +403,8 @@ impl Session {
         }
     }
 
-    /// Returns the row of the announced stream that was at the electrodes at an event, which
-    /// happened directly before ADC sample `sample`. If the event's time is not `is_possible`,
+    /// Returns the row of the announced stream whose signal was at the electrodes when an event
+    /// happened, directly before ADC sample `sample`. If the event's time is not `is_possible`,
     /// returns the next row.
     fn row_of_event(&mut self, sample: u64, at: MessageTimes, is_possible: bool) -> Option<u64> {
         if !is_possible {
@@ -454,7 +454,7 @@ impl Session {
         self.trigger.restart();
     }
 
-    /// Ends the recording of all streams, which the user has stopped. The pause is not filled.
+    /// Ends the recording of all streams when the user stops them. The pause is not filled.
     fn end_recording(&mut self, effects: &mut dyn Effects) {
         effects.finish_blocks();
         if let Some(codes) = &mut self.codes {
@@ -470,7 +470,7 @@ impl Session {
         self.trigger.restart();
     }
 
-    /// Records a frame's sequence number. Returns false if it is old, so the frame must be ignored.
+    /// Records a frame's sequence number. Returns false if the number is old: ignore such a frame.
     fn record_frame(&mut self, header: Header) -> bool {
         if let Arrival::New { .. } = self.frames.record(header.seq) {
             self.old_frames_in_a_row = 0;
@@ -492,7 +492,7 @@ impl Session {
         let Some(codes) = &mut self.codes else { return };
         let hops = Streams::CODES | Streams::PACKED | Streams::FEATURES;
         let streams = stats.streams != stats.streams.without(hops);
-        // A device that was asked for other streams alone, such as events, makes no hops.
+        // If other streams alone were asked for, such as events, any reported stream means running.
         let asked = self.commands.streams();
         let runs = if asked == asked.without(hops) {
             !stats.streams.is_empty()
@@ -512,8 +512,8 @@ impl Session {
         if !self.clock.admits(at.device_us, at.read) && !self.clock.observe(at.device_us, at.read) {
             return;
         }
-        // `next_window` counts codes. A replayed recording reports it also to a host that did not
-        // ask for codes. Such a host has lost none.
+        // Count lost codes only if codes were asked for: a replayed recording reports
+        // `next_window`, which counts codes, even to a host that did not ask for them.
         if self.commands.streams().contains(Streams::CODES) {
             let reception = at.reception(true, &self.clock, &self.trigger);
             codes.fill_before(stats.next_window, reception, effects);
@@ -690,9 +690,8 @@ impl Session {
         is_usable
     }
 
-    /// Publishes an event for each stretch of data that is missing in the announced stream, which a
-    /// recorder records. The fillers of the stretch begin at the row `row`. Losses in other streams
-    /// cause no event.
+    /// Publishes an event if data is missing in the announced stream, which a recorder records. The
+    /// fillers for the missing data begin at row `row`. Losses in other streams cause no event.
     fn report_missing(&mut self, row: Option<u64>, read: HostTime, effects: &mut dyn Effects) {
         let [codes, packed] = [
             self.codes.as_mut().map(|codes| &mut codes.timeline),
@@ -715,7 +714,7 @@ impl Session {
             BusEvent::DataLost(missing.seconds)
         };
         let wall_ns = self.clock.wall_ns(missing.start_us).unwrap_or(read.wall_ns);
-        // Data that is missing before a restart began before time 0 of the run.
+        // If the device restarted, the missing data can begin before device time 0.
         let place = EventPlace {
             row,
             device_us: Some(u64::try_from(missing.start_us).unwrap_or(0)),
@@ -723,7 +722,7 @@ impl Session {
         self.side.bus.publish(&event, wall_ns, place, effects);
     }
 
-    /// Keeps the result of a self-test that the user has asked for; ignores any other.
+    /// Stores the result of a self-test that the user has asked for; ignores any other result.
     fn handle_self_test(&mut self, test: &SelfTest) {
         let (Some(identity), Some(codes)) = (&self.identity, &self.codes) else {
             return;
@@ -739,7 +738,7 @@ impl Session {
         self.commands.self_test = SelfTestState::NotWanted;
     }
 
-    /// Asks a device that does not stream to test its converters. Returns why that is not possible.
+    /// Asks a device that does not stream to test its converters. Returns why this is impossible.
     pub(crate) fn start_self_test(&mut self) -> Result<(), &'static str> {
         if !self.introduced || self.codes.is_none() {
             return Err("no device answers; connect it and try again");
@@ -771,15 +770,14 @@ impl Session {
         Some(Err(why))
     }
 
-    /// Returns the wall clock at `now` as the stamps of frames have it, nanoseconds, and notes it.
+    /// Returns the wall-clock time of a frame's stamp at `now`, nanoseconds, and notes its offset.
     fn frame_wall_ns(&mut self, now: HostTime, effects: &mut dyn Effects) -> i64 {
         let offset_ns = self.clock.follow(now);
         effects.note_stamps(offset_ns, self.side.bus.shift_us());
         now.monotonic_us * 1000 + offset_ns
     }
 
-    /// Publishes an event with a text of the user, which happened now. Returns whether events are
-    /// published.
+    /// Publishes an event at `now` with the user's `text`. Returns whether events are published.
     pub(crate) fn mark(&mut self, text: &str, now: HostTime, effects: &mut dyn Effects) -> bool {
         let row = self.next_row(None).map(|next| next.index);
         let event = BusEvent::Marker(text.to_owned());
@@ -790,7 +788,7 @@ impl Session {
         self.side.bus.publish(&event, wall_ns, place, effects)
     }
 
-    /// Sets what the user decides about the exclusion of electrodes, and tells the device.
+    /// Sets the user's choice of electrodes to exclude, and queues the command for a known device.
     pub(crate) fn set_exclusions(&mut self, exclusions: Exclusions) {
         if let Some(codes) = &self.codes {
             let (policy, _) = exclusions.policy(&codes.device().labels);
@@ -804,8 +802,8 @@ impl Session {
         Some(&self.codes.as_ref()?.device().labels)
     }
 
-    /// Returns the device time at the host time `now`, microseconds, by the fit of the clocks,
-    /// which is `None` before the first frame, and the wall clock, nanoseconds.
+    /// Converts `now` to device time by the fit of the clocks, microseconds, and to the wall-clock
+    /// time of stamps, nanoseconds since 1970. The device time is `None` before the first frame.
     pub(crate) fn times_at(&mut self, now: HostTime) -> (Option<i64>, i64) {
         let wall_ns = now.monotonic_us * 1000 + self.clock.follow(now);
         (self.clock.device_us_at(now.monotonic_us), wall_ns)

@@ -8,8 +8,8 @@ pub trait Choice: Copy + Send + Sync + 'static {
     const CHOICES: &'static [(&'static str, &'static str, Self)];
 }
 
-/// Defines an enum that is a [`Choice`]. Each value is given with its name and its description,
-/// which also becomes its doc comment. The first value is the default.
+/// Defines an enum that is a [`Choice`]. Each value has a name and a description, which is also its
+/// doc comment. The first value is the default.
 #[macro_export]
 macro_rules! choice {
     ($(#[$doc:meta])* $enum:ident { $first:ident = $first_name:literal: $first_text:literal,

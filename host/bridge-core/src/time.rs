@@ -7,8 +7,8 @@ pub(crate) mod round_trip;
 use neuro_ros::Stamp;
 use rustix::time::{ClockId, clock_gettime};
 
-/// The monotonic clock. On Linux, it also counts while the host is suspended, because the device's
-/// clock counts then too.
+/// The monotonic clock. On Linux, it also runs while the host is suspended, as the device's clock
+/// does.
 #[cfg(target_os = "linux")]
 const MONOTONIC: ClockId = ClockId::Boottime;
 #[cfg(not(target_os = "linux"))]

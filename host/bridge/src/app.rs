@@ -145,9 +145,9 @@ fn perform(task: Task, ros: NodeOptions, config: Option<PathBuf>) -> Result<Exit
 }
 
 /// Reads the options from the command line, the environment, the parameter server and the
-/// configuration file; each of these overrides those after it. Wrong usage and requests for help
-/// end the process. Also returns the configuration file's path, for the log, if the file sets an
-/// option.
+/// configuration file; an earlier source overrides a later one. Wrong usage and requests for help
+/// end the process. Also returns the path of the configuration file, for the log, if the file sets
+/// an option.
 fn read_task(
     ros: &NodeOptions,
     arguments: Vec<String>,
@@ -156,8 +156,8 @@ fn read_task(
     let parse = |command, arguments: &[String]| {
         GivenOptions::parse_from(command, arguments).unwrap_or_else(|error| error.exit())
     };
-    // Ignore errors: what is missing here may be in the configuration file. Wrong usage is an error
-    // only when the options are parsed with this file.
+    // Ignore errors in this first parse: an option that is missing here may be in the configuration
+    // file. The second parse, which includes the file, reports wrong usage.
     let given = parse(command().ignore_errors(true), &arguments);
     let (mut path, mut others) = (None, Vec::new());
     if given.reads_config()
@@ -193,7 +193,7 @@ fn read_task(
     let task = Task::parse_from(values(&others).into_iter().map(Into::into));
     let task = task.unwrap_or_else(|error| error.exit());
     if let (Task::SelfTest(_) | Task::Reset(_) | Task::Update(_), Some(path)) = (&task, &path) {
-        // These subcommands have no log in which the file could be named.
+        // These subcommands have no log, so name the file on standard error.
         new_file::message!("corticode-bridge: options from {}", path.display());
     }
     Ok((task, path))
@@ -259,7 +259,7 @@ fn list_ports(options: &PortsOptions) -> Result<(), BridgeError> {
     print_report(&ports, options.json)
 }
 
-/// Checks what the bridge needs and prints the findings. Exit status 1 means an error among them.
+/// Checks what the bridge needs and prints the findings. Exit status 1 means that one is an error.
 fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
     let runtime = one_thread()?;
     let report = runtime.block_on(doctor::examine(options, ros));
@@ -274,7 +274,7 @@ fn one_thread() -> std::io::Result<Runtime> {
     Builder::new_current_thread().enable_all().build()
 }
 
-/// Prints the line with which a subcommand ends.
+/// Prints the last line of a subcommand on standard error.
 fn print_summary(summary: &impl fmt::Display) {
     new_file::message!("corticode-bridge: {summary}");
 }
@@ -289,8 +289,8 @@ fn print_report(report: &(impl Serialize + fmt::Display), json: bool) -> Result<
     Ok(new_file::print(format_args!("{text}\n"))?)
 }
 
-/// Starts the log, and notes in it which configuration file `config` was read, if any. Returns the
-/// lines of the log for `/rosout`.
+/// Starts the log, and writes the path of the configuration file to it, if one was read. Returns
+/// the lines of the log for `/rosout`.
 fn init_log(ros: &NodeOptions, config: Option<PathBuf>) -> Result<Receiver<Log>, BridgeError> {
     let lines = log::start(ros, "info")?;
     if let Some(path) = config {

@@ -23,7 +23,7 @@ use crate::update::UpdateError;
 /// for the streaming bridge, which waits.
 #[derive(Debug, Error)]
 pub enum BridgeError {
-    /// Codes are to be computed, but the model in this program has no network that encodes them.
+    /// The program shall compute codes, but its built-in model has no network to encode with.
     #[error(
         "this program was built with a model without a network, which has no codes; build it with another model \
          (CORTICODE_ARTIFACT)"
@@ -88,7 +88,7 @@ pub enum BridgeError {
         /// was.
         bad: String,
     },
-    /// A recording lacks too many of the model's electrodes: it is of another cap.
+    /// A recording lacks too many of the model's electrodes, so it was made with another cap.
     #[error(
         "the recording {name} lacks {lacking} of the {electrodes} electrodes of the model, too many to interpolate; \
          name the folder of the model for this cap with --model"
@@ -101,7 +101,7 @@ pub enum BridgeError {
         /// Number of the model's electrodes.
         electrodes: usize,
     },
-    /// The device has other electrodes, rates or windows than the model to start from.
+    /// The device has other electrodes, rates or windows than the model from which the fit starts.
     #[error(
         "the device, a {0}, has another montage or window than the model in this program; name the folder of the \
          device's model with --model"
@@ -146,12 +146,12 @@ pub enum BridgeError {
     /// A picture cannot be drawn.
     #[error(transparent)]
     Picture(#[from] PictureError),
-    /// The user has ended `calibrate` while it gave the model to the device.
+    /// The user has interrupted `calibrate` during the upload to the device.
     #[error(
         "interrupted; the model is kept: stream with it as above, which sends it to the device"
     )]
     InterruptedUpload,
-    /// The user has ended `calibrate` before it was done.
+    /// The user has interrupted `calibrate` before the model was written.
     #[error("interrupted; nothing was written, and the device keeps its model")]
     Interrupted,
     /// Neither `XDG_DATA_HOME` nor `HOME` names a folder.
@@ -199,12 +199,12 @@ pub enum BridgeError {
         /// Names of all parameters that the bridge knows.
         known: String,
     },
-    /// A parameter on the parameter server, given by its full name, has a value that no option can
-    /// have.
+    /// A parameter on the parameter server has a value that no option can have. Holds its full
+    /// name.
     #[error("the parameter {0} is neither text, number, truth value nor list; set it again")]
     ParameterType(String),
-    /// The port does not open or is lost while one request is sent: unlike the streaming bridge,
-    /// `selftest` and `reset` do not wait for it.
+    /// The port does not open, or is lost during a request. Unlike the streaming bridge, `selftest`
+    /// and `reset` do not wait for the port.
     #[error("{port} {what}; {remedy}")]
     Unreachable {
         /// Address from `--port`.
@@ -226,7 +226,7 @@ pub enum BridgeError {
     /// opened.
     #[error("the ROS node cannot start; check the name, ROS_IP and ROS_MASTER_URI")]
     Node(#[from] NodeError),
-    /// The ROS 2 node cannot start, or one of its topics or services not be created.
+    /// The ROS 2 node cannot start, or one of its topics or services cannot be created.
     #[error("ROS 2 cannot be used")]
     Ros2(#[from] ros2_outlet::Ros2Error),
     /// An argument after `--ros-args` is not known or not complete.
@@ -264,7 +264,7 @@ pub enum BridgeError {
          on the disk and go on with another file", .0.display()
     )]
     FileWrite(PathBuf, #[source] std::io::Error),
-    /// `replay` cannot make the port at which to play the recording.
+    /// `replay` cannot create the port on which it plays the recording.
     #[error(
         "{0} cannot be made a port; choose pty:PATH with a path in a writable folder that no \
          file has, or tcp:HOST:PORT with a free port"
@@ -367,7 +367,7 @@ pub(crate) fn causes(error: &BridgeError) -> String {
     text
 }
 
-/// Returns in words, for an error message, which subjects have models.
+/// Returns the part of an error message that lists the subjects with models.
 fn known_words(known: &[String]) -> String {
     match known {
         [] => "there is none of anybody yet: `corticode-bridge calibrate` fits one".to_owned(),

@@ -46,8 +46,8 @@ pub(crate) enum Refusal {
 /// # Errors
 ///
 /// [`Refusal`] if the limits `rtprio` and `memlock` do not permit it, and the capabilities
-/// `CAP_SYS_NICE` and `CAP_IPC_LOCK` are missing. Then nothing has changed, but for
-/// [`Refusal::Memory`], after which the thread has the priority.
+/// `CAP_SYS_NICE` and `CAP_IPC_LOCK` are missing. The thread's priority is then unchanged, except
+/// after [`Refusal::Memory`].
 pub(crate) fn request() -> Result<(), Refusal> {
     check_memory_limit()?;
     let refused = |error| {
@@ -86,7 +86,7 @@ fn lock_memory() -> Result<(), Refusal> {
     locked.map_err(|error| Refusal::Memory(error.into()))
 }
 
-/// Only Linux can lock all memory of a program.
+/// On systems other than Linux, the program's memory is not locked.
 #[cfg(not(target_os = "linux"))]
 fn check_memory_limit() -> Result<(), Refusal> {
     Ok(())

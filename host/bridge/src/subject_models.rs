@@ -12,9 +12,9 @@ use tempfile::TempDir;
 
 use crate::error::BridgeError;
 
-/// Path of the models below a user's folder for data.
+/// Path of the models relative to the user's data folder.
 const NAME: &str = "corticode/models";
-/// Form of the name of a model's folder: the time in UTC, so that names are sorted by time.
+/// Format of a model's folder name: the UTC time, so that names sort by time.
 const DATE: &str = "%Y-%m-%dT%H-%M-%SZ";
 
 /// The models of all subjects: one folder for each subject, which holds one folder for each model.
@@ -81,8 +81,8 @@ fn newest_model(subject: &Path) -> Result<Option<PathBuf>, BridgeError> {
     Ok(models.pop())
 }
 
-/// Returns the folders in `folder` whose names do not begin with a dot, sorted; none if it does not
-/// exist.
+/// Returns the folders in `folder` whose names do not begin with a dot, sorted; none if `folder`
+/// does not exist.
 fn folders(folder: &Path) -> Result<Vec<PathBuf>, BridgeError> {
     let read = || -> io::Result<Vec<PathBuf>> {
         let mut folders = Vec::new();
@@ -160,7 +160,7 @@ impl NewModel {
         refuse_existing(&self.folder)?;
         match self.written(artifact) {
             Ok(()) => {
-                // The folder has its name now, so there is nothing to remove.
+                // The folder has its final name now, so keep it when `unfinished` is dropped.
                 let _ = self.unfinished.keep();
                 Ok(self.folder)
             }
@@ -169,7 +169,7 @@ impl NewModel {
     }
 
     /// Writes the files, and then gives the folder its name. Syncs the files to the disk first:
-    /// otherwise a power failure could leave empty ones under this name.
+    /// after a power failure, a folder with this name could otherwise hold empty files.
     fn written(&self, artifact: &Artifact) -> io::Result<()> {
         artifact
             .write(self.unfinished.path())
@@ -185,9 +185,7 @@ impl NewModel {
     }
 }
 
-/// # Errors
-///
-/// [`BridgeError::ModelFolder`] if something with the name of the folder exists.
+/// Returns [`BridgeError::ModelFolder`] if anything exists at this path.
 fn refuse_existing(folder: &Path) -> Result<(), BridgeError> {
     let failed = |source| BridgeError::ModelFolder(folder.to_owned(), source);
     match folder.symlink_metadata() {
@@ -249,7 +247,7 @@ mod tests {
             error.contains("no model of eve; it has models of ada, bob;"),
             "{error}"
         );
-        // A subject whose folder cannot be read does not count as a subject without a model.
+        // A folder that cannot be read is an error of its own, not a subject without a model.
         fs::write(folder.path().join("mia"), "").unwrap();
         let error = models.newest("mia").unwrap_err();
         assert!(matches!(error, BridgeError::SubjectModels(..)), "{error}");

@@ -38,15 +38,14 @@ const BOARDS: [(&str, &str); 2] = [
     ),
 ];
 
-/// Longest wait for the loader after the reset, and then for the permission to open it, which udev
-/// grants.
+/// Time limit for the loader to appear after the reset, and then for udev to permit opening it.
 const LOADER_TIMEOUT: Duration = Duration::from_secs(10);
-/// Longest wait for the new firmware's `Hello`.
+/// Time limit for the new firmware's `Hello`.
 const RESTART_TIMEOUT: Duration = Duration::from_secs(20);
 /// Time between two attempts of [`retry`].
 const RETRY: Duration = Duration::from_millis(200);
 
-/// What an update needs of the machine: the device at its port, and the loaders on USB.
+/// What an update needs from the machine: the device at its port, and the loaders on USB.
 pub(crate) trait Machine {
     type LoaderId: Copy + PartialEq;
     type Loader: Loader;
@@ -219,7 +218,7 @@ impl UpdateError {
     }
 }
 
-/// Returns a loader's status in words (DFU 1.1, section 6.1.2).
+/// Returns the text for a loader's status (DFU 1.1, section 6.1.2).
 fn status_words(status: u8) -> String {
     let words = match status {
         0x03 => "that it cannot write",
@@ -232,20 +231,20 @@ fn status_words(status: u8) -> String {
     format!("{words} (status {status})")
 }
 
-/// Writes an image to the device at the port, and returns the device's identity after it. If no
-/// device answers, and one loader is on USB, writes the image through this loader.
+/// Writes an image to the device at the port, and returns the device's identity after the update.
+/// If no device answers and one loader is on USB, writes the image through this loader.
 ///
 /// # Errors
 ///
-/// [`UpdateError`], or an error of the device or its port before the device's reset, when nothing
-/// has changed yet.
+/// [`UpdateError`], or an error of the device or its port. The latter occurs only before the
+/// device's reset, when nothing has changed yet.
 pub(crate) fn update<M: Machine>(
     machine: &mut M,
     image: &Image,
     bar: &ProgressBar,
 ) -> Result<DeviceSummary, BridgeError> {
     let flash = check_image(image)?;
-    // Ignore an error: a machine without USB has no loaders. Whether that matters shows later.
+    // Ignore an error: without USB there are no loaders. If one is needed, the update fails later.
     let present = machine.loaders().unwrap_or_default();
     let device = match machine.identify() {
         Ok(device) => Some(device),
@@ -344,7 +343,7 @@ fn retry<M: Machine, T, E>(
 }
 
 /// Returns the loader that was not `present` before the device's reset. The serial number does not
-/// tell: a loader does not have the device's, and some chips' loaders all have the same one.
+/// identify it: a loader's differs from its device's, and is the same in all chips of some kinds.
 fn new_loader<M: Machine>(
     machine: &mut M,
     present: &[M::LoaderId],

@@ -42,7 +42,7 @@ pub struct Conversion {
     /// Format of the files to write. The name of a file consists of the names of the recording, the
     /// stream and the format.
     pub to: FileFormat,
-    /// Whether existing files with the names of the new ones are replaced.
+    /// Whether the new files replace existing files of the same names.
     pub force: bool,
     /// Classifier of the features in the recording; `None` writes no predictions.
     pub classifier: Option<Classifier>,
@@ -54,7 +54,7 @@ pub enum ConvertError {
     /// The file to convert is not a usable recording.
     #[error("{} cannot be used as a recording", .0.display())]
     Recording(PathBuf, #[source] RecordingError),
-    /// The recording has other rows than when it was read for the first time.
+    /// The second pass over the recording found a different number of rows than the first pass.
     #[error(
         "{path} changed while it was converted: {announced} rows of {stream} became {written}; convert it \
          again when no program writes to it"
@@ -102,10 +102,10 @@ pub struct ConvertSummary {
     files: Vec<(PathBuf, u64)>,
     events: usize,
     left_out: LeftOut,
-    /// Number of missing rows without fillers, because their stream already had too many fillers.
+    /// Number of missing rows without fillers, because their stream had too many fillers.
     unfilled: u64,
-    /// For a stream in which they differ: duration of the signal by its rows, and by the host's
-    /// clock, seconds.
+    /// Duration by rows, and by the host's clock, seconds, of the first stream in which these
+    /// differ too much; `None` if they agree in all streams.
     differing_s: Option<(f64, f64)>,
     core: Summary,
 }
@@ -251,8 +251,8 @@ impl Conversion {
     }
 }
 
-/// Returns the files to write: one for each stream that has rows. `objection` is the reason why the
-/// core published nothing from the device, if it had one.
+/// Returns the files to write: one for each stream that has rows. `objection` is the core's reason,
+/// if any, for publishing nothing from the device.
 fn outputs(
     options: &Conversion,
     survey: &Survey,
@@ -277,7 +277,7 @@ fn outputs(
         };
         return Err(ConvertError::Recording(path, source));
     }
-    // Checks that every file can be created before the first one is written.
+    // Check that every file can be created before the first one is written.
     for (_, path) in &outputs {
         options.create(path)?;
     }
@@ -310,7 +310,7 @@ fn writer(
     }))
 }
 
-/// The recording to read, the model to decode it with, and what shows the progress.
+/// The recording to read, the model to decode it with, and the function that shows the progress.
 struct Input<'a, P> {
     path: &'a Path,
     /// Length of the recording when the conversion began. What a program appends to the file later
@@ -322,7 +322,7 @@ struct Input<'a, P> {
 }
 
 impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
-    /// Plays the recording to `listener` until it ends or `check`, called after each record, fails.
+    /// Plays the whole recording to `listener`, unless `check`, called after each record, fails.
     fn play<L: Listener>(
         &self,
         listener: L,

@@ -1,12 +1,12 @@
-//! Recordings of the wire between device and host: written, replayed as a device, and converted to
-//! files of samples and events.
+//! Records the bytes between device and host, replays recordings in the device's place, and
+//! converts them to files of samples and events.
 //!
 //! ```text
 //! port ──bytes──► Recorder ──records──► file ──► RecordingReader ─┬─► Replayer ──► port
 //!                                                                 └─► convert ──► GDF, BDF, CSV, NPZ
 //! ```
 //!
-//! [`Recorder`] and [`Replayer`] perform no I/O on a port: the caller moves the bytes and states
+//! [`Recorder`] and [`Replayer`] perform no I/O on a port: the caller moves the bytes and passes in
 //! the time. `docs/recording-format.md` describes the bytes of a file; a test compares its hex
 //! dumps with what [`Recorder`] writes.
 #![forbid(unsafe_code)]

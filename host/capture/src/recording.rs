@@ -110,7 +110,7 @@ impl FileHeader {
         let Some(bytes) = bytes.first_chunk::<{ Self::BYTES }>() else {
             return Err(RecordingError::HeaderCutOff(bytes.len()));
         };
-        // Check the version first: a newer version may have its checksum in another place.
+        // Check the version first: a newer version may have its checksum at another position.
         let version = u16::from_le_bytes([bytes[8], bytes[9]]);
         if version > VERSION {
             return Err(RecordingError::Version(version));
@@ -151,8 +151,8 @@ pub enum RecordKind {
     Ending,
     /// The user has marked this moment with a text, which is the payload, in UTF-8.
     Marker,
-    /// The device streamed already when the recording began. Before this record stand the device's
-    /// newest introduction, and the commands that it has acknowledged.
+    /// The device was already streaming when the recording began. The records before this one hold
+    /// the device's newest introduction and the commands that it has acknowledged.
     Joined,
     /// A kind of record that only newer programs know. Holds its number.
     Newer(u8),

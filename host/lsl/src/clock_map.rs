@@ -4,31 +4,31 @@ use std::collections::VecDeque;
 
 use bridge_core::HostTime;
 
-/// Change of the difference between the clocks from which on the host was suspended in between,
-/// microseconds. Two readings of both clocks differ by some microseconds at most.
+/// If the offset between the clocks changes by this much from one reading to the next, the host was
+/// suspended in between; microseconds. Otherwise it changes by a few microseconds at most.
 const LEAST_SLEEP_US: f64 = 1_000.0;
-/// Number of suspensions that are kept: samples can wait in the device or in a queue for minutes.
+/// Largest number of segments kept: samples can wait in the device or in a queue for minutes.
 const MOST_SEGMENTS: usize = 16;
-/// Number of readings, of which the one that took the least time counts.
+/// Number of readings of both clocks in a row. The reading that took the least time is used.
 const READINGS: usize = 3;
 
-/// Time on liblsl's clock at times of the host's monotonic clock.
+/// Maps the host's monotonic clock to liblsl's clock.
 ///
-/// The host's clock counts while the machine is suspended, and liblsl's (`std::steady_clock`,
-/// CLOCK_MONOTONIC on Linux) does not. Each suspension begins a segment. A time within a
-/// suspension, or within the 0.1 s before it, is mapped to the straight line between its ends, so
-/// the map is monotone and has no jump.
+/// The host's clock runs while the machine is suspended; liblsl's clock (`std::steady_clock`,
+/// CLOCK_MONOTONIC on Linux) does not. A new segment begins after each suspension. Times between
+/// the last reading before a suspension, up to 0.1 s earlier, and the first reading after it are
+/// interpolated, so the map is monotone and has no jump.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ClockMap {
     segments: VecDeque<Segment>,
 }
 
-/// A time between two suspensions.
+/// A period without suspension.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
-    /// Host's times of the first and the newest reading, microseconds.
+    /// Host times of the period's first and newest reading, microseconds.
     read_us: [i64; 2],
-    /// Time of liblsl's clock minus that of the host's clock, microseconds.
+    /// liblsl's time minus the host's time, microseconds.
     offset: f64,
 }
 
@@ -47,7 +47,7 @@ impl ClockMap {
         }
     }
 
-    /// Takes note of the times of both clocks at one instant, microseconds.
+    /// Records the times of both clocks at one instant, microseconds.
     #[expect(clippy::cast_precision_loss, reason = "below 2^53 us (285 years)")]
     fn observe(&mut self, host_us: i64, lsl_us: f64) {
         let offset_us = lsl_us - host_us as f64;
@@ -67,8 +67,8 @@ impl ClockMap {
         });
     }
 
-    /// Returns liblsl's time, seconds, at a time of the host's clock, microseconds; `None` before
-    /// the first reading.
+    /// Converts the host time `host_us`, microseconds, to liblsl's time, seconds; `None` before the
+    /// first reading.
     pub(crate) fn lsl_s(&self, host_us: f64) -> Option<f64> {
         let mut later: Option<&Segment> = None;
         for segment in self.segments.iter().rev() {
@@ -80,15 +80,15 @@ impl ClockMap {
         later.map(|first| (host_us + first.offset) * 1e-6)
     }
 
-    /// Returns the host's time, microseconds, at a time of liblsl's clock, seconds; `None` before
-    /// the first reading.
+    /// Converts liblsl's time, seconds, to the host's time, microseconds, with the newest offset;
+    /// `None` before the first reading.
     pub(crate) fn host_us(&self, lsl_s: f64) -> Option<f64> {
         Some(lsl_s * 1e6 - self.segments.back()?.offset)
     }
 }
 
 impl Segment {
-    /// Returns liblsl's time at `host_us`, both microseconds; `None` if that is before this
+    /// Converts `host_us` to liblsl's time, both microseconds; `None` if `host_us` is before this
     /// segment. `later` is the next segment.
     #[expect(clippy::cast_precision_loss, reason = "below 2^53 us (285 years)")]
     fn lsl_us(&self, host_us: f64, later: Option<&Segment>) -> Option<f64> {
@@ -126,7 +126,7 @@ mod tests {
         }
         close(map.lsl_s(12e6), 7.000_000_5);
         close(map.host_us(7.000_000_5), 12e6);
-        // Suspended for an hour, 60 ms after the newest reading, and read 40 ms after waking up.
+        // The host sleeps for an hour, from 60 ms after a reading to 40 ms before the next one.
         let woken_us = 19_900_000 + 3_600_000_000 + 100_000;
         map.observe(woken_us, 15_000_000.5);
         close(map.lsl_s(19.9e6), 14.900_000_5);
@@ -138,7 +138,7 @@ mod tests {
         close(map.lsl_s(woken_us as f64 + 2e6), 17.000_000_5);
         // A sample from before the first reading.
         close(map.lsl_s(9e6), 4.000_000_5);
-        // Nothing goes back.
+        // liblsl's time never goes back.
         let times = (0..400).map(|i| map.lsl_s(19e6 + f64::from(i) * 10e6));
         assert!(times.collect::<Vec<_>>().is_sorted());
     }

@@ -1,4 +1,4 @@
-//! What the metadata of a stream say.
+//! The metadata of the streams: device, channels and positions of electrodes.
 
 use std::sync::Arc;
 
@@ -8,12 +8,11 @@ use recordings::Position;
 
 use crate::liblsl::{CallError, FLOAT, Functions, Info, STRING, StreamHead};
 
-/// Radius of the sphere on which positions lie, mm: that of a head of 60 cm around.
+/// Radius of the sphere on which electrodes lie, mm, for a head with a circumference of 60 cm.
 const HEAD_MM: f64 = 95.0;
-/// Manufacturer, in the metadata.
 const MANUFACTURER: &str = "Corticode";
 
-/// Streams of a bridge with regular samples.
+/// A stream of the bridge with a constant sampling rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StreamKind {
     /// Codes, as on `/encoded`.
@@ -37,7 +36,7 @@ impl StreamKind {
         }
     }
 
-    /// Returns the content type of the stream and its channels.
+    /// Returns the LSL content type of the stream and of its channels.
     const fn content(self) -> &'static str {
         match self {
             StreamKind::Codes => "Codes",
@@ -46,19 +45,19 @@ impl StreamKind {
     }
 }
 
-/// The device behind the streams.
+/// The device from which the streams come.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Acquisition {
     board: String,
     serial: String,
     firmware: String,
     model: String,
-    /// Delay of the filters, seconds, by which stamps of all but raw samples are earlier.
+    /// Delay of the filters, seconds; subtracted from the stamps of all streams but raw samples.
     filter_delay_s: f64,
 }
 
 impl Acquisition {
-    /// Returns what streams say of this device.
+    /// Copies what the metadata state about the device.
     pub fn new(device: &Device) -> Acquisition {
         Acquisition {
             board: device.board.clone(),
@@ -100,8 +99,7 @@ impl Shape {
         self.eeg.labels.len() + self.exg.labels.len()
     }
 
-    /// Returns the description of the stream, with the name and the source id that start with
-    /// `name`.
+    /// Returns the description of the stream. The stream's name and source id start with `name`.
     pub(crate) fn info(
         &self,
         functions: &'static Functions,
@@ -151,7 +149,7 @@ impl Shape {
     }
 }
 
-/// Returns the description of the stream of events and of marks for fillers.
+/// Returns the description of the stream of events, which also marks where fillers begin and end.
 pub(crate) fn events_info(
     functions: &'static Functions,
     name: &str,
@@ -175,13 +173,13 @@ pub(crate) fn events_info(
     Ok(info)
 }
 
-/// Returns what identifies the stream after a restart of bridge or device.
+/// Returns the source id, which stays the same when the bridge or the device restarts.
 fn source_id(name: &str, device: &Acquisition, stream: &str) -> String {
     format!("{name}:{}:{stream}", device.serial)
 }
 
-/// Appends the device, and what its stamps are worth, as the XDF metadata specifications name it.
-/// `lag_s` is the delay that the stamps compensate.
+/// Appends the properties of the device and of its stamps under their names in the XDF metadata
+/// specifications. `lag_s` is the delay that was subtracted from the stamps, seconds.
 fn describe_origin(info: &Info, device: &Acquisition, lag_s: f64) {
     let acquisition = info.desc().append("acquisition");
     acquisition.append_text("manufacturer", MANUFACTURER);
@@ -191,11 +189,11 @@ fn describe_origin(info: &Info, device: &Acquisition, lag_s: f64) {
     acquisition.append_text("compensated_lag", &format!("{lag_s:.6}"));
     let synchronization = info.desc().append("synchronization");
     synchronization.append_text("offset_mean", "0");
-    // What is lost is replaced, so the number of samples matches the time.
+    // Fillers replace lost samples, so the number of samples matches the time.
     synchronization.append_text("can_drop_samples", "false");
 }
 
-/// Returns the unit in the words of the XDF metadata specification.
+/// Returns the unit as the XDF metadata specification spells it.
 fn unit(unit: &str) -> &str {
     match unit {
         "uV" => "microvolts",

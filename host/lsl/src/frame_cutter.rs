@@ -1,31 +1,30 @@
 //! Cuts a stream of samples into frames of equal length, and finds gaps by the samples' times.
 
-/// Part of a sample's deviation by which the expected times follow it: a clock that is wrong by
-/// 1 % then deviates by half a sample, and the jitter of a chunk of samples averages out.
+/// Fraction of a sample's deviation by which the later expected times are corrected. A clock that
+/// is off by 1 % then deviates by half a sample, and the jitter within a chunk averages out.
 const GAIN: f64 = 0.02;
-/// Deviation of a sample's time from which on samples are missing before it, seconds. Programs that
-/// stamp whole chunks when they arrive deviate by less.
+/// Deviation of a sample's time above which samples count as missing before it, seconds. Programs
+/// that stamp whole chunks on arrival cause smaller deviations.
 const LEAST_GAP_S: f64 = 0.25;
-/// Number by which a frame's number jumps when the stream starts again.
+/// Amount by which the frame numbers jump when the sender restarts.
 const RESTART: u32 = 1 << 30;
 
-/// A frame of samples.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CutFrame {
     /// Number of the frame. Numbers of missing frames are left out.
     pub(crate) number: u32,
-    /// Sample by sample.
+    /// Values, one sample after the other.
     pub(crate) values: Vec<f32>,
-    /// Time after the last sample's period, seconds, on the clock of the samples' times, without
-    /// their jitter.
+    /// End of the last sample's period, seconds, on the clock of the samples' times, with the
+    /// jitter averaged out.
     pub(crate) end_s: f64,
 }
 
-/// Takes samples one by one, and returns frames.
+/// Collects samples into frames.
 ///
-/// The times of samples state where samples are missing, because a stream of the Lab Streaming
-/// Layer has no numbers. Jitter is averaged out. A gap costs the unfinished frame before it and the
-/// samples after it up to the next frame, so that a frame never holds an invented sample.
+/// The Lab Streaming Layer does not number samples, so their times show where samples are missing.
+/// Jitter is averaged out. At a gap, the unfinished frame and the samples up to the next frame
+/// boundary are discarded, so a frame never holds an invented sample.
 #[derive(Clone, Debug)]
 pub(crate) struct FrameCutter {
     period_s: f64,
@@ -35,12 +34,12 @@ pub(crate) struct FrameCutter {
     number: u32,
     /// Expected time of the next sample, seconds; `None` before the first.
     next_s: Option<f64>,
-    /// Number of samples that are left out until the next frame begins.
+    /// Number of samples to discard until the next frame begins.
     skipped: usize,
 }
 
 impl FrameCutter {
-    /// Creates a cutter for samples at `rate_hz`, into frames of `samples`.
+    /// Creates a cutter for samples at `rate_hz`, into frames of `samples` samples.
     pub(crate) fn new(rate_hz: u16, samples: u16) -> FrameCutter {
         FrameCutter {
             period_s: 1.0 / f64::from(rate_hz.max(1)),
@@ -53,14 +52,14 @@ impl FrameCutter {
         }
     }
 
-    /// Takes a sample that was taken at `time_s`. Returns the frame that it completes, if any.
+    /// Adds a sample that was measured at `time_s`. Returns the frame that it completes, if any.
     pub(crate) fn push(
         &mut self,
         time_s: f64,
         values: impl Iterator<Item = f32>,
     ) -> Option<CutFrame> {
         let expected_s = self.next_s.unwrap_or(time_s);
-        // A sample without a time is where it is expected.
+        // Use the expected time for a sample without a valid time.
         let time_s = if time_s.is_finite() {
             time_s
         } else {
@@ -71,7 +70,7 @@ impl FrameCutter {
             self.leave_gap(deviation_s);
             time_s
         } else if deviation_s < -LEAST_GAP_S {
-            // The clock of the times has gone back: the sender has started again.
+            // The times have gone back: the sender has restarted.
             self.number = self.number.wrapping_add(RESTART);
             (self.filled, self.skipped) = (0, 0);
             self.values.clear();
@@ -100,7 +99,7 @@ impl FrameCutter {
         Some(frame)
     }
 
-    /// Leaves out the samples of a gap, and as many around it as belong to unfinished frames.
+    /// Skips a gap: discards the unfinished frame, and sets how many samples to discard next.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -108,7 +107,7 @@ impl FrameCutter {
     )]
     fn leave_gap(&mut self, gap_s: f64) {
         let missing = (gap_s / self.period_s).round() as usize;
-        // Places since the start of the unfinished frame, in which the new sample is the next one.
+        // Number of sample positions from the start of the unfinished frame to the new sample.
         let places = (self.filled + self.skipped_places()).saturating_add(missing);
         let frames = places.div_ceil(self.samples);
         self.number = self
@@ -119,8 +118,8 @@ impl FrameCutter {
         self.values.clear();
     }
 
-    /// Returns the number of places before the next sample in a frame whose start is left out; its
-    /// number is already counted.
+    /// Returns how many positions before the next sample belong to the frame that is being
+    /// discarded, if one is. Takes back this frame's number, which is already counted.
     fn skipped_places(&mut self) -> usize {
         if self.skipped == 0 {
             return 0;
@@ -139,8 +138,8 @@ impl FrameCutter {
 mod tests {
     use super::*;
 
-    /// Cuts samples at these indices of a 100 Hz stream with these errors of their times. Returns
-    /// the number and the first value, which is the index, of each frame of 10.
+    /// Cuts samples of a 100 Hz stream, given by index and error of their time, into frames of 10.
+    /// Returns each frame's number and its first value, which is the index of its first sample.
     fn cut(samples: impl Iterator<Item = (u32, f64)>) -> Vec<(u32, f32)> {
         let mut cutter = FrameCutter::new(100, 10);
         let frames = samples.filter_map(|(index, error_s)| {
@@ -157,7 +156,7 @@ mod tests {
             .collect()
     }
 
-    /// Every frame must lie where its number says.
+    /// Asserts that each frame's number matches the index of its first sample.
     fn assert_placed(frames: &[(u32, f32)]) {
         for (number, first) in frames {
             assert_eq!((*number - 1) as f32 * 10.0, *first, "{frames:?}");
@@ -174,7 +173,7 @@ mod tests {
             let around = length.div_ceil(10) + 1;
             assert!(frames.len() >= 300 - around as usize, "{}", frames.len());
         }
-        // Two gaps in a row, of which the second begins while samples are left out.
+        // Two gaps in a row, of which the second begins while samples are discarded.
         let samples = (0..600).filter(|i| !(33..70).contains(i) && !(73..111).contains(i));
         assert_placed(&cut(samples.map(|index| (index, 0.0))));
     }

@@ -14,20 +14,19 @@ use crate::library::Library;
 
 /// Number of frames per second into which samples are cut.
 const FRAMES_PER_SECOND: u16 = 16;
-/// Seconds of one search for the stream, and for which the stream may take to answer.
+/// Duration of one search for the stream, and time limit for the stream's answer, seconds.
 const SEARCH_S: f64 = 2.0;
 const ANSWER_S: f64 = 10.0;
-/// Longest wait for a sample, seconds, after which the caller is asked whether to go on.
+/// Longest wait for a sample, seconds. After it, the caller is asked whether to continue.
 const PULL_S: f64 = 0.1;
-/// Largest number of samples that are taken at once.
+/// Largest number of samples fetched from liblsl at once.
 const MOST_SAMPLES: usize = 4096;
-/// Time between two questions for the difference between the clocks.
+/// Time between two queries of the offset between the sender's clock and this machine's.
 const CORRECTION_PERIOD: Duration = Duration::from_secs(2);
-/// Difference between a sample's time and the present from which on the times cannot be those of
-/// LSL's clock, microseconds.
+/// Age from which on a sample's time cannot be from LSL's clock, microseconds.
 const MOST_AGE_US: i64 = 600_000_000;
 
-/// Units that a stream may state, in small letters, and microvolts in one of them.
+/// Units that a stream may state, in lower case, with the number of microvolts in each.
 const UNITS: &[(&str, f32)] = &[
     ("microvolts", 1.0),
     ("microvolt", 1.0),
@@ -45,13 +44,13 @@ const UNITS: &[(&str, f32)] = &[
 /// Which stream to receive, and what replaces its metadata.
 #[derive(Clone, Debug, Default)]
 pub struct InletOptions {
-    /// Property of the stream, `name`, `type`, `source_id` or `hostname`, and its value.
+    /// Property to search for, `name`, `type`, `source_id` or `hostname`, and its value.
     pub query: [String; 2],
-    /// Labels of all channels; those of the metadata if empty.
+    /// Labels of all channels; if empty, the labels in the metadata count.
     pub labels: Vec<String>,
-    /// Unit of all channels; that of the metadata if `None`.
+    /// Unit of all channels; if `None`, the unit in the metadata counts.
     pub unit: Option<String>,
-    /// Rate of the samples, Hz; the nominal one if `None`.
+    /// Rate of the samples, Hz; if `None`, the nominal rate counts.
     pub rate_hz: Option<u16>,
 }
 
@@ -60,7 +59,7 @@ impl InletOptions {
     ///
     /// # Errors
     ///
-    /// What is wrong, and what to write.
+    /// What is wrong and how to correct it, worded for the user.
     pub fn parse_query(text: &str) -> Result<[String; 2], String> {
         let (property, value) = text.split_once('=').unwrap_or(("name", text));
         if !["name", "type", "source_id", "hostname"].contains(&property) {
@@ -78,17 +77,16 @@ impl InletOptions {
 /// What the inlet passes on.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Received {
-    /// Samples, and the time at which the last one was made.
+    /// Samples, and the host time at which the last sample's period ended.
     Frame(Box<NeuroFrame>, HostTime),
-    /// Number of streams that match, after it has changed.
+    /// Number of matching streams. Repeated while no samples arrive, so that the caller can end.
     Matching(usize),
-    /// The stream cannot be used, for now.
+    /// The stream cannot be used at present.
     Refused(InletError),
 }
 
 /// Receives the stream that the options describe, and passes frames on until `pass` returns false.
-/// Waits for an absent stream, and for one that has ended to return. Blocks; call it in a thread of
-/// its own.
+/// Waits while the stream is absent or has ended. Blocks; call it in a thread of its own.
 pub fn receive(library: Library, options: &InletOptions, mut pass: impl FnMut(Received) -> bool) {
     let mut reported = None;
     loop {
@@ -107,14 +105,14 @@ pub fn receive(library: Library, options: &InletOptions, mut pass: impl FnMut(Re
                         return;
                     }
                 }
-                // A stream that is refused is found at once, and its metadata stay the same.
+                // Do not retry at once: the search would find the same stream again.
                 std::thread::sleep(Duration::from_secs(1));
             }
         }
     }
 }
 
-/// Searches the stream once and receives it until it ends. Returns whether to go on.
+/// Searches for the stream once and receives it until it ends. Returns whether to go on.
 fn receive_one(
     library: Library,
     options: &InletOptions,
@@ -166,8 +164,8 @@ fn stream(
     let mut cutter = FrameCutter::new(channels.rate_hz, samples);
     let mut has_foreign_clock = false;
     loop {
-        // liblsl waits until there is room for no further sample: wait for one, then take those
-        // that have come with it.
+        // Wait for one sample, then take those that have come with it: given more room, liblsl
+        // would wait until it is full.
         let mut count = inlet.pull(&mut values[..channels.all], &mut times[..1], PULL_S)?;
         if count > 0 {
             count += inlet.pull(&mut values[channels.all..], &mut times[1..], 0.0)?;
@@ -176,7 +174,7 @@ fn stream(
         let now = HostTime::now();
         if corrected.elapsed() > CORRECTION_PERIOD {
             corrected = Instant::now();
-            // Asks no one: liblsl measures in the background. Without an answer the old one stays.
+            // Does not wait: liblsl measures in the background. Without a result, keep the old one.
             if let Ok(newest) = inlet.time_correction(0.0) {
                 correction_s = newest;
             }
@@ -233,13 +231,14 @@ struct Channels {
     /// Number of all channels of the stream.
     all: usize,
     rate_hz: u16,
-    /// Place of each channel that is passed on, and microvolts in its unit.
+    /// Index of each channel that is passed on, and the number of microvolts in its unit.
     used: Vec<(usize, f32)>,
     info: NeuroDataInfo,
 }
 
 impl Channels {
-    /// Reads the metadata of a stream. Channels whose type is stated and not EEG are left out.
+    /// Reads the metadata of a stream. Without labels in `options`, leaves out channels whose
+    /// stated type is neither EEG nor the stream's type.
     fn read(info: &Info, options: &InletOptions) -> Result<Channels, InletError> {
         let name = info.name();
         if info.is_text() {
@@ -298,7 +297,7 @@ impl Channels {
         })
     }
 
-    /// Returns the values of a sample that are passed on, in microvolts.
+    /// Returns a sample's values in the channels that are passed on, in microvolts.
     fn microvolts<'r>(&'r self, row: &'r [f32]) -> impl Iterator<Item = f32> + 'r {
         let used = self.used.iter();
         used.map(|(place, microvolts)| row[*place] * microvolts)
@@ -318,7 +317,7 @@ impl Channels {
     }
 }
 
-/// Returns the rate of a stream, Hz.
+/// Returns the rate in `options`, or else the nominal rate, which must be a whole number of Hz.
 fn rate(info: &Info, options: &InletOptions) -> Result<u16, InletError> {
     if let Some(rate_hz) = options.rate_hz {
         return Ok(rate_hz);
@@ -366,7 +365,7 @@ mod tests {
         };
         let at = |host_us| host_time(host_us, 2_000.0, now).map(|time| time.monotonic_us);
         assert_eq!(at(999_000_000.0), Some(999_000_000));
-        // Taken 1.5 ms ago, and, by a wrong clock, 0.5 ms after the present.
+        // Periods that began 1.5 ms ago and, by a wrong clock, 0.5 ms in the future.
         assert_eq!(at(1_000_000_500.0), Some(1_000_000_500));
         assert_eq!(at(1_000_002_500.0), Some(1_000_002_000));
         assert_eq!(at(1.7e15), None);

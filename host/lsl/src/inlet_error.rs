@@ -1,25 +1,25 @@
-//! Why a stream cannot be encoded, and what to do.
+//! Errors of the inlet, with advice for the user.
 
 use thiserror::Error;
 
 use crate::inlet::InletOptions;
 use crate::liblsl::CallError;
 
-/// Why a stream cannot be encoded.
+/// Reason why a stream cannot be received and encoded.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum InletError {
-    /// Several streams have the property. Holds for each one its name and host, and what to type.
+    /// Several streams match. Holds the name and host of each, and the option that selects it.
     #[error("{} streams match; choose one: {}", .0.len(), .0.join(", "))]
     Several(Vec<String>),
     /// The stream holds strings.
     #[error("the stream {0} holds texts; name one with signals")]
     Text(String),
-    /// The nominal rate is 0, or no whole number. Holds name and rate.
+    /// The nominal rate is 0 or not a whole number. Holds the stream's name and its rate.
     #[error(
         "the stream {0} has {1}, and codes need a regular one of a whole number of Hz; state it with --source-rate HZ"
     )]
     Rate(String, String),
-    /// A channel has no label.
+    /// A channel has no label. Holds the stream and the channel's number, from 1.
     #[error(
         "channel {1} of the stream {0} has no label; name all channels with --source-labels Fp1,Fp2,..."
     )]
@@ -29,12 +29,13 @@ pub enum InletError {
         "two channels of the stream {0} have the label {1}; name all channels with --source-labels Fp1,Fp2,..."
     )]
     Twice(String, String),
-    /// No channel has signals of electrodes.
+    /// No channel has the type EEG.
     #[error(
         "no channel of the stream {0} has the type EEG; name all channels with --source-labels Fp1,Fp2,..."
     )]
     Nothing(String),
-    /// The labels that the user has named are not as many as the channels.
+    /// The user states too many or too few labels. Holds the stream, and the numbers of channels
+    /// and labels.
     #[error("the stream {0} has {1} channels, and --source-labels names {2}")]
     Labels(String, usize, usize),
     /// A channel's unit is missing or unknown. Holds the stream, the channel's label and the unit.
@@ -54,7 +55,7 @@ pub enum InletError {
 }
 
 impl InletError {
-    /// Returns the name of this kind of error.
+    /// Returns a short name for this kind of error, such as "unit of the stream".
     pub const fn kind(&self) -> &'static str {
         match self {
             InletError::Several(_) => "several streams",
@@ -77,7 +78,7 @@ impl From<CallError> for InletError {
     }
 }
 
-/// What tells streams apart.
+/// Properties by which streams are told apart.
 #[derive(Clone, Debug)]
 pub(crate) struct Identity {
     pub(crate) name: String,
@@ -86,7 +87,7 @@ pub(crate) struct Identity {
 }
 
 impl Identity {
-    /// Returns the queries that find the stream, and possibly others, the easiest to type first.
+    /// Returns queries that match the stream, and possibly others; the easiest to type is first.
     fn queries(&self) -> Vec<String> {
         let is_plain = !self.name.contains('=');
         let queries = [
@@ -118,7 +119,7 @@ pub(crate) fn choices(streams: &[Identity]) -> Vec<String> {
     streams.iter().zip(&queries).map(choice).collect()
 }
 
-/// Returns the value of `--source` as a shell takes it. Queries hold no quotation mark.
+/// Returns the value of `--source`, quoted for a shell if needed. Queries hold no quotation mark.
 fn quoted(query: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_.:=/+@%,".contains(c);
     let mark = if query.chars().all(is_plain) { "" } else { "'" };

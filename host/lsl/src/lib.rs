@@ -1,4 +1,4 @@
-//! Lab Streaming Layer (LSL): the streams of a bridge as outlets, and an amplifier's as an inlet.
+//! Lab Streaming Layer (LSL): outlets for the bridge's streams, and an inlet for an amplifier's.
 //!
 //! ```text
 //! publish ──► LslSink ──► queue ──► thread `lsl` ──► liblsl ──► recorders, viewers
@@ -7,11 +7,11 @@
 //! amplifier ──► liblsl ──► thread `lsl inlet` ──► FrameCutter ──► NeuroFrames of equal length
 //! ```
 //!
-//! The protocol is that of the reference implementation, the C library liblsl, which is loaded when
-//! it is needed. All calls of it are in `liblsl.rs`, the only file with `unsafe`.
+//! The crate uses LSL's reference implementation, the C library liblsl, which is loaded when it is
+//! needed. All calls of liblsl are in `liblsl.rs`, the only file with `unsafe`.
 //!
-//! A push to liblsl takes locks that its network threads take too, and can allocate memory. So a
-//! thread of its own pushes, with a bounded queue for each stream, and a sink never waits.
+//! Pushing to liblsl takes locks that its network threads also take, and can allocate memory. A
+//! separate thread therefore pushes, from a bounded queue for each stream, and sinks never wait.
 #![deny(unsafe_code)]
 
 mod clock_map;

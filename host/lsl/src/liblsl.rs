@@ -1,8 +1,8 @@
-//! The C interface of liblsl: all calls of this crate.
+//! The C interface of liblsl. This file contains all of the crate's calls of liblsl.
 //!
 //! Source of the declarations: the headers `lsl/common.h`, `streaminfo.h`, `xml.h`, `outlet.h`,
-//! `inlet.h` and `resolver.h` of liblsl 1.13 to 1.18. Streams, descriptions and inlets are handles,
-//! which their owners in this file destroy. None of them is `Send`: each stays in its thread.
+//! `inlet.h` and `resolver.h` of liblsl 1.13 to 1.18. Outlets, descriptions and inlets are handles,
+//! which their owners in this file destroy. None of the owners is `Send`: each stays in its thread.
 #![expect(
     unsafe_code,
     reason = "liblsl is a C library, which is loaded when it is needed"
@@ -17,7 +17,7 @@ use thiserror::Error;
 pub(crate) const FLOAT: c_int = 1;
 /// Format of a stream of strings (`cft_string`).
 pub(crate) const STRING: c_int = 3;
-/// Seconds of samples that liblsl keeps for an inlet that does not take them: its own default.
+/// Length of the buffer in which liblsl keeps samples for a slow receiver, seconds; its default.
 const BUFFER_S: i32 = 360;
 /// Largest number of streams that one search returns.
 const MOST_FOUND: u32 = 64;
@@ -33,13 +33,13 @@ pub enum LoadError {
     Function(&'static str, #[source] libloading::Error),
 }
 
-/// A call of liblsl failed.
+/// Error of a call of liblsl.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub(crate) enum CallError {
-    /// The other end has gone, and does not return.
+    /// The stream has ended and does not return.
     #[error("the stream has ended")]
     Lost,
-    /// Nothing came in the time allowed.
+    /// Nothing arrived within the timeout.
     #[error("no answer in time")]
     Timeout,
     /// Another error, in liblsl's words.
@@ -47,7 +47,7 @@ pub(crate) enum CallError {
     Other(String),
 }
 
-/// Declares the table of functions, with their types, and how it is loaded.
+/// Declares the table of liblsl's functions, with their types, and the function that loads it.
 macro_rules! functions {
     ($($name:ident: fn($($argument:ty),*) $(-> $result:ty)?;)*) => {
         /// Addresses of the functions of liblsl. The library stays loaded until the process ends,
@@ -116,7 +116,7 @@ fn c_string(text: &str) -> CString {
     CString::new(text.replace('\0', "")).unwrap_or_default()
 }
 
-/// Copies a C string; an empty one for a null pointer.
+/// Copies a C string. A null pointer yields an empty string.
 ///
 /// # Safety
 /// `text` is null, or a C string that lives at least as long as this call.
@@ -171,8 +171,8 @@ impl Functions {
         }
     }
 
-    /// Searches the network for streams for which the XPath predicate `query` holds, such as
-    /// `name='X'`. Returns as soon as two are found, and otherwise after `timeout_s`.
+    /// Searches the network for streams that match the XPath predicate `query`, such as `name='X'`.
+    /// Returns as soon as two are found, or after `timeout_s` seconds.
     pub(crate) fn resolve(
         &'static self,
         query: &str,
@@ -182,7 +182,7 @@ impl Functions {
         let mut handles = [ptr::null_mut::<c_void>(); MOST_FOUND as usize];
         let buffer = handles.as_mut_ptr();
         let query = query.as_ptr();
-        // Not 1: liblsl ends the search at that number, and a second stream may answer later.
+        // Ask for 2: liblsl ends the search at this number, and a second stream may answer later.
         // SAFETY: the buffer has room for as many handles as stated, and the query is a C string.
         let found = unsafe { (self.lsl_resolve_bypred)(buffer, MOST_FOUND, query, 2, timeout_s) };
         self.checked(found)?;
@@ -210,7 +210,7 @@ impl Drop for Info {
     }
 }
 
-/// What every stream has.
+/// Properties that every stream must have.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StreamHead<'a> {
     pub(crate) name: &'a str,
@@ -244,7 +244,7 @@ impl Info {
         Ok(Info { functions, handle })
     }
 
-    /// Returns the element `desc`, which holds the further description.
+    /// Returns the element `desc`, which holds all further metadata.
     pub(crate) fn desc(&self) -> Element<'_> {
         // SAFETY: the handle is valid. The element is a part of it, and borrows it.
         let element = unsafe { (self.functions.lsl_get_desc)(self.handle.as_ptr()) };
@@ -403,7 +403,7 @@ impl Outlet {
     /// Sends samples, one after the other in `values`, each with its time in seconds.
     ///
     /// # Panics
-    /// When there are not as many values as times and channels; that would be a defect.
+    /// If there is not exactly one value for each time and channel.
     pub(crate) fn push(&self, values: &[f32], times_s: &[f64]) -> Result<(), CallError> {
         assert_eq!(values.len(), times_s.len() * self.channels, "values");
         let (handle, count) = (self.handle.as_ptr(), values.len() as c_ulong);
@@ -414,10 +414,10 @@ impl Outlet {
         self.functions.checked(code)
     }
 
-    /// Sends a text to a stream of one channel with strings.
+    /// Sends a text on a stream of strings with one channel.
     ///
     /// # Panics
-    /// When the stream has another number of channels; that would be a defect.
+    /// If the stream has another number of channels.
     pub(crate) fn push_text(&self, text: &str, time_s: f64) -> Result<(), CallError> {
         assert_eq!(self.channels, 1, "channels");
         let text = c_string(text);
@@ -435,7 +435,7 @@ impl Outlet {
     }
 }
 
-/// A subscription to a stream. It finds the stream again when that returns with the same source id.
+/// A subscription to a stream. liblsl reconnects if the stream returns with the same source id.
 #[derive(Debug)]
 pub(crate) struct Inlet {
     functions: &'static Functions,
@@ -465,7 +465,7 @@ impl Inlet {
         })
     }
 
-    /// Returns the description with the element `desc`, which searches do not bring.
+    /// Returns the description including the element `desc`, which searches do not return.
     pub(crate) fn info(&self, timeout_s: f64) -> Result<Info, CallError> {
         let mut code = 0;
         let get = self.functions.lsl_get_fullinfo;
@@ -477,7 +477,7 @@ impl Inlet {
         Ok(Info { functions, handle })
     }
 
-    /// Returns what is to be added to times of the stream for this machine's clock, seconds.
+    /// Returns the offset, seconds, that converts the stream's times to this machine's LSL clock.
     pub(crate) fn time_correction(&self, timeout_s: f64) -> Result<f64, CallError> {
         let mut code = 0;
         let get = self.functions.lsl_time_correction;
@@ -487,8 +487,8 @@ impl Inlet {
         Ok(correction)
     }
 
-    /// Waits for samples, for `timeout_s` at most, and fills the start of both buffers. Returns how
-    /// many samples came.
+    /// Waits for samples, for `timeout_s` seconds at most, and fills the start of both buffers.
+    /// Returns the number of samples.
     pub(crate) fn pull(
         &self,
         values: &mut [f32],

@@ -14,8 +14,8 @@ const SYSTEM_NAMES: &[&str] = if cfg!(target_os = "macos") {
     &["liblsl.so.2", "liblsl.so"]
 };
 
-/// Program for Python that prints the path of the library in the package pylsl, without importing
-/// the package.
+/// Python program that prints the path of the library in the package pylsl, without importing the
+/// package.
 const FIND_IN_PYLSL: &str = "import importlib.util, pathlib
 spec = importlib.util.find_spec('pylsl')
 for place in spec.submodule_search_locations if spec else []:
@@ -25,11 +25,11 @@ for place in spec.submodule_search_locations if spec else []:
             print(file)
             raise SystemExit";
 
-/// What to do where liblsl is missing; a part of messages.
+/// Advice for the user if liblsl is missing; a part of error messages.
 const REMEDY: &str = "`pip install pylsl` brings it and is found through python3 on the PATH; or \
      install liblsl from https://github.com/sccn/liblsl/releases; or name its file with --liblsl";
 
-/// liblsl, loaded until the process ends.
+/// The loaded liblsl. It stays loaded until the process ends.
 #[derive(Clone, Copy, Debug)]
 pub struct Library {
     pub(crate) functions: &'static Functions,
@@ -50,8 +50,8 @@ pub enum LibraryError {
 }
 
 impl Library {
-    /// Loads liblsl from `file` or, without one, from where it is found first: the system's
-    /// libraries, or the package pylsl of the `python3` on the PATH.
+    /// Loads liblsl from `file`. With `None`, tries the system's libraries, then the package pylsl
+    /// of the `python3` on the PATH.
     ///
     /// # Errors
     ///

@@ -27,7 +27,7 @@ const LINGER: Duration = Duration::from_millis(500);
 pub struct LslOptions {
     /// First part of the names of the streams, and of their source ids.
     pub name: String,
-    /// Sample of a frame that its stamp refers to.
+    /// What the stamp of a frame refers to.
     pub stamp: StampPoint,
 }
 
@@ -70,17 +70,17 @@ impl Lsl {
         })
     }
 
-    /// Creates the sink of a stream, of which at most `room` frames wait.
+    /// Creates the sink of a stream. At most `room` frames wait; further frames are dropped.
     pub fn frames(&self, kind: StreamKind, room: usize) -> FrameSink {
         self.maker.frames(kind, room)
     }
 
-    /// Creates the sink of events, of which at most `room` wait.
+    /// Creates the sink of events. At most `room` events wait; further events are dropped.
     pub fn events(&self, room: usize) -> EventSink {
         self.maker.events(room)
     }
 
-    /// Returns what stamps mean, which the caller keeps up to date.
+    /// Returns the scale of the stamps, which the caller must keep up to date.
     pub fn scale(&self) -> Arc<StampScale> {
         Arc::clone(&self.maker.scale)
     }
@@ -91,7 +91,7 @@ impl Lsl {
         let _ = self.maker.jobs.send(Job::Device(device));
     }
 
-    /// Returns how many of the streams somebody receives at present.
+    /// Returns the number of streams that have a receiver at present.
     pub fn received(&self) -> usize {
         self.received.load(Ordering::Relaxed)
     }
@@ -112,11 +112,11 @@ struct Streams {
     device: Acquisition,
     clock: ClockMap,
     signals: BTreeMap<&'static str, Signal>,
-    /// Events, and where fillers begin and end; open from the device's introduction on.
+    /// Stream of events and of the beginnings and ends of fillers; open once the device is known.
     events: Option<Outlet>,
 }
 
-/// A stream with regular samples.
+/// An open stream with a constant sampling rate.
 struct Signal {
     outlet: Outlet,
     shape: Arc<Shape>,
@@ -137,7 +137,7 @@ impl Streams {
         }
     }
 
-    /// Sends what is queued until the end is asked for.
+    /// Handles queued jobs until [`Job::End`].
     fn run(&mut self, queued: &Receiver<Job>, received: &AtomicUsize) -> Result<(), CallError> {
         loop {
             let job = queued.recv_timeout(CLOCK_PERIOD);
@@ -167,14 +167,14 @@ impl Streams {
         Ok(())
     }
 
-    /// Returns the number of streams that somebody receives.
+    /// Returns the number of streams that have a receiver.
     fn received(&self) -> usize {
         let signals = self.signals.values().map(|signal| &signal.outlet);
         let outlets = signals.chain(&self.events);
         outlets.filter(|outlet| outlet.has_receivers()).count()
     }
 
-    /// Opens the stream of events of a device. All streams of another device are closed.
+    /// Sets the device, if it is another: closes all streams, and opens the stream of events.
     fn set_device(&mut self, device: Acquisition) -> Result<(), CallError> {
         if self.events.is_some() && device == self.device {
             return Ok(());
@@ -193,7 +193,7 @@ impl Streams {
         let kind = frame.shape.kind;
         let known = self.signals.get(kind.name());
         if known.is_none_or(|known| known.shape != frame.shape) {
-            // The old stream closes first: two with one source id would confuse receivers.
+            // Close the old stream first: two streams with one source id would confuse receivers.
             self.signals.remove(kind.name());
             let signal = self.open(&frame.shape)?;
             self.signals.insert(kind.name(), signal);
@@ -237,7 +237,7 @@ impl Streams {
         })
     }
 
-    /// Sends an event that happened at a time of the host's clock, microseconds.
+    /// Sends an event that happened at the host time `host_us`, microseconds.
     fn mark(&self, text: &str, host_us: f64) -> Result<(), CallError> {
         let time_s = self.clock.lsl_s(host_us).unwrap_or_default();
         match &self.events {

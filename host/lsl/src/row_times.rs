@@ -1,15 +1,15 @@
-//! Times of the single samples of a frame.
+//! Times of the individual samples of a frame.
 
 use bridge_core::StampPoint;
 
-/// Largest difference between the measured and the nominal period, as a fraction: that of devices
-/// whose clock the bridge follows.
+/// Largest difference between a measured period and the nominal one, as a fraction. The bridge
+/// follows clocks that are off by up to 4 %.
 const MAX_ERROR: f64 = 0.045;
-/// Number of newest measurements of the period, 1 s of frames, whose median is used: while the fit
-/// of the device's clock settles or moves, some of them are wrong.
+/// Number of newest measurements of the period, 1 s of frames, whose median is used, because some
+/// are wrong while the fit of the device's clock settles or moves.
 const MEASUREMENTS: usize = 15;
-/// Least time from a sample to the next, microseconds: more than two readings of liblsl's clock
-/// differ by.
+/// Shortest time from one sample to the next, microseconds. Two readings of the offset to liblsl's
+/// clock differ by less, so times also increase on that clock.
 const LEAST_STEP_US: f64 = 10.0;
 
 /// Estimates the period of a stream's samples from the times of its frames, and returns the time of
@@ -18,7 +18,7 @@ const LEAST_STEP_US: f64 = 10.0;
 pub(crate) struct RowTimes {
     point: StampPoint,
     nominal_us: f64,
-    /// The newest measurements of the period, in a ring; nominal before them.
+    /// Ring of the newest measurements of the period; at first, all are the nominal period.
     measured_us: [f64; MEASUREMENTS],
     next: usize,
     /// Stamp and length of the previous frame; `None` if it held fillers.
@@ -28,7 +28,7 @@ pub(crate) struct RowTimes {
 }
 
 impl RowTimes {
-    /// Creates the times of a stream with this nominal rate. `point` is what stamps refer to.
+    /// Creates an estimator for a stream with this nominal rate. `point` is what stamps refer to.
     pub(crate) fn new(rate_hz: u16, point: StampPoint) -> RowTimes {
         let nominal_us = 1e6 / f64::from(rate_hz.max(1));
         RowTimes {
@@ -41,13 +41,13 @@ impl RowTimes {
         }
     }
 
-    /// Returns the times of the `rows` samples of a frame with this stamp: evenly spaced, at the
-    /// rate that the frames before had. The frame counts for this rate unless it `holds_fillers`,
-    /// whose stamps share out the length of a gap.
+    /// Returns the times of the `rows` samples of a frame with this stamp, evenly spaced by the
+    /// period of the frames so far. The frame is measured too unless it `holds_fillers`: stamps of
+    /// fillers divide the length of a gap.
     ///
     /// Times always increase. If the fit of the device's clock has stepped back by more than a
-    /// period, the first samples of this frame would be earlier than the newest one of the previous
-    /// frame; the samples of this frame are then spaced more closely, up to its last one.
+    /// period, this frame would begin before the end of the previous frame; its samples are then
+    /// spaced more closely, and the last one keeps its time.
     pub(crate) fn of_frame(
         &mut self,
         stamp_us: f64,
@@ -60,7 +60,7 @@ impl RowTimes {
         let previous = std::mem::replace(&mut self.previous, newest);
         if let Some((before_us, rows_before)) = previous.filter(|_| !holds_fillers) {
             let measured = (stamp_us - before_us) / count(rows_before.max(1));
-            // Anything else is a gap, or a step of the clock, and not a rate.
+            // A larger difference is a gap or a step of the clock.
             if (measured / self.nominal_us - 1.0).abs() < MAX_ERROR {
                 self.measured_us[self.next] = measured;
                 self.next = (self.next + 1) % MEASUREMENTS;
@@ -69,8 +69,8 @@ impl RowTimes {
         let mut sorted = self.measured_us;
         sorted.sort_by(f64::total_cmp);
         let newest = self.measured_us[(self.next + MEASUREMENTS - 1) % MEASUREMENTS];
-        // The median of a second is right where the newest measurement is wrong, and the newest is
-        // right where the fit was wrong for a second and has found the rate.
+        // If the newest measurement is wrong, the median of a second is right. If the fit was wrong
+        // for a second and has just found the rate, the newest measurement is right.
         let mut choice = [self.nominal_us, newest, sorted[MEASUREMENTS / 2]];
         choice.sort_by(f64::total_cmp);
         let mut period_us = choice[1];
@@ -109,7 +109,7 @@ mod tests {
                 if frame >= 8 {
                     worst = worst.max(error.abs());
                 }
-                // Before eight measurements the rate counts as nominal.
+                // With fewer than eight measurements, the nominal rate is used.
                 assert!(error.abs() < 650.0, "frame {frame}: {error} us");
             }
         }

@@ -1,4 +1,4 @@
-//! The sinks of frames and events, which only queue.
+//! The sinks of frames and events. They queue for the thread that sends, and never wait.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicUsize, Ordering};
@@ -9,7 +9,7 @@ use neuro_ros::{NeuroEvent, NeuroFrame, Sink, SinkError, TRI_LABELS};
 
 use crate::description::{Acquisition, Shape, StreamKind};
 
-/// Flag of a sample that replaces a lost one, in the first status word.
+/// Flag in a sample's first status word: the sample replaces a lost one.
 const FILLER: i32 = 0x8000;
 
 /// What the stamps of a bridge mean at present, shared by all sinks.
@@ -32,14 +32,14 @@ impl Default for StampScale {
 }
 
 impl StampScale {
-    /// Notes by how much stamps are larger than the host's monotonic time, nanoseconds, and by how
-    /// much those of events are later than the events, microseconds.
+    /// Sets by how much stamps are larger than the host's monotonic time, nanoseconds, and by how
+    /// much stamps of events are later than the events, microseconds.
     pub fn set(&self, offset_ns: i64, event_shift_us: i64) {
         self.offset_ns.store(offset_ns, Ordering::Relaxed);
         self.event_shift_us.store(event_shift_us, Ordering::Relaxed);
     }
 
-    /// Returns the host's monotonic time of a stamp, microseconds.
+    /// Converts a stamp to the host's monotonic time, microseconds.
     #[expect(
         clippy::cast_precision_loss,
         reason = "the difference is below 2^53 ns (104 days) times 1000"
@@ -49,7 +49,7 @@ impl StampScale {
     }
 }
 
-/// What the sinks ask the thread for.
+/// Work that the sinks queue for the thread.
 pub(crate) enum Job {
     /// The device that the following frames come from.
     Device(Acquisition),
@@ -75,7 +75,7 @@ pub(crate) struct Frame {
     pub(crate) queue: Arc<Queue>,
 }
 
-/// Number of messages of one sink that wait, and how many may.
+/// Number of messages of one sink that wait, and its limit.
 #[derive(Debug)]
 pub(crate) struct Queue {
     waiting: AtomicUsize,
@@ -89,7 +89,7 @@ impl Queue {
     }
 }
 
-/// The sink's end of the queue: counts what finds no room.
+/// The sink's end of the queue. Counts the messages for which there is no room.
 #[derive(Debug)]
 struct Entry {
     jobs: Sender<Job>,
@@ -100,7 +100,7 @@ struct Entry {
 }
 
 impl Entry {
-    /// Queues what `job` returns, or counts it as dropped.
+    /// Queues the job that `job` returns, or counts it as dropped if there is no room.
     fn push(&mut self, job: impl FnOnce(Arc<Queue>) -> Job) -> Result<(), SinkError> {
         if self.failed.load(Ordering::Relaxed) {
             return Err(SinkError::Closed);
@@ -115,7 +115,7 @@ impl Entry {
     }
 }
 
-/// Makes the sinks of one outlet.
+/// Creates the sinks of one [`Lsl`](crate::Lsl).
 #[derive(Clone, Debug)]
 pub(crate) struct SinkMaker {
     pub(crate) jobs: Sender<Job>,
@@ -185,7 +185,7 @@ impl Sink<NeuroFrame> for FrameSink {
     }
 }
 
-/// Returns the values sample by sample: those of the electrodes, then those of the spare channels.
+/// Returns the values, one sample after the other: the electrodes, then the spare channels.
 fn values(frame: &NeuroFrame) -> Vec<f32> {
     let (eeg, exg) = (&frame.eeg, &frame.exg);
     if exg.data.is_empty() {

@@ -15,7 +15,7 @@ use crate::wire::{Wire, WireError, impl_wire};
 ///
 /// `rosneuro_recorder` waits for this service, allocates its buffers once from the response and
 /// then copies frames without checking their size. Therefore a value of this type always holds a
-/// frame that fulfils the contract ([`ContractError`] has its rules).
+/// frame that fulfils the contract, whose rules [`ContractError`] lists.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AcquisitionInfo {
     response: Response,
@@ -141,8 +141,9 @@ pub struct AcquisitionServices {
 }
 
 impl AcquisitionServices {
-    /// Provides `get_info` (by default [`GET_INFO_SERVICE`]) with the announcement that `on_info`
-    /// returns for the calling node's name, and the services `~start`, `~stop` and `~quit`.
+    /// Provides the service named `get_info` (usually [`GET_INFO_SERVICE`]), with the announcement
+    /// that `on_info` returns for the calling node's name, and the services `~start`, `~stop` and
+    /// `~quit`.
     ///
     /// `on_info` and `on_command` are called for each call and must not block. If they return an
     /// error message, the call fails and the caller of the service receives the message. Without an

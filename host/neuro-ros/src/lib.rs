@@ -14,8 +14,8 @@
 //! ```
 //!
 //! The definitions in `ros/rosneuro_msgs/` were written from the field lists of `rosneuro_msgs`
-//! alone. MD5 sums of definitions ignore comments and therefore equal those of `rosneuro_msgs`, so
-//! the recorder, filters and visualizer of ROS-Neuro accept these messages.
+//! alone, with other comments. MD5 sums of definitions ignore comments, so these sums equal those
+//! of `rosneuro_msgs`, and the recorder, filters and visualizer of ROS-Neuro accept these messages.
 //!
 //! ```
 //! use neuro_ros::{AcquisitionInfo, NeuroFrame, RosMessage, Wire};

@@ -30,8 +30,8 @@ pub struct NdjsonWriter {
     pending: Arc<AtomicUsize>,
 }
 
-/// One encoded line on its way to the writer thread, which then subtracts it from the queue usage
-/// of its topic.
+/// An encoded line on its way to the writer thread. The thread subtracts the line from `usage`, the
+/// queue usage of its topic.
 #[derive(Debug)]
 struct QueuedLine {
     line: Vec<u8>,
@@ -151,7 +151,7 @@ pub struct NdjsonSink<M> {
 pub struct JsonLine<'a, M> {
     /// Name of the topic, such as `/encoded`.
     pub topic: &'a str,
-    /// Device time of the message, microseconds; `None` where `message` has a stamp.
+    /// Device time of the message, microseconds; `None` if `message` has a stamp of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device_time_us: Option<u64>,
     /// Message that was published on the topic.
@@ -163,7 +163,7 @@ impl<M: Serialize> JsonLine<'_, M> {
     ///
     /// # Errors
     ///
-    /// A number or text of the message that JSON cannot express.
+    /// If JSON cannot express a number or text of the message.
     pub fn to_bytes(&self) -> std::io::Result<Vec<u8>> {
         let mut line = serde_json::to_vec(self)?;
         line.push(b'\n');

@@ -63,7 +63,7 @@ pub struct Header {
     /// Sequence number of the message. In roscpp and rospy the publisher sets this number; in this
     /// crate the caller sets it to the value of [`NeuroHeader::seq`].
     pub seq: u32,
-    /// Time of the frame's first sample, or start of the event. An unset stamp is left out of JSON.
+    /// Time of a frame's first sample, or start of an event. An unset stamp is left out of JSON.
     #[serde(skip_serializing_if = "Stamp::is_unset")]
     pub stamp: Stamp,
     /// Coordinate frame of the data, as free text; can be empty.
@@ -111,8 +111,8 @@ impl NeuroEvent {
     /// Bit of [`NeuroEvent::event`] that marks the end of an event, which ROS-Neuro calls OFF.
     pub const END: i32 = 0x8000;
 
-    /// Event code of a text that the user has typed, which is the description. It is the project's
-    /// own, because the codes 1 to 255 belong to the experiment.
+    /// Event code of a marker; the description of the event is the text that the user has typed.
+    /// The code is above 255, because the codes 1 to 255 belong to the experiment.
     pub const MARKER: i32 = 0x7f05;
 
     /// Returns an event of the trigger input, still without sequence number, time and event code.
@@ -157,7 +157,7 @@ pub struct NeuroFrame {
     pub sr: u16,
     /// Samples of the EEG channels; in encoded frames, the numbers of a code.
     pub eeg: NeuroDataFloat,
-    /// Samples of bipolar channels; empty in this project.
+    /// Samples of channels without an electrode; empty except in frames of ADC samples.
     pub exg: NeuroDataFloat,
     /// Triggers and status words. Values have at most 16 bits. The recorder stores them as float32,
     /// which is exact up to 2^24.
@@ -228,8 +228,8 @@ impl_wire!(NeuroFrame {
 /// `rosneuro_msgs/NeuroOutput`: what a decoder predicts, one value for each class.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NeuroOutput {
-    /// ROS header. Its `stamp` is the time of the hop, at the point that the stamp of a frame
-    /// refers to; its `frame_id` names the flags of the hop, such as `filler`, separated by blanks.
+    /// ROS header. Its `stamp` refers to the same point of the hop as the stamp of a frame; its
+    /// `frame_id` names the flags of the hop, such as `filler`, separated by blanks.
     pub header: Header,
     /// ROS-Neuro header; its `seq` is the sequence number of the prediction.
     pub neuroheader: NeuroHeader,

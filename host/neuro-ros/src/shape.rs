@@ -50,7 +50,7 @@ pub enum BlockError {
     /// `minmax` has these values, which are not two finite values in ascending order.
     #[error("minmax is {}; it must be the smallest and the largest value", list(.0))]
     MinMax(Vec<f64>),
-    /// `stride`, in bytes, is not `nchannels * 4`; holds both.
+    /// `stride`, in bytes, is not `nchannels * 4`. Holds `stride` and `nchannels`.
     #[error("stride is {0} for {1} channels; it must be nchannels * 4 bytes")]
     Stride(u16, u16),
     /// The number of values in the block is not `nsamples * nchannels`. The recorder copies the
@@ -74,7 +74,7 @@ fn list(values: &[f64]) -> String {
     format!("({})", values.join(", "))
 }
 
-/// The dimensions of a frame, from which consumers allocate their buffers.
+/// The dimensions of a frame, for which consumers allocate their buffers once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
     /// Sampling rate of every channel, Hz.

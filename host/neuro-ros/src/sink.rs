@@ -58,7 +58,7 @@ pub enum SinkError {
 #[derive(Debug)]
 pub struct RosSink<M> {
     publisher: Publisher,
-    /// Buffer for the encoded message, kept to avoid an allocation per message.
+    /// Buffer for the encoded message, reused to avoid an allocation per message.
     body: Vec<u8>,
     message: std::marker::PhantomData<fn(M)>,
 }

@@ -16,7 +16,7 @@ pub struct TriWords {
     /// Flags of the code or frame as on the wire, with the bits that the host adds, such as
     /// `filler`.
     pub flags: u16,
-    /// Index, since `Start`, of the code's window or of the packed block, or of the frame that
+    /// Index, counted from `Start`, of the code's window, of the packed block, or of the frame that
     /// contains the sample or step.
     pub window: u32,
     /// Device time of the last step of the window or block, or of the sample or step itself,

@@ -4,10 +4,10 @@ use std::collections::VecDeque;
 
 use bridge_core::{Clock, HostTime};
 
-/// Inverse of the largest error of the rate that the fit expects after the first frame: 4 %.
+/// Inverse of the largest relative rate error allowed for after the first frame: 1/25 is 4 %.
 const MAX_ERROR: i64 = 25;
 
-/// The amplifier's count of samples as a clock, and its fit to the arrivals of frames.
+/// The amplifier's count of samples, used as a clock and fitted to the arrivals of frames.
 ///
 /// A nominal time is the index of a sample divided by the rate that the acquisition states. The
 /// device time is the nominal time plus the pauses before it. All times are in microseconds.
@@ -74,8 +74,8 @@ impl AmplifierClock {
     }
 
     /// Returns the host time at a device time; `None` before the first frame. Until the fit has
-    /// settled, the newest frame is placed by its own arrival: the bridge's fit ignores a time that
-    /// is too late, but not a time that is too early.
+    /// settled, times in the newest frame follow from the frame's own arrival, because the bridge's
+    /// fit ignores a time that is too late, but not a time that is too early.
     pub(crate) fn host_time(&self, device_us: u64) -> Option<HostTime> {
         let ([start_us, end_us], newest) = self.newest?;
         let late_us = if device_us >= start_us && !self.fit.is_settled() {
@@ -83,8 +83,8 @@ impl AmplifierClock {
         } else {
             0
         };
-        // Add less with each frame, because the error of the rate falls with each frame. If the
-        // added time fell to 0 at once, the device's clock would appear to be fast at that moment.
+        // Add the largest error that the rate may cause, which falls with each frame. If the added
+        // time fell to 0 at once, the device's clock would appear to be fast at that moment.
         let since_us = i64::try_from(end_us.saturating_sub(device_us)).unwrap_or(i64::MAX);
         let early_us = since_us / MAX_ERROR / self.frames.max(1);
         let since_us = self.host_us(device_us) + late_us + early_us - newest.monotonic_us;

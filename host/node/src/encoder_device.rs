@@ -16,7 +16,7 @@ const ABILITIES: Abilities = Abilities {
     impedance: false,
 };
 
-/// Codes, and audits with which the bridge checks the codes.
+/// The streams of codes, and of audits with which the bridge checks the codes.
 pub(crate) const CODES: Streams = Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
 
 /// A device that gets its samples from this program instead of converters. It runs the code of a
@@ -59,8 +59,8 @@ impl FrameQueue for Outgoing {
 }
 
 impl EncoderDevice {
-    /// Creates a device, which introduces itself to the host. A host tells two starts apart by
-    /// `session_id`, so it must differ from the previous device's.
+    /// Creates a device, which introduces itself to the host. The host recognises a new device by
+    /// its `session_id`, which must differ from the previous device's.
     pub fn new(session_id: u32, substitutes: Substitutes, mains: Mains) -> EncoderDevice {
         let identity = Identity {
             firmware: env!("CARGO_PKG_VERSION"),

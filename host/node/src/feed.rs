@@ -15,24 +15,24 @@ use crate::sequence::Arrival;
 use crate::source::Source;
 use crate::source_status::{SourceFacts, status};
 
-/// Longest time for which the first frame waits until the bridge has started the device's streams.
-/// That takes microseconds, unless the user has stopped them.
+/// Longest time that the first frame waits for the bridge to start the device's streams. Starting
+/// takes microseconds, unless the user has stopped the streams.
 const START_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Time without bytes for the host after which the device sends its counters.
 const STATS_PERIOD: Duration = Duration::from_secs(1);
 
-/// The acquisition, which the bridge's core takes for a device that it commands.
+/// The acquisition, which looks like a device to the bridge's core.
 pub(crate) struct SourceFeed {
     frames: Frames,
     mains: Mains,
     session_id: u32,
     /// Encoder of the frames; `None` before the first frame that can be encoded.
     source: Option<Source>,
-    /// First frame of the device, its arrival, and a deadline: the frame is encoded when the bridge
-    /// has started the streams, at the latest at the deadline.
+    /// First frame since the device's start, its arrival, and a deadline. The frame is encoded as
+    /// soon as the bridge has started the streams, at the latest at the deadline.
     held: Option<(NeuroFrame, HostTime, Instant)>,
-    /// Arrival of the acquisition's frame from which the newest bytes for the host were made.
+    /// Time at which the newest bytes that were passed to the host count as read.
     read: HostTime,
     /// Time at which bytes were last passed to the host.
     passed: Instant,
@@ -80,8 +80,8 @@ impl SourceFeed {
         Some(count)
     }
 
-    /// Handles a frame, with the time of its arrival, or a reason why there is none. Returns whether
-    /// it has created the device, which then counts as connected.
+    /// Handles a frame with the time of its arrival, or the reason why there is none. Returns true
+    /// if the frame has created the device, which then counts as connected.
     fn handle_received(&mut self, received: Result<(NeuroFrame, HostTime), Refusal>) -> bool {
         let handled = received.and_then(|(frame, read)| {
             self.newest = Some(read);
@@ -121,7 +121,6 @@ impl SourceFeed {
         Ok(false)
     }
 
-    /// Logs the first pause of the acquisition.
     fn log_first_pause(&mut self) {
         let counts = self.source.as_ref().map(Source::counts).unwrap_or_default();
         if counts.pauses > 0 && self.logged.insert("pause") {

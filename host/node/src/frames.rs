@@ -26,7 +26,7 @@ pub(crate) enum Frames {
 pub(crate) struct StreamFrames {
     name: String,
     received: mpsc::Receiver<Received>,
-    /// Number of streams that matched when one was last looked for.
+    /// Number of streams that matched in the last search.
     matching: usize,
     dropped: Arc<AtomicU64>,
 }
@@ -66,9 +66,9 @@ impl Frames {
         }))
     }
 
-    /// Waits for the next frame, and returns it with the time at which its last sample was made, or
-    /// at which it arrived; or why there is none. Returns `None` if no further frame follows. A call
-    /// that is dropped loses nothing.
+    /// Waits for the next frame. Returns it with the time at which its last sample was made, or if
+    /// that is unknown, at which it arrived. Returns an error if a frame cannot be used, and `None`
+    /// if no further frame follows. Dropping the future loses no frame.
     pub(crate) async fn recv(&mut self) -> Option<Result<(NeuroFrame, HostTime), Refusal>> {
         match self {
             Frames::Topic(subscriber) => {

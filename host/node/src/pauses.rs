@@ -2,10 +2,10 @@
 //!
 //! After a standstill the next frame comes late. If it waited in a buffer, the frames behind it
 //! follow faster than they were made, until the buffer is empty. If the acquisition paused, the
-//! frames come at their normal pace and stay as late. So the arrival of the second frame shows
-//! which it was.
+//! frames come at their normal pace, all equally late. So the arrival of the second frame shows
+//! which of the two happened.
 
-/// Lateness of a frame, relative to the frame before it, from which on it ends a standstill,
+/// A frame ends a standstill if its delay, relative to the frame before it, exceeds this time,
 /// microseconds. A busy PC delays single frames by less.
 const LEAST_STANDSTILL_US: i64 = 250_000;
 
@@ -13,7 +13,7 @@ const LEAST_STANDSTILL_US: i64 = 250_000;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pauses {
     newest_us: Option<i64>,
-    /// How late the newest frame is, microseconds, while frames that may have waited in a buffer
+    /// Delay of the newest frame, microseconds, while frames that may have waited in a buffer
     /// arrive; otherwise 0.
     late_us: i64,
 }
@@ -29,7 +29,7 @@ pub(crate) struct Finding {
 
 impl Pauses {
     /// Takes note of a frame that arrives at `read_us`. Its samples, and the samples of the lost
-    /// frames before it, last `span_us`. Both are microseconds.
+    /// frames before it, last `span_us`. Both times are in microseconds.
     pub(crate) fn record(&mut self, read_us: i64, span_us: i64) -> Finding {
         let interval_us = read_us - self.newest_us.replace(read_us).unwrap_or(read_us - span_us);
         let excess_us = interval_us - span_us;

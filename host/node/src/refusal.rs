@@ -63,8 +63,8 @@ pub enum Refusal {
     /// The frame has the same number, `neuroheader.seq`, as the frame before it. Holds the number.
     #[error("frame {0} came twice; stop one of the nodes that publish the topic")]
     Repeated(u32),
-    /// Several nodes publish the topic, and nothing in a frame tells from which node it comes.
-    /// Holds the number of these nodes.
+    /// Several nodes publish the topic, and frames do not say which node they come from. Holds the
+    /// number of these nodes.
     #[error("{0} nodes publish the topic and their frames are mixed; stop all but one")]
     Mixed(usize),
     /// The stream of the Lab Streaming Layer cannot be used.

@@ -10,7 +10,7 @@ const LONGEST_GAP_US: i64 = 120_000_000;
 pub enum Arrival {
     /// The frame follows the previous one directly, or is the first.
     Next,
-    /// As many frames as this number are missing between the previous frame and this one.
+    /// Holds the number of frames missing between the previous frame and this one.
     Lost(u32),
     /// The acquisition has restarted; how much is missing since the previous frame is not known.
     Restarted,
@@ -27,8 +27,7 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// Takes note of a frame of `frame_us` microseconds. Returns how it follows the frame before
-    /// it.
+    /// Notes a frame that lasts `frame_us` microseconds. Returns how it follows the previous frame.
     pub fn record(&mut self, frame: &NeuroFrame, frame_us: i64) -> Arrival {
         let seq = frame.neuroheader.seq;
         let Some(last) = self.newest.replace(seq) else {

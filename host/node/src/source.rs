@@ -20,10 +20,11 @@ const _: () = assert!(model::CHANNELS <= recordings::virtual_adc::CHANNELS);
 
 /// An acquisition whose frames a device inside this process encodes.
 ///
-/// The device time counts samples at their nominal rate, as a board's converters do, and the pauses
-/// of the acquisition. The device's bytes count as read when their newest sample was made, by the
-/// fit of the device time to the arrivals of frames: a sample that waits for the rest of its frame,
-/// or for the resampler, does not make the bridge's fit less exact.
+/// The device time is the number of samples divided by their nominal rate, as on a board, plus the
+/// pauses of the acquisition. Bytes of the device count as read at the host time at which their
+/// newest sample was made, by the fit of the device time to the arrivals of frames. So the waiting
+/// of samples for the rest of their frame or for the resampler does not disturb the bridge's own
+/// fit.
 pub struct Source {
     layout: Layout,
     map: MontageMap,
@@ -43,7 +44,7 @@ pub struct Source {
     outputs: u64,
     /// Indices of the lost samples in each gap that is not completely converted, oldest first.
     lost: VecDeque<Range<u64>>,
-    /// Bytes for the host, each with the time of the newest sample that they were made of.
+    /// Bytes for the host, each chunk with the time at which it counts as read.
     outgoing: VecDeque<(HostTime, Vec<u8>)>,
     counts: SourceCounts,
 }
@@ -64,9 +65,9 @@ pub struct SourceCounts {
 }
 
 impl Source {
-    /// Creates a source for frames with the layout of `frame`, which is not encoded yet. The notch
-    /// filter removes `mains` until the host selects another frequency. `session_id` identifies
-    /// this start of the device, and should differ each time that the program starts.
+    /// Creates a source for frames with the layout of `frame`, but does not encode `frame`. The
+    /// notch filter removes `mains` until the host selects another frequency. `session_id`
+    /// identifies this start of the device, and should differ each time that the program starts.
     ///
     /// # Errors
     ///
@@ -127,7 +128,7 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] if the frame must not be encoded. It counts as lost when the next one comes.
+    /// [`Refusal`] if the frame must not be encoded. The frame counts as lost when the next comes.
     pub fn check(&mut self, frame: &NeuroFrame) -> Result<Arrival, Refusal> {
         self.layout.admit(frame)?;
         match self.sequence.record(frame, self.layout.frame_us()) {
@@ -137,8 +138,8 @@ impl Source {
     }
 
     /// Replaces the device by a new one, because the acquisition has restarted. `read` is the
-    /// arrival of the first frame after that. The new device introduces itself to the host, which
-    /// then starts its streams. Samples that wait for the resampler are dropped.
+    /// arrival of the first frame after the restart. The new device introduces itself to the host,
+    /// which then starts its streams. Samples that wait for the resampler are dropped.
     ///
     /// # Errors
     ///
@@ -195,7 +196,7 @@ impl Source {
             self.counts.pauses += 1;
         }
         self.clock.observe(start_us, end_us, read);
-        // One frame at a time, because a long gap at a high rate would take a lot of memory.
+        // Fill one frame at a time, because a long gap at a high rate would take a lot of memory.
         for _ in 0..lost {
             self.adc.hold(self.layout.samples.into());
             self.encode_samples();
@@ -238,7 +239,7 @@ impl Source {
         self.device.is_streaming()
     }
 
-    /// Sends the device's counters, as a device does every second. Frames can come less often.
+    /// Sends the device's counters, which a device must send every second, even without frames.
     pub fn send_stats(&mut self) {
         if self.is_streaming() {
             let now_us = self.device_us();
@@ -276,7 +277,7 @@ impl Source {
         [position / adc_rate, position.div_ceil(adc_rate)]
     }
 
-    /// Returns whether a sample just before or after the virtual ADC's next sample was lost.
+    /// Returns whether an input sample next to the virtual ADC's next sample was lost.
     fn is_lost(&mut self) -> bool {
         let [before, after] = self.input_around();
         while self.lost.front().is_some_and(|lost| lost.end <= before) {

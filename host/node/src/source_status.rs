@@ -16,7 +16,7 @@ pub(crate) struct SourceFacts {
     pub(crate) is_stream: bool,
     /// Layout of the frames; `None` before the first frame that can be encoded.
     pub(crate) layout: Option<String>,
-    /// Number of nodes that publish the topic.
+    /// Number of nodes that publish the topic, or of streams that match it.
     pub(crate) publishers: usize,
     /// Publishers that cannot be reached: URI, reason and remedy of each.
     pub(crate) unreachable: Vec<String>,

@@ -24,8 +24,8 @@ pub enum CodeFileError {
     /// The path names a folder, a device or a pipe, which cannot be read twice.
     #[error("it is no file, and a file of codes is read twice; write the codes to a file first")]
     NoFile,
-    /// The notch filter removed this mains frequency, Hz, which the filters of this program cannot
-    /// remove.
+    /// The notch filter removed this mains frequency, Hz, but this program's filters cannot remove
+    /// it.
     #[error(
         "its notch filter removed {0} Hz, which this program cannot; decode it without --original"
     )]
@@ -43,7 +43,7 @@ pub enum CodeFileError {
         "it holds no code; the shortest recording that yields a code is one window long ({0} steps)"
     )]
     NoCodes(usize),
-    /// The file contains codes, but none of the kind to decode, which the field holds.
+    /// The file contains only codes of the other kind. Holds the kind to decode.
     #[error("it holds no {}, and {} in their place: decode these with --stream {}", .0.names().0, .0.other().names().0, .0.other().names().1)]
     OtherKind(CodeKind),
     /// The first code comes before the `Hello` and `Capabilities` of the device.
@@ -88,7 +88,7 @@ pub enum CodeFileError {
          them with --model, or decode codes of the same file with --stream codes"
     )]
     NotPacked(ModelId),
-    /// The index of a window is not larger than the previous window's, which the field holds.
+    /// A window's index is not larger than the previous window's. Holds the previous index.
     #[error(
         "a second run starts after window {0}: a file holds one run, so keep runs in files of their \
          own"
@@ -205,7 +205,6 @@ pub(crate) struct FileCode {
     pub(crate) content: Content,
 }
 
-/// Content of a code.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Content {
     /// Values of a code of the network, in levels of its format.
@@ -214,7 +213,7 @@ pub(crate) enum Content {
     Block {
         /// The block as the device made it.
         bytes: Vec<u8>,
-        /// Rate of the block: index of its quantiser's step, 0 finest to 15 coarsest.
+        /// Rate of the block: index of the quantiser's step size, 0 (finest) to 15 (coarsest).
         rate: u8,
     },
 }
@@ -243,7 +242,7 @@ pub(crate) struct CodeFile<R> {
     announcement: Option<Announcement>,
     /// Kind of the codes that are returned; if `None`, the first code of the file determines it.
     kind: Option<CodeKind>,
-    /// Number of codes skipped so far because they are not of this kind.
+    /// Number of codes skipped so far because they are of the other kind.
     left_out: u64,
     at_start: bool,
     last: Option<u32>,
@@ -252,8 +251,8 @@ pub(crate) struct CodeFile<R> {
 }
 
 impl<R: Read> CodeFile<R> {
-    /// Creates a reader that returns the codes of `kind`, or of the kind that comes first. It
-    /// refuses codes of another model than `model`, and gaps of more than `windows_per_hour`
+    /// Creates a reader that returns the codes of `kind`; if `None`, of the kind that comes first.
+    /// It refuses codes of another model than `model`, and gaps of more than `windows_per_hour`
     /// windows.
     pub(crate) fn new(
         source: R,
@@ -295,8 +294,7 @@ impl<R: Read> CodeFile<R> {
         counters.resyncs.saturating_add(counters.malformed)
     }
 
-    /// Returns the number of codes skipped so far because they are not of the kind that is
-    /// returned.
+    /// Returns the number of codes skipped so far because they are of the other kind.
     pub(crate) fn left_out(&self) -> u64 {
         self.left_out
     }
@@ -332,7 +330,7 @@ impl<R: Read> CodeFile<R> {
                 Some(Err(_)) | None => continue,
             };
             match frame.message {
-                // If a device lacks electrodes, it sends `Substitutes` between its `Hello` and its
+                // A device that lacks electrodes sends `Substitutes` between `Hello` and
                 // `Capabilities`.
                 ToHost::Hello(hello) => {
                     self.device_model = Some(ModelId(hello.model_id));

@@ -11,19 +11,19 @@ use crate::exclusions::Exclusions;
 use crate::hops::DecodedHop;
 use crate::played::Original;
 
-/// Sums over the compared steps of one electrode, or of several, uV^2.
+/// Sums of squares over the compared steps of one or several electrodes, uV^2.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ElectrodeSums {
     /// Sum of the squares of the original signal.
     pub signal: f64,
     /// Sum of the squares of the difference between original and decoded signal.
     pub error: f64,
-    /// Number of values.
+    /// Number of compared values.
     pub steps: u64,
 }
 
 impl ElectrodeSums {
-    /// Adds one value of the original and of the decoded signal, uV.
+    /// Adds a value of the original and the corresponding value of the decoded signal, uV.
     pub fn add(&mut self, original: f32, decoded: f32) {
         self.steps += 1;
         self.signal += f64::from(original).powi(2);
@@ -36,7 +36,7 @@ impl ElectrodeSums {
         100.0 * (self.error / self.signal).sqrt()
     }
 
-    /// Returns the mean squared error of a value, uV^2.
+    /// Returns the mean squared error per value, uV^2; 0 if there are no values.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 values")]
     pub fn mse_uv2(&self) -> f64 {
         self.error / (self.steps as f64).max(1.0)
@@ -48,7 +48,7 @@ impl ElectrodeSums {
 pub enum ElectrodeOrigin {
     /// The recording has the electrode.
     Measured,
-    /// The recording lacks the electrode; its samples are a weighted mean of others.
+    /// The recording lacks the electrode; its samples are a weighted mean of other electrodes.
     Interpolated,
     /// The recording lacks the electrode; its samples are 0.
     Zero,
@@ -83,9 +83,9 @@ pub struct Excerpt {
     pub decoded_uv: Vec<Vec<f32>>,
 }
 
-/// Comparison of a recording after the filters with the signal decoded from its codes. Leaves out
-/// steps before the filters had settled, steps without a code, and steps of an electrode that the
-/// device had excluded.
+/// Comparison of a filtered recording with the signal decoded from its codes. Leaves out steps
+/// before the filters had settled, steps without a code, and steps of an electrode that the device
+/// had excluded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// Sums of squares, one entry for each electrode.
@@ -128,7 +128,7 @@ fn sum<'e>(errors: impl Iterator<Item = &'e ElectrodeSums>) -> ElectrodeSums {
     })
 }
 
-/// Compares the decoded hops with the original, one by one while they are decoded.
+/// Compares decoded hops with the original, each as soon as it is decoded.
 pub(crate) struct Comparing {
     original: Original,
     exclusions: Exclusions,

@@ -35,8 +35,7 @@ pub struct Decoding<'m> {
     pub model: &'m Model,
     /// Format of the files to write.
     pub format: SignalFormat,
-    /// Kind of codes to decode from a file that holds both kinds; `None` for the kind that comes
-    /// first.
+    /// Kind of codes to decode if a file holds both kinds; `None` for the kind that comes first.
     pub kind: Option<CodeKind>,
     /// Whether the output replaces a file of the same name.
     pub existing: Existing,
@@ -49,8 +48,8 @@ pub struct Decoded {
     pub codes: u64,
     /// Total number of bits of the packed blocks; `None` for codes of the network.
     pub packed_bits: Option<u64>,
-    /// Number of windows whose code is missing, or of missing packed blocks. Steps of a missing
-    /// window that no other window contains repeat the last values; a missing block is predicted.
+    /// Number of missing codes or packed blocks. Steps that lie only in windows without a code
+    /// repeat the last values before them; a missing block is predicted.
     pub missing: u64,
     /// Number of frames whose content is lost because they are damaged.
     pub damaged: u32,
@@ -73,8 +72,7 @@ pub struct Decoded {
 }
 
 impl Decoded {
-    /// Returns whether the file holds packed blocks, of one hop each, instead of codes of the
-    /// network.
+    /// Returns whether packed blocks, of one hop each, were decoded instead of network codes.
     pub const fn is_packed(&self) -> bool {
         self.packed_bits.is_some()
     }
@@ -100,7 +98,7 @@ impl Decoding<'_> {
     ///
     /// # Errors
     /// [`OfflineError`] if a file cannot be read or written, or [`Progress::interrupt`] was called.
-    /// An existing file with the name of the output is then unchanged.
+    /// After an error, an existing output file is unchanged.
     pub fn decode(
         &self,
         input: &Path,
@@ -308,7 +306,7 @@ fn exclusion_warning(survey: &Survey, description: &Description) -> Option<Strin
     })
 }
 
-/// Returns a warning if a recording is not as long as the signal of its codes.
+/// Returns a warning if the original and the decoded signal differ in length by too much.
 fn length_warning(played: &Played, survey: &Survey, description: &Description) -> Option<String> {
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 samples")]
     let recorded_s = played.adc.samples() as f64 / f64::from(::model::ADC_RATE_HZ);

@@ -18,7 +18,7 @@ use crate::played::{Played, first_channels};
 use crate::progress::Progress;
 use device::Device;
 
-/// Number of waiting bytes at which the frames so far are written to the file.
+/// Frames are written to the file as soon as they have at least this many bytes.
 const PIECE: usize = 1 << 16;
 
 /// What a file of codes holds.
@@ -27,7 +27,7 @@ pub enum EncodedStream {
     /// Codes of the network.
     #[default]
     Codes,
-    /// Packed blocks, at this rate, 0 to 15; `None` for the model's own rate.
+    /// Packed blocks at this rate, 0 (finest) to 15 (coarsest); `None` for the model's own rate.
     Packed(Option<u8>),
 }
 
@@ -74,12 +74,11 @@ impl Encoded {
 
 impl Encoding {
     /// Encodes the recording `input` to the file `output`, which holds the frames of a device from
-    /// its start to the end of the recording. The codes are those of `host-sim run`, bit for bit.
+    /// its start to the end of the recording. The codes equal those of `host-sim run` bit for bit.
     ///
     /// # Errors
     /// [`OfflineError`] if the recording cannot be read to its end, the file cannot be written, or
-    /// [`Progress::interrupt`] was called. An existing file with the name of the output is then
-    /// unchanged.
+    /// [`Progress::interrupt`] was called. After an error, an existing output file is unchanged.
     pub fn encode(
         &self,
         input: &Path,
@@ -156,20 +155,19 @@ impl Encoding {
 pub struct PackedCounts {
     /// Number of packed blocks in the file.
     pub blocks: u64,
-    /// Total number of bits of these blocks, without the frames around them.
+    /// Total size of the blocks in bits, without the frames around them.
     pub bits: u64,
     /// Number of electrode values clipped to the range that the encoder's inputs can have.
     pub clipped: u64,
-    /// Number of blocks, made after the filters had settled, that the model does not represent
-    /// well.
+    /// Number of blocks that the model does not represent well. Blocks made while the filters
+    /// settle do not count.
     pub misfits: u64,
-    /// Number of blocks, made after the filters had settled, that were too long and have no
-    /// content.
+    /// Number of blocks that were too long and have no content. Blocks made while the filters
+    /// settle do not count.
     pub blanks: u64,
 }
 
 impl PackedCounts {
-    /// Adds a block to the counts.
     pub(crate) fn add(&mut self, code: &PackedCode) {
         self.blocks += 1;
         self.bits += 8 * code.bytes().len() as u64;

@@ -10,8 +10,7 @@ use thiserror::Error;
 
 use crate::code_file::CodeFileError;
 
-/// Why a file could not be encoded, decoded or compared. A variant with a path holds the name of
-/// the file that it is about.
+/// Why a file could not be encoded, decoded or compared. A path names the file that failed.
 #[derive(Debug, Error)]
 pub enum OfflineError {
     /// The recording cannot be read.
@@ -23,14 +22,13 @@ pub enum OfflineError {
     /// The file of codes cannot be decoded.
     #[error("{} cannot be decoded", .0.display())]
     Codes(PathBuf, #[source] CodeFileError),
-    /// Packed blocks are wanted, but this program's built-in model, which the field names, has no
-    /// packed code.
+    /// Packed blocks were asked for, but the built-in model has no packed code. Holds its id.
     #[error(
         "model {0} has no packed code, so there are no packed blocks to write; add one with \
          `trainer packed` and build this program with that model, or write codes"
     )]
     NoPackedCode(ModelId),
-    /// Codes are wanted, but this program's built-in model, which the field names, has no network.
+    /// Codes were asked for, but the built-in model has no network. Holds the model's id.
     #[error(
         "model {0} has no network, so there are no codes to write; write packed blocks, with \
          --stream packed"
@@ -51,8 +49,7 @@ pub enum OfflineError {
     /// The name of an output cannot be used.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
-    /// An output cannot be written. The error comes from the operating system, or from the writer,
-    /// which refuses a value.
+    /// An output cannot be written.
     #[error("{} cannot be written; is the disk full?", .0.display())]
     Write(PathBuf, #[source] io::Error),
     /// The format cannot hold the signal, or needs a regular file as the output.
@@ -70,8 +67,8 @@ pub enum OfflineError {
 }
 
 impl OfflineError {
-    /// Returns a closure that turns an error of the operating system into the error that `path`
-    /// cannot be written.
+    /// Returns a closure that converts an error from writing to `path`: to [`Self::Format`] if the
+    /// format does not fit the signal or the output, otherwise to [`Self::Write`].
     pub(crate) fn write(path: &std::path::Path) -> impl Fn(io::Error) -> Self + use<> {
         let path = path.to_owned();
         move |error| match error.kind() {
@@ -82,8 +79,8 @@ impl OfflineError {
         }
     }
 
-    /// Returns the exit status of a program: 1 if the output cannot be written any further, or the
-    /// user ended the program; 2 if an input or the name of an output cannot be used.
+    /// Returns the exit status of a program: 1 if writing an output failed or the user ended the
+    /// program; 2 if an input, or the name or the format of an output cannot be used.
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Write(..)

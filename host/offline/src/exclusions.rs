@@ -1,8 +1,8 @@
-//! Electrodes that the device excluded from its codes, by the rows of the decoded signal.
+//! Electrodes that the device excluded from its codes, for each row of the decoded signal.
 
 use std::ops::Range;
 
-/// Excluded electrodes from one row to the next change.
+/// Set of excluded electrodes, valid from `first_row` to the next change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Change {
     first_row: u64,
@@ -14,7 +14,7 @@ struct Change {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Exclusions(Vec<Change>);
 
-/// An electrode, and rows at which it was excluded.
+/// An electrode, and consecutive rows at which it was excluded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Stretch {
     pub(crate) electrode: usize,
@@ -22,8 +22,9 @@ pub(crate) struct Stretch {
 }
 
 impl Exclusions {
-    /// Adds a report of the device: from `first_row` on, the electrodes of the mask are excluded.
-    /// Repeated reports change nothing, so the next report makes up for a lost one.
+    /// Adds a report of the device: from `first_row` on, the electrodes in the bit set `excluded`
+    /// are excluded. The device repeats its reports, so that the next report makes up for a lost
+    /// one; a repeated report changes nothing.
     pub(crate) fn add(&mut self, first_row: u64, excluded: u64) {
         let last = self.0.last();
         if last.map_or(0, |last| last.excluded) != excluded {
@@ -42,8 +43,7 @@ impl Exclusions {
             .map_or(0, |newest| self.0[newest].excluded)
     }
 
-    /// Returns the stretches of a signal with this many electrodes and rows, electrode by
-    /// electrode.
+    /// Returns all stretches in a signal of `rows` rows, ordered by electrode.
     pub(crate) fn stretches(&self, electrodes: usize, rows: u64) -> Vec<Stretch> {
         let mut stretches = Vec::new();
         for electrode in 0..electrodes.min(64) {

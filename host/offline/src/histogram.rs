@@ -1,15 +1,14 @@
-//! Histogram of the levels of codes.
+//! Histogram of the integer values (levels) in codes.
 
 use std::ops::RangeInclusive;
 
 /// Number of bins of the histogram.
 pub const BINS: usize = BIN_COUNT as usize;
 const BIN_COUNT: u8 = 64;
-/// Half of the range that the bins cover at first, levels: they then cover the levels of an 8-bit
-/// code.
+/// Initial [`LevelHistogram::span`], levels: the bins first cover the range of an 8-bit code.
 const SMALLEST_SPAN: i32 = 128;
 
-/// How often the values of codes lie in each part of the range that they use.
+/// Histogram of the values in codes. Its range grows until it contains all values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LevelHistogram {
     /// The bins divide `-span..span` equally; `span` is 128 levels, doubled until all values are
@@ -17,7 +16,7 @@ pub struct LevelHistogram {
     pub span: i32,
     /// Number of values in each bin.
     pub bins: [u64; BINS],
-    /// Number of values at either end of the format's range.
+    /// Number of values equal to the smallest or the largest level of the codes' format.
     pub at_ends: u64,
     /// Levels that the format can hold.
     range: RangeInclusive<i32>,
@@ -34,7 +33,6 @@ impl LevelHistogram {
         }
     }
 
-    /// Adds the values of a code to the counts.
     pub(crate) fn add(&mut self, levels: &[i32]) {
         let (least, greatest) = (*self.range.start(), *self.range.end());
         for level in levels {
@@ -49,8 +47,7 @@ impl LevelHistogram {
         }
     }
 
-    /// Doubles the span: merges each two neighbouring bins into one bin of the inner half of the
-    /// new range.
+    /// Doubles the span: merges pairs of neighbouring bins into the bins of the inner half.
     fn double(&mut self) {
         let mut bins = [0; BINS];
         for (bin, count) in self.bins.iter().enumerate() {

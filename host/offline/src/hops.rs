@@ -13,19 +13,18 @@ use crate::error::OfflineError;
 /// One hop of decoded steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DecodedHop<'a> {
-    /// Index of the hop's first row, which is its first step counted from the start of the run.
+    /// Index of the hop's first row, counted from the start of the run; a row is a step.
     pub(crate) first_row: u64,
-    /// Microvolts: the values of all electrodes at the first step, then those at the next, and so
-    /// on.
+    /// Microvolts: the values of all electrodes at the first step, then at the next, and so on.
     pub(crate) uv: &'a [f32],
-    /// Flags of all windows that contain the hop. The filler flag marks steps for which every code
-    /// is missing: their values repeat the last step. The flag `HEALING` marks steps for which some
-    /// codes are missing.
+    /// Combined flags of all windows that contain the hop. `FILLER` marks a hop for which every
+    /// code is missing: its values repeat the last step before it, or are predicted. `HEALING`
+    /// marks a hop that is less exact because codes are missing.
     pub(crate) flags: Flags,
 }
 
 /// Decodes codes in the order of their windows. Each window completes one hop; after the last
-/// window, [`Self::finish`] completes the hops that are left.
+/// window, [`Self::finish`] completes the remaining hops.
 pub(crate) struct Hops<'d> {
     decoder: &'d WindowDecoder,
     announcement: &'d Announcement,
@@ -33,7 +32,7 @@ pub(crate) struct Hops<'d> {
     /// Number of hops in a window.
     per_window: usize,
     overlap: Overlap,
-    /// Number of windows decoded, missing ones included.
+    /// Number of windows decoded, including missing windows.
     windows: u32,
     /// Dequantised values of the code that is being decoded.
     z: Vec<f32>,
@@ -67,8 +66,8 @@ impl<'d> Hops<'d> {
         }
     }
 
-    /// Decodes the code of the window with this index. Passes the hops of missing windows before
-    /// it, and the hop that it completes, to `emit`.
+    /// Decodes the code of the window with this index. Passes to `emit` the hops of missing windows
+    /// before the window, and the hop that the window completes.
     pub(crate) fn decode(
         &mut self,
         (index, flags): (u32, Flags),
@@ -90,7 +89,7 @@ impl<'d> Hops<'d> {
         self.complete(Some(values), flags, &mut emit)
     }
 
-    /// Passes the last hops, to which no further window would contribute, to `emit`.
+    /// Passes the remaining hops of the last window to `emit`.
     pub(crate) fn finish(
         mut self,
         mut emit: impl FnMut(DecodedHop) -> Result<(), OfflineError>,
@@ -147,7 +146,6 @@ pub(crate) struct PackedHops {
     next: u32,
 }
 
-/// Index and flags of a block.
 #[derive(Clone, Copy)]
 struct Label {
     index: u32,
@@ -164,8 +162,9 @@ impl PackedHops {
         }
     }
 
-    /// Decodes the block with this index. Passes the hops of missing blocks before it, and the hop
-    /// that it completes, to `emit`. A malformed block is replaced like a missing one, and counted.
+    /// Decodes the block with this index. Passes to `emit` the hops of missing blocks before the
+    /// block, and the hop that the block completes. A malformed block is replaced like a missing
+    /// one, and counted.
     pub(crate) fn decode(
         &mut self,
         (index, flags): (u32, Flags),
@@ -178,8 +177,7 @@ impl PackedHops {
         self.complete(Some(block), flags, &mut emit)
     }
 
-    /// Passes the hop of the last block to `emit`, and returns the number of blocks that were
-    /// malformed.
+    /// Passes the hop of the last block to `emit`. Returns the number of malformed blocks.
     pub(crate) fn finish(
         mut self,
         mut emit: impl FnMut(DecodedHop) -> Result<(), OfflineError>,
@@ -208,8 +206,8 @@ impl PackedHops {
         }
     }
 
-    /// Passes a decoded hop to `emit`, with the flags of its block. A flag is added if the hop was
-    /// predicted, or if the decoder's state still differs from the device's after a lost block.
+    /// Passes a decoded hop to `emit`, with the flags of its block. Adds `FILLER` to a predicted
+    /// hop, and `HEALING` while the decoder's state differs from the device's after a lost block.
     fn pass_on(
         &self,
         hop: &PackedHop<Label>,

@@ -1,9 +1,9 @@
-//! Encodes recordings to files of codes or of packed blocks, decodes these to files of signals, and
-//! measures the error of the decoded signals, without a board, a bridge or a clock.
+//! Encodes EEG recordings to files of neural-network codes or packed blocks, decodes these to
+//! signals, and measures the error of the decoded signals, without a board, a bridge or a clock.
 //!
-//! The pipeline and the link are the firmware's, and the decoder is the bridge's, so codes and
-//! microvolts equal theirs bit for bit. The commands `host-sim encode` and `host-sim decode` run
-//! [`Encoding`] and [`Decoding`] for many files at once.
+//! Pipeline and wire format are the firmware's code, and the decoder is the bridge's. So codes and
+//! microvolts equal those of a board and its bridge bit for bit. The commands `host-sim encode` and
+//! `host-sim decode` run [`Encoding`] and [`Decoding`] for many files at once.
 //!
 //! ```text
 //! recording ──Played: virtual ADC──► Device: pipeline ──frames──► file of codes

@@ -11,7 +11,7 @@ use crate::error::OfflineError;
 /// A model with its decoders.
 #[derive(Debug, Clone)]
 pub struct Model {
-    /// Id of the model, by which codes name the model they were made with.
+    /// Id of the model. Codes carry the id of the model that they were made with.
     pub id: ModelId,
     /// Dimensions, montage and filters of the model.
     pub description: Description,
@@ -20,7 +20,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Reads the model with which this program was built, and which it contains.
+    /// Reads the model that is built into this program.
     ///
     /// # Errors
     /// [`OfflineError::Model`] if its decoder needs more input than the code.
@@ -41,8 +41,8 @@ impl Model {
             .map_err(|error| OfflineError::Model(folder.to_owned(), error))
     }
 
-    /// Returns whether this program was built with this model, so that it can filter recordings for
-    /// it.
+    /// Returns whether this model is built into the program. The program can filter recordings only
+    /// for its built-in model.
     pub fn is_built_in(&self) -> bool {
         self.id.0 == ::model::MODEL_ID
     }

@@ -1,4 +1,4 @@
-//! A recording as the model's ADC samples it, and as the model's filters leave it.
+//! A recording as sampled by the model's ADC, and after the model's filters.
 
 use std::path::{Path, PathBuf};
 
@@ -60,8 +60,8 @@ impl Played {
     }
 }
 
-/// Returns a sample of the model's ADC. The virtual ADC fills the channels of the longest chain of
-/// converters. The channels beyond the model's carry no electrode, and are left out.
+/// Returns the model's channels of a virtual ADC's sample. The virtual ADC has as many channels as
+/// the longest chain of converters; channels beyond the model's carry no electrode.
 pub fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),
@@ -83,8 +83,8 @@ pub(crate) struct Original {
 }
 
 impl Original {
-    /// Opens a recording, whose missing electrodes get the treatment `missing`, and puts the
-    /// filters at rest before its first sample.
+    /// Opens a recording at its first sample, with the filters at rest. `missing` selects the
+    /// treatment of electrodes that the recording lacks.
     ///
     /// # Errors
     /// The errors of [`Played::open`].
@@ -96,7 +96,7 @@ impl Original {
         })
     }
 
-    /// Returns the electrodes at the next step, microvolts; `None` at the end of the recording.
+    /// Returns the filtered values of the next step, microvolts; `None` at the recording's end.
     ///
     /// # Errors
     /// [`OfflineError::Recording`] if the rest cannot be read.

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::error::OfflineError;
 
-/// Seconds of signal processed by all jobs, and whether they should end early. Jobs share one
-/// progress.
+/// Seconds of signal that all jobs together have processed, and whether the jobs should end early.
+/// All jobs share one `Progress`.
 #[derive(Debug, Default)]
 pub struct Progress {
     seconds: AtomicU64,

@@ -23,7 +23,8 @@ const TABLE: &str = "electrodes.csv";
 /// A decoded recording, with its name in the report.
 #[derive(Debug, Clone)]
 pub struct Entry {
-    /// Name, such as "S001/S001R11", and folder of its pictures within the folder of the report.
+    /// Name, such as "S001/S001R11". It is also the path of the folder with the recording's
+    /// pictures, relative to the folder of the report.
     pub name: String,
     /// Result of decoding the recording's codes.
     pub decoded: Decoded,
@@ -41,8 +42,8 @@ impl Entry {
 /// Checks that the folder may receive a report, and creates it.
 ///
 /// # Errors
-/// [`OfflineError::NewFile`] if the folder holds a report already and `existing` does not allow to
-/// replace it; [`OfflineError::Write`] if the folder cannot be created.
+/// [`OfflineError::NewFile`] if the folder holds a report already and `existing` does not allow
+/// replacing it; [`OfflineError::Write`] if the folder cannot be created.
 pub fn check(folder: &Path, existing: Existing) -> Result<(), OfflineError> {
     for path in [PAGE, TABLE].map(|name| folder.join(name)) {
         if path.exists() && existing == Existing::Refuse {
@@ -52,10 +53,10 @@ pub fn check(folder: &Path, existing: Existing) -> Result<(), OfflineError> {
     fs::create_dir_all(folder).map_err(OfflineError::write(folder))
 }
 
-/// Writes the report of `entries` to `folder`, which is created: `index.html`, `electrodes.csv`,
-/// and the pictures of each recording in a folder with its name. Entries without a comparison have
-/// no error and no traces. Replaces the files of an earlier report; a caller that must not replace
-/// them calls [`check`] first.
+/// Writes the report of `entries` to `folder`, and creates the folder if necessary: `index.html`,
+/// `electrodes.csv`, and the pictures of each recording in a folder with its name. Entries without
+/// a comparison show no errors and no traces. Replaces the files of an earlier report; a caller
+/// that must not replace them calls [`check`] first.
 ///
 /// # Errors
 /// [`OfflineError::Write`] or [`OfflineError::Picture`] if a file cannot be written.

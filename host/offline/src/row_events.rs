@@ -16,7 +16,7 @@ const LAST_TEXT_TYPE: usize = 0x00fe;
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct RowEvents {
     pub(crate) rows: Vec<RowEvent>,
-    /// Texts of events, each with the GDF type assigned to it, numbered from 1.
+    /// Texts of events with the GDF types assigned to them, which count from 1.
     pub(crate) types: Vec<(String, u16)>,
     /// Number of omitted events, which are outside the decoded signal.
     pub(crate) outside: usize,
@@ -73,8 +73,8 @@ impl RowEvents {
         events
     }
 
-    /// Gives each text a GDF type, because a GDF file has no texts. Counts the events whose text
-    /// gets no type, because none is left.
+    /// Assigns a GDF type to each text, because a GDF file has no texts. Counts the events whose
+    /// text gets no type, because all types are taken.
     pub(crate) fn assign_types(&mut self) {
         let mut rows = std::mem::take(&mut self.rows);
         for event in rows.iter_mut().filter(|event| event.kind.is_none()) {

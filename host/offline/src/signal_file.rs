@@ -43,10 +43,10 @@ impl SignalFormat {
 /// An event of the signal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct RowEvent {
-    /// Rows at which the event holds; an empty range for an instant, which is before its first row.
+    /// Rows that the event covers; for an event without a duration, an empty range at its row.
     pub(crate) rows: Range<u64>,
     pub(crate) text: String,
-    /// Type of the event in a GDF file; `None` for a text that has no type.
+    /// Type of the event in a GDF file; `None` if the event has only a text.
     pub(crate) kind: Option<u16>,
 }
 
@@ -57,7 +57,7 @@ pub(crate) struct Signal<'a> {
     pub(crate) labels: &'a [String],
     /// Rows per second, Hz.
     pub(crate) rate_hz: u32,
-    /// Number of rows that are written at a time: the rows of one hop.
+    /// Number of rows in a hop. The rows of a hop are written together.
     pub(crate) rows_per_hop: u32,
     /// Number of rows of the whole signal.
     pub(crate) rows: u64,
@@ -93,7 +93,7 @@ pub(crate) trait SignalFile {
     fn finish(self: Box<Self>) -> io::Result<u64>;
 }
 
-/// Creates the writer of `signal` to `file` in a format.
+/// Creates the writer for a format and writes the header of `signal` to `file`.
 pub(crate) fn create(
     format: SignalFormat,
     file: File,

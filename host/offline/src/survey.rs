@@ -22,11 +22,11 @@ pub(crate) struct Survey {
     pub(crate) announcement: Announcement,
     /// Kind of the codes that are decoded.
     pub(crate) kind: CodeKind,
-    /// Number of codes that are not decoded because they are not of this kind.
+    /// Number of codes of the other kind, which are not decoded.
     pub(crate) left_out: u64,
-    /// Number of codes of this kind.
+    /// Number of codes that are decoded.
     pub(crate) codes: u64,
-    /// Number of windows from the start of the run to the last code, missing ones included.
+    /// Number of windows from the start of the run to the last code, including missing windows.
     pub(crate) windows: u32,
     pub(crate) gaps: Vec<Gap>,
     pub(crate) exclusions: Exclusions,
@@ -80,7 +80,8 @@ impl Survey {
         self.gaps.iter().map(|gap| u64::from(gap.windows)).sum()
     }
 
-    /// Returns the number of rows of the decoded signal: the steps of all windows.
+    /// Returns the number of rows of the decoded signal: one hop for each window or block but the
+    /// last, which counts with all its steps.
     pub(crate) fn rows(&self, description: &Description) -> u64 {
         let window = &description.window;
         let last = match self.kind {

@@ -15,7 +15,7 @@ use tokio::{
 /// call fails with the resolver's error instead of a timeout.
 const LOOKUP_TIMEOUT: Duration = Duration::from_millis(2500);
 
-/// Error for a URI without a host and a port, to which no connection can be opened.
+/// Error for a URI that lacks a host or a port, so that no connection can be opened.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{uri} is not SCHEME://HOST:PORT; an example is http://127.0.0.1:11311/")]
 pub struct AddressError {
@@ -23,13 +23,13 @@ pub struct AddressError {
     pub uri: String,
 }
 
-/// A host name that has no address.
+/// Error for a host name that has no address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the host name {host} does not resolve: {reason}")]
 pub struct LookupError {
     /// Host name that was looked up.
     pub host: Box<str>,
-    /// Error message from the operating system, or that no answer came within 2.5 s.
+    /// Error message from the operating system, or a note that no answer came within 2.5 s.
     pub reason: Box<str>,
 }
 
@@ -44,7 +44,7 @@ pub enum ConnectError {
     Io(#[from] io::Error),
 }
 
-/// Returns the addresses of a host name or address, each with `port`.
+/// Resolves `host`, a name or an IP address. Returns its socket addresses with the port `port`.
 async fn lookup(host: &str, port: u16) -> Result<Vec<SocketAddr>, LookupError> {
     let found = timeout(LOOKUP_TIMEOUT, lookup_host((host, port))).await;
     let found = found.unwrap_or_else(|_| {
@@ -57,8 +57,7 @@ async fn lookup(host: &str, port: u16) -> Result<Vec<SocketAddr>, LookupError> {
     })
 }
 
-/// Resolves a host name or address. Pairs each resulting address with whether it belongs to this
-/// machine.
+/// Resolves a host name or address. Returns each address with whether it belongs to this machine.
 ///
 /// # Errors
 /// The host has no address, or none was found within 2.5 s.

@@ -1,12 +1,11 @@
 //! The subset of HTTP/1.1 that XML-RPC peers use: `Content-Length`, chunked bodies and keep-alive
-//! connections. This module limits the length of everything that it reads; the callers limit the
-//! time.
+//! connections. This module limits the length of all that it reads; the callers limit the time.
 
 use std::io;
 
 use tokio::io::{AsyncBufRead, AsyncBufReadExt as _, AsyncRead, AsyncReadExt as _};
 
-/// Longest accepted head, bytes. XML-RPC peers in Python and C++ send less than 300 bytes.
+/// Longest accepted head (first line and fields), bytes. XML-RPC peers send less than 300 bytes.
 const MAX_HEAD: usize = 32 * 1024;
 /// Longest accepted body, bytes: enough for the parameter tree of a large robot.
 const MAX_BODY: usize = 16 * 1024 * 1024;
@@ -97,8 +96,8 @@ pub(crate) async fn read_head<S: AsyncBufRead + Unpin>(
     }
 }
 
-/// Reads one line and strips its line end; returns `None` at the end of the stream. `left` is the
-/// number of bytes that may still be read; it is reduced by the number of bytes read.
+/// Reads one line and strips its line end; returns `None` at the end of the stream. Subtracts the
+/// number of bytes read from `left`, the number of bytes that may still be read.
 async fn read_line<S: AsyncBufRead + Unpin>(
     stream: &mut S,
     left: &mut usize,
@@ -141,7 +140,6 @@ pub(crate) async fn read_body<S: AsyncBufRead + Unpin>(
     Ok(body)
 }
 
-/// Reads a body in the chunked transfer encoding and appends it to `body`.
 async fn read_chunks<S: AsyncBufRead + Unpin>(
     stream: &mut S,
     body: &mut Vec<u8>,
@@ -173,7 +171,6 @@ async fn read_chunks<S: AsyncBufRead + Unpin>(
     }
 }
 
-/// Appends the next `length` bytes of the stream to `body`.
 async fn append<S: AsyncRead + Unpin>(
     stream: &mut S,
     body: &mut Vec<u8>,

@@ -20,14 +20,14 @@
 //!   full, it drops its oldest message and counts the loss, so a slow subscriber affects nobody
 //!   else.
 //! * Everything received from a peer has a size limit. Connecting, handshakes and XML-RPC calls
-//!   have time limits. Waiting for a service's response has none, because a handler can take any
-//!   time.
+//!   have time limits. Waiting for a service's response has no limit, because a handler can take
+//!   any time.
 //! * Topics and persistent service clients can be silent for any time. If the peer's machine
 //!   vanishes, TCP keepalive closes the idle connection within 30 s. If sent data is still
 //!   unacknowledged, the operating system retransmits it first, for about 15 min on Linux. A full
 //!   queue drops and counts messages meanwhile.
-//! * A publisher that cannot be reached is logged once, and again when it can be reached;
-//!   [`Subscriber::unreachable`] has the reason meanwhile.
+//! * A publisher that cannot be reached is logged once, and once more when it can be reached again.
+//!   Until then, [`Subscriber::unreachable`] returns the reason.
 //! * `TCP_NODELAY` is set on every connection, proxies are never used, and both IPv4 and IPv6 work.
 //!
 //! ```

@@ -1,4 +1,4 @@
-//! A ROS 1 master for demonstrations and tests. Its replies equal those of rosmaster, including the
+//! A ROS 1 master for demonstrations and tests. Its replies equal rosmaster's, including the
 //! wording of the messages.
 
 mod api;

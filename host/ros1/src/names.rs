@@ -13,8 +13,8 @@ pub struct NameError {
     pub name: String,
 }
 
-/// Full name of a node and its remaps, from which all other names of the node are resolved. ROS 2
-/// has the same rules.
+/// Full name of a node and its remaps. All other names of the node are resolved from these, by
+/// rules that hold for ROS 1 and ROS 2.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Names {
     node: String,
@@ -26,7 +26,7 @@ impl Names {
     /// (from, to), which `from:=to` sets on a ROS command line.
     ///
     /// # Errors
-    /// [`NameError`] if any of the names is not a ROS name, or if `name` or `namespace` is private.
+    /// [`NameError`] if a name is not a ROS name, or if `name` or `namespace` starts with `~`.
     pub(crate) fn new(
         namespace: &str,
         name: &str,
@@ -92,8 +92,8 @@ fn check(name: &str) -> Result<(), NameError> {
     }
 }
 
-/// Returns the full name that `name` has for the node `caller`. Neither checks the syntax nor
-/// applies remaps. rosmaster resolves the names in calls from nodes in the same way.
+/// Returns the full name of `name` as the node `caller` uses it, without checking the syntax or
+/// applying remaps. rosmaster resolves the names in calls from nodes in the same way.
 pub(crate) fn resolve(name: &str, caller: &str) -> String {
     if name.is_empty() {
         return namespace(caller);

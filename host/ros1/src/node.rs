@@ -44,8 +44,7 @@ pub enum NodeError {
         /// Error from the operating system.
         source: io::Error,
     },
-    /// This node already has the topic or service. The field is the kind and the name of the
-    /// duplicate.
+    /// This node already has the topic or service. Holds the kind and the name of the duplicate.
     #[error("this node already has a {0}; clone that one, or drop it first")]
     Duplicate(String),
     /// The master refused the registration.
@@ -257,8 +256,8 @@ impl Node {
         self.registrar.master.subscribe()
     }
 
-    /// Returns the publishers of subscribed topics that cannot be reached: the topic, and the
-    /// publisher's URI, the reason and what to do.
+    /// Returns the publishers of subscribed topics that cannot be reached. Each entry holds the
+    /// topic, and a text with the publisher's URI, the reason and what to do.
     pub fn unreachable_publishers(&self) -> Vec<(String, String)> {
         let graph = lock(&self.registrar.graph);
         let of_topic = graph
@@ -306,8 +305,8 @@ impl Node {
     }
 
     /// Adds a topic or service to the graph by calling `insert`, and registers it. Fails if `key`
-    /// is already in the graph, the node has shut down, or the master refuses the registration, in
-    /// which case the topic or service is removed from the graph again.
+    /// is already in the graph or the node has shut down. If the master refuses the registration,
+    /// removes the topic or service from the graph again, and fails.
     async fn add(&self, key: Key, insert: impl FnOnce(&mut Graph)) -> Result<Lease, NodeError> {
         let lease = {
             let mut graph = lock(&self.registrar.graph);

@@ -33,8 +33,7 @@ pub struct PublisherOptions {
 pub struct SubscriberLag {
     /// Name of the subscribing node.
     pub subscriber: String,
-    /// Messages in the subscriber's queue. Those in the buffers of the operating system are not
-    /// counted.
+    /// Number of messages in the queue, not counting those in the operating system's buffers.
     pub waiting: usize,
 }
 
@@ -144,8 +143,8 @@ impl Publication {
         self.dropped.load(Relaxed)
     }
 
-    /// Closes the publication: no further message is queued, but those already queued are still
-    /// sent.
+    /// Closes the publication: messages in the queues are still sent, but no further ones are
+    /// queued.
     pub(crate) fn close(&self) {
         let mut state = lock(&self.state);
         state.closed = true;

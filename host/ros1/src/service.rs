@@ -73,8 +73,7 @@ impl Provider {
     ) -> Result<(), HeaderError> {
         let ours = self.service_type;
         let what = format!("service [{}]", self.name);
-        // Compare only the MD5 sum: some clients send the service's type, others the request's type
-        // or none.
+        // Compare only the MD5 sum: clients send the service's type, the request's type or none.
         if let Some(mismatch) = type_mismatch(header, &what, "*", ours.md5) {
             tracing::warn!(client = header.get("callerid"), "refused: {mismatch}");
             return refuse(stream, &mismatch).await;

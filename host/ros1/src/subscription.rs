@@ -32,7 +32,7 @@ const FIRST_RETRY_DELAY: Duration = Duration::from_millis(100);
 /// Longest delay before an attempt to reconnect to a publisher.
 const MAX_RETRY_DELAY: Duration = Duration::from_secs(5);
 /// Number of consecutive failures, within about 0.3 s, after which a publisher counts as
-/// unreachable. More than one, because a publisher that ends closes its connections before the
+/// unreachable. One failure is normal: a publisher that ends closes its connections before the
 /// master unlists it.
 const FAILURES_TO_REPORT: u32 = 3;
 
@@ -76,8 +76,8 @@ impl Subscription {
             .collect()
     }
 
-    /// Connects to those of `publishers` that have no link yet. Removes no link, because a
-    /// restarted master lists only publishers that have registered again.
+    /// Connects to each of `publishers` that has no link yet. Removes no link, because a restarted
+    /// master lists only publishers that have registered again.
     pub(crate) fn add_publishers(self: &Arc<Self>, publishers: &[String]) {
         let mut links = lock(&self.links);
         for uri in publishers {
@@ -253,7 +253,7 @@ impl LinkError {
         matches!(self, Self::Refused(_) | Self::TypeMismatch(_))
     }
 
-    /// Returns what the user can do.
+    /// Returns advice to the user on how to resolve this error.
     fn remedy(&self) -> &'static str {
         match self {
             Self::Call(CallError::Failed {

@@ -1,8 +1,8 @@
 //! TCPROS: the connection header, the messages that follow it, and the types that both sides
 //! compare.
 //!
-//! A header is its total length, then fields `name=value`, each preceded by its length. A message
-//! is a length, then a body of that many bytes. All lengths are u32, little-endian.
+//! A header consists of its total length and of fields `name=value`, each preceded by its length. A
+//! message consists of a length and a body of that many bytes. All lengths are u32, little-endian.
 
 use std::{
     io::{self, IoSlice},
@@ -23,8 +23,8 @@ pub const MAX_HEADER: usize = 1024 * 1024;
 pub const MAX_MESSAGE: usize = 256 * 1024 * 1024;
 /// Largest buffer allocated before the first byte of a message body has arrived, bytes.
 const FIRST_ALLOCATION: usize = 64 * 1024;
-/// Time limit for opening a connection, and again for receiving the peer's header. A service client
-/// applies one such limit to both together.
+/// Time limit for opening a connection, and separately for receiving the peer's header. A service
+/// client applies the limit to both steps together.
 pub(crate) const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Idle time before the first TCP keepalive probe.
 const KEEPALIVE_TIME: Duration = Duration::from_secs(10);

@@ -1,4 +1,4 @@
-//! A DDS domain, and why a node cannot be in it.
+//! A DDS domain, and the reasons why a node cannot join it.
 
 use std::net::Ipv4Addr;
 
@@ -10,12 +10,12 @@ use thiserror::Error;
 /// Largest id of a domain whose ports exist; see the port mapping of DDSI-RTPS.
 pub(crate) const MAX_DOMAIN: u16 = 232;
 
-/// Which nodes a node can meet.
+/// The DDS domain of a node: which other nodes it can communicate with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Domain {
     /// Number of the domain, 0..=232, as in `ROS_DOMAIN_ID`.
     pub id: u16,
-    /// Whether only nodes on this machine are met.
+    /// Whether the node communicates only with nodes on this machine.
     pub localhost_only: bool,
 }
 
@@ -31,7 +31,7 @@ impl Domain {
         participant.build().map_err(Ros2Error::network)
     }
 
-    /// Joins the domain and leaves it again.
+    /// Checks that the domain can be joined: joins it and leaves it again.
     ///
     /// # Errors
     ///
@@ -41,7 +41,7 @@ impl Domain {
     }
 }
 
-/// Why a node cannot start, or a topic or service not be created.
+/// Reason why a node cannot start, or why a topic or service cannot be created.
 #[derive(Debug, Error)]
 pub enum Ros2Error {
     /// The name is not allowed in ROS 2.

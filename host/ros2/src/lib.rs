@@ -9,9 +9,9 @@
 //!
 //! The messages of `neuro-ros` are published with the definitions in `ros/ros2/ros2neuro_msgs/`,
 //! which were written from the field lists of ROS 2-Neuro. Publishing never waits: a message goes
-//! into the memory of its DDS writer, whose threads send it. A message for which there is no room,
-//! because a reliable subscriber has acknowledged none of the newest 8192, is dropped and counted.
-//! While the node is not in its domain, after the process was stopped and continued, messages wait.
+//! into the memory of its DDS writer, whose threads send it. If there is no room, because a
+//! reliable subscriber has acknowledged none of the newest 8192 messages, a message is dropped and
+//! counted. Messages wait while the node joins its domain again after a stop of the process.
 //!
 //! All names are full names, such as `/left/encoded`; the caller resolves and remaps them.
 //!

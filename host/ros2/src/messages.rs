@@ -1,7 +1,7 @@
 //! The messages as ROS 2 defines them, converted from those of `neuro-ros`.
 //!
-//! Fields and their order are those of the definitions in `ros/ros2/ros2neuro_msgs/` and of ROS 2's
-//! own packages, because CDR has no names. Units and ranges are those of the types in `neuro-ros`.
+//! CDR encodes no field names, so the fields have the order of the definitions in
+//! `ros/ros2/ros2neuro_msgs/` and in ROS 2's own packages. Units and ranges are as in `neuro-ros`.
 
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +40,7 @@ pub struct Time {
 }
 
 impl From<neuro_ros::Stamp> for Time {
-    /// ROS 2 ends in 2038; a later time becomes the last one.
+    /// ROS 2 can represent times until 2038; a later time becomes the last one.
     fn from(stamp: neuro_ros::Stamp) -> Time {
         match i32::try_from(stamp.secs) {
             Ok(sec) => Time {

@@ -1,4 +1,4 @@
-//! The node as its user sees it: its topics, its announcement and its state.
+//! The public interface of the node: topics, announcement and status.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -33,7 +33,7 @@ struct Thread {
 
 impl Ros2Node {
     /// Starts a node with the full name `full_name` and the services of an acquisition.
-    /// `on_command` is called for each call of one of them, and must not wait.
+    /// `on_command` is called for each call of start, stop or quit, and must not wait.
     ///
     /// # Errors
     ///
@@ -63,7 +63,7 @@ impl Ros2Node {
             runtime.block_on(async {
                 tokio::select! {
                     () = of_thread.run(life, continued, on_command) => {}
-                    // An error says that the node was dropped.
+                    // An error means that the node was dropped.
                     _ = stopped => {}
                 }
             });
@@ -98,19 +98,19 @@ impl Ros2Node {
         Ok(Ros2Sink(topic))
     }
 
-    /// Sets what the service `get_info` returns. `None` makes it return that nothing is known.
+    /// Sets what the service `get_info` returns. With `None`, its reply has the `result` false.
     pub fn announce(&self, info: Option<AcquisitionInfo>) {
         self.presence.announced.send_replace(info);
     }
 
-    /// Returns the number of messages that wait, because the node is not in its domain again. They
-    /// are lost if it ends now.
+    /// Returns the number of messages that wait for the node to join its domain again. They are
+    /// lost if the node ends now.
     pub fn waiting(&self) -> u64 {
         self.presence.waiting() as u64
     }
 
-    /// Returns the status for `/diagnostics`: the domain and who subscribes. Another publisher of a
-    /// topic of frames is a warning.
+    /// Returns the status for `/diagnostics`: the domain, and the number of subscribers of each
+    /// topic. It is a warning if another node publishes on a topic of frames.
     pub fn status(&self) -> DiagnosticStatus {
         let topics = lock(&self.presence.topics).clone();
         let shared = topics.iter().filter(|topic| {

@@ -15,29 +15,29 @@ use crate::domain::{Domain, Ros2Error};
 use crate::services::{ServiceNames, Services};
 use crate::topic::{AnyTopic, Pulse, lock};
 
-/// Time between two looks at who subscribes and publishes.
+/// Time between two counts of the subscribers and publishers.
 const GRAPH_PERIOD: Duration = Duration::from_millis(100);
-/// Longest wait for the subscribers of a node that joins its domain again.
+/// Time limit for the subscribers to return after the node has joined its domain again.
 const RETURN: Duration = Duration::from_secs(5);
-/// Time for them to find the node, after the node has found them: longer than the period in which
-/// DDS repeats what it says of itself, 1 s.
+/// Time for the subscribers to find the node after the node has found them. It is longer than the
+/// period of DDS announcements, 1 s.
 const SETTLE: Duration = Duration::from_secs(3);
 /// Time between two attempts to join.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// The node's place in its domain: what ends when it leaves.
+/// The node's objects in its domain, which end when it leaves the domain.
 pub(crate) struct Place {
     pub(crate) participant: DomainParticipant,
     pub(crate) node: Node,
 }
 
-/// What runs as long as the node is in its domain.
+/// The tasks that run as long as the node is in its domain.
 pub(crate) struct Life {
     spinner: Spinner,
     services: Services,
 }
 
-/// The node in its domain, which it joins again when DDS has ended there.
+/// A node that joins its domain again whenever DDS has ended there.
 pub(crate) struct Presence {
     pub(crate) full_name: String,
     name: NodeName,
@@ -75,7 +75,7 @@ impl Presence {
     }
 
     /// Keeps the node in its domain, and never returns. The threads of rustdds end when the process
-    /// is stopped and continued, because they take the interrupted wait for a failure. The node
+    /// is stopped and continued, because they mistake the interrupted wait for a failure. The node
     /// then joins its domain again, and its messages wait until its subscribers are back.
     pub(crate) async fn run(
         &self,
@@ -122,22 +122,22 @@ impl Presence {
     }
 
     /// Counts the subscribers and other publishers of each topic every 100 ms. Messages wait until
-    /// as many subscribers as `expected` are there. Returns when the node must join its domain
-    /// again.
+    /// as many subscribers as `expected` are there, at most [`RETURN`], and then [`SETTLE`].
+    /// Returns when the node must join its domain again.
     async fn watch(&self, expected: &mut Option<Vec<usize>>, continued: &mut Signal) {
         let participant = lock(&self.place).participant.clone();
         let until = Instant::now() + RETURN;
         loop {
             self.count(&participant);
-            // Discovery has ended if it takes no command.
+            // An error means that the discovery thread of DDS has ended.
             if participant.assert_liveliness().is_err() {
                 return;
             }
             if let Some(then) = expected.as_deref()
                 && (self.missing(then) == 0 || Instant::now() > until)
             {
-                // The subscribers too have to find the node. Cyclone DDS takes the messages that a
-                // new writer has when it first speaks for old ones, so one message goes ahead.
+                // The subscribers must also find the node. Cyclone DDS regards the messages that a
+                // new writer announces first as old ones, so send one message ahead of the others.
                 for (wait, most) in [(SETTLE, 1), (GRAPH_PERIOD, usize::MAX)] {
                     sleep(wait).await;
                     self.count(&participant);
@@ -163,8 +163,8 @@ impl Presence {
             if !was_continued && self.pulse.is_fresh() {
                 continue;
             }
-            // The process stood still, or had no processor. A short stop can leave DDS as it is,
-            // and systemd sends the signal to programs that never stopped.
+            // Join again only after SIGCONT and a stale pulse. Either can come alone: a stale pulse
+            // from a busy processor, SIGCONT after a stop too short to end DDS or from systemd.
             let stood_still = !self.pulse.is_fresh();
             self.pulse.pause();
             let was_continued = tokio::select! {
@@ -177,7 +177,7 @@ impl Presence {
         }
     }
 
-    /// Returns how many subscribers fewer than `then` the topics have.
+    /// Returns how many subscribers are missing in comparison with the earlier numbers `then`.
     fn missing(&self, then: &[usize]) -> usize {
         let now = self.subscribers();
         let missing = then
@@ -187,7 +187,7 @@ impl Presence {
         missing.sum()
     }
 
-    /// Logs that the messages that wait are published now. The topics had `then` subscribers.
+    /// Logs that the waiting messages are published now, and how many subscribers are missing.
     fn report_return(&self, then: &[usize]) {
         let waiting = self.waiting();
         match self.missing(then) {
@@ -241,7 +241,7 @@ impl Presence {
     }
 }
 
-/// Returns the signals that tell the process that it goes on after it was stopped.
+/// Returns the stream of SIGCONT signals, which the process receives when it continues.
 pub(crate) fn continued() -> std::io::Result<Signal> {
     let sigcont = if cfg!(target_os = "linux") { 18 } else { 19 };
     signal(SignalKind::from_raw(sigcont))
@@ -256,7 +256,7 @@ fn join(
 ) -> Result<(Place, Life), Ros2Error> {
     let participant = domain.join()?;
     let context = Context::from_domain_participant(participant.clone())?;
-    // The log goes to /rosout by a sink, because ros2-client's own way logs each line again.
+    // A sink publishes the log on /rosout, because ros2-client would log each line again.
     let options = NodeOptions::new()
         .enable_rosout(false)
         .start_parameter_services(false);

@@ -22,29 +22,29 @@ use crate::presence::Place;
 const DEPTH: usize = 10;
 
 /// Largest reply in bytes that reaches callers with Fast DDS on a network that carries packets of
-/// at least 1280 bytes. rustdds sends a larger one in fragments, whose headers are malformed if
+/// at least 1280 bytes. rustdds sends a larger reply in fragments, whose headers are malformed if
 /// they name the request; see decision 34.
 const MAX_REPLY: usize = 1150;
 
-/// Time between two looks for a caller that is not found yet, and the number of them.
+/// Time between two searches for a caller that is not found yet, and number of searches.
 const FIND_PERIOD: Duration = Duration::from_millis(50);
 const FIND_ATTEMPTS: u32 = 40;
 
 /// Full names of the services of an acquisition node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServiceNames {
-    /// Start the streams of the device.
+    /// Service that starts the streams of the device.
     pub start: String,
-    /// Stop the streams of the device.
+    /// Service that stops the streams of the device.
     pub stop: String,
-    /// End the program.
+    /// Service that ends the program.
     pub quit: String,
-    /// Shape of the announced frames.
+    /// Service that returns the shape of the announced frames.
     pub get_info: String,
 }
 
-/// Request or response of `std_srvs/Empty`, and request of `ros2neuro_msgs/GetAcquisitionInfo`. A
-/// type without fields has this one on the wire.
+/// Request or response of `std_srvs/Empty`, and request of `ros2neuro_msgs/GetAcquisitionInfo`. ROS
+/// 2 adds this field to types that have none.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Empty {
     structure_needs_at_least_one_member: u8,
@@ -53,8 +53,8 @@ struct Empty {
 impl Message for Empty {}
 impl Message for GetAcquisitionInfo {}
 
-/// A request or response for callers with Cyclone DDS: behind the number of the caller's writer and
-/// that of the call, which the response has from its request.
+/// A request or response for callers with Cyclone DDS. It begins with the number of the caller's
+/// writer and the number of the call; a response copies both from its request.
 #[derive(Debug, Serialize, Deserialize)]
 struct Numbered<T> {
     caller: u64,
@@ -70,19 +70,19 @@ struct Service<Response: Message> {
     replies: String,
 }
 
-/// How a service is carried.
+/// How requests and replies are transmitted.
 enum Mapping<Response: Message> {
     /// Header and payload as with Fast DDS and Connext.
     Standard(Server<Empty, Response>),
-    /// As with Cyclone DDS. ros2-client's own way for it sends the header of the other too, so that
-    /// replies in fragments do not arrive.
+    /// As with Cyclone DDS. ros2-client's own mapping for it also sends the standard header, so
+    /// that replies in fragments do not arrive.
     Cyclone {
         requests: Subscription<Numbered<Empty>>,
         replies: Publisher<Numbered<Response>>,
     },
 }
 
-/// The services, before they are served.
+/// The services of a node in its domain.
 pub(crate) struct Services {
     commands: [(AcquisitionCommand, Service<Empty>); 3],
     info: Service<GetAcquisitionInfo>,
@@ -160,8 +160,8 @@ impl<Response: Message + 'static> Service<Response> {
         }
     }
 
-    /// Waits until the node has found where the caller receives replies, which can be later than
-    /// the call. A reply before that would be lost. Gives up after 2 s.
+    /// Waits until the node has found the caller's reader of replies, which can be later than the
+    /// call, but not longer than 2 s. A reply sent earlier would be lost.
     async fn wait_for(&self, caller: GUID) {
         for attempt in 0..=FIND_ATTEMPTS {
             let readers = self.participant.discovered_readers();

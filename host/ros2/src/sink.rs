@@ -9,18 +9,18 @@ use ros2_client::qos::{Durability, History, WhenFull};
 use crate::messages::Ros2Message;
 use crate::topic::Topic;
 
-/// Number of messages of a topic that are kept while they are sent. Best-effort subscribers can
-/// miss the oldest of more messages at once, such as fillers after an outage of 16 s. For reliable
-/// subscribers, every message is kept until they have acknowledged it.
+/// Number of messages of a topic that are kept while they are sent. If more are published at once,
+/// such as fillers after an outage of 16 s, best-effort subscribers can miss the oldest. For
+/// reliable subscribers, every message is kept until they have acknowledged it.
 const DEPTH: usize = 256;
 
 /// What a topic promises its subscribers: its reliability and durability, as ROS 2 names them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delivery {
-    /// Reliable and volatile: lost packets are sent again. It serves subscribers of both kinds.
+    /// Reliable and volatile: lost packets are sent again. Serves both kinds of subscribers.
     Reliable,
     /// Best effort and volatile, as for sensor data: a lost packet is a lost message. Reliable
-    /// subscribers are not served.
+    /// subscribers receive nothing.
     BestEffort,
     /// Reliable and transient local, depth 1: a late subscriber receives the newest message.
     Latched,
@@ -49,15 +49,15 @@ impl Delivery {
 
 /// Sink for the messages of one topic; created by [`Ros2Node::sink`](crate::Ros2Node::sink).
 ///
-/// [`Sink::publish`] never waits. A message is dropped, for all subscribers, if a reliable one has
-/// acknowledged none of the newest 8192. A subscriber whose process stands still is given up after
-/// its lease, 10 to 20 s for usual ROS 2 nodes, and costs the others nothing. After the node's own
-/// process stood still, up to 8192 messages wait until subscribers are back; later ones are
-/// dropped.
+/// [`Sink::publish`] never waits. A message is dropped, for all subscribers, if a reliable
+/// subscriber has acknowledged none of the newest 8192. A subscriber whose process stands still is
+/// removed after its lease, 10 to 20 s for usual ROS 2 nodes; the others lose nothing by it. After
+/// the node's own process stood still, up to 8192 messages wait until subscribers are back; later
+/// ones are dropped.
 pub struct Ros2Sink<M: Ros2Message>(pub(crate) Arc<Topic<M>>);
 
 impl<M: Ros2Message> Sink<M> for Ros2Sink<M> {
-    /// Never fails without subscribers.
+    /// Succeeds without subscribers, too.
     fn publish(&mut self, message: &M) -> Result<(), SinkError> {
         self.0.publish(message.into())
     }

@@ -15,13 +15,13 @@ use crate::messages::Ros2Message;
 use crate::presence::Place;
 use crate::sink::Delivery;
 
-/// Number of messages of a topic that wait for the node to be in its domain again; later ones are
-/// dropped. As many as a writer keeps for its subscribers.
+/// Largest number of messages of a topic that wait for the node to join its domain again; later
+/// messages are dropped. A writer keeps the same number for its subscribers.
 const MAX_WAITING: usize = 8192;
-/// Age of the newest sign of life of the node's thread at which the process may have stood still.
+/// Age of the newest beat from which on the process may have been stopped.
 const STALE: Duration = Duration::from_secs(1);
 
-/// Sign of life of the node's thread. Without it, messages wait.
+/// Time of the newest sign of life of the node's thread. Messages wait while it is missing or old.
 #[derive(Default)]
 pub(crate) struct Pulse(Mutex<Option<Instant>>);
 
@@ -40,22 +40,22 @@ impl Pulse {
     }
 }
 
-/// Who else uses a topic, by the newest count.
+/// Numbers of a topic's subscribers and of its other publishers, by the newest count.
 #[derive(Default)]
 pub(crate) struct Others {
     pub(crate) subscribers: AtomicUsize,
     pub(crate) publishers: AtomicUsize,
 }
 
-/// What the node does with a topic of any type.
+/// Operations on a topic with messages of any type.
 pub(crate) trait AnyTopic: Send + Sync {
     fn name(&self) -> &str;
-    /// Returns whether no other node may publish the topic.
+    /// Returns whether no other node may publish on the topic.
     fn is_exclusive(&self) -> bool;
     fn others(&self) -> &Others;
-    /// Creates the writer in `place`, which takes the place of the one before.
+    /// Creates a writer in `place`, which replaces the previous writer.
     fn reopen(&self, place: &mut Place) -> Result<(), Ros2Error>;
-    /// Publishes the oldest messages that wait, at most `most`.
+    /// Publishes the oldest waiting messages, at most `most`.
     fn release(&self, most: usize) -> Result<(), SinkError>;
     /// Returns the number of messages that wait.
     fn waiting(&self) -> usize;
@@ -72,7 +72,7 @@ pub(crate) struct Topic<M: Ros2Message> {
 
 struct Writer<M: Ros2Message> {
     publisher: Publisher<M::Message>,
-    /// Keeps the node in its domain until the last sink is gone, which says good-bye there.
+    /// Keeps the node in its domain until the last sink is dropped, which announces its departure.
     participant: DomainParticipant,
     waiting: VecDeque<M::Message>,
     /// The newest message of a [`Delivery::Latched`] topic.
@@ -149,7 +149,7 @@ impl<M: Ros2Message> AnyTopic for Topic<M> {
         writer.publisher = publisher;
         writer.participant = place.participant.clone();
         match writer.newest.clone() {
-            // With messages that wait, the newest is among them.
+            // If messages wait, the newest is among them and is published later.
             Some(newest) if writer.waiting.is_empty() => {
                 writer.publish(newest).map_err(Ros2Error::network)
             }

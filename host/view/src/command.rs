@@ -1,4 +1,4 @@
-//! What a user of the page can ask for, and the answer.
+//! The commands of the page's users, and the replies to them.
 
 use serde_json::Value;
 use tokio::sync::oneshot;
@@ -26,7 +26,7 @@ pub enum Command {
     Exclude {
         /// Label of the electrode.
         label: String,
-        /// Who decides about it.
+        /// Who decides whether the electrode is excluded.
         decision: Decision,
     },
     /// `/rate` with a number: the rate of the packed code.
@@ -50,7 +50,7 @@ impl Command {
     ///
     /// # Errors
     ///
-    /// What the body must be, if it is something else.
+    /// If the body does not have this command's form. The text says which form it must have.
     pub fn parse(path: &str, body: &[u8]) -> Option<Result<Command, &'static str>> {
         let text = std::str::from_utf8(body).ok();
         let bare = |command| {
@@ -109,23 +109,23 @@ fn rate(text: &str) -> Option<Command> {
     Some(Command::Rate(rate))
 }
 
-/// What a user reads after a command: what happened, as an object in JSON whose `message` is text;
-/// or what is wrong, and what to do.
+/// Reply to a user's command: a JSON object whose `message` says what has happened, or a text that
+/// says what is wrong and what to do.
 pub type Answer = Result<Value, String>;
 
-/// Place for the answer to a command. The user of a command whose `Reply` is dropped reads that the
+/// Handle for replying to a command. If it is dropped without a reply, the user reads that the
 /// program has ended.
 #[derive(Debug)]
 pub struct Reply(oneshot::Sender<Answer>);
 
 impl Reply {
-    /// Creates the place, and the end at which the answer arrives.
+    /// Creates the handle, and the receiver of the answer.
     pub(crate) fn new() -> (Reply, oneshot::Receiver<Answer>) {
         let (sender, receiver) = oneshot::channel();
         (Reply(sender), receiver)
     }
 
-    /// Answers the command. A user who has left needs no answer.
+    /// Answers the command. Does nothing if the user has left the page.
     pub fn send(self, answer: Answer) {
         let _ = self.0.send(answer);
     }
@@ -135,7 +135,7 @@ impl Reply {
         self.send(Ok(serde_json::json!({ "message": message })));
     }
 
-    /// Answers what is wrong.
+    /// Answers that the command was not carried out, with the reason for the user.
     pub fn refuse(self, why: impl Into<String>) {
         self.send(Err(why.into()));
     }
@@ -203,7 +203,7 @@ mod tests {
             ("/rate", "256"),
         ] {
             let parsed = parse(path, body).expect("a command's path");
-            // A comma can be a part of a label; the program that knows the labels refuses it.
+            // A label may contain a comma here; the program, which knows all labels, refuses it.
             assert_eq!(parsed.is_err(), body != "Cz,Fz always", "{path} {body}");
         }
         assert_eq!(

@@ -31,14 +31,14 @@ pub enum ViewTopic {
     Raw = 4,
     /// Reports, as DiagnosticArrays.
     Diagnostics = 5,
-    /// Events, as NeuroEvents. With the frame `device`, the stamp is the event's device time.
+    /// Events, as NeuroEvents. If `frame_id` is `device`, the stamp is the event's device time.
     Events = 6,
 }
 
 /// The ring of the newest messages, shared by all sinks and viewers.
 ///
-/// A message is, little-endian: length of the rest (u32), topic (u8), time of publication since the
-/// page is served in microseconds (u64), and the message's body in ROS 1 serialisation.
+/// A message is, little-endian: length of the rest (u32), topic (u8), time of publication in
+/// microseconds since the page was started (u64), and the message's body in ROS 1 serialisation.
 #[derive(Clone, Debug)]
 pub(crate) struct Feed {
     ring: Sender<Arc<[u8]>>,
@@ -72,7 +72,7 @@ impl Feed {
         self.dropped.load(Ordering::Relaxed)
     }
 
-    /// Returns a message with the bytes that `write` appends as its body.
+    /// Returns a message whose body is what `write` appends.
     fn message(&self, topic: u8, write: impl FnOnce(&mut Vec<u8>)) -> Arc<[u8]> {
         let published_us = u64::try_from(self.start.elapsed().as_micros()).unwrap_or(u64::MAX);
         let mut message = vec![0; 4];
@@ -93,8 +93,8 @@ pub(crate) struct Subscription {
 }
 
 impl Subscription {
-    /// Waits for the next message. If the viewer was too slow, that message is the number of those
-    /// that were dropped. Returns `None` if no further message follows.
+    /// Waits for the next message. If the viewer was too slow, returns a message with the number of
+    /// messages dropped for it. Returns `None` if no further message follows.
     pub(crate) async fn next(&mut self) -> Option<Arc<[u8]>> {
         match self.messages.recv().await {
             Ok(message) => Some(message),
@@ -107,7 +107,7 @@ impl Subscription {
         }
     }
 
-    /// Counts the message that the viewer has not taken, and all that wait, as dropped.
+    /// Counts the message that could not be written, and all that wait, as dropped.
     pub(crate) fn abandon(self) {
         let waiting = self.messages.len() as u64;
         self.feed.dropped.fetch_add(waiting + 1, Ordering::Relaxed);
@@ -144,8 +144,8 @@ impl<M: Wire> Sink<M> for ViewSink<M> {
         Ok(())
     }
 
-    /// Returns 0, because the viewers share one ring: [`View::dropped`](crate::View::dropped) has
-    /// the number for all topics.
+    /// Returns 0, because the viewers share one ring: [`View::dropped`](crate::View::dropped)
+    /// returns the number for all topics.
     fn dropped(&self) -> u64 {
         0
     }

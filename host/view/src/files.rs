@@ -1,4 +1,4 @@
-//! The files of the page, and the places of electrodes on its map.
+//! The files of the page, and the positions of electrodes on its map.
 
 use picture::scalp_map::on_map;
 use recordings::Position;
@@ -58,15 +58,14 @@ const FILES: [(&str, &str, &str); 22] = [
     ("/welch.js", SCRIPT, include_str!("../page/welch.js")),
 ];
 
-/// Returns the file at `path`.
 pub(crate) fn file(path: &str) -> Option<PageFile> {
     let (_, content_type, text) = FILES.into_iter().find(|(known, ..)| *known == path)?;
     Some(PageFile { content_type, text })
 }
 
-/// Returns the places of electrodes on a map of the scalp as a list in JSON: x towards the right
-/// ear and y towards the nose, the outermost circle of the 10-20 system at 0.9; null for a label
-/// that denotes no electrode. `labels` are separated by commas.
+/// Returns the positions of electrodes on a map of the scalp, as a JSON list of `[x, y]`: x towards
+/// the right ear, y towards the nose, the outermost circle of the 10-20 system at 0.9; `null` for a
+/// label that denotes no electrode. `labels` are separated by commas.
 pub(crate) fn places(labels: &str) -> String {
     let places = labels.split(',').map(|label| {
         let Position { x, y, z } = Position::from_label(label)?;

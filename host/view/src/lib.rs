@@ -5,9 +5,9 @@
 //!                          (never waits)         └─► HTTP response of viewer 2 ──► page
 //! ```
 //!
-//! A thread of its own serves the page over HTTP. What is published goes into a ring, from which
-//! each viewer receives every message. A viewer that is slower loses the oldest messages, which are
-//! counted; nobody waits for it. Nothing is encoded while nobody views.
+//! A thread of its own serves the page over HTTP. Published messages go into a ring, from which
+//! each viewer receives every message. A slow viewer loses the oldest messages, which are counted;
+//! nobody waits for it. Messages are encoded only while somebody views.
 //!
 //! ```
 //! use neuro_ros::{NeuroFrame, Sink};
@@ -54,13 +54,12 @@ pub struct View {
 
 impl View {
     /// Serves the page at `address` in a new thread. Without a `token`, a random one is used, and
-    /// is a part of [`View::url`].
-    /// `on_command` is called for each command of a user who has the token, and must not wait: the
-    /// user reads what is passed to the [`Reply`], at most 30 s later.
+    /// is a part of [`View::url`]. `on_command` is called for each command of a user who has the
+    /// token. It must not block; the [`Reply`] can be sent later, within 30 s.
     ///
     /// # Errors
     ///
-    /// The operating system's error if the port cannot be opened or no thread be started.
+    /// The operating system's error if the port cannot be opened or no thread can be started.
     pub fn start(
         address: SocketAddr,
         token: Option<Token>,
@@ -90,7 +89,7 @@ impl View {
                     match TcpListener::from_std(listener) {
                         Ok(listener) => tokio::select! {
                             () = server.serve(listener) => {}
-                            // An error says that the `View` was dropped.
+                            // An error means that the `View` was dropped.
                             _ = stopped => {}
                         },
                         Err(error) => tracing::error!(%error, "the live page is not served"),

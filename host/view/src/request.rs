@@ -9,7 +9,7 @@ use tokio::time::timeout;
 const MAX_HEAD: usize = 8 * 1024;
 /// Longest accepted body of a request, bytes: a marker of 200 characters takes at most 800.
 const MAX_BODY: usize = 1024;
-/// Longest time in which a request must arrive.
+/// Time limit for a request to arrive.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Why a request is not carried out.
@@ -39,19 +39,19 @@ pub(crate) const CONTENT_TOO_LARGE: Refusal = Refusal::new("413 Content Too Larg
 pub(crate) const HEAD_TOO_LARGE: Refusal = Refusal::new("431 Request Header Fields Too Large");
 pub(crate) const UNAVAILABLE: Refusal = Refusal::new("503 Service Unavailable");
 
-/// A request.
+/// The parts of an HTTP request that the page needs.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Request {
     /// Method, such as `GET`.
     pub method: String,
     /// Path and query, as sent.
     pub target: String,
-    /// Name and port under which the client knows this server.
+    /// Name and port by which the client addresses this server, in lower case.
     pub host: String,
-    /// Origin of the page that has made the browser send the request.
+    /// Field `Origin` in lower case: the site whose page caused the request.
     pub origin: Option<String>,
-    /// Whether a page of another site has made the browser send the request, by the field
-    /// `Sec-Fetch-Site`, which only browsers set.
+    /// Whether the field `Sec-Fetch-Site`, which only browsers set, says that a page of another
+    /// site caused the request.
     pub is_foreign: bool,
     /// Token of the field `Authorization: Bearer`.
     pub token: Option<String>,
@@ -60,7 +60,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// Reads a request from the bytes that have arrived so far; `None` if it is not complete.
+    /// Reads a request from the bytes that have arrived so far; `None` if a part is still missing.
     ///
     /// # Errors
     ///
@@ -84,7 +84,7 @@ impl Request {
     }
 }
 
-/// Reads a request. Returns `None` if none arrives in time.
+/// Reads a request. Returns `None` if no whole request arrives in time.
 pub(crate) async fn read(
     stream: &mut (impl AsyncRead + Unpin),
 ) -> Option<Result<Request, Refusal>> {

@@ -1,4 +1,4 @@
-//! Serves the page, its stream of messages and its commands, each only to who may have it.
+//! Serves the page, its stream of messages and its commands, each only to clients that may use it.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -20,23 +20,22 @@ use crate::request::{
 };
 use crate::token::Token;
 
-/// Largest number of connections that are served at a time. For a further one, the oldest that has
-/// not sent its request is closed.
+/// Largest number of connections that are served at a time. A further one replaces the oldest of
+/// those whose request has not arrived.
 const MAX_CONNECTIONS: usize = 64;
 /// Largest number of pages that receive messages at a time.
 const MAX_VIEWERS: usize = 8;
-/// Longest time in which a client must take what is written. A page that comes back later connects
-/// again.
+/// Time limit for a client to accept what is written. A page that was cut off connects again.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
-/// Longest time until a command is answered: a self-test takes some seconds.
+/// Time limit for the program to answer a command. A self-test takes some seconds.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(30);
 /// Longest time for which the rest of a refused request is read, so that its client reads why.
 const LINGER: Duration = Duration::from_secs(1);
-/// Time until a connection is accepted again after an error, such as too many open files.
+/// Pause after an error in accepting a connection, such as too many open files.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// Fields of every response. The page may load and connect to nothing but this server, no other
-/// site may embed or read it, and nothing is kept.
+/// Header fields of every response. The page may load from and connect to this server only, no
+/// other site may embed or read it, and no response is cached.
 const FIELDS: &str = "Content-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; img-src \
 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
 X-Content-Type-Options: nosniff\r\n\
@@ -52,11 +51,11 @@ pub(crate) struct Server {
     token: Token,
     feed: Feed,
     on_command: Box<dyn Fn(Command, Reply) + Send + Sync>,
-    /// Tasks of the connections whose request has not arrived, by the order of their start.
+    /// Tasks of the connections whose request has not arrived, by number, so the oldest is first.
     waiting: Mutex<BTreeMap<u64, AbortHandle>>,
 }
 
-/// What a request is answered with.
+/// How to answer a request.
 enum Answer {
     Text(&'static str, String),
     Stream,
@@ -100,7 +99,7 @@ impl Server {
                 };
                 oldest.abort();
             }
-            // The task that was ended returns its permit as soon as it is dropped.
+            // The aborted task returns its permit as soon as it is dropped.
             let Ok(permit) = Arc::clone(&connections).acquire_owned().await else {
                 return;
             };
@@ -113,9 +112,9 @@ impl Server {
         }
     }
 
-    /// Reads a request and answers it.
+    /// Reads and answers the request of the connection with the number `number`.
     async fn converse(&self, mut stream: TcpStream, number: u64, viewers: &Arc<Semaphore>) {
-        // A message is written at once; waiting for more bytes would delay it.
+        // Send each message at once: waiting for more bytes would delay it.
         let _ = stream.set_nodelay(true);
         let request = request::read(&mut stream).await;
         self.waiting().remove(&number);
@@ -123,7 +122,7 @@ impl Server {
             return;
         };
         let answer = request.and_then(|request| self.answer(&request));
-        // A client that has left needs no answer.
+        // Ignore a failure, because it means that the client has left.
         let _ = match answer {
             Ok(Answer::Text(kind, text)) => respond(&mut stream, "200 OK", kind, &text).await,
             Ok(Answer::Command(command)) => self.perform(command, &mut stream).await,
@@ -135,7 +134,7 @@ impl Server {
         };
     }
 
-    /// Decides what a request is answered with, and passes on a command.
+    /// Checks that the client may send the request, and returns how to answer it.
     fn answer(&self, request: &Request) -> Result<Answer, Refusal> {
         if request.method != "POST" && !request.body.is_empty() {
             return Err(CONTENT_TOO_LARGE);
@@ -152,10 +151,10 @@ impl Server {
             .split_once('?')
             .unwrap_or((&request.target, ""));
         match (request.method.as_str(), path) {
-            // Otherwise any page could occupy the places of all viewers, without reading a byte.
+            // Refuse pages of other sites: they could use up the connections of all viewers.
             ("GET", "/stream") if request.is_foreign => Err(FORBIDDEN),
             ("GET", "/stream") => {
-                // A token that is given must be right, so that a user learns of a mistake.
+                // Loopback needs no token, but a wrong one is refused, so that the user notices it.
                 if has_token || (self.address.ip().is_loopback() && token.is_none()) {
                     Ok(Answer::Stream)
                 } else {
@@ -172,7 +171,7 @@ impl Server {
                 if !has_token {
                     return Err(UNAUTHORIZED);
                 }
-                // Browsers send the origin with every request that is not a GET.
+                // Browsers send `Origin` with every `POST`, so this request is not from the page.
                 if origin.is_none() {
                     return Err(FORBIDDEN);
                 }
@@ -183,7 +182,7 @@ impl Server {
         }
     }
 
-    /// Passes on a command, and answers what the program replies.
+    /// Passes a command to the program, and sends the program's reply to the client.
     async fn perform(&self, command: Command, stream: &mut TcpStream) -> Option<()> {
         tracing::info!(?command, "from the live page");
         let (reply, answer) = Reply::new();
@@ -204,15 +203,15 @@ impl Server {
         }
     }
 
-    /// Returns whether a browser can have reached this server under the name `host`. On loopback no
-    /// other name counts, because any site can give its own name this machine's address. Elsewhere
-    /// the token protects.
+    /// Returns whether the server accepts requests that name it `host`. On loopback these are its
+    /// address and `localhost` only, because any site can make its own name resolve to this
+    /// machine. Elsewhere any name is accepted, because the token protects the server.
     fn is_own_host(&self, host: &str) -> bool {
         let local = format!("localhost:{}", self.address.port());
         !self.address.ip().is_loopback() || host == self.address.to_string() || host == local
     }
 
-    /// Sends every message, until the viewer leaves or takes none for [`WRITE_TIMEOUT`].
+    /// Sends every message, until the viewer leaves or accepts none for [`WRITE_TIMEOUT`].
     async fn stream(&self, mut stream: TcpStream, _permit: OwnedSemaphorePermit) -> Option<()> {
         let mut messages = self.feed.subscribe();
         let head =
@@ -232,8 +231,8 @@ impl Server {
 /// Content type of a text for the user.
 const TEXT: &str = "text/plain; charset=utf-8";
 
-/// Says why a request is not carried out. The rest of a request that is too long is read for a
-/// while, because closing earlier would take the answer from a client that still writes.
+/// Sends the reason why a request is refused. Then reads the rest of the request for a while:
+/// closing the connection earlier would discard the response to a client that is still writing.
 async fn refuse(stream: &mut TcpStream, refusal: Refusal) -> Option<()> {
     respond(stream, refusal.status, TEXT, refusal.why).await?;
     let mut rest = [0; 4096];
@@ -250,7 +249,7 @@ async fn respond(stream: &mut TcpStream, status: &str, kind: &str, text: &str) -
     timeout(WRITE_TIMEOUT, stream.shutdown()).await.ok()?.ok()
 }
 
-/// Writes `bytes`. Returns `None` if the client has left or does not take them in time.
+/// Writes `bytes`. Returns `None` if the client has left or does not accept them in time.
 async fn write(stream: &mut TcpStream, bytes: &[u8]) -> Option<()> {
     let written = timeout(WRITE_TIMEOUT, stream.write_all(bytes)).await;
     written.ok()?.ok()

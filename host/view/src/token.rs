@@ -5,14 +5,14 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-/// Least and largest length of a token, characters. 16 random characters of 64 have 96 bits.
+/// Allowed lengths of a token, in characters. 16 random characters of 64 have 96 bits.
 const LENGTH: std::ops::RangeInclusive<usize> = 16..=128;
 
 /// Secret of the users who may send commands, and who may view from another machine.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Token(String);
 
-/// The text cannot be a token.
+/// Error for a text that is no valid token.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[error("a token has 16 to 128 letters, digits, - and _; `openssl rand -hex 16` prints one")]
 pub struct TokenError;
@@ -29,8 +29,8 @@ impl Token {
         &self.0
     }
 
-    /// Returns whether `other` is this token. The time depends on the length of `other` alone, so
-    /// that it reveals no character.
+    /// Returns whether `other` is this token. The run time depends only on the length of `other`,
+    /// so that it reveals no character.
     pub(crate) fn matches(&self, other: &str) -> bool {
         let pairs = self.0.bytes().cycle().zip(other.bytes());
         let difference = pairs.fold(0, |all, (own, other)| all | (own ^ other));

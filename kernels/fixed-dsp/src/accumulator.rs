@@ -1,8 +1,8 @@
-//! The 64-bit accumulator of a filter section, to which a Cortex-M adds a product with one
-//! instruction (SMLAL).
+//! The 64-bit accumulator of a filter section. A Cortex-M adds a product to it with one instruction
+//! (SMLAL).
 
-/// 64-bit sum in Q32. When all products are added, the high word is the section's output and the
-/// low word its rounding error.
+/// 64-bit sum in Q32. Once all products have been added, the high word is the section's output and
+/// the low word its rounding error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Accumulator {
     /// Integer part of the sum, in the unit of the output.

@@ -11,8 +11,8 @@ pub const BAND_SECTIONS: usize = 2;
 
 /// Number of levels for each doubling of a power: one level is 0.376 dB.
 pub const LEVELS_PER_OCTAVE: u32 = 8;
-/// Level of a power of 1 before saturation. Level 0 stands for a power of 2^10 or less, level 255
-/// for a power of 2^41.9 or more.
+/// Level of a power of 1 before saturation to 0..=255. Level 0 stands for a power of 2^10 or less,
+/// level 255 for a power of 2^41.9 or more.
 pub const LEVEL_OF_ONE: i32 = -80;
 
 /// Section `y0 = gain (x0 - x2) + a1 y1 + a2 y2` of a band-pass. It is the same as
@@ -24,7 +24,7 @@ pub struct BandPass {
     pub gain: Coefficient,
     /// Factor of the previous output, `y1`.
     pub a1: Coefficient,
-    /// Factor of the output before the previous one, `y2`.
+    /// Factor of `y2`, the output two samples earlier.
     pub a2: Coefficient,
 }
 
@@ -75,7 +75,7 @@ impl<const N: usize> BandPower<N> {
         let fractions = band.fractions();
         let states = self.states.iter_mut().zip(&mut self.energies);
         for (signal, (state, energy)) in states.enumerate().take(signals) {
-            // Not `map`, which would copy all signals of each sample.
+            // `samples.map` would copy all signals of each sample, instead of only this one.
             let block: [i32; B] =
                 core::array::from_fn(|at| samples[at].get(signal).copied().unwrap_or_default());
             for y in band.apply_block(&fractions, state, block) {
@@ -120,8 +120,8 @@ const THRESHOLDS: [u32; LEVELS_PER_OCTAVE as usize] = [
 pub fn level(power: u64) -> u8 {
     let power = power.max(1);
     let exponent = power.ilog2();
-    // The mantissa, 2^31 to 2^32, truncated: a power within 2^-31 of the end of a level can get the
-    // level below.
+    // The mantissa, in [2^31, 2^32), is truncated. A power above the lower end of a level by a
+    // factor below 1 + 2^-31 can therefore get the level below.
     let mantissa = (power << (63 - exponent) >> 32) as u32;
     let above = THRESHOLDS.iter().map(|end| u32::from(mantissa >= *end));
     let eighths = exponent * LEVELS_PER_OCTAVE + above.sum::<u32>();
@@ -156,7 +156,7 @@ mod tests {
         for n in 0..8 {
             powers.add_block(&band, &[[alternating[n % 4], 1_000]], 2);
         }
-        // The first four outputs of the first signal, 1000 0 -3000 0, then 4000 and -4000.
+        // Outputs of the first signal: 1000, 0, -3000, 0, and then 4000 and -4000.
         let expected = [1_000_u64, 3_000, 4_000, 4_000].map(|y| y * y).iter().sum();
         // The second signal's step: 1000, 1000, -1000, -1000 and then zeros.
         assert_eq!(powers.take_levels(2), [level(expected), level(4_000_000)]);

@@ -1,5 +1,5 @@
-//! The interface of all filters: filters whose coefficients are known at run time only, and filters
-//! with coefficients compiled into the code.
+//! The interface of all filters: filters with coefficients known at run time only, and filters
+//! whose coefficients are compiled into the code.
 
 use core::marker::PhantomData;
 
@@ -12,9 +12,8 @@ use crate::{
 /// state is loaded and stored only once for them.
 pub const BLOCK: usize = 4;
 
-/// A filter that several channels use, each with a state of its own.
-///
-/// Output samples have the unit and format of the input samples. Overflow wraps: see [`Cascade`].
+/// A filter that several channels share; each channel has a state of its own. Output samples have
+/// the unit and format of the input samples. Overflow wraps: see [`Cascade`].
 pub trait Filter {
     /// Memory of the filter for one channel.
     type State: Copy;

@@ -4,9 +4,9 @@
 /// A polyphase FIR filter: output rate = input rate * `PHASES` / `down`, in lowest terms.
 ///
 /// The underlying low-pass has `PHASES * TAPS` taps at `PHASES` times the input rate; each output
-/// needs `TAPS` of these taps. Output `m` is the signal at time `m * down / PHASES`, counted in
-/// input samples from the first one. The output is computed from the input samples up to that time;
-/// its phase is the time since the newest input sample.
+/// needs `TAPS` of these taps. Output `m` is the signal at time `m * down / PHASES`, in input
+/// intervals after the first sample. It is computed from the input samples up to that time; its
+/// phase is the time since the newest of them, in 1 / `PHASES` of the input interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resampler<const PHASES: usize, const TAPS: usize> {
     /// Number of input samples for every `PHASES` output samples; at least `PHASES`.
@@ -18,7 +18,7 @@ pub struct Resampler<const PHASES: usize, const TAPS: usize> {
 /// When a resampler's next output is due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Position {
-    /// Time from the next input sample to the next output, in 1 / `PHASES` of the input interval.
+    /// Time from the next input sample to the next output, in 1 / `PHASES` of the input period.
     ahead: u16,
 }
 

@@ -11,7 +11,8 @@ use crate::{accumulator::Accumulator, coefficient::Coefficient};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Section {
     /// `y0 = x0 + x2 - y2 + a1 (y1 - x1) + (1 - b0) (2 y2 - x0 - x2)`: zeros on the unit circle,
-    /// and gain exactly 1 at DC. Here `b1 = -a1`, `b2 = b0` and `a2 = 1 - 2 b0`.
+    /// and gain exactly 1 at DC. This is `b0 x0 + b1 x1 + b2 x2 + a1 y1 + a2 y2` with `b1 = -a1`,
+    /// `b2 = b0` and `a2 = 1 - 2 b0`.
     Notch {
         /// `2 b0 cos(w0)`, which sets the notch frequency `w0`.
         a1: Coefficient,
@@ -22,7 +23,7 @@ pub enum Section {
     HighPass {
         /// Factor of the previous output, `y1`.
         a1: Coefficient,
-        /// Factor of the output before the previous one, `y2`.
+        /// Factor of `y2`, the output two samples earlier.
         a2: Coefficient,
     },
     /// `y0 = gain (x0 - x2) + a1 y1 + a2 y2`: zeros at DC and at the Nyquist frequency.
@@ -31,7 +32,7 @@ pub enum Section {
         gain: Coefficient,
         /// Factor of the previous output, `y1`.
         a1: Coefficient,
-        /// Factor of the output before the previous one, `y2`.
+        /// Factor of `y2`, the output two samples earlier.
         a2: Coefficient,
     },
     /// `y0 = gain (x0 + 2 x1 + x2) + a1 y1 + a2 y2`: a double zero at the Nyquist frequency.
@@ -40,7 +41,7 @@ pub enum Section {
         gain: Coefficient,
         /// Factor of the previous output, `y1`.
         a1: Coefficient,
-        /// Factor of the output before the previous one, `y2`.
+        /// Factor of `y2`, the output two samples earlier.
         a2: Coefficient,
     },
 }
@@ -52,7 +53,7 @@ pub enum Section {
 pub(crate) struct SectionState {
     /// Previous output of the section.
     y1: i32,
-    /// Output of the section before the previous one.
+    /// Output of this section two samples ago.
     y2: i32,
     /// Rounding error of the previous output, Q0.32 in the unit of the output, in [0, 1).
     error: u32,
@@ -75,8 +76,6 @@ impl SectionState {
 pub(crate) type Fractions = [i32; 3];
 
 impl Section {
-    /// Returns the fractions of the coefficients, for filters that load them as data and have
-    /// section types and integer parts compiled into the code.
     pub(crate) const fn fractions(&self) -> Fractions {
         match self {
             Self::Notch { a1, one_minus_b0 } => [a1.fraction, one_minus_b0.fraction, 0],

@@ -11,7 +11,8 @@ use crate::{
 
 /// Number of weights for each pair of input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Largest number of output channels, so that byte offsets of three positions fit 32 bits.
+/// Largest number of output channels. With more, byte offsets of three positions could exceed 32
+/// bits.
 const MAX_OUTPUTS: usize = 65_536;
 
 /// A 3x3x3 convolution over (time, row, column), stride 1, unpadded, followed by a max-pool of any

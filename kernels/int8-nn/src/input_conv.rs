@@ -81,7 +81,7 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
     }
 
     /// Returns the number of groups of [`POSITIONS`] positions, rounded up to whole iterations of
-    /// the assembler loop; the sums of the added positions are not used.
+    /// the assembler loop; the sums of positions beyond the plane are not used.
     const fn groups(&self) -> usize {
         (self.output.rows * self.output.columns)
             .div_ceil(POSITIONS)
@@ -164,11 +164,11 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Copies the inputs of each position side by side (im2col): first, for each (time, row), the
-    /// pair in columns 0 and 1; then the inputs in column 2, of two rows in each pair; then a zero.
+    /// Copies the 27 inputs of each position side by side (im2col), and a zero. The pairs in
+    /// columns 0 and 1 of each (time, row) come first, then the inputs in column 2, two rows to a
+    /// pair.
     fn gather_patches(&self, planes: [&[Pair]; 3], patches: &mut [Pair]) {
-        /// Returns how many inputs of a plane lie between a 3x3 patch's first and last, both
-        /// included.
+        /// Returns the number of inputs from the first to the last of a 3x3 patch, in memory order.
         const fn reach(columns: usize) -> usize {
             2 * columns + 3
         }

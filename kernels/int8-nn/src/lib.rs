@@ -13,8 +13,9 @@
 //! [`Direct`] replaces [`Winograd`] where the shape of the pool or the ranges require it.
 //!
 //! Conventions of all kernels:
-//! * Planes are flat slices of [`Pair`]s, two channels in one word of 2 x 16 bits, the operand of
-//!   SMLAD. Between the convolutions their order is `[pair of channels][row][column]`.
+//! * Planes are flat slices of [`Pair`]s. A pair holds the values of two channels in one word of 2
+//!   x 16 bits, the operand of SMLAD. The order between convolutions is `[pair of
+//!   channels][row][column]`.
 //! * Weights are 8 bits, -127..=127, and packed or transformed by the kernel that reads them.
 //!   Accumulators and biases are `i32`.
 //! * Accumulators wrap. The code that builds the network must prove from the weights that no

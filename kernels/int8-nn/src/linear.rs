@@ -21,7 +21,7 @@ const fn weight_index(inputs: usize, pair: usize, output: usize) -> usize {
     (round * 2 + output % OUTPUTS / 2) * ROUND + pair % ROUND
 }
 
-/// Largest number of outputs, so that byte offsets of the weights fit 32 bits.
+/// Largest number of outputs. With more, byte offsets of the weights could exceed 32 bits.
 const MAX_OUTPUTS: usize = 65_536;
 
 /// The weights from a slice of a layer's inputs to all outputs of the layer.
@@ -30,9 +30,10 @@ const MAX_OUTPUTS: usize = 65_536;
 /// the bias, and the product of each plane is added when the plane arrives.
 ///
 /// Two 8-bit weights share a 16-bit number `256 * odd + even`, where `odd` is the weight of an odd
-/// output and `even` the weight of the even output before it. Products with the whole number sum to
-/// `256 * odd sum + even sum`, products with its low byte to the even sum; a subtraction yields the
-/// odd sum. So the odd weights need not be unpacked, and each weight takes 8 bits of memory.
+/// output and `even` the weight of the even output before it. The products of the inputs with the
+/// 16-bit numbers sum to `256 * odd sum + even sum`, the products with the low bytes to the even
+/// sum; a subtraction yields the odd sum. The odd weights need no unpacking, and each weight takes
+/// 8 bits.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<'w> {
     /// Number of pairs of inputs: a multiple of 8, at most [`Self::MAX_INPUTS`]. Callers with fewer
@@ -46,7 +47,7 @@ pub struct Linear<'w> {
 
 impl Linear<'_> {
     /// Largest number of pairs of inputs. 256 products of at most 255 * 127 sum to less than 2^23,
-    /// so that 256 times an odd sum fits 32 bits. For inputs above 255, callers must prove this.
+    /// so 256 times an odd sum fits 32 bits. If inputs exceed 255, callers must prove that it does.
     pub const MAX_INPUTS: usize = 128;
 
     /// Returns the number of pairs in the packed weights.
@@ -54,8 +55,8 @@ impl Linear<'_> {
         self.inputs * self.outputs / 2
     }
 
-    /// Returns true if this is a matrix from `inputs` pairs of inputs to `outputs` outputs with the
-    /// right number of weights. Callers should assert it in a `const` context.
+    /// Returns true if this matrix has `inputs` pairs of inputs, `outputs` outputs and the right
+    /// number of weights. Callers should assert it in a `const` context.
     pub const fn is_consistent(&self, inputs: usize, outputs: usize) -> bool {
         self.inputs == inputs
             && self.outputs == outputs
@@ -81,9 +82,8 @@ impl Linear<'_> {
         );
     }
 
-    /// Does what [`Self::accumulate`] does and returns true. Where `accumulate` would panic,
-    /// changes nothing and returns false. This is for callers whose matrix is not known at compile
-    /// time.
+    /// Does what [`Self::accumulate`] does and returns true; where `accumulate` would panic,
+    /// changes nothing and returns false. For callers whose matrix is not known at compile time.
     #[inline]
     pub fn try_accumulate(&self, inputs: &[Pair], accumulators: &mut [i32]) -> bool {
         let (Some(inputs), Some(accumulators)) = (
@@ -158,7 +158,7 @@ impl Linear<'_> {
                 (self.weights.get(source), packed.get_mut(target))
             {
                 *place = place.with(to % 2, weights.get()[from % 2]);
-                // The next four outputs follow after all inputs.
+                // Weights of the next four outputs follow the weights of all inputs for these four.
                 source += self.inputs * OUTPUTS / 2;
                 target += inputs * OUTPUTS / 2;
             }
@@ -172,8 +172,8 @@ type Accumulate<'a> = (&'a [Pair], &'a [Pair], &'a mut [i32]);
 
 #[cfg(not(smlad))]
 impl Kernel for Accumulate<'_> {
-    /// Adds `weights * inputs` to the accumulators: the portable equivalent of the assembler. Each
-    /// of the two "outputs" of an octet is a pair of outputs here.
+    /// The portable equivalent of the assembler. Each of the two "outputs" of an octet is a pair of
+    /// outputs here.
     #[inline(always)]
     fn run<O: Octet>(self) {
         let (inputs, weights, accumulators) = self;

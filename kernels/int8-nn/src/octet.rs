@@ -13,8 +13,8 @@ pub(crate) const INPUTS: usize = 2 * ROUND;
 /// Number of weight pairs in two rounds: one for each pair of inputs and each of the two outputs.
 pub(crate) const WEIGHTS: usize = INPUTS * OUTPUTS;
 
-/// Eight words: two rounds of inputs or weights, or sums of their products. Four of the words
-/// belong to each of two outputs; each implementation has its own order.
+/// Eight words: inputs, weights, or sums of their products. Four words belong to each of two
+/// outputs; each implementation has its own order of the words.
 pub(crate) trait Octet: Copy {
     /// Returns an octet of zeros.
     fn zeros() -> Self;
@@ -126,8 +126,8 @@ mod tests {
     /// Number of steps of the test, each of which multiplies different numbers.
     const STEPS: usize = 1_000;
 
-    /// A computation that records its sums after each step. Many of its numbers are the smallest or
-    /// largest that occur.
+    /// A computation that records its sums after each step. Many of its operands are extreme
+    /// values.
     struct Operations<'r>(&'r mut Vec<Sums>);
 
     impl Kernel for Operations<'_> {

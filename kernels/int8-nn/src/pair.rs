@@ -5,7 +5,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 /// Two `i16` in a 32-bit word, the first in its low half.
 ///
 /// One SIMD instruction of a Cortex-M4 or M7 adds or multiplies both numbers. Planes and weights
-/// are slices of pairs, of which each holds two channels or two inputs.
+/// are slices of pairs; each pair holds two channels or two inputs.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, Immutable, IntoBytes, KnownLayout,
 )]
@@ -45,7 +45,8 @@ impl Pair {
     #[inline]
     #[expect(clippy::cast_sign_loss, reason = "the bits are kept")]
     pub const fn with(self, index: usize, number: i16) -> Self {
-        // Not through an array: an index known only at run time would put the array on the stack.
+        // Replaces the number by shifts. An array with an index known only at run time would be put
+        // on the stack.
         let shift = if index == 0 { 0 } else { 16 };
         Self(self.0 & !(0xffff << shift) | (number as u16 as u32) << shift)
     }
@@ -96,7 +97,7 @@ impl Pair {
         }
     }
 
-    /// Applies `operation` to the first numbers of both pairs and to their second numbers.
+    /// Applies `operation` to both first numbers and to both second numbers.
     #[cfg(not(smlad))]
     #[inline(always)]
     fn map2(self, other: Self, operation: impl Fn(i16, i16) -> i16) -> Self {
@@ -129,7 +130,7 @@ macro_rules! lane_wise {
 impl core::ops::Add for Pair {
     type Output = Self;
 
-    /// Adds each number of `other` to the number at the same place in `self`, wrapping.
+    /// Adds the two first numbers and the two second numbers; both sums wrap.
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         #[cfg(smlad)]
@@ -142,7 +143,7 @@ impl core::ops::Add for Pair {
 impl core::ops::Sub for Pair {
     type Output = Self;
 
-    /// Subtracts each number of `other` from the number at the same place in `self`, wrapping.
+    /// Subtracts the two numbers of `other` from the two numbers of `self`; both differences wrap.
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         #[cfg(smlad)]

@@ -26,7 +26,7 @@ use {channels::Channels, tile::transform_tile};
 
 /// Number of weights for each pair of input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
-/// Largest number of output channels, so that byte offsets of three tiles fit 32 bits.
+/// Largest number of output channels. With more, byte offsets of three tiles could exceed 32 bits.
 const MAX_OUTPUTS: usize = 65_536;
 
 /// A 3x3x3 convolution over (time, row, column), stride 1, unpadded, followed by a 2x2x2 max-pool.
@@ -82,7 +82,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns the shape of a pooled plane, which is the maximum over two planes of outputs.
+    /// Returns the shape of a pooled plane, which holds the maxima over two planes of outputs.
     pub const fn pooled(&self) -> PlaneShape {
         PlaneShape {
             rows: self.tile_rows,

@@ -1,5 +1,5 @@
-//! Tests that every kernel returns the results of plain loops over single products, for many shapes
-//! and for extreme values.
+//! Tests that every kernel equals plain loops over single products, for many shapes and for extreme
+//! values.
 
 use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd, requantise, saturate_u8};
 use proptest::prelude::*;
@@ -112,8 +112,8 @@ fn winograd_case(columns: usize) -> impl Strategy<Value = Case> {
     case(PAIRS, columns, Just([2, 2, 2]), [0, largest_input()])
 }
 
-/// Draws a convolution with any pool of one step whose width divides the number of output columns,
-/// and with inputs beyond 8 bits.
+/// Draws a convolution whose max-pool spans one time step and has any width that divides the number
+/// of output columns; inputs exceed 8 bits.
 fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = Case> {
     let widths = (1..=columns - 2).filter(|width| (columns - 2).is_multiple_of(*width));
     let width = prop::sample::select(widths.collect::<Vec<_>>());
@@ -122,7 +122,7 @@ fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = Case> {
 }
 
 impl Case {
-    /// Transforms each plane to `length` pairs with `transform`, a method of the kernel under test.
+    /// Prepares each plane with `transform`, a method of the kernel, which fills `length` pairs.
     fn transformed(
         &self,
         input: PlaneShape,

@@ -1,12 +1,12 @@
-//! State of one channel, which encoder and decoder both derive from the channel's earlier counts.
+//! What encoder and decoder both derive from the earlier counts of a channel.
 
 use crate::rice;
 
-/// Memory of one channel: its newest count and differences, and the mean size of coded differences.
+/// State of one channel: its newest count and differences, and the mean size of coded differences.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Channel {
     pub(crate) past: Past,
-    /// Running mean of the folded differences of about 16 samples, times 16, UQ28.4, < 2^32.
+    /// Running mean of the folded differences over about 16 samples, times 16 (UQ28.4); below 2^32.
     mean: u32,
     pub(crate) order: Order,
 }
@@ -23,7 +23,7 @@ pub(crate) struct Past {
 }
 
 impl Channel {
-    /// Memory of a channel before its first block. All fields are zero, so that a static with this
+    /// State of a channel before its first block. All fields are zero, so that a static with this
     /// value takes no flash. The first block, a key block, sets the order.
     pub(crate) const NEW: Self = Self {
         past: Past { x: 0, d1: 0, d2: 0 },
@@ -45,8 +45,8 @@ impl Channel {
         self.mean = 24 << k;
     }
 
-    /// Updates the mean with the folded differences of a block: `codes` differences, at most 8,
-    /// whose sum is `sum`, at most 2^30.
+    /// Updates the mean with a block of `codes` folded differences, at most 8, whose sum is `sum`,
+    /// at most 2^30.
     #[inline]
     pub(crate) fn observe(&mut self, sum: u32, codes: u32) {
         // `mean` stays below 2^32: a block of c codes adds at most c * 2^27, so that `mean`
@@ -85,9 +85,9 @@ impl Past {
     }
 }
 
-/// How often differences are taken before a count is coded: 0 codes the count itself, 1 its
-/// difference from the previous count, 2 the difference of two order-1 differences, and 3 the
-/// difference of two order-2 differences.
+/// The number of times that differences are taken before a count is coded: order 0 codes the count
+/// itself, 1 its difference from the previous count, 2 the difference of two order-1 differences,
+/// and 3 the difference of two order-2 differences.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Order {
     Zero,

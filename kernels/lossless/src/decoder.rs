@@ -10,7 +10,7 @@ use crate::rice;
 #[derive(Clone, Debug)]
 pub struct Decoder<const CHANNELS: usize> {
     past: [Channel; CHANNELS],
-    /// Number of channels that `past` describes; 0 if only a block that needs no past can follow.
+    /// Number of valid channels in `past`; 0 if only a block that needs no past can follow.
     known: usize,
     counts: [[Count; CHANNELS]; MAX_SAMPLES],
 }
@@ -103,8 +103,7 @@ fn decompress(
     Ok(())
 }
 
-/// Reads what a key block states about a channel: first count, order and parameter k. Returns the
-/// first count.
+/// Reads first count, order and parameter k of a channel in a key block. Returns the first count.
 fn start_key(channel: &mut Channel, reader: &mut BitReader) -> Result<Count, DecodeError> {
     let mut take = |bits| reader.take(bits).ok_or(DecodeError::Malformed);
     let [low, middle, high, _] = take(rice::COUNT_BITS)?.to_le_bytes();
@@ -214,8 +213,8 @@ impl<'b> BitReader<'b> {
         u32::try_from(bits).ok()
     }
 
-    /// Takes the bits up to and including the next 1, and returns the number of zeros before it. If
-    /// there are `most` zeros or more, takes `most` zeros only. `None` if the bits end before that.
+    /// Takes the bits up to and including the next 1, and returns the number of zeros before it.
+    /// Stops after `most` zeros, without a 1. Returns `None` if the bits end first.
     fn take_zeros(&mut self, most: u32) -> Option<u32> {
         self.fill();
         let zeros = self.pending.leading_zeros();

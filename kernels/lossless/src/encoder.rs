@@ -4,11 +4,11 @@ use crate::block::{Block, Count, Kind, MAX_SAMPLES, SUM_BYTES, number, sum};
 use crate::channel::{Channel, Order, Past};
 use crate::rice;
 
-/// Number of samples, after the first of a key block, that are ignored when the order is chosen:
-/// their differences would reach back before the block.
+/// Number of samples after the first of a key block that do not count when the order is chosen,
+/// because their differences would reach back before the block.
 const WARM_UP: usize = 2;
 
-/// Encoder for blocks of samples; its only setting is how often key blocks are sent.
+/// Encoder for blocks of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Encoder {
     /// Number of blocks from one key block to the next; with 0 or 1, every block is a key block.
@@ -19,8 +19,8 @@ pub struct Encoder {
 #[derive(Clone, Debug)]
 pub struct EncoderState<const CHANNELS: usize> {
     channels: [Channel; CHANNELS],
-    /// For each channel and order, the sum of absolute differences in key blocks, in which older
-    /// blocks count less.
+    /// Sum of absolute differences in key blocks for each channel and order; older blocks count
+    /// less.
     sizes: [[u32; 4]; CHANNELS],
     /// Number of blocks before the next key block; 0 if the next block is a key block.
     until_key: u16,
@@ -145,7 +145,7 @@ fn put_codes<const ORDER: usize>(
 
 /// Chooses the order of differences and the Rice parameter k for a channel of a key block. Adds the
 /// block's absolute differences to `sizes`, the fading sums of earlier key blocks, and takes the
-/// order with the smallest sum. k follows from the block alone.
+/// order with the smallest sum. k depends only on this block.
 fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) -> (Order, u32) {
     let mut past = Past::after(first);
     let mut block = [0_u32; 4];

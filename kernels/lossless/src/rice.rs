@@ -5,10 +5,10 @@
 //! zeros would be [`ESCAPE`] or more, `ESCAPE` zeros and the count itself are written instead, so
 //! that no code is longer than 32 bits.
 
-/// Number of zeros which say that a count follows instead of a difference.
+/// Number of leading zeros that mark a count instead of a difference.
 pub(crate) const ESCAPE: u32 = 8;
 
-/// Largest k, with which a code takes up to `ESCAPE + 24` = 32 bits.
+/// Largest k; a code then takes at most `ESCAPE + 24` = 32 bits.
 pub(crate) const MAX_K: u32 = 24;
 
 /// Number of bits of a count.

@@ -6,12 +6,12 @@ use crate::range_coder::{RangeDecoder, RangeEncoder};
 use crate::rate::Rate;
 use crate::tables::{ESCAPE, FREQUENCY_BITS, Frequencies, MAGNITUDES, Tables};
 
-/// Largest number of ones at the start of an Elias gamma code, because magnitudes are below 2^16.
+/// Largest number of ones at the start of an Elias gamma code; magnitudes are below 2^16.
 const MAX_GAMMA_BITS: u32 = 15;
 
-/// First frequency of each of the three symbols that can start a block, then the end of the last
-/// symbol's frequencies. Symbol 0 means: announced rate, predicted. Symbol 1: announced rate,
-/// reset. Symbol 2: another rate; four bits with the rate and one bit for a reset follow.
+/// Cumulative frequencies at which the three symbols that can start a block begin, and at which the
+/// last one ends. Symbol 0 means: announced rate, predicted. Symbol 1: announced rate, reset.
+/// Symbol 2: another rate; four bits with the rate and one bit for a reset follow.
 const START_SYMBOLS: [u16; 4] = [0, 30_720, 32_256, 32_768];
 
 /// Rate and kind of a block, which its first bits state.
@@ -100,8 +100,8 @@ fn write_gamma(number: u32, encoder: &mut RangeEncoder<'_>) {
     }
 }
 
-/// Reads a block: first its header, then its magnitudes, because the caller must choose the
-/// contexts for the magnitudes by the header.
+/// Reads a block: first its header, which tells the caller which contexts to prepare, then its
+/// magnitudes.
 #[derive(Clone, Debug)]
 pub struct BlockReader<'b> {
     decoder: RangeDecoder<'b>,

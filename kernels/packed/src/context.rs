@@ -1,5 +1,5 @@
-//! The probability model's context of a coefficient: how large its magnitude is expected to be, and
-//! which table of probabilities codes it.
+//! The context of a coefficient in the probability model: how large the coefficient's magnitude is
+//! expected to be. It chooses the table of probabilities that codes the magnitude.
 
 use crate::quantiser::{Magnitude, State};
 use crate::rate::Rate;
@@ -21,8 +21,8 @@ const DECAY_BITS: u32 = 5;
 pub(crate) struct Activity(u32);
 
 impl Activity {
-    /// The activity before the first coefficient of a block: the value that the activity approaches
-    /// if magnitudes are 1/4 on average.
+    /// Activity before the first coefficient of a block: the limit of the activity for magnitudes
+    /// of 1/4 on average.
     pub(crate) const START: Self = Self(8 * ONE);
 
     /// Returns the activity after a coefficient with this magnitude.
@@ -32,7 +32,7 @@ impl Activity {
     }
 }
 
-/// What is expected of one coefficient at one rate, before the block's magnitudes are known.
+/// What is expected of one coefficient at one rate before the block's magnitudes are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Context {
     /// Expected magnitude as a level of a logarithmic scale, 0..[`LEVELS`].
@@ -49,7 +49,7 @@ impl Context {
     };
 
     /// Returns the level, 0..[`LEVELS`], whose table codes the coefficient: the expected level plus
-    /// an offset, which depends on the ratio of actual to expected activity.
+    /// an offset for the ratio of actual to expected activity.
     #[inline(always)]
     pub(crate) fn table_level(self, activity: Activity) -> usize {
         let eighths = (u64::from(activity.0) * u64::from(self.inverse)) >> 32;
@@ -79,8 +79,8 @@ pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
     }
 }
 
-/// Returns `2^39 / expected` from a table of its leading 8 bits, within 0.5 %. `expected` must be
-/// in 2^8..2^23.
+/// Returns `2^39 / expected` within 0.5 %, from a table indexed by the leading 8 bits of
+/// `expected`, which must be in 2^8..2^23.
 fn inverse(expected: u32) -> u32 {
     let zeros = expected.leading_zeros().clamp(9, 23);
     let leading = (expected << zeros) >> 24;
@@ -154,8 +154,8 @@ pub fn symbols<'b>(
         })
 }
 
-/// State of the quantiser and activity, which both encoder and decoder of a block derive from its
-/// earlier magnitudes. With a context they determine the table for the next magnitude.
+/// What encoder and decoder derive from a block's earlier magnitudes: state of the quantiser and
+/// activity. With a context, they determine the table for the next magnitude.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     state: State,
@@ -181,7 +181,7 @@ impl Place {
         context.table_level(self.activity)
     }
 
-    /// Advances past the current coefficient, which has this magnitude, to the next one.
+    /// Advances past the current coefficient, whose magnitude is `magnitude`.
     #[inline(always)]
     pub(crate) fn advance(&mut self, magnitude: Magnitude) {
         self.activity = self.activity.after(magnitude.value.into());

@@ -68,7 +68,7 @@ pub use rate::{RATES, Rate};
 pub use tables::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts, Tables};
 pub use trellis::{MAX_COEFFICIENTS, Survivors, quantise};
 
-/// Number of coefficients at the end of a block that are probes, if errors are weighted.
+/// Number of probes, which are the last coefficients of a block in a model with weighted errors.
 ///
 /// The rows of a weighted transform are not orthonormal, so the energy that the coefficients do not
 /// represent is not the block's energy minus the coefficients' energy. Probes are orthogonal
@@ -76,7 +76,7 @@ pub use trellis::{MAX_COEFFICIENTS, Survivors, quantise};
 /// represented.
 pub const PROBES: usize = 8;
 
-/// Ratio of the energy that is not represented to the sum of the probes' energies, as a left shift.
+/// 2^`PROBE_SHIFT` is the ratio of the energy that is not represented to the energy of the probes.
 pub const PROBE_SHIFT: u32 = 5;
 
 #[cfg(test)]

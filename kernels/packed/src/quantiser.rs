@@ -6,9 +6,9 @@ use crate::rate::Rate;
 ///
 /// There are two quantisers: points of quantiser 0 are even multiples of the step, points of
 /// quantiser 1 are odd multiples and 0. States 0 and 1 use quantiser 0, states 2 and 3 quantiser 1,
-/// and the parity of a magnitude chooses the next state. So the points together are as dense as
-/// with one step, but each coefficient only takes the bits of points two steps apart ("dependent
-/// quantisation" of H.266, 7.4.11.2).
+/// and the parity of a magnitude chooses the next state. Together the points are one step apart,
+/// but a coefficient costs only the bits of points two steps apart ("dependent quantisation" of
+/// H.266, 7.4.11.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct State(u8);
 
@@ -47,11 +47,9 @@ impl Magnitude {
     };
 }
 
-/// Adds a block's dequantised coefficients to their prediction, saturating, which yields the new
-/// state of encoder and decoder.
-///
-/// `state` holds the prediction before the call and the new state after it. If the slices differ in
-/// length, the rest of the longer slice is ignored.
+/// Adds a block's dequantised coefficients to their prediction, saturating. `state` holds the
+/// prediction before the call, and afterwards the new state of encoder and decoder. If the slices
+/// differ in length, the rest of the longer slice is ignored.
 pub fn update_state(magnitudes: &[Magnitude], rate: Rate, state: &mut [i16]) {
     let mut quantiser = State::START;
     for (magnitude, state) in magnitudes.iter().zip(state) {

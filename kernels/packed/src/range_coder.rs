@@ -2,7 +2,7 @@
 
 use crate::tables::{FREQUENCY_BITS, Frequencies, MAGNITUDES};
 
-/// Smallest size of the range between two symbols; below it, a byte is written.
+/// Smallest range between two symbols. While the range is smaller, a byte is written or read.
 const LEAST_RANGE: u32 = 1 << 24;
 
 /// Writes symbols as one long number (Martin 1979), most significant byte first.
@@ -19,7 +19,7 @@ pub(crate) struct RangeEncoder<'b> {
     length: usize,
     /// Number of bytes up to and including the last byte that is not 0.
     significant: usize,
-    /// Number of bytes 0xff at the end of the number; a carry would turn them into 0.
+    /// Number of bytes 0xff at the end of the number, which a carry would turn into 0.
     trailing_ones: usize,
 }
 
@@ -70,8 +70,8 @@ impl<'b> RangeEncoder<'b> {
             u64::from(self.low) + u64::from(self.range),
         );
         let rounded_up = |zeros: u32| (low + (1 << zeros) - 1) >> zeros << zeros;
-        // In one block of five, the range contains a number that ends in four zero bytes. In every
-        // block it contains a number that ends in three, as the range is at least 2^24.
+        // In one block out of five, the range contains a number that ends in four zero bytes. It
+        // always contains a number that ends in three, because it is at least 2^24.
         let number = if rounded_up(32) < end {
             rounded_up(32)
         } else {
@@ -128,7 +128,7 @@ impl<'b> RangeEncoder<'b> {
     }
 }
 
-/// Reads the symbols that [`RangeEncoder`] wrote. After the last byte it reads zeros.
+/// Reads what [`RangeEncoder`] wrote. After the last byte it reads zeros.
 #[derive(Clone, Debug)]
 pub(crate) struct RangeDecoder<'b> {
     /// The number read so far, minus the start of the current range.
@@ -153,7 +153,7 @@ impl<'b> RangeDecoder<'b> {
         decoder
     }
 
-    /// Reads the next symbol. `starts` are the first frequencies of the symbols, ascending from 0;
+    /// Reads the next symbol. `starts` holds the first frequency of each symbol, ascending from 0;
     /// the frequencies of the last symbol end at 2^15.
     pub(crate) fn symbol(&mut self, starts: &[u16; MAGNITUDES]) -> usize {
         let unit = self.range >> FREQUENCY_BITS;
@@ -179,7 +179,7 @@ impl<'b> RangeDecoder<'b> {
     }
 
     fn consume(&mut self, unit: u32, frequencies: Frequencies) {
-        // For bytes that no encoder writes, the offset can be beyond the range; it then wraps.
+        // In bytes that no encoder writes, the offset can exceed the range; it then wraps.
         self.offset = self
             .offset
             .wrapping_sub(unit.wrapping_mul(frequencies.start));

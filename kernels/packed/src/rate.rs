@@ -1,6 +1,6 @@
 //! The rate of a block, which determines the quantiser's step.
 
-/// Number of rates, from which an encoder chooses.
+/// Number of rates from which an encoder chooses.
 pub const RATES: usize = 16;
 
 /// Index of the quantiser's step, 0 (finest) to 15 (coarsest). The step grows by 3 dB from one rate
@@ -20,7 +20,7 @@ impl Rate {
         8, 11, 16, 23, 32, 45, 64, 91, 128, 181, 256, 362, 512, 724, 1024, 1448,
     ];
 
-    /// `2^34 / step`, rounded up, for each rate: multiplication by it replaces a division.
+    /// `2^34 / step`, rounded up, for each rate: multiplying by it replaces dividing by the step.
     const RECIPROCALS: [u32; RATES] = {
         let mut reciprocals = [0; RATES];
         let mut rate = 0;
@@ -71,8 +71,7 @@ impl Rate {
     }
 
     /// Converts `magnitude`, below 2^17, from units of a coefficient to 1/256 of a step, rounded
-    /// down. The result is below 2^22. It is exact, as a test of every magnitude and rate shows,
-    /// although the reciprocal is rounded up.
+    /// down. The result is below 2^22 and exact, as a test of every magnitude and rate shows.
     pub(crate) fn in_steps(self, magnitude: u32) -> i32 {
         let reciprocal = Self::RECIPROCALS[usize::from(self.0) % RATES];
         #[expect(clippy::cast_possible_truncation, reason = "below 2^17 * 2^31 / 2^26")]
@@ -80,7 +79,6 @@ impl Rate {
         steps
     }
 
-    /// Returns the number of levels by which the rate shifts the levels of the mean magnitudes.
     pub(crate) fn level_shift(self) -> i32 {
         Self::LEVEL_SHIFTS[usize::from(self.0) % RATES].into()
     }

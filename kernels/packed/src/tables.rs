@@ -12,11 +12,11 @@ pub(crate) const ESCAPE: u16 = 15;
 /// Number of bits of a probability: the frequencies of all magnitudes in a table sum to 2^15.
 pub const FREQUENCY_BITS: u32 = 15;
 
-/// Weight of 1/16 bit against squared error in the trellis, in 1/65536 of a squared step: a whole
-/// bit costs as much as an error of 0.3 squared steps.
+/// Cost of 1/16 bit in the trellis, in 1/65536 of a squared step: a whole bit costs as much as a
+/// squared error of 0.3 squared steps.
 pub(crate) const BIT_COST: i32 = 1229;
 
-/// First frequency of each magnitude in the range coder: `[quantiser][level][magnitude]`.
+/// First of the frequencies of each magnitude in the range coder: `[quantiser][level][magnitude]`.
 pub type Starts = [[[u16; MAGNITUDES]; LEVELS]; 2];
 
 /// Length of each magnitude's code in 1/16 bit: `[quantiser][level][magnitude]`.
@@ -25,9 +25,8 @@ pub type Costs = [[[u8; MAGNITUDES]; LEVELS]; 2];
 /// Probabilities of the magnitudes, and the lengths of their codes.
 #[derive(Clone, Copy, Debug)]
 pub struct Tables<'t> {
-    /// First frequency of each magnitude, ascending from 0. The frequencies of a magnitude end
-    /// where the next magnitude's begin, or at 2^15 for the last magnitude. Every magnitude has at
-    /// least one frequency.
+    /// First of the frequencies of each magnitude, ascending from 0. A magnitude's frequencies end
+    /// where those of the next magnitude begin, or at 2^15. Every magnitude has at least one.
     pub starts: &'t Starts,
     /// Length of each magnitude's code in 1/16 bit, including the sign, but without the Elias gamma
     /// code of large magnitudes.
@@ -35,7 +34,7 @@ pub struct Tables<'t> {
 }
 
 impl Tables<'_> {
-    /// Returns true if every magnitude has a frequency, so that it can be written and read.
+    /// Returns true if every magnitude has a frequency, and so can be coded.
     pub const fn is_consistent(&self) -> bool {
         let mut row = 0;
         while row < 2 * LEVELS {
@@ -56,7 +55,7 @@ impl Tables<'_> {
     }
 }
 
-/// The frequencies of one symbol in the range coder, which are consecutive numbers.
+/// The consecutive frequencies of one symbol in the range coder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Frequencies {
     /// First of the frequencies.

@@ -1,4 +1,4 @@
-//! The encoder's choice of magnitudes: the cheapest path through the states of the quantiser.
+//! Chooses the magnitudes of a block: the cheapest path through the states of the quantiser.
 
 use crate::context::{Activity, Context};
 use crate::quantiser::Magnitude;
@@ -11,16 +11,16 @@ const STATES: usize = 4;
 /// Cost of a state that no path has reached; it is above the cost of every path.
 const UNREACHED: i32 = 1 << 29;
 
-/// Largest number of coefficients of a block, so that the cost of a path stays below [`UNREACHED`].
+/// Largest number of coefficients in a block. It keeps the cost of a path below [`UNREACHED`].
 pub const MAX_COEFFICIENTS: usize = 256;
 
-/// Which path survived in each state after a coefficient, two bits for each state: bit 0 is set if
-/// the path came from the second of the two states that lead there, bit 1 if the path chose
-/// magnitude 0 over a larger even magnitude.
+/// Which path survived in each of the four states after a coefficient. Two bits per state: bit 0 is
+/// set if the path came from the second of the two possible states, bit 1 if it chose magnitude 0
+/// over a larger even magnitude.
 pub type Survivors = u8;
 
-/// Chooses the magnitudes of a block by the Viterbi algorithm: those with the smallest sum of
-/// squared errors and of bits, where a bit costs 0.3 squared steps.
+/// Chooses the magnitudes of a block by the Viterbi algorithm. They minimise the sum of squared
+/// errors plus the cost of their codes, 0.3 squared steps for each bit.
 ///
 /// For each coefficient, the candidates of a quantiser are its points on both sides of the value,
 /// and 0 if the lower point has magnitude 1. The Elias gamma code of magnitudes from 15 on is left
@@ -75,8 +75,8 @@ fn lower_magnitude(value: i32, quantiser: i32) -> i32 {
     ((value >> 8) + quantiser) >> 1
 }
 
-/// The magnitudes of one quantiser that are tried for a coefficient: an even one, an odd one, and 0
-/// if it can replace the even one.
+/// The magnitudes of one quantiser that are tried for a coefficient: an even magnitude, an odd
+/// magnitude, and 0 if it can replace the even magnitude.
 #[derive(Clone, Copy, Debug)]
 struct Candidates {
     even: Candidate,
@@ -101,7 +101,7 @@ impl Candidates {
     fn new(value: i32, quantiser: i32) -> Self {
         let lower = lower_magnitude(value, quantiser);
         let candidate = |magnitude: i32| {
-            // For magnitude 0 of quantiser 1 this error is wrong; `zero_error` has the right error.
+            // Wrong for magnitude 0 of quantiser 1; `zero_error` holds the right error.
             let error = value - ((2 * magnitude - quantiser) << 8);
             Candidate {
                 symbol: magnitude.clamp(0, ESCAPE.into()).cast_unsigned(),
@@ -153,8 +153,7 @@ struct Paths {
     activities: [Activity; STATES],
 }
 
-/// The two continuations of a path from one state: with the cheaper even magnitude, and with the
-/// odd one.
+/// The two continuations of a path: with the cheaper even magnitude, and with the odd magnitude.
 #[derive(Clone, Copy, Debug)]
 struct Ways {
     even: Way,
@@ -167,8 +166,8 @@ struct Way {
     cost: i32,
     /// The magnitude, limited to 15.
     symbol: u32,
-    /// Bits of [`Survivors`]: 2 if magnitude 0 won over a larger even one, 1 if the path comes from
-    /// the second of two states.
+    /// Bits of [`Survivors`]: 2 if magnitude 0 replaced the larger even magnitude, 1 if the path
+    /// comes from the second of two states.
     survivor: u8,
     /// Activity of the path before this coefficient.
     activity: Activity,
@@ -210,8 +209,8 @@ impl Paths {
         zero | one << 2 | two << 4 | three << 6
     }
 
-    /// Returns the cheapest continuations from the two states of a quantiser: the first with an
-    /// even sum of magnitude and state, the second with an odd one.
+    /// Returns the cheapest continuations from the two states of a quantiser: first the one with an
+    /// even sum of magnitude and state, then the one with an odd sum.
     #[inline(always)]
     fn extend_quantiser<const QUANTISER: usize>(
         &self,
@@ -232,7 +231,7 @@ impl Paths {
         ]
     }
 
-    /// Returns the state that the cheapest path leads to; if several are equal, the first.
+    /// Returns the state at the end of the cheapest path; the lowest of several with equal cost.
     fn cheapest_state(&self) -> u8 {
         let mut cheapest = 0;
         let mut least = self.costs[0];

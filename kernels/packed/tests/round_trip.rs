@@ -1,4 +1,4 @@
-//! Tests that blocks are read as they were written, with every magnitude, rate and residual.
+//! Tests that blocks are read as they were written, for any magnitudes, rates and residuals.
 
 use std::sync::LazyLock;
 

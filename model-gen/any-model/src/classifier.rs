@@ -4,9 +4,9 @@ use artifact::classifier::{
     Band, Class, Classifier, ClassifierTraining, DecisionRule, SpatialFilter,
 };
 
-/// Returns a classifier of these electrodes at 128 steps per second in hops of eight. The more
-/// power from 8 to 30 Hz the first quarter of the electrodes has, the more probable is class 773;
-/// for the last quarter, it is class 771. The power is averaged over 16 hops.
+/// Returns a classifier for electrodes with these labels, at 128 steps per second in hops of eight.
+/// More power between 8 and 30 Hz at the first quarter of the electrodes makes class 773 more
+/// probable, at the last quarter class 771. The power is averaged over 16 hops.
 pub fn any_classifier<'l>(labels: impl IntoIterator<Item = &'l str>) -> Classifier {
     let electrodes: Vec<String> = labels.into_iter().map(str::to_owned).collect();
     let count = electrodes.len();

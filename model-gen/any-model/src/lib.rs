@@ -130,8 +130,8 @@ pub fn any_artifact_with(
     with_any_substitution(seed, artifact)
 }
 
-/// Returns `model` with its network replaced by a random linear code, as it is fitted to a person.
-/// Packed model, table of substitutions and input scale stay.
+/// Returns `model` with its network replaced by a random linear code, like a code fitted to a
+/// person. Packed model, table of substitutions and input scale stay.
 ///
 /// # Errors
 /// When the built-in model cannot be read, or `model` has no network.
@@ -164,7 +164,7 @@ pub struct Size {
     pub steps: usize,
     /// Number of time steps from the start of one window to the start of the next.
     pub hop: usize,
-    /// Length of a code in numbers.
+    /// Number of values in a code.
     pub numbers: usize,
 }
 
@@ -185,8 +185,8 @@ impl Size {
         let [rows, columns] = self.grid;
         let cells = rows * columns;
         let is_electrode = |cell: usize| {
-            // Spread electrodes evenly: cell k has one if an integer is above k * electrodes /
-            // cells and not above (k + 1) * electrodes / cells.
+            // Spread the electrodes evenly: cell k has an electrode if an integer is above
+            // `k * electrodes / cells` and not above `(k + 1) * electrodes / cells`.
             (cell + 1) * self.electrodes / cells > cell * self.electrodes / cells
         };
         let label = |cell: usize| {
@@ -230,7 +230,7 @@ pub fn montages() -> Result<Vec<MontageFile>, MontageFileError> {
     paths.iter().map(|path| MontageFile::read(path)).collect()
 }
 
-/// Returns a random network for a montage, with codes of `numbers` numbers; see [`any_artifact`].
+/// Returns a random network for a montage, with codes of `numbers` values; see [`any_artifact`].
 ///
 /// # Errors
 /// When the built-in model cannot be read, or no model of this mode has this montage and code.
@@ -287,7 +287,7 @@ pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     let grid = ScalpGrid::new(&artifact.description);
     let dimensions = artifact.description.dimensions();
     // Use another seed than for the weights: windows of the same random numbers would match the
-    // weights exactly, which real EEG never does.
+    // weights exactly, unlike any real EEG.
     let mut noise = Noise(seed ^ 0x9e37_79b9);
     let mut window = || {
         let mut last = vec![0.0_f32; dimensions.electrodes];

@@ -1,4 +1,4 @@
-//! Writes a random model for a montage file: a linear code with two numbers per electrode.
+//! Writes a random model for a montage file: a linear code with two values per electrode.
 //! `cargo xtask board` builds images with it.
 #![forbid(unsafe_code)]
 

@@ -158,7 +158,7 @@ fn words(pairs: &[Pair]) -> Vec<String> {
         .collect()
 }
 
-/// Returns one integer for each number of a code: the factors or biases of a layer, or zeros if the
+/// Returns one integer for each value of a code: the factors or biases of a layer, or zeros if the
 /// network lacks the layer.
 fn filled(integers: &[i32], numbers: usize) -> Vec<i32> {
     let mut filled = integers.to_vec();

@@ -110,8 +110,8 @@ fn the_worst_input_reaches_the_proven_gain_and_no_more() {
     }
 }
 
-/// Returns the outputs of the chain, computed by definition in f64: for each output, the index of
-/// the newest sample that it contains, and its value.
+/// Returns the outputs of the chain, computed in f64 directly from the definition: for each output,
+/// the index of the newest sample that it contains, and its value.
 fn resampled(chain: &Chain, input: &[f64]) -> Vec<(usize, f64)> {
     let filtered: Vec<f64> = response::filter(chain.sections, input.iter().copied()).collect();
     let (down, phases) = (usize::from(chain.resampler.down), chain.resampler.phases());

@@ -76,8 +76,8 @@ fn the_quantised_cascade_has_scipy_s_response_at_every_rate() {
         worst = worst.max(error);
         lines += 1;
     }
-    // The golden file has six rates with 0, 1 and 2 harmonics (at 250 and 256 Hz not with 2, whose
-    // notch would exceed half the rate), two mains frequencies and 17 frequencies.
+    // The golden file has six rates with 0, 1 and 2 harmonics (but not 2 at 250 and 256 Hz, where
+    // the highest notch would exceed half the rate), two mains frequencies and 17 frequencies.
     assert_eq!(lines, (6 * 3 - 2) * 2 * 17);
     // Coefficients have 32 fraction bits, a rounding error of 1.2e-10. The poles of the 0.5 Hz
     // high-pass, at radius r, amplify it by 1 / (1 - r)^2 close to the band edge. The largest

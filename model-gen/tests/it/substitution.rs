@@ -79,7 +79,7 @@ fn constants_and_manifest_state_the_table_only_if_there_is_one() {
     ] {
         assert!(statics.contains(expected), "no `{expected}`");
     }
-    // 4,096 bytes of weights and 244 of innovations; sqrt(256) / 16 and sqrt(316) / 16 uV.
+    // The weights take 4,096 bytes; the innovations take 244 and are sqrt(256..316) / 16 uV.
     let lines = "
 substitution          61 electrodes, each from the others, 4340 B
   innovation          1.00 .. 1.11 uV rms

@@ -15,15 +15,14 @@ use crate::settings::Settings;
 /// Progress of a bring-up, and the registers that it has read back.
 ///
 /// One stage clocks at most [`STAGE_BYTES`], which takes 1.1 ms at an SCLK of 82 kHz, decoding
-/// times included. So a device with a sample every 1.9 ms can run a stage between two samples.
+/// times included, so a stage fits between two samples of a device with a sample every 1.9 ms.
 /// Between stages the caller waits for the time that [`Chain::run_stage`] returns.
 #[derive(Clone, Debug)]
 pub(crate) struct BringUp<const CHIPS: usize> {
     next: Stage,
     power_us: u32,
     reference_was_on: bool,
-    /// Registers read back from each chip, compared with the values written; complete after the
-    /// last stage.
+    /// Registers read back from each chip and compared; complete after the last stage.
     pub(crate) read_backs: [ReadBack; CHIPS],
 }
 
@@ -44,7 +43,7 @@ const PARTS: usize = 3;
 /// Limit on the number of bytes that one stage clocks; asserted below.
 const STAGE_BYTES: usize = 11;
 
-/// Number of bytes that RREG and WREG take before the values: opcode and number of registers.
+/// Number of bytes in RREG and WREG before the register values: opcode and number of registers.
 const OPCODE_BYTES: usize = 2;
 
 /// Number of bytes of RDATAC, which is sent in the same stage as the last read.
@@ -99,7 +98,7 @@ impl<const CHIPS: usize> BringUp<CHIPS> {
 }
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
-    /// Stops the chips, writes every register and returns the values read back; calls `progress` at
+    /// Stops the chips, writes all registers and returns the values read back; calls `progress` at
     /// least every 20 ms.
     pub(crate) async fn set_up(
         &mut self,
@@ -172,8 +171,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok((bring_up.next != Stage::Done).then_some(wait_us))
     }
 
-    /// Runs all remaining stages with the delays between them; calls `progress` at least every 20
-    /// ms.
+    /// Runs the remaining stages and their delays; calls `progress` at least every 20 ms.
     pub(crate) async fn finish(
         &mut self,
         settings: Settings,

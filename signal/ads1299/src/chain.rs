@@ -1,5 +1,4 @@
-//! SPI bus and pins of a chain of ADS1299 chips, the commands to the chips, and the commands'
-//! timing.
+//! SPI bus and pins of a chain of ADS1299 chips, and the commands to the chips with their timing.
 
 use core::ops::Range;
 
@@ -15,7 +14,7 @@ use crate::image::Image;
 use crate::register::Register;
 use crate::settings::{Control, Settings, Wiring};
 
-/// SPI bus (mode 1) and pins, all of one type, of a chain of 1 to 8 chips.
+/// SPI bus (mode 1) and pins of a chain of 1 to 8 chips; all pins have the type `Line`.
 ///
 /// The driver sets a slower SCLK for registers than for bursts ([`Bus`]). The chips themselves
 /// accept 20 MHz for registers too, because the driver waits for the decoding time after each byte;
@@ -58,12 +57,11 @@ pub(crate) mod opcode {
     pub(crate) const MASK: u8 = 0xE0;
 }
 
-/// Clock cycles to decode a byte, and to execute a command before the chip is deselected (data
-/// sheet section 9.5.3, tSDECODE; 7.6, tSCCS).
+/// Clock cycles that a chip needs to decode a byte, and to execute a command before it is
+/// deselected (data sheet section 9.5.3, tSDECODE; 7.6, tSCCS).
 pub(crate) const DECODE: u32 = 4;
 
-/// Clock cycles for which a chip must stay deselected between two commands (data sheet section 7.6,
-/// tCSH).
+/// Clock cycles that a chip must stay deselected between commands (data sheet section 7.6, tCSH).
 pub(crate) const DESELECTED: u32 = 2;
 
 /// Clock cycles from power-up to the reset (data sheet section 11.1, tPOR). By then, VCAP1 must
@@ -187,8 +185,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     ///
     /// # Timing
     /// Call it directly after DRDY falls; it must end before DRDY falls again. Clocking takes 108
-    /// us for eight chips at 16 MHz, and 3 us more pass until the chips are deselected: once for a
-    /// daisy chain, for each of the chips if they are cascaded.
+    /// us for eight chips at 16 MHz, and another 3 us pass before the chips are deselected: once in
+    /// a daisy chain, once per chip if they are cascaded.
     pub(crate) async fn read_frame(
         &mut self,
         frame: &mut [u8],
@@ -236,8 +234,9 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.send_all(&[opcode], settings).await
     }
 
-    /// Sends a command to all chips and ignores MISO: at once to a daisy chain, one after the other
-    /// to cascaded chips, whose DOUTs would drive MISO against each other.
+    /// Sends a command to all chips and ignores MISO. All chips of a daisy chain get the command at
+    /// once; cascaded chips get it one after the other, because their DOUTs would drive MISO
+    /// against each other.
     pub(crate) async fn send_all(&mut self, bytes: &[u8], settings: Settings) -> Result<(), Error> {
         match settings.wiring {
             Wiring::Daisy => self.exchange(0..CHIPS, bytes, &mut []).await,
@@ -274,8 +273,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.exchange(chip..chip + 1, &bytes[..end], &mut []).await
     }
 
-    /// Selects the chips, sends `send`, fills `receive` with their answer and deselects them, with
-    /// a wait of four clock cycles after every byte.
+    /// Selects the chips, sends `send`, fills `receive` with the bytes on MISO, and deselects the
+    /// chips. Waits four clock cycles after every byte.
     pub(crate) async fn exchange(
         &mut self,
         chips: Range<usize>,
@@ -303,8 +302,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(())
     }
 
-    /// Sends `bytes`, replaces them by the received bytes, and waits until the last bit has been
-    /// clocked.
+    /// Sends `bytes`, replaces them with the received bytes, and waits for the last bit.
     pub(crate) async fn transfer(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
         let bus = |error: Spi::Error| Error::Bus(error.kind());
         self.spi.transfer_in_place(bytes).await.map_err(bus)?;
@@ -340,8 +338,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         set.map_err(|error| Error::Pin(Pin::Reset, error.kind()))
     }
 
-    /// Delays by `us` microseconds in slices of at most 20 ms, and calls `progress` after each
-    /// slice.
+    /// Delays by `us` microseconds in slices of up to 20 ms; calls `progress` after each slice.
     pub(crate) async fn rest(&mut self, mut us: u32, progress: &mut impl FnMut()) {
         while us > 0 {
             let slice = us.min(SLICE_US);

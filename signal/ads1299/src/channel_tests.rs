@@ -31,8 +31,7 @@ pub struct ChannelResult {
     pub gain_error: f32,
     /// Mean of the samples, or of the square wave's two levels, in microvolts at the input.
     pub offset_uv: f32,
-    /// Noise around the mean, or around the square wave's two levels, in microvolts rms at the
-    /// input.
+    /// Noise around the mean or the square wave's two levels, in microvolts rms at the input.
     pub noise_uv: f32,
     /// Number of samples that the result is computed from.
     pub samples: u32,
@@ -190,7 +189,6 @@ impl Statistics {
         self.squares += distance.unsigned_abs().pow(2);
     }
 
-    /// Returns the number of samples in the sums.
     pub(crate) const fn number(&self) -> u32 {
         self.number
     }
@@ -209,8 +207,9 @@ impl Statistics {
     }
 }
 
-/// Returns the standard deviation in counts, with a resolution of 1/65536 count. Uses the integer
-/// square root, because `core` has no square root for floats.
+/// Returns the standard deviation in counts, with a resolution of 1/65536 count below 1 mV at gain
+/// 24, and of 1 count above. Uses the integer square root, because `core` has no square root for
+/// floats.
 #[expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,

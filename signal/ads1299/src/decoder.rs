@@ -2,13 +2,12 @@
 
 use crate::reading::{NIBBLE, StatusWord};
 
-/// Number of consecutive frames that must fit the alignment not in use before the decoder switches
-/// to it.
+/// Number of consecutive frames in the alignment not in use before the decoder switches to it.
 const CHANGE_OVER: u8 = 4;
 
-/// Number of repeated counts at which a chip is reported as frozen, summed over its channels and
-/// over consecutive frames in which its data repeat. Channels at a rail or at 0 (the value of a
-/// channel that is off) are not counted.
+/// Number of repeated counts at which a chip is reported as frozen. Repetitions are summed over the
+/// chip's channels and over consecutive frames in which all of its data repeat. Channels at a rail
+/// or at 0 (the value of a channel that is off) are not counted.
 ///
 /// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`). So
 /// two consecutive counts are equal by chance with probability `1 / (9.4 sqrt(2) sqrt(2 pi))`, 3 %.
@@ -26,7 +25,7 @@ const SPAN: usize = CHIP_BYTES + 1;
 
 /// Decodes a stream of frames: finds the chips' alignment and checks each chip.
 ///
-/// The first frame with a valid chip after chip 0 decides the [`Alignment`]: it becomes the
+/// The first frame with a valid chip after chip 0 decides the [`Alignment`]: the decoder takes the
 /// alignment in which more chips have a status that starts with 1100. Chip 1 alone is sufficient:
 /// read with the wrong alignment, its first four bits are 100x or x110. In later frames a chip
 /// whose status does not start with 1100 is only reported as bad. The alignment changes only after
@@ -40,8 +39,8 @@ pub struct Decoder<const CHIPS: usize> {
     against: u8,
     /// Each chip's part of the previous frame, to detect frozen chips.
     last: [Part; CHIPS],
-    /// Number of repeated counts of each chip, counted as stated at [`FROZEN`]; at most 13, which
-    /// is `FROZEN` plus eight channels.
+    /// Number of repeated counts of each chip, by the rule at [`FROZEN`]; at most 13, which is
+    /// `FROZEN` plus eight channels.
     repeats: [u8; CHIPS],
 }
 
@@ -52,9 +51,9 @@ pub struct FrameStatus<const CHIPS: usize> {
     pub alignment: Alignment,
     /// Status word of each chip, chip 0 first.
     pub words: [StatusWord; CHIPS],
-    /// Chips whose status does not start with 1100, one bit each: their counts are invalid.
+    /// Chips whose status does not start with 1100, so that their counts are invalid; one bit each.
     pub bad: u8,
-    /// Frozen chips, one bit each: they repeat their counts.
+    /// Frozen chips, which repeat their counts; one bit each.
     pub repeated: u8,
 }
 
@@ -72,8 +71,7 @@ impl<const CHIPS: usize> Default for Decoder<CHIPS> {
 }
 
 impl<const CHIPS: usize> Decoder<CHIPS> {
-    /// Creates a decoder without an alignment. The number of chips, 1 to 8, is checked at compile
-    /// time.
+    /// Creates a decoder without an alignment. It compiles only for 1 to 8 chips.
     pub const fn new() -> Self {
         const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
         Self {
@@ -89,8 +87,7 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         self.alignment
     }
 
-    /// Decodes a frame into `counts` by chip and channel, sign-extended from 24 bits, |count| <=
-    /// 2^23.
+    /// Decodes a frame into counts by chip and channel, sign-extended: |count| <= 2^23.
     ///
     /// `BYTES` is [`frame_bytes`] for the number of chips, checked at compile time. For a bad chip,
     /// `counts` receives the bits at the chip's position in the frame, whatever they are.
@@ -183,8 +180,8 @@ struct Part {
 }
 
 impl Part {
-    /// Stands for the previous frame before the first frame. It equals no chip's data, because a
-    /// status word has only 24 bits.
+    /// Initial value of `Decoder::last`, before the first frame. It equals no chip's data, because
+    /// a status word has only 24 bits.
     const NEVER_SENT: Self = Self {
         word: StatusWord(u32::MAX),
         counts: [0; CHANNELS],
@@ -239,8 +236,7 @@ fn word(span: &[u8; SPAN], n: usize, shift: u32) -> i32 {
 }
 
 /// Spacing of the chips' parts in a frame. The data sheet draws a don't-care bit between two chips
-/// of a daisy chain (revision A, figure 41); other sources report 27 bytes per chip without such a
-/// bit.
+/// of a daisy chain (revision A, figure 41); other sources report 27 bytes per chip without it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alignment {
     /// Without a don't-care bit: chip k starts at bit 216 k.
@@ -254,8 +250,7 @@ impl Alignment {
     /// chip `chip`: 0 to 7 for `chip` < 8.
     #[inline]
     pub(crate) const fn shift(self, chip: u32) -> u32 {
-        // A product is used instead of a branch; the mask shows the compiler that the result is at
-        // most 7.
+        // A product replaces a branch; the mask shows the compiler that the result is at most 7.
         (self as u32 * chip) & 7
     }
 
@@ -273,8 +268,7 @@ pub const CHANNELS: usize = 8;
 /// Bytes per chip in a frame: 24 status bits and eight 24-bit counts (data sheet section 9.4.4).
 pub const CHIP_BYTES: usize = 3 + 3 * CHANNELS;
 
-/// Longest chain, in chips. With eight chips the don't-care bits still fit into the frame's extra
-/// byte.
+/// Longest chain, in chips. The don't-care bits of eight chips still fit the frame's extra byte.
 pub const MAX_CHIPS: usize = 8;
 
 /// Returns the number of bytes to clock per frame: 27 per chip, and one for the don't-care bits

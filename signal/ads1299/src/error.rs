@@ -7,8 +7,7 @@ use embedded_hal::{digital, spi};
 use crate::bus::{Speed, TooFast};
 use crate::register::Register;
 
-/// Reason why a chain, or one of its chips, does not run. Chips are numbered from 0, the chip wired
-/// to MISO.
+/// Reason why a chain or one of its chips does not run. Chip 0 is the chip wired to MISO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
     /// The microcontroller's SPI failed.
@@ -66,8 +65,7 @@ impl fmt::Display for Pin {
 }
 
 impl Error {
-    /// Returns the chip that the error concerns; `None` for the bus and for pins shared by all
-    /// chips.
+    /// Returns the chip that the error concerns; `None` for the bus and for shared pins.
     pub const fn chip(&self) -> Option<u8> {
         match self {
             Self::WrongId { chip, .. }

@@ -13,7 +13,7 @@ use crate::settings::{Settings, Wiring};
 impl Settings {
     /// Returns the number of bytes that switch on the excitation of `chips` chips: SDATAC, RDATAC
     /// and two register writes, once for a daisy chain or for each cascaded chip, and one more
-    /// register write for each chip whose mask differs from the mask of chip 0.
+    /// register write for each chip whose LOFF_SENSP differs from that of chip 0.
     pub(crate) fn excitation_bytes(self, chips: usize) -> usize {
         let mask = |chip| self.image(chip).0[Register::LOFF_SENSP.index()];
         let others = (1..chips).filter(|chip| mask(*chip) != mask(0)).count();
@@ -27,8 +27,8 @@ impl Settings {
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
     /// Writes the registers of the excitation while the chips convert: SDATAC, WREG, RDATAC. Only
-    /// samples that end meanwhile are lost: CONFIG1 keeps its value, so the filters continue. SCLK
-    /// stays at the frequency of bursts, which is not too fast for writes.
+    /// samples that end during the writes are lost, because the filters restart only when CONFIG1
+    /// is written. SCLK stays at the frequency of bursts, which is not too fast for writes.
     async fn write_excitation(&mut self, settings: Settings) -> Result<(), Error> {
         self.command_all(opcode::SDATAC, settings).await?;
         let written = self.write_excitation_registers(settings).await;
@@ -46,7 +46,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
             ];
             self.send_all(&bytes, settings).await?;
         }
-        // Chips with channels that have no electrode get a mask of their own.
+        // Chips with spare channels need their own value of LOFF_SENSP.
         for chip in 1..CHIPS {
             let mask = settings.image(chip).0[Register::LOFF_SENSP.index()];
             if mask != first[Register::LOFF_SENSP.index()] {
@@ -67,7 +67,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// the command, its electrodes read nearly 0 ohms.
     ///
     /// # Errors
-    /// The bus or a pin fails. Some chips can be excited then, so all channels count as excited
+    /// The bus or a pin fails. Some chips may be excited by then, so all channels count as excited
     /// until a later call succeeds.
     ///
     /// # Timing

@@ -82,8 +82,7 @@ impl ReadBack {
         id_fits: false,
     };
 
-    /// Compares `read` with `written`; ignores the bits that a chip does not return as they were
-    /// written.
+    /// Compares `read` with `written`, except for bits that a chip does not return as written.
     pub fn new(written: &Image, read: Image) -> Self {
         let kept = Register::KEPT.iter().zip(written.0.iter().zip(&read.0));
         let differing = kept

@@ -4,13 +4,13 @@ use core::f64::consts::{PI, SQRT_2};
 
 use crate::settings::Settings;
 
-/// Magnitude of the square wave, in amperes. A real chip is within 20 % (data sheet section
-/// 7.5).
+/// Magnitude of the excitation, a square wave of current, in amperes; within 20 % on a real chip
+/// (data sheet section 7.5).
 pub(crate) const AMPERES: f64 = 6e-9;
 
-/// Amplitude of the square wave's fundamental in the samples, relative to the square wave: `4 / pi`
-/// for the fundamental, times `(sin(pi / 4) / (pi / 4))^3`, 0.73, for the chip's sinc filter of
-/// third order. Together `64 sqrt(2) / pi^4`, 0.929.
+/// Amplitude of the excitation's fundamental in the samples, relative to the magnitude of the
+/// square wave: `4 / pi` for the fundamental, times `(sin(pi / 4) / (pi / 4))^3`, 0.73, for the
+/// chip's third-order sinc filter. The product is `64 sqrt(2) / pi^4`, 0.929.
 ///
 /// In the samples, all odd harmonics alias to the fundamental. The third harmonic changes the
 /// amplitude by up to 1.3 %, all harmonics together by up to 1.5 %, depending on the phase at which
@@ -18,24 +18,25 @@ pub(crate) const AMPERES: f64 = 6e-9;
 /// constant is the mean over all phases.
 pub(crate) const FUNDAMENTAL: f64 = 64.0 * SQRT_2 / (PI * PI * PI * PI);
 
-/// Number of samples after a restart that are not measured: the chips' filter settles in three
-/// samples, and the differences need two earlier samples. A multiple of four, so that every
-/// measurement starts at the same phase.
+/// Number of samples ignored after a restart: the chips' filter settles in three samples, and the
+/// differences need two earlier samples. It is a multiple of four, so that every measurement starts
+/// at the same phase of the excitation.
 const LEAD: u32 = 8;
 
 /// Measures the impedance of `N` electrodes once a second from all samples of that second.
 ///
 /// The excitation repeats every four samples, so its amplitude is demodulated without a table of
 /// sines: `I` sums the differences `x0 - x2` and `Q` the differences `x1 - x3` over the whole
-/// measurement, and
+/// measurement:
 ///
 /// ```text
 /// ohms = sqrt(I^2 + Q^2) lsb / samples / (6 nA 0.929)
 /// ```
 ///
-/// which does not depend on the phase of the excitation. The sums are coherent: the bandwidth is 1
-/// Hz, and tones at all other multiples of 1 Hz, such as harmonics of mains, add up to zero.
-/// Offsets and slopes cancel in the differences. The noise of a converter at gain 24 reads as 3 ohms.
+/// The result does not depend on the phase of the excitation. The sums are coherent: the bandwidth
+/// is 1 Hz, and tones at all other multiples of 1 Hz, such as harmonics of mains, add up to zero.
+/// Offsets and slopes cancel in the differences. The noise of a converter at gain 24 reads as 3
+/// ohms.
 ///
 /// At 250 Hz, where a second is no multiple of four samples, a measurement takes two seconds.
 ///
@@ -58,8 +59,8 @@ const LEAD: u32 = 8;
 /// ```
 #[derive(Clone, Debug)]
 pub struct ImpedanceMeter<const N: usize> {
-    /// Number of samples since the restart; in later measurements, [`LEAD`] plus the number of
-    /// samples of this measurement.
+    /// Number of samples since the restart; after the first measurement, [`LEAD`] plus the number
+    /// of samples of the current measurement.
     age: u32,
     /// Number of samples in a measurement.
     samples: u32,
@@ -82,7 +83,7 @@ impl<const N: usize> ImpedanceMeter<N> {
     /// 100 pF, is 12 Mohm in parallel, which lowers this reading by only 0.3 %.
     pub const MAX_OHMS: u32 = 1_000_000;
 
-    /// Creates a measurement for a chain with these settings.
+    /// Creates a meter for a chain with these settings.
     pub const fn new(settings: Settings) -> Self {
         let samples = samples(settings);
         let volts = settings.gain.lsb_uv() * 1e-6 / samples as f64;
@@ -98,8 +99,7 @@ impl<const N: usize> ImpedanceMeter<N> {
         }
     }
 
-    /// Restarts the measurement. Call this for a sample without excitation, and when samples are
-    /// missing.
+    /// Restarts the measurement. Call this at a sample without excitation and at missing samples.
     pub const fn restart(&mut self) {
         self.age = 0;
         self.sums = [[0; N]; 2];
@@ -140,7 +140,7 @@ impl<const N: usize> ImpedanceMeter<N> {
         Some(ohms)
     }
 
-    /// Returns the impedance of an electrode, from complete sums.
+    /// Returns the impedance of an electrode from the sums of a complete measurement.
     #[expect(
         clippy::cast_precision_loss,
         clippy::cast_possible_truncation,

@@ -4,7 +4,7 @@
 //! The chips share the clock, SCLK, MOSI, START and RESET; each chip has its own chip select.
 //! [`Wiring`] says how their data outputs reach MISO: as a daisy chain, in which one burst with all
 //! chips selected reads a whole sample, or directly, with a burst for each chip. Registers are read
-//! chip by chip, for which a daisy chain has a resistor from each DOUT to MISO
+//! chip by chip; in a daisy chain, a resistor from each DOUT to MISO makes this possible
 //! (`docs/decisions/0011-daisy-chain-with-read-back.md`).
 //!
 //! ```text
@@ -15,9 +15,9 @@
 //! ```
 //!
 //! The result of [`Decoder`] depends only on its state and the frame. [`ReadyMeter`] checks the
-//! intervals of DRDY; [`SquareWaveTest`] and [`ShortedTest`] check samples of the chips' internal
-//! signals. [`ImpedanceMeter`] measures electrodes from samples of a chain with
-//! [`Settings::excited`].
+//! intervals of DRDY; [`SquareWaveTest`] and [`ShortedTest`] test channels with the chips' internal
+//! signals. [`ImpedanceMeter`] measures the impedance of electrodes from the samples of a chain
+//! with [`Settings::excited`].
 //!
 //! ```
 //! use ads1299::{Decoder, frame_bytes};

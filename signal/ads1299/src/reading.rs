@@ -27,14 +27,14 @@ impl<const CHIPS: usize> Reading<CHIPS> {
         self.bad == 0 && self.rate.is_none()
     }
 
-    /// Returns the positive inputs of a chip at which an electrode is disconnected, one bit each; 0
-    /// for a bad chip.
+    /// Returns the positive inputs of a chip with a disconnected electrode, one bit each; 0 for a
+    /// bad chip.
     pub fn off_positive(&self, chip: usize) -> u8 {
         self.sound_word(chip).map_or(0, StatusWord::off_positive)
     }
 
-    /// Returns the negative inputs of a chip at which an electrode is disconnected, one bit each; 0
-    /// for a bad chip.
+    /// Returns the negative inputs of a chip with a disconnected electrode, one bit each; 0 for a
+    /// bad chip.
     pub fn off_negative(&self, chip: usize) -> u8 {
         self.sound_word(chip).map_or(0, StatusWord::off_negative)
     }
@@ -53,9 +53,8 @@ impl<const CHIPS: usize> Reading<CHIPS> {
     }
 }
 
-/// Word of 24 bits that a chip sends before its counts (data sheet section 9.4.4): 1100,
-/// LOFF_STATP, LOFF_STATN, GPIO data, from the most significant bit. The upper 8 bits of the `u32`
-/// are 0.
+/// 24-bit word that a chip sends before its counts (data sheet section 9.4.4): 1100, LOFF_STATP,
+/// LOFF_STATN, GPIO data, from the most significant bit. The upper 8 bits of the `u32` are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StatusWord(pub u32);
 
@@ -68,14 +67,12 @@ impl StatusWord {
         (self.0 >> 20 & 0xF) as u8
     }
 
-    /// Returns the positive inputs at which an electrode is disconnected, one bit each
-    /// (LOFF_STATP).
+    /// Returns the positive inputs with a disconnected electrode, one bit each (LOFF_STATP).
     pub const fn off_positive(self) -> u8 {
         (self.0 >> 12 & 0xFF) as u8
     }
 
-    /// Returns the negative inputs at which an electrode is disconnected, one bit each
-    /// (LOFF_STATN).
+    /// Returns the negative inputs with a disconnected electrode, one bit each (LOFF_STATN).
     pub const fn off_negative(self) -> u8 {
         (self.0 >> 4 & 0xFF) as u8
     }

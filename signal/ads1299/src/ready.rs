@@ -27,8 +27,7 @@ pub enum Edge {
     First,
     /// From 3/4 to 1.5 periods after the previous edge.
     OnTime,
-    /// Less than 3/4 of a period after the previous edge: the chip is too fast, or the line is
-    /// noisy.
+    /// Less than 3/4 of a period after the previous edge: the chip is too fast or the line noisy.
     Early,
     /// More than 1.5 periods after the previous edge; holds the number of missing edges.
     Missed(u32),
@@ -108,7 +107,6 @@ impl ReadyMeter {
         Edge::Missed(missed)
     }
 
-    /// Returns the number of edges after the first one.
     pub(crate) const fn periods(&self) -> u32 {
         self.periods
     }
@@ -128,8 +126,7 @@ impl ReadyMeter {
         self.missed
     }
 
-    /// Returns the mean rate in millihertz; a missing edge lowers it. `None` before the second
-    /// edge.
+    /// Returns the mean rate in millihertz; missing edges lower it. `None` before the second edge.
     pub fn millihertz(&self) -> Option<u32> {
         let span_us = self.span_us();
         let rate = (u64::from(self.periods) * 1_000_000_000).checked_div(span_us)?;
@@ -194,8 +191,7 @@ impl fmt::Display for RateError {
             expected / 1000,
             expected % 1000
         )?;
-        // The ratio is in percent. Within 2 of 200, 300 and so on, the rate counts as a multiple of
-        // the configured one.
+        // The ratio is in percent. Within 2 of 200, 300 and so on, it counts as a whole multiple.
         let ratio = (u64::from(measured) * 100).div_ceil(u64::from(expected).max(1));
         if ratio >= 198 && (ratio + 2) % 100 <= 4 {
             return write!(
@@ -223,13 +219,14 @@ impl fmt::Display for RateError {
 
 impl core::error::Error for RateError {}
 
-/// Tolerance of the clock that stamps the edges, in ppm: an RC oscillator, as in the ST-LINK of a
-/// NUCLEO board.
+/// Tolerance of the clock that stamps the edges, in ppm: an RC oscillator, as in a NUCLEO's
+/// ST-LINK.
 const STAMPS_PPM: u32 = 10_000;
 
-/// Largest deviation of the rate, in ppm, that is attributed to one of the two clocks: the samples
-/// are then valid, and the rate is reported to the host, which knows the true time. A chip that has
-/// lost its registers has half or twice the rate, or another ratio.
+/// Largest deviation of the rate, in ppm, that is blamed on the chips' clock or the clock that
+/// stamps the edges. Up to this limit the samples count as valid, and the host, which knows the
+/// true time, learns the measured rate. A chip that has lost its registers deviates more: it has
+/// half or twice the rate, or another ratio.
 const CLOCKS_PPM: u32 = 50_000;
 
 /// Number of consecutive periods per rate check: 1/8 s at 512 Hz. Stamps of 1 us resolution measure
@@ -237,8 +234,7 @@ const CLOCKS_PPM: u32 = 50_000;
 const PERIODS: u32 = 64;
 
 /// Checks DRDY's edges while a chain converts. Reports an early edge at once, a rate that is off by
-/// more than [`CLOCKS_PPM`] after [`PERIODS`] periods, and a gap as the number of samples that were
-/// not read.
+/// more than [`CLOCKS_PPM`] after [`PERIODS`] periods, and a gap as the number of samples not read.
 #[derive(Clone, Debug)]
 pub(crate) struct RateWatch {
     clock: Clock,
@@ -262,7 +258,6 @@ impl RateWatch {
         }
     }
 
-    /// Returns the last measured rate, in millihertz.
     pub(crate) const fn millihertz(&self) -> Option<u32> {
         self.measured
     }

@@ -17,28 +17,27 @@ use crate::settings::Settings;
 #[cfg(any(test, feature = "impedance"))]
 const BYTE_US: u64 = 18;
 
-/// Delivers one sample per period in any case: a real sample, or, while the chain is silent, a
-/// flagged repetition of the last counts.
+/// Delivers exactly one sample per period: a real sample or, while the chain is silent, a flagged
+/// repetition of the last counts.
 ///
 /// When no chip has delivered a valid sample for the retry time, the chain is brought up again,
 /// because its supplies may have come on late or failed for a while. The stages of the bring-up run
 /// between flagged samples, so the samples keep their rate. While at least one chip delivers, there
 /// is no attempt: the valid samples matter more than a broken chip, which a self-test can restart.
-/// If chips convert at another rate after a silence, they have lost their registers, and the chain
-/// is brought up again as well.
+/// The chain is also brought up again if chips convert at another rate after a silence, because
+/// they have then lost their registers.
 #[derive(Debug)]
 pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     sampler: Sampler<Spi, Line, Delay, CHIPS, BYTES>,
-    /// Retry time in microseconds: the delay of the next attempt after the last valid sample or
-    /// after the end of the last attempt.
+    /// Time in microseconds from the last valid sample, or the end of the last attempt, to the next
+    /// attempt.
     retry_us: u64,
     /// Error of the last bring-up; `None` if it succeeded.
     failure: Option<Error>,
     attempt: Option<Attempt<CHIPS>>,
     /// Time of the last valid sample or of the end of the last attempt, in microseconds.
     since_us: u64,
-    /// Time, in microseconds, at which a flagged repetition is returned unless an edge comes
-    /// earlier.
+    /// Time in microseconds at which a flagged repetition is due unless an edge comes first.
     due_us: u64,
     /// True if the last sample was a flagged repetition, or if an attempt has stopped the chain.
     is_silent: bool,

@@ -17,7 +17,7 @@ pub const SILENCE: u32 = 4;
 
 /// Owns a chain, reads every sample and reports its errors.
 ///
-/// A chip whose part of a frame is invalid keeps its previous counts. `BYTES` is
+/// A chip keeps its previous counts while its part of the frame is invalid. `BYTES` is
 /// [`frame_bytes`](crate::decoder::frame_bytes) for `CHIPS` chips, checked at compile time.
 #[derive(Debug)]
 pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {

@@ -90,8 +90,7 @@ impl<const CHIPS: usize> SelfTest<CHIPS> {
         }
     }
 
-    /// Writes the results of all channels into the report, each for the input that was measured
-    /// last.
+    /// Writes the results of all channels, for the input measured last, into the report.
     fn record_channels(&mut self, settings: Settings) {
         let Settings { gain, rate, .. } = settings;
         let reports = self.report.channels.as_flattened_mut().iter_mut();

@@ -164,8 +164,7 @@ impl ChipReport {
 }
 
 impl Finding {
-    /// Returns the chip that the finding concerns; `None` for the bus and for pins shared by all
-    /// chips.
+    /// Returns the chip that the finding concerns; `None` for the bus and for shared pins.
     pub const fn chip(&self) -> Option<u8> {
         match self {
             Self::Chain(error) | Self::NotRestored(error) => error.chip(),

@@ -1,5 +1,4 @@
-//! Settings of the ADS1299s of a chain: clock, rate, gain, input, lead-off detection, and how the
-//! chips are wired.
+//! Settings of a chain: clock, rate, gain, input, lead-off detection, and the chips' wiring.
 
 use crate::clock::Clock;
 
@@ -28,21 +27,21 @@ pub struct Settings {
     pub control: Control,
     /// Number of channels, from the first on, whose positive inputs get the excitation from which
     /// the impedance of their electrodes is measured ([`ImpedanceMeter`](crate::ImpedanceMeter)); 0
-    /// for none. Spare channels, the last ones, get no current, which would drive their open inputs
-    /// to the rails. The excitation takes the place of the direct current of `lead_off`.
+    /// for none. The spare channels, which come last, get no current, because it would drive their
+    /// open inputs to the rails. The excitation takes the place of the direct current of
+    /// `lead_off`.
     #[cfg(any(test, feature = "impedance"))]
     pub excited: u8,
 }
 
-/// Connection of the chips' data outputs to MISO. For a single chip, both are the same.
+/// Connection of the chips' data outputs to MISO. For a single chip, both variants are equivalent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wiring {
     /// DOUT of chip k + 1 is wired to DAISY_IN of chip k, and DOUT of chip 0 to MISO: one burst
-    /// with all chips selected reads a sample. The other DOUTs reach MISO through resistors, for
+    /// with all chips selected reads a sample. Resistors connect the other DOUTs to MISO for
     /// read-back.
     Daisy,
-    /// Every DOUT is wired to MISO: each chip is read in its own burst, with no other chip
-    /// selected.
+    /// Every DOUT is wired to MISO: each chip is selected and read alone, in its own burst.
     Cascaded,
 }
 
@@ -53,7 +52,7 @@ pub enum Control {
     Pins,
     /// Opcodes; START is wired to ground and RESET to DVDD. Cascaded chips get an opcode one after
     /// the other and do not sample at the same time, so only a daisy chain or a single chip may use
-    /// this.
+    /// this variant.
     Commands,
 }
 
@@ -61,8 +60,7 @@ impl Settings {
     /// Settings for EEG at 512 Hz with gain 24.
     pub const EEG: Self = Self::eeg(Clock::EEG, Rate::Div4096, Gain::X24);
 
-    /// Returns settings for EEG, without lead-off detection, for a daisy chain with START and RESET
-    /// at pins.
+    /// Returns settings for EEG: no lead-off detection, a daisy chain, START and RESET on pins.
     pub const fn eeg(clock: Clock, rate: Rate, gain: Gain) -> Self {
         Self {
             clock,
@@ -84,7 +82,7 @@ impl Settings {
         self.excited
     }
 
-    /// Returns 0: without the feature `impedance` the field does not exist, which saves flash.
+    /// Returns 0: without the feature `impedance` there is no field `excited`, which saves flash.
     #[cfg(not(any(test, feature = "impedance")))]
     #[expect(clippy::unused_self, reason = "the other variant reads it")]
     pub(crate) const fn excited_channels(self) -> u8 {
@@ -234,9 +232,8 @@ impl Rate {
         128 << self as u32
     }
 
-    /// Returns the number of clock cycles from START to the first DRDY, at which the data are
-    /// settled. The formula was neither compared with the table in data sheet section 9.4.1 nor
-    /// measured.
+    /// Returns the clock cycles from START to the first DRDY, at which the data are settled. The
+    /// formula was neither compared with the table in data sheet section 9.4.1 nor measured.
     pub const fn settling(self) -> u32 {
         4 * self.divider() + 9
     }

@@ -84,8 +84,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().next_ns()
     }
 
-    /// Advances the virtual time by `us` microseconds, and performs all conversions that end in
-    /// this time.
+    /// Advances virtual time by `us` microseconds, and performs the conversions that end by then.
     pub fn pass_us(&self, us: u64) {
         let mut board = self.board();
         let then = board.now_ns + us * 1000;
@@ -125,15 +124,13 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().set_impedance(chip, channel, ohms);
     }
 
-    /// Returns how often the driver violated a rule: a reset or command too early, a byte before the
-    /// previous one was decoded, deselection too early, or a byte while two cascaded chips drive
-    /// MISO.
+    /// Returns how often the driver violated a rule: a reset, command or deselection too early, a
+    /// byte before the previous one was decoded, or a byte while two cascaded chips drive MISO.
     pub fn violations(&self) -> u32 {
         self.board().violations
     }
 
-    /// Returns the log of the wires, with times in nanoseconds: resets, levels of START, and
-    /// opcodes.
+    /// Returns the log of the wires, with times in nanoseconds: resets, START levels, and opcodes.
     pub fn events(&self) -> Vec<(u64, Event)> {
         self.board().events.clone()
     }
@@ -171,8 +168,7 @@ const _: fn() = || {
 };
 
 /// Runs a future on simulated wires to its end. Time is virtual, so one poll is enough. Returns
-/// `None` if the future waits for something that never happens, such as an edge of DRDY without
-/// START.
+/// `None` if the future waits for something that never happens, such as DRDY without START.
 pub fn finish<T>(future: impl Future<Output = T>) -> Option<T> {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(value) => Some(value),

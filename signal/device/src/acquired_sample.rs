@@ -1,5 +1,4 @@
-//! Samples that the acquisition passes to the producer, their faults, and the acquisition's
-//! counters.
+//! Samples from the acquisition to the producer, their faults, and the acquisition's counters.
 
 use link::Flags;
 use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ, STEPS};
@@ -18,10 +17,10 @@ pub struct AcquiredSample {
     pub new_run: Option<Run>,
     /// ADC counts of all channels.
     pub sample: Sample,
-    /// Index of the sample in its run, from 0.
+    /// Index of the sample, counted from 0 at the start of the run.
     pub index: u64,
-    /// Index in the run of the step to which this sample belongs: the step that is due at it, or
-    /// the next one.
+    /// Index of the step to which this sample belongs, counted from the start of the run: the step
+    /// that is due at this sample, or else the next step.
     pub step_index: u64,
     /// The filtered step that is due at this sample; `None` if no step is due.
     pub step: Option<Step>,
@@ -29,11 +28,10 @@ pub struct AcquiredSample {
     pub drdy_us: u64,
     /// Faults of this sample.
     pub marks: Marks,
-    /// Faults of the samples between the previous queued sample and this one, which were lost
-    /// because the queue was full, including the overrun; no faults if no sample was lost.
+    /// Faults of the samples that were lost, because the queue was full, between the previous
+    /// queued sample and this one; they include `overrun`. No faults if no sample was lost.
     pub lost: Marks,
-    /// True if the excitation current flows, from which the impedance of the electrodes is
-    /// measured.
+    /// True if the excitation flows, from which the impedance of the electrodes is measured.
     pub excited: bool,
 }
 
@@ -57,7 +55,7 @@ impl AcquiredSample {
 pub struct Counts {
     /// Samples read while a run was active.
     pub samples: u64,
-    /// Samples that were not read in time, or that found no room in the queue to the producer.
+    /// Samples that were not read in time, or for which the queue to the producer had no room.
     pub overruns: u32,
     /// Samples in which a converter's status word was wrong.
     pub adc_status_bad: u32,
@@ -117,7 +115,7 @@ impl Marks {
     }
 }
 
-/// Faults of the newest window. They are stored per hop, because consecutive windows overlap.
+/// Faults of the newest window, stored for each hop, because consecutive windows share hops.
 #[derive(Clone, Debug)]
 pub(crate) struct WindowMarks {
     /// Number of steps since the start of the run.
@@ -127,7 +125,6 @@ pub(crate) struct WindowMarks {
 }
 
 impl WindowMarks {
-    /// State before the first step: no faults.
     pub(crate) const NONE: Self = Self {
         steps: 0,
         hops: [Marks::NONE; STEPS.div_ceil(HOP)],

@@ -48,7 +48,8 @@ impl AuditedWindow {
         window.is_multiple_of(PERIOD_WINDOWS)
     }
 
-    /// Stores index and code of the window that consists of the stored planes.
+    /// Stores index and code of the window that consists of the stored planes; `values` is `None`
+    /// on a device without the network.
     pub(crate) fn complete(&mut self, window: u32, values: Option<&CodeValues>) {
         self.window = window;
         self.has_code = values.is_some();

@@ -1,5 +1,4 @@
-//! What a session needs from its board: identity, abilities, and the orders that the board carries
-//! out.
+//! What a session needs from its board: identity, abilities, and the execution of orders.
 
 use link::{ExclusionPolicy, ResetCause, ResetInto, Streams};
 use pipeline::{Mains, Rate};
@@ -37,7 +36,7 @@ pub struct Abilities {
     /// True if the board can start the boot loader that is built into its microcontroller.
     pub bootloader: bool,
     /// True if device time comes from a clock, which the host can query. Without a clock, device
-    /// time counts samples, and the answer to a query would not bound any delay.
+    /// time advances with the samples, so a reading would tell the host nothing about delays.
     pub clock: bool,
     /// True if the board's converters can measure the impedance of the electrodes.
     pub impedance: bool,

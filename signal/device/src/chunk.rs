@@ -13,8 +13,8 @@ use crate::acquired_sample::{AcquiredSample, Marks};
 /// Fraction bits of an electrode's filtered value (format Q27.5).
 const FRACTION_BITS: u8 = 5;
 
-/// Number of key blocks per second. After a lost frame the host loses the samples up to the next
-/// key block, at most 1/4 s.
+/// Number of key blocks, which can be decoded without earlier blocks, per second. After a lost
+/// frame the host also loses the samples up to the next key block, at most 1/4 s.
 const KEYS_PER_SECOND: usize = 4;
 
 #[expect(clippy::cast_possible_truncation, reason = "at most 2^16 / 32")]
@@ -27,7 +27,7 @@ const _: () = assert!(RAW_SAMPLES == lossless::MAX_SAMPLES && ENCODER.key_blocks
 /// Up to `MAX` consecutive items of `BYTES` bytes each, in their wire format.
 #[derive(Clone, Copy, Debug)]
 pub struct Chunk<const BYTES: usize, const MAX: usize> {
-    /// Index in the run of the first item.
+    /// Index of the first item, counted from the start of the run.
     first: u64,
     /// Number of valid items in `items`.
     length: usize,
@@ -160,7 +160,7 @@ pub(crate) const fn narrow(dimension: usize) -> u8 {
 /// The samples of a [`RawChunk`], compressed.
 #[derive(Clone, Copy, Debug)]
 pub struct CompressedChunk {
-    /// Index in the run of the first sample.
+    /// Index of the first sample, counted from the start of the run.
     first: u64,
     samples: u8,
     flags: Flags,
@@ -225,7 +225,7 @@ impl Compressor {
         &self.chunk
     }
 
-    /// Compresses a chunk. Its block is a key block if samples before it are missing.
+    /// Compresses a chunk into a block: a key block if samples are missing before the chunk.
     pub(crate) fn compress(&mut self, raw: &RawChunk) {
         if raw.first != self.next {
             self.state.require_key();

@@ -33,8 +33,8 @@ pub trait Encoders {
         uploaded: Option<&Packed<'_>>,
     ) -> Option<PackedCode>;
 
-    /// Returns whether the weights in flash match their checksums. Reads all of them, which takes
-    /// some milliseconds.
+    /// Returns whether the weights in flash match their checksums. Reading all weights takes some
+    /// milliseconds.
     fn model_is_sound() -> bool;
 }
 

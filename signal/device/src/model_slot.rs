@@ -1,4 +1,4 @@
-//! Memory for a model that the host uploads, and the access of tasks to it.
+//! Memory for a model that the host uploads, and the trait through which tasks access it.
 
 use int8_nn::Linear;
 use int8_nn::Pair;
@@ -18,7 +18,7 @@ const LAYOUT: u32 = 2;
 const ANALYSIS_PAIRS: usize = PACKED_INPUT_PAIRS * PACKED_COEFFICIENTS / 2;
 const PREDICTION_PAIRS: usize = PACKED_COEFFICIENTS * PACKED_COEFFICIENTS / 4;
 /// Numbers of electrodes, steps of a block, pairs of input values and coefficients in the built-in
-/// packed model.
+/// packed model; an upload must state the same.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "at most 64 electrodes, 64 steps, 256 coefficients"
@@ -32,7 +32,7 @@ const SHAPE: [u16; 4] = [
 /// Largest magnitude of `misfit_energy`, so that no sum with it overflows.
 const MAX_MISFIT: i64 = 1 << 48;
 /// Numbers of steps of a window, pairs of electrodes and values of a code in the built-in model,
-/// and the format of its codes.
+/// and the format of its codes; a linear code must state the same.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "at most 32 steps, 32 pairs, 256 numbers"
@@ -49,7 +49,8 @@ const LINEAR_SHAPE: [u16; 4] = [
 ];
 
 /// An uploaded model in the byte layout of `docs/wire-format.md`, as `model_gen` writes it. A
-/// firmware image whose network has no shortcut has no memory for a linear code.
+/// linear code takes the place of the network's shortcut, so an image whose network has no shortcut
+/// has no memory for a linear code.
 #[derive(Clone, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 struct Content {
@@ -115,8 +116,8 @@ const _: () = assert!(
 /// the slot in place: all bytes of an empty slot are 0 (`FromZeros`).
 ///
 /// Chunks must arrive in order. A chunk after a missing one is refused, and a repeated chunk
-/// changes nothing. A model is used only if its length, its CRC and its numbers are right. Whatever
-/// its weights are, the encoder cannot panic, because sums wrap.
+/// changes nothing. A model is used only if its length and CRC are right and its contents are in
+/// range. Its weights cannot make the encoder panic, because sums wrap.
 #[derive(Clone, Debug, FromZeros)]
 pub struct ModelSlot {
     content: Content,
@@ -145,12 +146,12 @@ pub(crate) struct UploadOutcome {
 pub(crate) struct UploadedModel {
     pub(crate) id: [u8; 8],
     /// Scales of the codes that the device computes while it uses this model. `None` if the model
-    /// has no linear code and its network is not the device's: a host with this model could then
-    /// not decode the codes.
+    /// has no linear code and names another network than the device's: a host with this model could
+    /// not decode the codes of the device's network.
     pub(crate) code_scales: Option<CodeScales>,
 }
 
-/// The numbers of an uploaded model that the encoders need.
+/// Weights, factors and tables of an uploaded model, for the encoders.
 #[derive(Clone, Copy, Debug)]
 pub struct UploadedWeights<'m> {
     /// Matrices, factors, levels and tables of the packed model.
@@ -204,7 +205,7 @@ impl ModelSlot {
         self.outcome(AckResult::Done)
     }
 
-    /// Stores a chunk that begins where the received bytes end, or before that.
+    /// Stores a chunk, which must begin where the received bytes end, or earlier.
     pub(crate) fn store(&mut self, chunk: ModelChunk<'_>) -> UploadOutcome {
         let ModelChunk { offset, bytes } = chunk;
         let first = usize::try_from(offset).unwrap_or(usize::MAX);
@@ -216,7 +217,7 @@ impl ModelSlot {
         let Some((place, end)) = place.filter(|_| bytes.len() <= MAX_CHUNK_BYTES) else {
             return self.outcome(AckResult::BadArgument);
         };
-        // A repeated chunk may differ from the first one, but must not change a model in use.
+        // A repeated chunk is not stored: its bytes may differ, and must not change a model in use.
         if end > self.received {
             for (place, byte) in place.iter_mut().zip(bytes) {
                 *place = *byte;
@@ -262,8 +263,8 @@ impl ModelSlot {
     pub fn weights(&self) -> Option<UploadedWeights<'_>> {
         let content = &self.content.packed;
         let packed = PACKED.as_ref().filter(|_| self.is_complete)?;
-        // The shapes equal the shapes of the built-in model. A slice that does not fit is not
-        // multiplied.
+        // The shapes equal those of the built-in model, so every slice fits. A slice that did not
+        // fit would get no weights and be skipped.
         let weights = |first: usize, inputs: usize| {
             let range = first * PACKED_COEFFICIENTS / 2..(first + inputs) * PACKED_COEFFICIENTS / 2;
             content.analysis.get(range).unwrap_or_default()
@@ -307,8 +308,8 @@ impl Content {
         self.linear.first().filter(|_| self.packed.has_linear != 0)
     }
 
-    /// Returns whether the first `bytes` bytes have this CRC, and are a model with which an encoder
-    /// neither overflows nor divides an empty range.
+    /// Returns whether the first `bytes` bytes have this CRC, and are a model with which the
+    /// encoder does not overflow and the range coder never meets an empty range.
     fn is_sound(&self, bytes: u32, crc: u32) -> bool {
         let content = usize::try_from(bytes)
             .ok()
@@ -336,8 +337,9 @@ impl PackedContent {
 }
 
 impl LinearContent {
-    /// Returns whether the linear code fits the input and the code format of the built-in model. No
-    /// weight or factor can overflow a sum: over 32 steps of 64 inputs, a sum is below 2^26.
+    /// Returns whether the linear code fits the input and the code format of the built-in model.
+    /// Weights need no check, because no weight can overflow a sum: over 32 steps of 64 inputs, it
+    /// is below 2^26.
     fn is_sound(&self) -> bool {
         let is_scale = |scale: &f32| scale.is_finite() && *scale > 0.0;
         self.shape == LINEAR_SHAPE
@@ -345,8 +347,8 @@ impl LinearContent {
             && self.scales.scale.iter().all(is_scale)
     }
 
-    /// Returns the built-in network with this code's shortcut, and without the contribution of its
-    /// convolutions: their factors are 0.
+    /// Returns the built-in network with the linear code's weights as its shortcut. Its
+    /// convolutions contribute nothing, because their factors are 0.
     fn network(&self) -> Network<'_> {
         const ZEROS: &[i32; CODE] = &[0; CODE];
         Network {

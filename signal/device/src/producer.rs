@@ -53,8 +53,7 @@ pub struct Producer<E> {
     compressor: Compressor,
     filtered: FilteredChunk,
     audited: AuditedWindow,
-    /// A captured event that is later than the newest sample; held until the sample that follows
-    /// the event.
+    /// A captured event that is later than the newest sample; held until a sample follows it.
     ahead: Option<CapturedEvent>,
 }
 
@@ -75,8 +74,8 @@ impl Output<'_> {
     ///
     /// The producer counts seconds in samples and emits one [`Payload::Quality`] at the end of each
     /// second. `Stats`, `Timing` and `Quality` of a second therefore have the same device time, and
-    /// the same samples always put them between the same codes. A timer of the device's clock would
-    /// put them at varying places.
+    /// the same samples always put them between the same codes. A timer on the device's clock would
+    /// put them between varying codes.
     pub const fn ends_second(&self) -> bool {
         matches!(self.payload, Payload::Quality(_))
     }
@@ -85,19 +84,16 @@ impl Output<'_> {
 /// Content of an [`Output`].
 #[derive(Clone, Copy, Debug)]
 pub enum Payload<'p> {
-    /// A code, with the faults in its window. [`Output::at_us`] is the time of the window's last
-    /// step.
+    /// A code, with its window's faults. [`Output::at_us`] is the time of the window's last step.
     Code(&'p Code, Marks),
-    /// A block of the packed code, with the faults in it. [`Output::at_us`] is the time of the
-    /// block's last step.
+    /// A packed block, with its faults. [`Output::at_us`] is the time of the block's last step.
     PackedCode(&'p PackedCode, Marks),
-    /// Band powers of a hop, with the faults in it. [`Output::at_us`] is the time of the hop's last
-    /// step.
+    /// Band powers of a hop, with its faults. [`Output::at_us`] is the time of the hop's last step.
     Features(&'p Features, Marks),
     /// An edge at the trigger input. [`Output::at_us`] is the time of the edge.
     Event(Event),
-    /// The excluded electrodes, when they change and once a second. [`Output::at_us`] is the time
-    /// of the step.
+    /// The excluded electrodes, at each change and once a second. [`Output::at_us`] is the time of
+    /// the step with the change or of the second's last sample.
     Exclusion(Exclusion),
     /// Signal quality of each electrode over the last second. [`Output::at_us`] is the time of the
     /// second's last sample.
@@ -126,8 +122,7 @@ impl Payload<'_> {
     }
 }
 
-/// An edge at the trigger input, with its time from the capture hardware or from the interrupt
-/// handler.
+/// An edge at the trigger input, with its time from the capture hardware or the interrupt handler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CapturedEvent {
     /// Input and direction of the edge.
@@ -138,7 +133,7 @@ pub struct CapturedEvent {
     pub at_us: u64,
 }
 
-/// The excluded electrodes, and the first step from which on they are excluded.
+/// The excluded electrodes, and the index of the first step in which they are excluded.
 #[derive(Clone, Copy, Debug)]
 struct ExclusionChange {
     first_step: u64,
@@ -146,8 +141,8 @@ struct ExclusionChange {
 }
 
 impl<E: Encoders> Producer<E> {
-    /// Creates a producer that waits for its first run; `encoders` must not have encoded a step
-    /// yet, as [`BothEncoders::EMPTY`](crate::BothEncoders::EMPTY).
+    /// Creates a producer that waits for its first run. `encoders` must not have encoded a step
+    /// yet; an example is [`BothEncoders::EMPTY`](crate::BothEncoders::EMPTY).
     pub const fn new(encoders: E) -> Self {
         Self {
             run: Run::NONE,
@@ -181,14 +176,14 @@ impl<E: Encoders> Producer<E> {
         self.features.set_filters(filters);
     }
 
-    /// Sets which electrodes are excluded, from the next window of the detection on.
+    /// Sets the policy for the exclusion of electrodes, from the next window of [`Substitution`]
+    /// on, which begins within half a second.
     pub const fn set_exclusion(&mut self, policy: ExclusionPolicy) {
         self.policy = policy;
     }
 
-    /// Returns the number of electrode values that were clipped to int8 since boot, in the steps
-    /// that the encoders received: an excluded electrode counts only if its prediction is clipped.
-    /// Wraps.
+    /// Returns the number of electrode values clipped to int8 since boot in the steps that the
+    /// encoders received: an excluded electrode counts only if its prediction is clipped. Wraps.
     pub const fn clipped(&self) -> u32 {
         self.clipped
     }
@@ -198,8 +193,8 @@ impl<E: Encoders> Producer<E> {
         self.process_with(None, acquired, emit);
     }
 
-    /// Does what [`Self::process`] does. If there is a model `uploaded`, encodes packed blocks with
-    /// it, and codes too if it has a network. All samples of a run need the same model.
+    /// Like [`Self::process`], but encodes packed blocks with the model `uploaded`, if there is
+    /// one, and codes with its network, if it has one. All samples of a run need the same model.
     pub fn process_with(
         &mut self,
         uploaded: Option<&UploadedWeights<'_>>,
@@ -263,8 +258,8 @@ impl<E: Encoders> Producer<E> {
         }
     }
 
-    /// Passes all events up to the time of `acquired` to `emit`, with the index of `acquired`.
-    /// Later events wait for a later call.
+    /// Passes all events up to the time of `acquired` to `emit`, with the sample index of
+    /// `acquired`. Later events wait for a later call.
     ///
     /// `next` returns the captured events one by one, oldest first. Call this method before
     /// [`Self::process`] of the same sample, so that the host receives an edge before the results
@@ -310,7 +305,7 @@ impl<E: Encoders> Producer<E> {
         self.raw.clear();
         self.compressor.restart();
         self.filtered.clear();
-        // Keep the held event only if it happened after the start of this run.
+        // Keep the held event only if it happened at or after the start of this run.
         self.ahead = self.ahead.take_if(|event| event.at_us >= start_us);
     }
 
@@ -372,7 +367,7 @@ impl<E: Encoders> Producer<E> {
     }
 
     /// Fills the bad electrodes of a step. Reports the excluded electrodes at the first step of a
-    /// run, and at each change before the codes that contain it.
+    /// run, and at each change, before the first code that contains the change.
     fn fill(&mut self, step: &mut Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) {
         let (Some(table), [substitution]) = (&SUBSTITUTION, &mut self.substitution[..]) else {
             return;

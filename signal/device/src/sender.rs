@@ -11,8 +11,8 @@ pub trait FrameQueue {
     fn push(&mut self, frame: &[u8]);
 
     /// Appends a frame of a bulk stream, which must not displace other frames. Raw samples and
-    /// filtered steps are so frequent that they would displace the codes while the host pauses
-    /// briefly.
+    /// filtered steps are so frequent that they would displace the codes during a short pause of
+    /// the host.
     fn push_bulk(&mut self, frame: &[u8]) {
         self.push(frame);
     }
@@ -58,8 +58,7 @@ impl<Q: FrameQueue> Sender<Q> {
         }
     }
 
-    /// Skips the `seq` of a message that was lost before encoding, and counts the message as
-    /// dropped.
+    /// Skips the `seq` of a message that was lost before encoding, and counts it as dropped.
     pub fn skip(&mut self) {
         self.encoder.skip();
         self.queue.count_dropped();

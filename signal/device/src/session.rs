@@ -25,12 +25,12 @@ pub struct Session<'i> {
     run: Run,
     /// False if the model is damaged, so that every `Start` is refused.
     can_stream: bool,
-    /// Electrodes that the recording lacks, and whether they are interpolated or zero; none if the
-    /// device measures.
+    /// Electrodes that the recording lacks, interpolated or zero; none if the device measures
+    /// instead of playing a recording.
     substitutes: Substitutes,
     /// Newest status of the converters; `None` before the first status.
     converters: Option<Converters>,
-    /// True from the order of a self-test until its result is sent.
+    /// True from the moment a self-test is ordered until its result is sent.
     is_testing: bool,
     /// True while the impedance of the electrodes is measured: from a command to the next `Stop`.
     measures_impedance: bool,
@@ -81,18 +81,16 @@ impl<'i> Session<'i> {
         !self.run.streams.is_empty()
     }
 
-    /// Returns true if `run` is the number of the active run.
     fn is_current_run(&self, run: u32) -> bool {
         self.is_streaming() && run == self.run.number
     }
 
-    /// Returns the id of the model in use.
     fn model_id(&self) -> [u8; 8] {
         self.uploaded.map_or(model::MODEL_ID, |model| model.id)
     }
 
-    /// Returns the streams that a `Start` can request. Codes that a host with the uploaded model
-    /// could not decode are not among them.
+    /// Returns the streams that a `Start` can request: the board's streams, without codes that a
+    /// host with the uploaded model could not decode.
     fn streams(&self) -> Streams {
         match self.uploaded {
             Some(UploadedModel {
@@ -158,8 +156,7 @@ impl<'i> Session<'i> {
                     (seq, result)
                 }
                 Err(FrameError::Unknown { header, .. }) => (header.seq, AckResult::UnknownCommand),
-                // The frame is unusable and has no `seq` to acknowledge; the decoder has counted
-                // it.
+                // An unusable frame has no `seq` to acknowledge; the decoder has counted it.
                 Err(_) => continue,
             };
             sender.send(now_us, &ToHost::Ack(Ack { of, result }));
@@ -214,8 +211,9 @@ impl<'i> Session<'i> {
         (AckResult::Done, None)
     }
 
-    /// Sends `ModelReceived` for a command of an upload and returns the result for its `Ack`. If the
-    /// model in use has changed, first calls [`Self::introduce`], so that the host learns of it.
+    /// Sends `ModelReceived` for a command of an upload and returns the result for its `Ack`. If
+    /// the model in use has changed, first calls [`Self::introduce`], so that the host learns of
+    /// the change.
     fn answer_upload(
         &mut self,
         outcome: &UploadOutcome,
@@ -236,7 +234,7 @@ impl<'i> Session<'i> {
         counts: Counts,
         sender: &mut Sender<impl FrameQueue>,
     ) -> (AckResult, Option<Order>) {
-        // Without an active run no order is needed, and it would replace an order that the
+        // Without an active run no `Order::Stop` is needed, and it would replace an order that the
         // acquisition has not executed yet.
         let order = if self.is_streaming() {
             Some(Order::Stop)
@@ -372,8 +370,7 @@ impl<'i> Session<'i> {
     }
 
     /// Stores the status of the converters, which every later answer to `Identify` contains. Also
-    /// sends it at once if a run is active, or if its fault differs from the fault in the last
-    /// status.
+    /// sends the status at once if a run is active or its fault has changed.
     pub fn update_converters(
         &mut self,
         converters: Converters,
@@ -422,8 +419,7 @@ impl<'i> Session<'i> {
         sender.send(now_us, &ToHost::Timing(timing));
     }
 
-    /// Returns the counters of session, acquisition, sender and decoder since boot, for a `Stats`
-    /// message.
+    /// Returns the counters of session, acquisition, sender and decoder since boot, as `Stats`.
     pub fn stats(&self, counts: Counts, frames_dropped: u32) -> Stats {
         Stats {
             streams: self.run.streams,
@@ -446,8 +442,8 @@ impl<'i> Session<'i> {
     }
 }
 
-/// Executes a command about an uploaded model, or returns why it is refused; `None` for every other
-/// command, and on a device without a slot. `abilities`: the streams that the device has.
+/// Executes a command about an uploaded model, or returns why the command is refused; `None` for
+/// every other command, and on a device without a slot. `abilities` are the device's streams.
 fn upload<S: Slot>(
     command: &ToDevice<'_>,
     abilities: Streams,
@@ -472,7 +468,7 @@ fn upload<S: Slot>(
     Some(outcome.ok_or(AckResult::Busy))
 }
 
-/// Returns the filters of a command; `None` for every other command, and if a filter is out of
+/// Returns the filters of `SetFeatures`; `None` for any other command, and for filters out of
 /// range.
 fn filters(command: &ToDevice<'_>) -> Option<FeatureFilters> {
     let ToDevice::SetFeatures(filters) = command else {

@@ -19,13 +19,12 @@ pub const MAX_EXPONENT: u8 = 8;
 /// borrows the bytes of a frame, for hosts that talk to devices with any model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Code<'a> {
-    /// First 8 bytes of the SHA-256 over the model; only the decoder of that model can read the
-    /// values.
+    /// First 8 bytes of the SHA-256 over the model; only that model's decoder can read the values.
     pub model_id: [u8; 8],
     /// Index of the window since `Start`, wraps at 2^32. Increases by one with every code produced,
     /// including codes that are dropped.
     pub window: u32,
-    /// Index since `Start` of the ADC sample that yielded the window's first step.
+    /// Index of the ADC sample that yielded the window's first step, counted from `Start`.
     pub first_sample: u64,
     /// Faults and conditions of the window.
     pub flags: Flags,
@@ -88,8 +87,7 @@ impl<'a> CodeValues<'a> {
         }
     }
 
-    /// Creates values in format 2: each pair of bytes is a level of 16 bits, least significant byte
-    /// first.
+    /// Creates values in format 2: each pair of bytes is a 16-bit level, little-endian.
     pub const fn int16(bytes: &'a [u8]) -> CodeValues<'a> {
         CodeValues {
             encoding: Encoding::Int16,

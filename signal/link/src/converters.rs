@@ -15,8 +15,7 @@ pub const MAX_CHIPS: usize = 8;
 /// second while streaming, and at once when `fault` changes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Converters {
-    /// Fault found when the chain was initialised, in words that name the chip; empty if none was
-    /// found.
+    /// Text of the fault found when the chain was initialised, naming the chip; empty if none.
     pub fault: String<MAX_TEXT_BYTES>,
     /// Rate of the DRDY edges since the chain was started, millihertz; 0 if it is not known.
     pub drdy_millihertz: u32,
@@ -33,7 +32,7 @@ pub struct Converters {
 /// Result of the command `SelfTest`: sent once, some seconds after the `Ack` of that command.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SelfTest {
-    /// The first fault found, in words that name the chip; empty if none was found.
+    /// Text of the first fault found, naming the chip; empty if none.
     pub fault: String<MAX_TEXT_BYTES>,
     /// Rate of the DRDY edges, millihertz on the device's clock; 0 if it was not measured.
     pub drdy_millihertz: u32,

@@ -33,8 +33,7 @@ pub enum FrameError {
         /// Wire number of the message.
         kind: u32,
     },
-    /// An intact frame whose content does not match its message number: the sender violates the
-    /// format.
+    /// An intact frame whose content does not match its message number: a fault of the sender.
     Malformed,
 }
 

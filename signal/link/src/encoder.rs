@@ -89,8 +89,8 @@ impl Encoder {
         self.next_seq
     }
 
-    /// Numbers a frame and writes it into `out`. The number stays used up if the caller then drops
-    /// the frame.
+    /// Numbers a frame and writes it into `out`. If the caller then drops the frame, the number is
+    /// still used up.
     ///
     /// # Errors
     ///

@@ -24,14 +24,15 @@ pub struct FeatureFilters<'a> {
     pub weights: &'a [u8],
 }
 
-/// Coefficients of a section `y0 = gain (x0 - x2) + a1 y1 + a2 y2` at the step rate, Q32.
+/// Coefficients of a section `y0 = gain (x0 - x2) + a1 y1 + a2 y2` at the step rate, Q32. x is the
+/// input and y the output, 0 to 2 steps ago.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BandPass {
     /// Factor of the input term `x0 - x2`.
     pub gain: i64,
-    /// Factor of the previous output, `y1`.
+    /// Factor of `y1`, the section's output one step earlier.
     pub a1: i64,
-    /// Factor of the output before the previous one, `y2`.
+    /// Factor of `y2`, the section's output two steps earlier.
     pub a2: i64,
 }
 

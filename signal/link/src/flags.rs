@@ -20,7 +20,7 @@ bit_set! {
         const SETTLING = 3;
         /// Bit 4: at least one electrode value was clipped to int8 ([`crate::Code::clipped`]).
         const CLIPPED = 4;
-        /// Bit 5: at least one ADC sample of the window was not read in time.
+        /// Bit 5: at least one ADC sample was lost: not read in time, or dropped by a full queue.
         const OVERRUN = 5;
         /// Bit 6: at least one value of the code was clipped ([`crate::Code::clipped_values`]).
         const CODE_CLIPPED = 6;
@@ -34,7 +34,7 @@ bit_set! {
         const SUBSTITUTED = 9;
         /// Bit 14: decoded signals have a larger error because of a loss. Either packed blocks
         /// before this block were lost, and the state of the host's decoder still differs from the
-        /// device's, or a code whose window contains the steps is missing. Never set on the wire.
+        /// device's, or a code whose window contains these steps is missing. Never set on the wire.
         const HEALING = 14;
         /// Bit 15: the bridge inserted this code or packed block in place of a lost one. Never set
         /// on the wire.

@@ -27,17 +27,19 @@ pub struct Header {
     /// [`VERSION`] of the sender; the first byte of every frame's body.
     pub version: u8,
     /// Sequence number of the frame in its direction since boot; wraps at 2^32. A frame that is
-    /// numbered and then dropped uses up a number too, so the gaps in `seq` are exactly the lost
+    /// numbered and then dropped uses up a number too, so gaps in `seq` are exactly the lost
     /// frames.
     pub seq: u32,
     /// Sender's monotonic clock, microseconds since boot, range 0 to 2^64 - 1. A host sends 0,
     /// because no device reads its clock. In messages from a device it is the time of
     /// * [`Code`](crate::Code), [`PackedCode`](crate::PackedCode), [`Audit`](crate::Audit),
-    ///   [`Filtered`](crate::Filtered): the last step
-    /// * [`Raw`](crate::Raw), [`CompressedRaw`](crate::CompressedRaw): the last sample's DRDY edge
+    ///   [`Filtered`](crate::Filtered), [`Features`](crate::Features): the last step
+    /// * [`Raw`](crate::Raw), [`CompressedRaw`](crate::CompressedRaw),
+    ///   [`Impedance`](crate::Impedance): the last sample's DRDY edge
     /// * [`Event`](crate::Event): the edge
-    /// * [`Quality`](crate::Quality), and `Stats` and `Timing` sent with it: the last sample of the
-    ///   second
+    /// * [`Exclusion`](crate::Exclusion) after a change: the first step with the change
+    /// * [`Quality`](crate::Quality), and `Stats`, `Timing` and `Exclusion` sent with it: the last
+    ///   sample of the second
     /// * any other message: its creation
     pub device_time_us: u64,
 }
@@ -48,8 +50,7 @@ pub(crate) const CRC_BYTES: usize = 4;
 /// CRC-32C (Castagnoli); the crc crate names it CRC-32/ISCSI.
 pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
-/// Returns a CRC that already covers the direction byte, which is not sent; the caller adds the
-/// body.
+/// Returns a CRC that covers the direction byte, which is not sent; the caller adds the body.
 pub(crate) fn digest<'m, M: Message<'m>>() -> Digest<'static, u32> {
     let mut digest = CRC.digest();
     digest.update(&[M::DIRECTION]);

@@ -9,15 +9,13 @@ use crate::code::{CodeFormat, MAX_NUMBERS};
 /// [`Converters`](crate::Converters) and [`SelfTest`](crate::SelfTest), bytes of UTF-8.
 pub const MAX_TEXT_BYTES: usize = 256;
 
-/// Length of the longest [`Capabilities::labels`], bytes: 64 labels of 7 bytes, each with a blank
-/// after it.
+/// Length of the longest [`Capabilities::labels`], bytes: 64 labels of 7 bytes and a blank each.
 pub const MAX_LABELS_BYTES: usize = 512;
 
 /// Identity of the device: sent at start-up and in answer to `Identify`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Hello<'a> {
-    /// Version and commit of the firmware, such as `0.1.0 5d4b736`. At most [`MAX_TEXT_BYTES`]
-    /// bytes.
+    /// Version and commit of the firmware, as in `0.1.0 5d4b736`; at most [`MAX_TEXT_BYTES`] bytes.
     pub firmware: &'a str,
     /// Name of the board, such as `nucleo-h743zi2` or `host-sim`. At most [`MAX_TEXT_BYTES`] bytes.
     pub board: &'a str,

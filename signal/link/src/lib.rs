@@ -34,8 +34,7 @@
 //! # Compatibility
 //!
 //! * [`VERSION`] is the version of the layout of frame and header and changes only with that
-//!   layout. A frame of another version is refused and counted; [`FrameError::Version`] states its
-//!   version.
+//!   layout. A frame of another version is refused and counted ([`FrameError::Version`]).
 //! * New messages are added only at the end of [`ToHost`] and [`ToDevice`]. Fields of an existing
 //!   message never change; a message that must carry more is a new message. A message that is newer
 //!   than the receiver is reported as [`FrameError::Unknown`]: its frame is intact, and its `seq`

@@ -75,8 +75,7 @@ pub enum ToHost<'a> {
     SelfTest(SelfTest),
     /// 13: the device's clock; the answer to `SyncTime`.
     ClockReading(ClockReading),
-    /// 14: electrodes with substitute samples, because the recording that the device plays lacks
-    /// them.
+    /// 14: electrodes with substitute samples, because the recording being played lacks them.
     Substitutes(Substitutes),
     /// 15: unfiltered ADC samples, compressed without loss.
     #[serde(borrow)]
@@ -168,8 +167,7 @@ pub enum ToDevice<'a> {
     /// device uses the model that it was built with. Refused with `Busy` while any stream runs, and
     /// with `NotSupported` by a device without a model slot.
     ModelBegin(ModelBegin),
-    /// 10: a part of the announced model; refused with `BadArgument` if bytes before it are
-    /// missing.
+    /// 10: a part of the announced model; refused with `BadArgument` if earlier bytes are missing.
     #[serde(borrow)]
     ModelChunk(ModelChunk<'a>),
     /// 11: use the announced model from now on, until the device restarts. The device introduces

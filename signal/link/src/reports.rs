@@ -22,7 +22,7 @@ pub struct Stats {
     pub frames_dropped: u32,
     /// ADC samples that were read.
     pub samples: u64,
-    /// ADC samples that were not read in time.
+    /// ADC samples that were lost: not read in time, or dropped by a full queue.
     pub overruns: u32,
     /// ADC samples with a wrong status word.
     pub adc_status_bad: u32,
@@ -48,7 +48,7 @@ pub const MAX_ELECTRODES: usize = 64;
 /// Seconds are counted from `Start`; a second that `Stop` interrupts is not reported.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
-    /// Index since `Start` of the second's first ADC sample.
+    /// Index of the second's first ADC sample, counted from `Start`.
     pub first_sample: u64,
     /// True if the filters had not settled: `rms_uv` and `mains_residual_uv` then include the
     /// filters' transient.
@@ -144,8 +144,7 @@ byte_enum! {
         Step = 1,
         /// 2: from the DRDY edge of a window's last sample until its code is in the output queue.
         Code = 2,
-        /// 3: from the entry of a code into the output queue until its frame is written to the
-        /// port.
+        /// 3: from a code's entry into the output queue until its frame is written to the port.
         Send = 3,
         _ => "Any other: a stage newer than this host.",
     }
@@ -164,11 +163,11 @@ impl fmt::Display for Stage {
 }
 
 /// Electrodes that the device excludes from its codes, because they are bad or because the host
-/// excludes them; the device fills their values from the others. Sent when they change, before the
+/// excludes them; the device fills their values from the others. Sent at each change, before the
 /// first code or packed block that contains the change, and every second while streaming.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Exclusion {
-    /// Index since `Start` of the step from which on these electrodes are excluded.
+    /// Index of the first step in which these electrodes are excluded, counted from `Start`.
     pub first_step: u64,
     /// Excluded electrodes; bit n is electrode n of
     /// [`Capabilities::labels`](crate::Capabilities::labels).

@@ -101,11 +101,11 @@ pub struct CompressedRaw<'a> {
     pub channels: u8,
     /// Faults of the samples in this frame: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
     pub flags: Flags,
-    /// How `bytes` is encoded, which determines what a host must know to decode it.
+    /// Form of `bytes`; it determines whether a host needs earlier blocks to decode them.
     pub form: BlockForm,
     /// Number of samples, 1 to [`RAW_SAMPLES`].
     pub samples: u8,
-    /// The counts, in the form that `form` states.
+    /// The counts, encoded as `form` states.
     #[serde(borrow, serialize_with = "serialize_bytes")]
     pub bytes: &'a [u8],
 }
@@ -134,7 +134,8 @@ pub struct Event {
     /// Sequence number of the event, counted since boot over all kinds; wraps. A gap means that
     /// events were lost.
     pub number: u32,
-    /// Index since `Start` of the first ADC sample whose DRDY edge was at or after the event.
+    /// Index, counted from `Start`, of the first ADC sample whose DRDY edge was at or after the
+    /// event.
     pub sample: u64,
 }
 
@@ -149,8 +150,7 @@ byte_enum! {
     }
 }
 
-/// Writes a byte slice in one piece: varint length, then the bytes. For `#[serde(serialize_with =
-/// "..")]`.
+/// Writes a byte slice in one piece: varint length, then the bytes. Used as `serialize_with`.
 ///
 /// Serde's derive produces the same bytes for a `&[u8]`, but with one call per byte.
 pub(crate) fn serialize_bytes<S: Serializer>(

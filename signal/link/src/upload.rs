@@ -24,7 +24,7 @@ pub struct ModelBegin {
 /// A part of the announced model: argument of `ModelChunk`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelChunk<'a> {
-    /// Offset of the first byte in the model; at most the number of bytes that the device has.
+    /// Offset of the chunk's first byte in the model; at most the number of bytes received so far.
     pub offset: u32,
     /// 1 to [`MAX_CHUNK_BYTES`] bytes of the model. Serde skips them, because the frame carries
     /// them after the message's fields.
@@ -38,8 +38,7 @@ pub struct ModelChunk<'a> {
 pub struct ModelReceived {
     /// [`ModelBegin::crc`] of the announced model; 0 if none is announced.
     pub crc: u32,
-    /// Number of bytes that the device has, from the start of the model: the offset of the next
-    /// chunk.
+    /// Number of leading bytes of the model that the device has: the offset of the next chunk.
     pub bytes: u32,
 }
 

@@ -6,8 +6,7 @@ use int8_nn::{Pair, PlaneShape};
 
 include!(concat!(env!("OUT_DIR"), "/constants.rs"));
 
-/// Filters before the resampler for one mains frequency, with the delays of filters, resampler and
-/// window.
+/// Filters for one mains frequency, with the delays of filters, resampler and window.
 #[derive(Clone, Copy, Debug)]
 pub struct MainsFilter {
     /// Mains frequency that the notch removes, Hz.
@@ -23,7 +22,8 @@ pub struct MainsFilter {
     /// Number of ADC samples after which the response to an input step stays below 1e-4 of the
     /// step, at the output of the resampler.
     pub settling_samples: u32,
-    /// Description of the filters in words, which recordings store in their `prefiltering` fields.
+    /// Description of the filters for human readers, stored in the `prefiltering` fields of
+    /// recordings.
     pub description: &'static str,
 }
 

@@ -20,13 +20,13 @@ pub struct ConvWeights<'w, const WEIGHTS: usize, const OUTPUTS: usize> {
     /// Bias of each output channel, in units of the accumulator.
     pub bias: &'w [i32; OUTPUTS],
     /// Requantisation factor of each output channel, Q0.32. In the second convolution, a channel
-    /// whose batch norm has a negative factor has negated weights and a negative multiplier,
-    /// because the max-pool precedes the batch norm.
+    /// whose batch norm has a negative gain has negated weights and a negative factor, because the
+    /// max-pool precedes the batch norm.
     pub multipliers: &'w [i32; OUTPUTS],
 }
 
-/// An int8 encoder: convolutions with a max-pool and a fully connected layer, or a linear shortcut,
-/// or both.
+/// An int8 encoder: convolutions with max-pool and fully connected layer, a linear shortcut, or
+/// both.
 #[derive(Clone, Copy, Debug)]
 pub struct Network<'w> {
     /// Time steps from the start of one window to the start of the next: a power of two, and a
@@ -48,14 +48,13 @@ pub struct Network<'w> {
     pub fc: [[&'w [Pair; FC_PAIRS]; FC_PIECES]; POOLED_STEPS],
     /// Bias of the fully connected layer, in units of its accumulator.
     pub fc_bias: &'w [i32; CODE],
-    /// Requantisation factors of the fully connected layer, from accumulator to level of the code,
-    /// Q0.32.
+    /// Requantisation factors of the fully connected layer, from accumulator to code level, Q0.32.
     pub fc_multipliers: &'w [i32; CODE],
     /// Packed weights of the linear shortcut, one matrix for each time step of a window.
     pub shortcut: [&'w [Pair; SHORTCUT_PAIRS]; SHORTCUT_STEPS],
-    /// Requantisation factors of the linear shortcut, from accumulator to level of the code, Q0.32.
+    /// Requantisation factors of the linear shortcut, from accumulator to code level, Q0.32.
     pub shortcut_multipliers: &'w [i32; CODE],
-    /// Level that stands for 0.0 in each dimension of the code.
+    /// Level that stands for 0.0 in each value of the code.
     pub code_zero_point: &'w [i8; CODE],
 }
 

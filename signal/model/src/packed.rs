@@ -9,14 +9,14 @@ use crate::constants::{HOP, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS};
 /// The integers of a packed model that the encoder needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Packed<'w> {
-    /// Parts of the analysis matrix, one for each step of a block; each is applied to the rounds of
-    /// inputs that its step completes.
+    /// Parts of the analysis matrix, one for each step of a block; each is applied to the groups of
+    /// 16 inputs that its step completes.
     pub analysis: [Slice<'w>; HOP],
     /// Factor that turns the analysis sum of each coefficient into the coefficient, Q0.32.
     pub analysis_factors: &'w [i32; PACKED_COEFFICIENTS],
     /// Matrix that predicts the next block's coefficients from the rounded state.
     pub prediction: Linear<'w>,
-    /// Factor that turns the sum of each prediction into the predicted coefficient, Q0.32.
+    /// Factor that turns the prediction sum of each coefficient into the prediction, Q0.32.
     pub prediction_factors: &'w [i32; PACKED_COEFFICIENTS],
     /// Level (index in `tables`) of each coefficient's mean magnitude at quantiser rate 4, in a
     /// predicted block.
@@ -32,18 +32,19 @@ pub struct Packed<'w> {
     pub input_limit: i32,
     /// Energy of the inputs that the coefficients may fail to represent before a block counts as a
     /// misfit, in squares of input values; the encoder adds an allowance for rounding errors.
-    /// Negative if errors are weighted: then the last coefficients are probes, which measure this
-    /// energy.
+    /// Negative in a model with weighted errors, whose last coefficients are probes that measure
+    /// this energy; its magnitude is then the limit.
     pub misfit_energy: i64,
     /// Quantiser rate until the host sets another, 0 (finest) to 15.
     pub rate: u8,
 }
 
 /// Part of the analysis matrix that the encoder applies after one step of a block. It covers the
-/// rounds of 16 inputs that this step completes; the part of the last step also covers the rest.
+/// groups of 16 inputs that this step completes; the part of the last step also covers the
+/// remaining inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct Slice<'w> {
-    /// Index in the block of the first pair of inputs in this slice.
+    /// Index of the first pair of inputs in this slice, counted from the start of the block.
     pub first: usize,
     /// Matrix from the inputs of this slice to all coefficients.
     pub matrix: Linear<'w>,
@@ -57,7 +58,7 @@ impl Packed<'_> {
         let mut step = 0;
         while step < HOP {
             let Slice { first: at, matrix } = &self.analysis[step];
-            // With few electrodes, some steps complete no round of inputs; their matrices are empty.
+            // With few electrodes, some steps complete no group; their matrices are empty.
             let is_empty = matrix.inputs == 0 && matrix.weights.is_empty();
             let fits = matrix.is_consistent(matrix.inputs, PACKED_COEFFICIENTS);
             if *at != first || !(fits || is_empty) {

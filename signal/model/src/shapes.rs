@@ -11,8 +11,7 @@ use crate::constants::{
 const SHRINK: usize = 2;
 /// Cells of the scalp grid, row-major; a cell without an electrode is always 0.
 pub const CELLS: usize = ROWS * COLUMNS;
-/// Number of padding rows, and of padding columns, on each side of a plane in both convolutions: 0
-/// or 1.
+/// Number of padding rows and columns on each side of a plane in both convolutions: 0 or 1.
 pub const MARGIN: usize = PADS_SPACE as usize;
 /// Shape of one time step of the scalp grid, with its margin.
 pub const CELL_PLANE: PlaneShape = PlaneShape {
@@ -57,8 +56,8 @@ pub const HIDDEN_INTERIOR: PlaneShape = PlaneShape {
     ),
     channels: HIDDEN.channels,
 };
-/// Number of pooled planes in a window that do not depend on padded steps; two convolutions remove
-/// four steps.
+/// Number of pooled planes in a window that do not depend on padding: two convolutions remove four
+/// steps.
 pub const INNER_STEPS: usize = (STEPS - 2 * SHRINK) / POOL[0];
 /// Number of pooled planes at each end of a window that depend on padded steps.
 pub const EDGE_STEPS: usize = if PADS_TIME { SHRINK / POOL[0] } else { 0 };
@@ -73,8 +72,7 @@ pub const OPEN_WINDOWS: usize = STEPS / HOP;
 /// Whether the model has a network. Without a network, it has the packed code alone, and its codes
 /// have no values.
 pub const HAS_NETWORK: bool = HAS_CONVOLUTIONS || HAS_SHORTCUT;
-/// Number of matrices of the linear shortcut: one for each time step of a window, or 0 without a
-/// shortcut.
+/// Number of matrices of the linear shortcut: one per time step of a window; 0 without a shortcut.
 pub const SHORTCUT_STEPS: usize = if HAS_SHORTCUT { STEPS } else { 0 };
 /// Number of pairs of electrodes in a time step, padded with zeros to a multiple of eight.
 pub const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);

@@ -14,8 +14,8 @@ pub struct Substitution<'w> {
     /// [`ELECTRODE_OUTPUTS`] sums, Q7: prediction = sum / 128, in the unit of the inputs. No
     /// electrode has a weight in its own prediction, and the outputs beyond [`ELECTRODES`] are 0.
     ///
-    /// The magnitudes of a row's weights sum to 2,047 at most, so that the prediction from inputs
-    /// of magnitude 4,096 stays below 2^23, as [`Linear::accumulate`] requires.
+    /// The magnitudes of a row's weights sum to 2,047 at most, so that a sum over inputs of
+    /// magnitude 4,096 stays below 2^23, as [`Linear::accumulate`] requires.
     pub prediction: Linear<'w>,
     /// Typical mean square of each electrode's innovation (the electrode minus its prediction),
     /// (1/16 uV)^2, 1..=2^26.

@@ -14,7 +14,7 @@ pub struct Acquisition {
     front_end: FrontEnd<'static, Mains, PHASES, TAPS>,
     settling_samples: u64,
     samples: u64,
-    /// ADC channels that were at the rail in a sample since the last step; bit n is channel n.
+    /// ADC channels that were at the rail in any sample since the last step; bit n is channel n.
     saturated: u64,
 }
 
@@ -29,8 +29,7 @@ impl Acquisition {
         }
     }
 
-    /// Resets the acquisition in place, with the filters for a mains frequency; all counts become
-    /// 0.
+    /// Resets in place, with the filters for a mains frequency; samples count from 0 again.
     pub fn restart(&mut self, mains: Mains) {
         self.front_end.restart(mains);
         self.settling_samples = mains.filter().settling_samples.into();
@@ -41,8 +40,8 @@ impl Acquisition {
     /// Processes one sample. Returns a step if one is due with this sample: at 512 Hz, with the
     /// first sample and with every fourth sample after it.
     ///
-    /// Not inlined, so that the filters are compiled for speed: a caller in a firmware image is
-    /// compiled for size.
+    /// Not inlined, because firmware compiles its own code for size: inlined there, the filters
+    /// would be compiled for size too, and not for speed.
     #[inline(never)]
     pub fn process_sample(&mut self, sample: &Sample) -> Option<Step> {
         self.saturated |= sample.channels_at_rail();
@@ -68,8 +67,8 @@ impl Acquisition {
     }
 }
 
-/// Returns the time from an ADC sample to the step that is due with it, microseconds, rounded down:
-/// `phase / phases` of the time between two samples.
+/// Returns the time from an ADC sample to the step that is due with this sample, in microseconds,
+/// rounded down: `phase / phases` of the time between two samples.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "phase < phases: less than the time between two samples, below 2^16 us"
@@ -83,9 +82,8 @@ const _: () = assert!(
     "the time between two samples must be below 2^16 us"
 );
 
-/// Acquisition, substitution of bad electrodes and encoder in one, for programs that do not run
-/// them at different priorities. The codes equal the codes of a device with
-/// [`ExclusionPolicy::AUTOMATIC`].
+/// Acquisition, substitution of bad electrodes and encoder in one, for programs that run all three
+/// at the same priority. The codes equal those of a device with [`ExclusionPolicy::AUTOMATIC`].
 #[derive(Clone, Debug)]
 pub struct Pipeline {
     acquisition: Acquisition,

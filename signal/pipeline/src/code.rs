@@ -4,24 +4,22 @@ use int8_nn::saturate_i8;
 use model::{CODE, CodeFormat};
 
 /// The code of one window as the encoder returns it (`link::Code` is its form on the wire), with
-/// its position in the stream and the window's status: clipped values, channels at the rail,
-/// settling.
+/// its position in the stream and its status: clipped values, channels at the rail, settling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
     /// Index of the window in the run, from 0; wraps.
     pub window: u32,
-    /// Index in the run, from 0, of the last ADC sample at or before the window's first step; see
-    /// [`Step::sample`](crate::Step::sample).
+    /// Index of the last ADC sample at or before the window's first step, counted from the start of
+    /// the run; see [`Step::sample`](crate::Step::sample).
     pub first_sample: u64,
-    /// Time from the ADC sample that completed the window to the window's last step, microseconds;
-    /// see [`Step::offset_us`](crate::Step::offset_us).
+    /// Time by which the window's last step follows the ADC sample that completed the window, in
+    /// microseconds; see [`Step::offset_us`](crate::Step::offset_us).
     pub offset_us: u16,
     /// Number of electrode values of the window that were clipped to int8.
     pub clipped: u16,
     /// Number of values of the code that were clipped; saturates at 255.
     pub clipped_values: u8,
-    /// ADC channels that were at the rail in a sample of the window, or between the step before the
-    /// window and its first step; bit n is channel n.
+    /// ADC channels at the rail in any sample since the step before the window; bit n is channel n.
     pub saturated: u64,
     /// True if the filters had not settled at the window's first step: the values are not reliable.
     pub settling: bool,
@@ -34,15 +32,14 @@ const MAX_EXPONENT: u8 = 8;
 
 /// The values of a code in the model's format, [`model::CODE_FORMAT`].
 ///
-/// Dequantised: `z = (level - model::CODE_ZERO_POINT) * model::CODE_SCALE`.
+/// A level is dequantised as `z = (level - model::CODE_ZERO_POINT) * model::CODE_SCALE`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CodeValues {
     /// Levels, saturated to 8 bits.
     Int8([i8; CODE]),
     /// Levels divided by 2^exponent, rounded half up and saturated to 8 bits.
     Int8Exponent {
-        /// Smallest exponent of 0..=8 with which no value is clipped, or 8 if every exponent clips
-        /// a value.
+        /// Smallest exponent of 0..=8 with which no value is clipped, or 8 if there is none.
         exponent: u8,
         /// Rounded levels, -128..=127.
         values: [i8; CODE],
@@ -56,8 +53,8 @@ impl CodeValues {
     pub const MAX_BYTES: usize = if CODE > 0 {
         CodeFormat::Int16.bytes()
     } else {
-        // Without a network a code has no values, but in this format the byte of the exponent
-        // remains.
+        // In a model without a network a code has no values, but in this format the byte of the
+        // exponent remains.
         CodeFormat::Int8Exponent.bytes()
     };
 
@@ -156,8 +153,8 @@ fn write(buffer: &mut [u8], bytes: &[u8]) -> usize {
 }
 
 /// Returns the smallest exponent with which every rounded level fits 8 bits, or the largest
-/// exponent if none suffices. A level that fits with one exponent fits with every larger one, so
-/// the result is the number of exponents that are too small.
+/// exponent if none suffices. A level that fits with an exponent also fits with all larger
+/// exponents, so the number of exponents that are too small is the result.
 #[inline]
 fn exponent(levels: &[i32; CODE]) -> u8 {
     let fold =

@@ -18,12 +18,13 @@ use crate::sample::{Plane, Step};
 /// The half of the pipeline that runs at the step rate.
 ///
 /// Each plane of the convolutions is computed once, as soon as its inputs exist, and is used for
-/// all windows that contain it. The codes equal the codes of a batch encoder over each window bit
-/// for bit, because the hop is a multiple of the pool's steps.
+/// all windows that contain it. Bit for bit, the codes equal those of a batch encoder that computes
+/// each window alone, because the hop is a multiple of the pool's steps.
 ///
-/// Where a pooled plane belongs to several windows, its products for all but the oldest window are
-/// deferred to the next step. With at most two windows and without padded steps, all steps then
-/// take about the same work. With padded steps, each window also has planes of its own at its ends.
+/// The fully connected layer multiplies a pooled plane once for each window that contains the
+/// plane: at once for the oldest window, with the next step for the others. With at most two
+/// windows and without padded steps, all steps therefore take about the same work. With padded
+/// steps, each window also has planes of its own at its ends.
 #[derive(Clone, Debug)]
 pub struct Encoder<'w> {
     network: &'w Network<'w>,
@@ -94,8 +95,7 @@ impl EncoderMemory {
         self.steps = 0;
     }
 
-    /// Encodes the next step with the built-in network; returns a code if the step completes a
-    /// window.
+    /// Encodes the next step with the built-in network; returns a code if a window is complete.
     pub fn encode_step(&mut self, step: &Step) -> Option<Code> {
         self.encode_step_with(step, &NETWORK)
     }
@@ -112,8 +112,8 @@ impl EncoderMemory {
         self.completed_code(index, network)
     }
 
-    /// Adds a step's status (clipped values, channels at the rail) and its product with the
-    /// shortcut to the windows that contain the step.
+    /// Adds a step to the windows that contain it: its status (clipped values, channels at the
+    /// rail), and its product with the weights of the linear shortcut.
     fn add_to_windows(&mut self, index: u64, step: &Step, network: &Network<'_>) {
         let electrodes = gather(&step.plane);
         for (slot, offset) in containing_windows(index, network.hop, STEPS) {

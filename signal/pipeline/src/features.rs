@@ -1,4 +1,4 @@
-//! Band powers of spatially filtered electrodes: the inputs of a decoder on the host.
+//! Band powers of spatially filtered electrodes: the inputs of a classifier on the host.
 
 use fixed_dsp::{BAND_SECTIONS, BandPass, BandPower};
 use int8_nn::{Linear, Pair};
@@ -10,15 +10,15 @@ use crate::sample::Step;
 /// Largest number of spatial filters, each of which yields one feature.
 pub const MAX_FEATURES: usize = 8;
 
-/// Largest sum of the magnitudes of a spatial filter's weights: with it, the sum over all
-/// electrodes stays below 2^23, as [`Linear::accumulate`] requires.
+/// Largest permitted sum of the magnitudes of a spatial filter's weights. It keeps the weighted sum
+/// of all electrodes below 2^23, as [`Linear::accumulate`] requires.
 pub const LARGEST_ROW: u32 = 2_047;
 
-/// Largest magnitude of a coefficient, Q32: 4.0, twice the limit for a stable section.
+/// Largest permitted magnitude of a coefficient, Q32: 4.0, twice the limit for a stable section.
 const LARGEST_COEFFICIENT: u64 = 1 << 34;
 
-/// Number of hops in 1 s, which are marked as settling after a start or a change of filters,
-/// because the band-pass starts at rest.
+/// Number of hops that are marked as settling after a start or a change of filters, because the
+/// band-pass starts at rest: the hops of 1 s.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "at most as many as steps per second"
@@ -56,8 +56,7 @@ impl FeatureFilters {
 
     /// Creates filters; `None` if an argument is out of range.
     ///
-    /// * `id`: identifier that the features repeat, so that the host knows which filters they come
-    ///   from.
+    /// * `id`: identifier that the features repeat, so that the host knows their filters.
     /// * `sections`: the band-pass at the step rate as two [`BandPass`] sections: gain, a1, a2 of
     ///   each, Q32, at most 4.0 in magnitude. The host must prove that no value of the filtered
     ///   signals exceeds 32 bits; otherwise values wrap.
@@ -116,15 +115,14 @@ impl FeatureFilters {
 /// The band powers of one hop, with their position in the run and their status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Features {
-    /// Identifier that the host has given the filters.
+    /// Identifier that the host chose for the filters; see [`FeatureFilters::new`].
     pub id: u32,
-    /// Index of the hop in the run, from 0; wraps. Hop `n` consists of the steps from `n * HOP` on.
+    /// Index of the hop since the start of the run; wraps. Hop `n` begins with step `n * HOP`.
     pub hop: u32,
-    /// Time from the ADC sample that completed the hop to the hop's last step, microseconds; see
-    /// [`Step::offset_us`].
+    /// Time by which the hop's last step follows the ADC sample that completed the hop, in
+    /// microseconds; see [`Step::offset_us`].
     pub offset_us: u16,
-    /// ADC channels that were at the rail in the hop, or between the step before the hop and the
-    /// hop's first step; bit n is channel n.
+    /// ADC channels at the rail in any sample since the step before the hop; bit n is channel n.
     pub saturated: u64,
     /// True if the filters of the device or the band-pass had not settled at the hop's first step.
     pub settling: bool,
@@ -152,7 +150,7 @@ impl Features {
 pub struct FeatureExtractor {
     filters: FeatureFilters,
     power: BandPower<MAX_FEATURES>,
-    /// Electrodes of the newest step, quarters of a microvolt, then zeros.
+    /// Electrodes of the newest step, in quarters of a microvolt, padded with zeros.
     inputs: [Pair; ELECTRODE_PAIRS],
     /// Signals of the steps that are not filtered yet.
     block: [[i32; MAX_FEATURES]; BLOCK],
@@ -160,7 +158,7 @@ pub struct FeatureExtractor {
     steps: u8,
     hop: u32,
     saturated: u64,
-    /// Whether the filters of the device had not settled at the hop's first step.
+    /// True if the device's filters had not settled at the hop's first step.
     settling: bool,
     /// Number of hops, this one included, until the band-pass has settled.
     settling_hops: u8,
@@ -210,7 +208,7 @@ impl FeatureExtractor {
         let place = usize::from(self.steps) % BLOCK;
         let signals = &mut self.block[place];
         *signals = [0; MAX_FEATURES];
-        // Always returns true, because the matrix has a constant size.
+        // `try_accumulate` always returns true, because the matrix has a constant size.
         write_quarters(&step.electrodes, &mut self.inputs);
         let _ = (self.filters.matrix()).try_accumulate(&self.inputs, signals);
         let filters = usize::from(self.filters.filters);

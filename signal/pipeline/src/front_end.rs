@@ -10,8 +10,8 @@ pub type Electrodes = [i32; ELECTRODES];
 
 /// Filters and resamples every electrode.
 ///
-/// Samples are buffered until an output needs them or there are [`BLOCK`] of them. A sample takes
-/// half as many instructions in a block as alone; no output is delayed, and no bit changes.
+/// Samples are buffered until an output is due or [`BLOCK`] of them wait, because a sample takes
+/// half as many instructions in a block as alone. Buffering delays no output and changes no bit.
 #[derive(Clone, Debug)]
 pub struct FrontEnd<'r, F: Filter, const PHASES: usize, const TAPS: usize> {
     filter: F,
@@ -114,7 +114,7 @@ impl Mains {
         }
     }
 
-    /// Returns coefficients and delays of the filters for this mains frequency.
+    /// Returns the filters for this mains frequency: coefficients and delays.
     pub const fn filter(self) -> &'static MainsFilter {
         match self {
             Self::Hz50 => &MAINS_50,

@@ -15,11 +15,11 @@
 //! of each electrode once a second, for human readers; it is not part of the path to the code.
 //!
 //! The crate is pure and synchronous. The path to the code uses integers only, so the same samples
-//! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal,
-//! and it counts every value that it clips. There are two exceptions. The time of the packed code's
-//! range coder depends on the block, within a bound that `docs/figures.md` states. With a model
-//! that has a table, [`Substitution`] replaces bad electrodes before the encoders, and branches
-//! where it excludes an electrode and where it judges half a second.
+//! yield the same codes on every machine. It does not allocate, wait or log, and it counts every
+//! value that it clips. It does not branch on the signal, with two exceptions. The time of the
+//! packed code's range coder depends on the block, within a bound that `docs/figures.md` states. If
+//! the model has a table of substitutions, [`Substitution`] replaces bad electrodes before the
+//! encoders; it branches when it excludes an electrode and when it judges half a second of signal.
 //!
 //! ```
 //! use pipeline::{Mains, Pipeline, Sample};

@@ -48,8 +48,8 @@ impl PackedEncoder {
     }
 
     /// Returns the coefficients that a decoder has after it has read all blocks so far. Call this
-    /// before the next block's first step, which replaces the coefficients by the prediction of the
-    /// next ones.
+    /// before the first step of the next block, which replaces the coefficients by their prediction
+    /// for that block.
     pub fn state(&self) -> &[i16] {
         &self.memory.state
     }
@@ -80,13 +80,12 @@ pub const MAX_PACKED_BYTES: usize = 118;
 pub struct PackedCode {
     /// Index of the block in the run, from 0; wraps. Block `n` covers the steps from `n * HOP` on.
     pub block: u32,
-    /// Time from the ADC sample that completed the block to the block's last step, microseconds;
-    /// see [`Step::offset_us`](crate::Step::offset_us).
+    /// Time by which the block's last step follows the ADC sample that completed the block, in
+    /// microseconds; see [`Step::offset_us`](crate::Step::offset_us).
     pub offset_us: u16,
     /// Number of electrode values of the block that were clipped to the range of the inputs.
     pub clipped: u16,
-    /// ADC channels that were at the rail in the block, or between the step before the block and
-    /// the block's first step; bit n is channel n.
+    /// ADC channels at the rail in any sample since the step before the block; bit n is channel n.
     pub saturated: u64,
     /// True if the filters had not settled at the block's first step.
     pub settling: bool,
@@ -98,8 +97,8 @@ pub struct PackedCode {
     /// True if the model does not represent the block well, for example because an electrode has no
     /// contact or the cap is not the model's.
     pub is_misfit: bool,
-    /// True if the block was too long at two rates: all its magnitudes are 0, and a decoder shows
-    /// the prediction.
+    /// True if the block was too long at both rates that were tried: all its magnitudes are 0, and
+    /// a decoder shows the prediction.
     pub is_blank: bool,
     length: u16,
     buffer: [u8; MAX_PACKED_BYTES],
@@ -114,34 +113,34 @@ impl PackedCode {
     }
 }
 
-/// Number of blocks from one block without prediction to the next: 4 s with a hop of 8 steps. The
-/// missing predictions cost 0.5 % of the bits.
+/// Interval between blocks without prediction, in blocks: 4 s with a hop of 8 steps. The missing
+/// predictions cost 0.5 % of the bits.
 const RESET_BLOCKS: u8 = 64;
 
-/// Number of excess bytes for each further rate: a block that is n bytes too long is quantised
-/// again `1 + n / BYTES_PER_RATE` rates coarser, rounded up. Of 28,693 too long blocks of the
-/// default model, from EEG, EEG up to ten times as large, noise and impulses, none was still too
-/// long then, and the rate was 1.4 coarser than necessary on average. With 26 in place of 22, four
-/// were too long.
+/// Number of excess bytes per additional rate: a block that is n bytes too long is quantised again
+/// `1 + n / BYTES_PER_RATE` rates coarser, rounded up. This was measured on 28,693 blocks of the
+/// default model that were too long (EEG, EEG up to ten times as large, noise and impulses): at the
+/// coarser rate all of them fit, and that rate was 1.4 coarser than necessary on average. With 26
+/// instead of 22, four blocks did not fit.
 const BYTES_PER_RATE: usize = 22;
 
-/// Part of a block's energy that the coefficients may lack before the block counts as a misfit, as
-/// a right shift: a sixty-fourth. The analysis loses some energy because its weights are rounded.
+/// Share of a block's energy that the coefficients may fail to represent before the block counts as
+/// a misfit, as a right shift: a sixty-fourth. The analysis loses some energy because its weights
+/// are rounded.
 const MISFIT_SHIFT: u32 = 6;
 
 /// State and scratch memory of a [`PackedEncoder`], about 6 KB: place it in a static, not on a
 /// stack. All of it is initially zero, so that it takes no flash.
 #[derive(Clone, Debug)]
 pub struct PackedMemory {
-    /// Input values of the block, step by step, each step in the order of the electrodes; then
-    /// zeros.
+    /// Input values of the block, step by step, in the order of the electrodes; then zeros.
     inputs: [Pair; PACKED_INPUT_PAIRS],
     /// Sum of the analysis products so far, for each coefficient.
     sums: [i32; PACKED_COEFFICIENTS],
-    /// Coefficients that a decoder has after the previous block; from a block's first step on, the
-    /// prediction of its coefficients.
+    /// Coefficients that a decoder has after the previous block; from the first step of a block on,
+    /// the prediction of that block's coefficients.
     state: [i16; PACKED_COEFFICIENTS],
-    /// Each coefficient minus its prediction: the numbers that are quantised.
+    /// Each coefficient minus its prediction; the quantiser's input.
     residual: [i32; PACKED_COEFFICIENTS],
     contexts: [Context; PACKED_COEFFICIENTS],
     survivors: [Survivors; PACKED_COEFFICIENTS],
@@ -207,8 +206,8 @@ impl PackedMemory {
         Some(code)
     }
 
-    /// Adds a step to the block: its inputs, its status, and the products of the inputs that it
-    /// completes.
+    /// Adds a step to the block: the step's inputs, its status, and the products of the groups of
+    /// inputs that the step completes.
     fn add_step(&mut self, step: &Step, packed: &Packed<'_>) {
         let index = usize::from(self.steps);
         if index == 0 {
@@ -264,8 +263,8 @@ impl PackedMemory {
         let Some(places) = self.inputs.get_mut(first / 2..) else {
             return;
         };
-        // If the number of earlier values is odd, the first value fills the second half of their
-        // last pair.
+        // If an odd number of values is already stored, the first new value fills the second half
+        // of the last pair.
         let places = match places {
             [half, rest @ ..] if first % 2 == 1 => {
                 *half = half.with(1, values.next().unwrap_or(0));
@@ -278,8 +277,8 @@ impl PackedMemory {
         self.energy += energy.cast_signed();
     }
 
-    /// Quantises and writes the complete block, again at a coarser rate if it is too long, and
-    /// computes the state after it.
+    /// Quantises and writes the complete block, and does so again at a coarser rate if the result
+    /// is too long. Computes the state after the block.
     fn encode(&mut self, announced: Rate, packed: &Packed<'_>) -> PackedCode {
         let unrepresented = self.take_residual(packed);
         let is_reset = self.is_reset();
@@ -317,8 +316,8 @@ impl PackedMemory {
     }
 
     /// Stores coefficients minus prediction as the residual, and returns the part of the inputs'
-    /// energy that the coefficients do not represent. In a weighted model, whose `misfit_energy` is
-    /// negative, probes estimate this energy.
+    /// energy that the coefficients do not represent. In a weighted model, marked by a negative
+    /// `misfit_energy`, this energy is estimated from the probes, which are the last coefficients.
     #[inline(never)]
     fn take_residual(&mut self, packed: &Packed<'_>) -> i64 {
         let mut energy = self.energy;
@@ -372,8 +371,7 @@ impl PackedMemory {
         packed::prepare_contexts(levels, header.rate, &mut self.contexts);
     }
 
-    /// Writes the magnitudes with the prepared contexts into the block; returns the number of
-    /// bytes.
+    /// Writes the block's magnitudes with the prepared contexts; returns the number of bytes.
     #[inline(never)]
     fn write_prepared(
         &self,
@@ -392,7 +390,7 @@ impl PackedMemory {
         )
     }
 
-    /// Counts the completed block, and clears what belongs to this block alone.
+    /// Advances to the next block, and clears the counters and status of the completed one.
     fn begin_next(&mut self) {
         self.block = self.block.wrapping_add(1);
         self.since_reset = (self.since_reset + 1) % RESET_BLOCKS;

@@ -20,7 +20,7 @@ pub const FLAT_BELOW_UV: f32 = 0.49;
 /// is its form on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
-    /// Index in the run, from 0, of the first sample of the second that the report covers.
+    /// Index of the first sample of the reported second, counted from the start of the run.
     pub first_sample: u64,
     /// True if the filters had not settled at the first step of the second: the figures of the
     /// filtered steps then include the filters' transient.
@@ -132,8 +132,7 @@ const fn bins(mains: Mains) -> [Bin; 2] {
 }
 
 impl SignalQuality {
-    /// Creates a measurement; `mains` must be the mains frequency of the acquisition that yields
-    /// the steps.
+    /// Creates a measurement for an acquisition with the same mains frequency.
     pub const fn new(mains: Mains) -> Self {
         let [input_bin, output_bin] = bins(mains);
         Self {
@@ -227,8 +226,7 @@ impl SignalQuality {
     }
 }
 
-/// Converts to the nearest f32; exact up to 2^24, so exact for counts and differences of two
-/// counts.
+/// Converts to the nearest f32; exact up to 2^24, and so for counts and their differences.
 #[expect(
     clippy::cast_precision_loss,
     reason = "24 bits suffice for these figures"

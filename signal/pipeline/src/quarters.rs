@@ -5,8 +5,7 @@ use model::{ELECTRODE_PAIRS, GUARD_BITS, LSB_NV};
 
 use crate::front_end::Electrodes;
 
-/// One value for each electrode, in quarters of a microvolt, padded with zeros to the inputs of a
-/// matrix.
+/// One value per electrode, in quarters of a microvolt, padded with zeros to a matrix's inputs.
 pub(crate) type Quarters = [i16; 2 * ELECTRODE_PAIRS];
 
 /// Number of bits of a value: -4,096..=4,095 quarters of a microvolt, which is -1,024 to 1,023.75
@@ -37,8 +36,8 @@ const FROM_QUARTERS: i64 = (UNIT_NV / FILTERED_NV * 256.0 + 0.5) as i64;
 /// Returns a function that converts a filtered electrode to quarters of a microvolt, saturated.
 #[inline]
 fn to_quarters() -> impl Fn(i32) -> i16 {
-    // The compiler would replace a multiplication by a known constant by several instructions. A
-    // factor hidden from it takes a single SMMULR.
+    // The compiler would replace a multiplication by a known constant by several instructions. With
+    // a factor that `black_box` hides, it uses a single SMMULR.
     let factor = core::hint::black_box(TO_QUARTERS);
     move |x| saturated(requantise(x, factor))
 }
@@ -60,8 +59,8 @@ pub(crate) fn filtered(quarters: i16) -> i32 {
     ((i64::from(quarters) * FROM_QUARTERS + 128) >> 8) as i32
 }
 
-/// Writes filtered electrodes in quarters of a microvolt, saturated, as inputs of a matrix. Pairs
-/// beyond the electrodes are unchanged.
+/// Converts filtered electrodes to quarters of a microvolt, saturated, and writes them as pairs,
+/// the inputs of a matrix. Pairs beyond the electrodes are unchanged.
 #[inline]
 pub(crate) fn write_quarters(electrodes: &Electrodes, pairs: &mut [Pair; ELECTRODE_PAIRS]) {
     let to_quarters = to_quarters();

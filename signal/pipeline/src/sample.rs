@@ -54,7 +54,7 @@ impl Default for Sample {
 /// as clipped values, channels at the rail and settling filters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Index in the run, from 0, of the last ADC sample at or before the time of the step.
+    /// Index of the last ADC sample at or before the step, counted from the start of the run.
     pub sample: u64,
     /// Time from the ADC sample `sample` to the step, microseconds; 0 if the ADC's rate is a
     /// multiple of the step rate.
@@ -108,8 +108,7 @@ pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
     for (&x, &cell) in electrodes.iter().zip(&GRID_CELL) {
         let (q, is_clipped) = quantise_electrode(x);
         clipped += u16::from(is_clipped);
-        // Every index is on the grid; `get_mut` avoids a panic path that the compiler cannot
-        // exclude.
+        // Every index is on the grid; `get_mut` avoids a panic path.
         if let Some(place) = plane.get_mut(usize::from(cell)) {
             *place = q;
         }
@@ -126,8 +125,7 @@ fn quantise_electrode(x: i32) -> (i8, bool) {
 }
 
 impl Step {
-    /// Replaces the value of an electrode, quantises it, and corrects the count of clipped
-    /// electrodes.
+    /// Replaces an electrode's value, quantises it, and updates the number of clipped electrodes.
     #[inline]
     pub(crate) fn replace(&mut self, electrode: usize, filtered: i32) {
         let place = self.electrodes.get_mut(electrode);

@@ -1,7 +1,7 @@
 //! Substitution of bad electrodes: finds them, and fills them from the others before the encoder.
 //!
 //! One electrode at the rail, with noise or without contact spoils the code of all others, because
-//! every number of a code depends on every electrode. The model can have a table of weights from
+//! every value of a code depends on every electrode. The model can have a table of weights from
 //! which each electrode is predicted by the others. The table serves twice: an electrode whose
 //! signal differs too much from its prediction is excluded, and an excluded electrode is replaced
 //! by its prediction from the rest.
@@ -28,8 +28,8 @@ use judge::Judge;
 /// Largest number of electrodes that are excluded at the same time.
 const MAX_EXCLUDED: usize = 12;
 
-/// Number of steps from one judgement to the next: up to 0.5 s, in whole hops, so that the excluded
-/// electrodes change between two hops.
+/// Number of steps from one judgement of the electrodes to the next: at most 0.5 s, and whole hops,
+/// so that the excluded electrodes change between two hops.
 const WINDOW: usize = STEP_RATE_HZ as usize / 2 / HOP * HOP;
 
 const _: () = assert!(ELECTRODES <= 64, "a mask of electrodes has 64 bits");
@@ -65,10 +65,11 @@ impl ExclusionPolicy {
 /// unchanged.
 ///
 /// # Timing
-/// Every step takes one product of the table with all electrodes, [`fill::SWEEPS`] sweeps over all
-/// slots, and the sums of the evidence, whatever the signal. Each excluded electrode is quantised
-/// again. A step that excludes an electrode also gathers its weights, and the last step of a window
-/// takes one judgement more. `cargo xtask bench substitution` counts the instructions.
+/// Whatever the signal, every step takes one product of the table with all electrodes,
+/// [`fill::SWEEPS`] sweeps over all [`MAX_EXCLUDED`] slots for excluded electrodes, and the sums of
+/// the evidence. Each excluded electrode is quantised again. A step that excludes an electrode also
+/// gathers its weights, and the last step of a window takes one judgement more. The instructions
+/// are counted by `cargo xtask bench substitution`.
 #[derive(Clone, Debug)]
 pub struct Substitution {
     fill: Fill,
@@ -76,7 +77,7 @@ pub struct Substitution {
     judge: Judge,
     /// Number of steps of the window so far.
     steps: u16,
-    /// Whether the filters had not settled at a step of the window.
+    /// True if the filters had not settled at some step of the window.
     settling: bool,
 }
 
@@ -151,7 +152,7 @@ impl Substitution {
         self.settling = false;
     }
 
-    /// Excludes bad electrodes, as many as [`MAX_EXCLUDED`] permits.
+    /// Excludes bad electrodes, up to a total of [`MAX_EXCLUDED`].
     fn exclude(&mut self, bad: ElectrodeMask, table: &Table<'_>) {
         let excluded = self.fill.excluded();
         if bad & !excluded != 0 && (excluded.count_ones() as usize) < MAX_EXCLUDED {

@@ -1,6 +1,5 @@
 //! The streaming packed encoder writes the same blocks as a reference that computes each block at
-//! once, in plain loops. The model is the built-in model, or the model that `CORTICODE_ARTIFACT`
-//! names.
+//! once, in plain loops. The model is the built-in one, or the one that `CORTICODE_ARTIFACT` names.
 //!
 //! Quantiser and range coder come from the crate `packed`, which
 //! `tests/acceptance/tests/it/packed_python.rs` compares with Python.
@@ -96,15 +95,16 @@ impl Reference {
         }
     }
 
-    /// Returns whether the energy that the coefficients lack exceeds the sum of the model's limit
-    /// and a sixty-fourth of the block's energy.
+    /// Returns whether the energy that the coefficients do not represent exceeds the sum of the
+    /// model's limit and a sixty-fourth of the block's energy.
     fn is_misfit(&self, values: &[i16], coefficients: &[i16]) -> bool {
         let energy =
             |numbers: &[i16]| -> f64 { numbers.iter().map(|&n| f64::from(n).powi(2)).sum() };
         let description = &self.model.description;
         #[expect(clippy::cast_precision_loss, reason = "a few hundred values")]
         let permitted = description.misfit_uv2 / description.unit_uv.powi(2) * values.len() as f64;
-        // The limits are integers: a block exactly at the limit is no misfit.
+        // The encoder compares integers, so the limits are rounded down; a block exactly at the
+        // limit is no misfit.
         let permitted = permitted.floor() + (energy(values) / 64.0).floor();
         assert!(
             description.weight.is_none(),
@@ -263,8 +263,7 @@ fn noise(seed: u32) -> impl FnMut() -> i32 {
 #[test]
 fn noise_of_any_size_has_the_references_blocks_among_them_coarser_and_blank_ones() {
     let mut seen = Seen::default();
-    // In Q27.5, full scale of the input is 2^28, and 2 mV, where input values are clipped, is about
-    // 2^21.5.
+    // In Q27.5, full scale is 2^28, and 2 mV, where input values are clipped, is about 2^21.5.
     for shift in [3, 8, 9, 10, 11, 13, 15] {
         let mut next = noise(shift);
         let signal: Vec<i32> = (0..20 * HOP * ELECTRODES)
@@ -295,7 +294,7 @@ fn one_electrode_with_noise_is_a_misfit_from_the_size_that_the_model_permits() {
         assert_equal_on(&steps(20 * HOP, on_one), Rate::MIDDLE).misfit
     };
     let by_size: Vec<usize> = (4..20).rev().map(misfits).collect();
-    // The limits hold for the built-in model; another model is only compared with the reference.
+    // These numbers hold for the built-in model; another model is only compared with the reference.
     if is_built_in() {
         assert!(by_size.is_sorted(), "{by_size:?}");
         assert_eq!((by_size[0], by_size[15]), (0, 20), "{by_size:?}");

@@ -1,5 +1,5 @@
-//! The streaming encoder returns the codes of model-gen's batch reference, whose loops and order of
-//! the weights are different.
+//! The streaming encoder returns the same codes as model-gen's batch reference, which has other
+//! loops and another order of the weights.
 
 use std::{path::Path, sync::LazyLock};
 

@@ -16,7 +16,7 @@ use crate::process::Process;
 
 /// Longest wait for a condition, enough on a busy machine.
 const TIMEOUT: Duration = Duration::from_mins(1);
-/// Time limit for a script: some draw thousands of pictures, on a machine that does more.
+/// Time limit for a script; some scripts draw thousands of pictures on a busy machine.
 const SCRIPT_TIMEOUT: Duration = Duration::from_mins(5);
 /// Time between two checks of a condition.
 const POLL: Duration = Duration::from_millis(50);
@@ -52,7 +52,7 @@ impl Browser {
             assert!(Instant::now() < end, "{}", driver.log());
             std::thread::sleep(POLL);
         }
-        // Without the sandbox, because root cannot use it; the only page shown is the project's.
+        // Run without sandbox, because root cannot use it; the only page shown is the project's.
         let arguments = [
             "--headless=new",
             "--no-sandbox",
@@ -82,7 +82,7 @@ impl Browser {
         self.tell("Emulation.setDeviceMetricsOverride", &metrics);
     }
 
-    /// Opens an address.
+    /// Opens `url` in the current tab, and returns once the page has loaded.
     pub fn open(&self, url: &str) {
         self.post("url", &json!({"url": url}));
     }
@@ -92,7 +92,7 @@ impl Browser {
         self.post("refresh", &json!({}));
     }
 
-    /// Opens an empty tab. Returns its handle and that of the current tab.
+    /// Opens an empty tab in the background. Returns the handles of the new and of the current tab.
     pub fn new_tab(&self) -> [Value; 2] {
         let present = self.command("GET", "window", None);
         let new = self.post("window/new", &json!({"type": "tab"}))["handle"].take();
@@ -104,7 +104,7 @@ impl Browser {
         self.post("window", &json!({"handle": tab}));
     }
 
-    /// Runs the body of a function in the page and returns its result, or that of its promise.
+    /// Runs a function's body in the page. Returns its result, or the value of a returned promise.
     pub fn run(&self, script: &str) -> Value {
         self.post("execute/sync", &json!({"script": script, "args": []}))
     }
@@ -148,7 +148,7 @@ impl Browser {
         }
     }
 
-    /// Prefers dark or light pages, as a user's desktop does.
+    /// Makes the browser prefer dark or light pages, as a user's desktop does.
     pub fn prefer_dark(&self, dark: bool) {
         let value = if dark { "dark" } else { "light" };
         let feature = json!({"name": "prefers-color-scheme", "value": value});

@@ -10,8 +10,7 @@ use emulator::skip::skip_unless_required;
 use crate::ros::{self, Ros};
 use crate::workspace;
 
-/// Files that must exist to build the catkin packages, each with the Debian package that installs
-/// it.
+/// Files that must exist to build the catkin packages, and the Debian package that installs each.
 const NEEDED: [(&str, &str); 5] = [
     ("/usr/bin/catkin_make", "catkin"),
     ("/usr/bin/rosrun", "rosbash"),

@@ -104,7 +104,7 @@ impl Status {
     }
 }
 
-/// A bridge between a port and a ROS master, with a subscriber to its codes and a recorder of them.
+/// A bridge between a port and a ROS master, with a subscriber to the codes and a recorder.
 #[derive(Debug)]
 pub struct Chain<'a> {
     /// The ROS master; it also creates commands for ROS tools that connect to it.

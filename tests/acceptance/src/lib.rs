@@ -1,4 +1,4 @@
-//! Acceptance tests: programs as a user starts them, checked from outside, end to end.
+//! Acceptance tests: they start programs as a user does, and check them from outside, end to end.
 //!
 //! Each file of `tests/` checks one promise. This library starts and stops what the tests need: the
 //! workspace's own programs, emulated boards, ROS and numpy.

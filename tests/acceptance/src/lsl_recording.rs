@@ -46,10 +46,10 @@ pub struct LslSignal {
 }
 
 impl LslRecording {
-    /// Reads the recording that the program has written to `folder`.
+    /// Reads the recording that `lsl_record.py` has written to `folder`.
     ///
     /// # Panics
-    /// When there is none.
+    /// When `folder` contains no recording.
     pub fn read(folder: &Path) -> Self {
         let recorded = fs::read_to_string(folder.join("recorded.json")).expect("a recording");
         let described = serde_json::from_str(&recorded).expect("JSON");

@@ -93,8 +93,8 @@ pub fn array(archive: &Path, name: &str) -> Result<Vec<f64>, NumpyError> {
     Ok(values.collect())
 }
 
-/// Runs the program `script` with `folder` as its argument, and prints what the program prints. A
-/// relative path starts at `tests/acceptance/tests/it`.
+/// Runs the Python program `script` with `folder` as its argument, and prints the program's output.
+/// A relative path starts at `tests/acceptance/tests/it`.
 ///
 /// # Errors
 /// When Python does not start or the program fails.

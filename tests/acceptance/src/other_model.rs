@@ -27,7 +27,7 @@ const DEPENDENTS: [&str; 9] = [
 static BUILDS: Mutex<()> = Mutex::new(());
 
 /// Waits until no other test of this executable builds with another model, and returns a guard that
-/// keeps the others waiting. The next build would replace the programs of the present one.
+/// keeps the others waiting. Each build replaces the programs of the build before.
 pub fn lock_builds() -> MutexGuard<'static, ()> {
     BUILDS.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -4,9 +4,9 @@ use std::io;
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::atomic::{AtomicU16, Ordering::Relaxed};
 
-/// First port that a test may use, and number of such ports. All are below 32768, from where the
-/// system takes ports for outgoing connections: a program that tries to connect to such a port
-/// could get that port for its own end, and so connect to itself.
+/// First port that a test may use, and number of such ports. All are below 32768, the start of the
+/// range for outgoing connections: a program that tries to connect to a port in that range could
+/// get this port for its own end, and so connect to itself.
 const FIRST: u16 = 20_000;
 const COUNT: u16 = 12_000;
 

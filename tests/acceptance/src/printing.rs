@@ -106,9 +106,9 @@ pub fn figure<'s>(status: &'s Value, key: &str) -> Option<&'s str> {
     values.find(|value| value["key"] == key)?["value"].as_str()
 }
 
-/// Runs a board for `seconds`, records its bytes by a bridge with `options`, replays the recording
-/// to a bridge that prints messages, and converts it to tables. Returns the first bridge's log, the
-/// second's log, and what the second printed.
+/// Runs a board for `seconds` and records its bytes with a bridge that has `options`. Replays the
+/// recording with a second bridge to a third, which prints messages. Converts the recording to
+/// tables. Returns the logs of the first and of the second bridge, and what the third printed.
 ///
 /// # Panics
 /// When a program fails.

@@ -14,8 +14,7 @@ pub const SLACK: Duration = Duration::from_mins(1);
 /// Time between two checks whether a program has ended or a condition holds.
 const POLL: Duration = Duration::from_millis(20);
 
-/// A running program in a process group of its own; its standard output and standard error go to
-/// files.
+/// A running program in its own process group; its standard output and standard error go to files.
 ///
 /// Dropping the value kills the group and every descendant of the program. A descendant can be
 /// outside the group: roscore starts its children in sessions of their own.

@@ -1,4 +1,4 @@
-//! ROS 2 nodes of others: subscribers with Cyclone DDS, and callers of services with rclpy.
+//! ROS 2 nodes made with other software: subscribers with Cyclone DDS, service callers with rclpy.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -10,7 +10,7 @@ use crate::process::Process;
 use crate::wheels;
 use crate::workspace;
 
-/// Number of pairs of domains whose ports Linux does not give to other programs.
+/// Number of pairs of ROS domains whose ports are outside Linux's range for outgoing connections.
 const PAIRS: u32 = 50;
 
 /// The Python with ROS 2's packages, and domains that no other test uses.
@@ -20,20 +20,20 @@ pub struct Ros2<'a> {
     folder: &'a Path,
     /// Domain of the test's nodes.
     pub domain: String,
-    /// Another domain.
+    /// Another domain, from which the test's nodes must not be visible.
     pub other_domain: String,
 }
 
 impl<'a> Ros2<'a> {
-    /// Returns `None`, and reports `test` as skipped, if the Python packages are not installed.
-    /// Programs write their output to `folder`.
+    /// Finds the Python packages; if they are not installed, reports `test` as skipped and returns
+    /// `None`. Programs write their output to `folder`.
     ///
     /// # Panics
-    /// When they are not installed and `CORTICODE_REQUIRE_ROS=1`.
+    /// When the packages are not installed and `CORTICODE_REQUIRE_ROS=1`.
     pub fn find(test: &str, folder: &'a Path) -> Option<Self> {
         static TESTS: AtomicU32 = AtomicU32::new(0);
         let python = wheels::python(test)?;
-        // Tests of another process start at another pair, most of the time.
+        // Another process usually starts at another pair.
         let start = std::process::id().wrapping_mul(0x9e37_79b9) >> 16;
         let pair = (start + TESTS.fetch_add(1, Ordering::Relaxed)) % PAIRS;
         Some(Self {
@@ -44,11 +44,11 @@ impl<'a> Ros2<'a> {
         })
     }
 
-    /// Starts a subscriber. `arguments` are those of `tests/acceptance/ros2/subscribe.py` after
-    /// `[--latched] DOMAIN`.
+    /// Starts a subscriber in `domain`. Each of the `topics` is TOPIC=PACKAGE/TYPE, and `latched`
+    /// also requests messages from before the subscription (`tests/acceptance/ros2/subscribe.py`).
     ///
     /// # Panics
-    /// When it does not start.
+    /// When the subscriber does not start.
     pub fn subscribe(&self, name: &str, domain: &str, latched: bool, topics: &[&str]) -> Process {
         let mut command = self.command("subscribe.py");
         command.args(latched.then_some("--latched"));
@@ -68,8 +68,9 @@ impl<'a> Ros2<'a> {
         assert!(output.status.success(), "{services:?}: {errors}");
     }
 
-    /// Calls services as programs with `RMW_IMPLEMENTATION=rmw_cyclonedds_cpp` do, one after the
-    /// other: each is NAME=PACKAGE/TYPE. Returns the responses in lines of JSON.
+    /// Calls services, one after the other, as programs with
+    /// `RMW_IMPLEMENTATION=rmw_cyclonedds_cpp` do. Each service is NAME=PACKAGE/TYPE. Returns the
+    /// responses in lines of JSON.
     ///
     /// # Panics
     /// When one is missing or does not answer.
@@ -86,7 +87,7 @@ impl<'a> Ros2<'a> {
         let mut command = Command::new(&self.python);
         let path = workspace::root().join("tests/acceptance/ros2").join(script);
         command.arg(path).env("PYTHONUNBUFFERED", "1");
-        // The log of rclpy.
+        // Let rclpy write its log to the test's folder.
         command.env("ROS_LOG_DIR", self.folder);
         command
     }
@@ -101,9 +102,9 @@ pub fn messages(lines: &str, topic: &str) -> Vec<Value> {
     lines.map(|mut line| line["message"].take()).collect()
 }
 
-/// Returns a message of ROS 2 with the names of ROS 1: `secs` and `nsecs` of a stamp, and the
-/// number in the header. A stamp of time 0 is left out, and levels have their names, as in the
-/// bridge's lines of JSON.
+/// Returns a ROS 2 message with the field names of ROS 1: `secs` and `nsecs` in stamps, and the
+/// sequence number in the header. As in the bridge's JSON lines, a stamp of time 0 is left out and
+/// a diagnostic level is given by its name.
 pub fn as_ros1(message: Value) -> Value {
     match message {
         Value::Array(items) => items.into_iter().map(as_ros1).collect(),

@@ -9,10 +9,9 @@ use crate::{
     random::Random,
 };
 
-/// A cascade whose sections change randomly before every block, while its states persist.
-///
-/// Poles can be anywhere and sums wrap, so the output is not a filtered signal. The contender shows
-/// that the microcontroller and the PC compute equal bits for any coefficient and any sample.
+/// A cascade whose sections change randomly before every block, while its states persist. Poles can
+/// be anywhere and sums wrap, so the output is no filtered signal. It shows that microcontroller
+/// and PC compute equal bits for any coefficient and any sample.
 #[derive(Clone, Debug)]
 pub struct AnySections {
     random: Random,
@@ -22,7 +21,7 @@ pub struct AnySections {
 }
 
 impl Default for AnySections {
-    /// Draws sections from a fixed seed, so that all inputs pass through the same ones.
+    /// Draws sections from a fixed seed, so that every input passes through the same sections.
     fn default() -> Self {
         let mut random = Random(1);
         Self {
@@ -50,8 +49,7 @@ impl Contender for AnySections {
 }
 
 impl Random {
-    /// Draws a coefficient: any fraction, and an integer part from -2 to 2, which is the range of
-    /// stable sections.
+    /// Draws a coefficient: any fraction, and an integer part of stable sections, -2 to 2.
     fn coefficient(&mut self) -> Coefficient {
         Coefficient {
             integer: (self.next() % 5).cast_signed() - 2,

@@ -3,23 +3,23 @@
 use lossless::{Block, Count, Encoder, Kind, MAX_SAMPLES};
 use model::CHANNELS;
 
-/// Samples of one block, in the form in which the lossless encoder takes them.
+/// Samples of one block, as the lossless encoder takes them.
 pub type Samples = [[Count; CHANNELS]; MAX_SAMPLES];
 
 /// A block of samples that are all 0.
 pub const SILENCE: Samples = [[[0; 3]; CHANNELS]; MAX_SAMPLES];
 
-/// Length in the input file of one block's samples, bytes.
+/// Number of bytes that the samples of one block take in the input file.
 pub const INPUT_BYTES: usize = 3 * CHANNELS * MAX_SAMPLES;
 
-/// Length in the output file of one compressed block, bytes: kind (1 byte), length (2), and the
-/// compressed bytes, filled up with zeros.
+/// Number of bytes that one compressed block takes in the output file: kind (1 byte), length (2),
+/// and the compressed bytes, padded with zeros.
 pub const OUTPUT_BYTES: usize = 1 + 2 + INPUT_BYTES;
 
 /// Number of blocks in one input: 256 blocks are 4 s at 512 Hz.
 pub const BLOCKS: usize = 256;
 
-/// The encoder with the settings of a device at 512 Hz: a key block every 0.25 s.
+/// The encoder as in a device at 512 Hz: a key block every 0.25 s.
 pub const ENCODER: Encoder = Encoder { key_blocks: 16 };
 
 /// Returns the bytes that represent a compressed block in the output file.

@@ -1,5 +1,5 @@
-//! All contenders: our filters in the forms in which they are used and, for comparison, the filters
-//! of the third-party crate idsp.
+//! All contenders: our filters in each form of use and, for comparison, the filters of the
+//! third-party crate idsp.
 
 use fixed_dsp::{BLOCK, CascadeState, DelayLine, Filter, Resampler};
 use idsp::iir::{DirectForm1, DirectForm1Dither, DirectForm1Wide};
@@ -24,7 +24,7 @@ pub trait Contender {
     fn output(&self) -> Block;
 }
 
-/// Names in reports of the contenders (compared filters), in the order of [`with_contenders`].
+/// Names of the contenders (compared filters) in reports, in the order of [`with_contenders`].
 pub const NAMES: [&str; 8] = [
     "ours-blocks",
     "ours-singles",
@@ -102,8 +102,8 @@ impl Contender for Singles {
     }
 }
 
-/// Number of taps of the measured resampler: as many as a decimation from 512 Hz needs. The values
-/// of the taps do not affect the number of instructions.
+/// Number of taps of the measured resampler: as many as a decimation from 512 Hz needs. The taps'
+/// values do not affect the number of instructions.
 const TAPS: usize = 64;
 
 /// Contender that resamples from 512 to 128 Hz: for each block, four samples enter the delay line
@@ -153,8 +153,8 @@ struct Acquiring {
 }
 
 impl Default for Acquiring {
-    /// Processes one sample of silence, which completes the first time step, so that afterwards
-    /// every block of four samples completes one.
+    /// Processes one sample of silence, which completes the first time step. Afterwards every block
+    /// of four samples completes one time step.
     fn default() -> Self {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         acquisition.process_sample(&Sample::default());
@@ -189,7 +189,7 @@ impl Contender for Acquiring {
     }
 }
 
-/// Returns a block whose first sample holds the electrodes' values; the other three are zero.
+/// Returns a block with the electrodes' values in its first sample, and zeros in the others.
 fn as_block(electrodes: &Electrodes) -> Block {
     electrodes.map(|value| {
         let mut samples = [0; BLOCK];

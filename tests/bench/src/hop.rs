@@ -1,16 +1,17 @@
-//! Numbers the time steps within a hop, because the image `encoder` counts the instructions of each
-//! of them separately.
+//! Numbers of time steps and windows in an input of the image `encoder`, which counts the
+//! instructions of each time step of a hop separately.
 
 use model::{HOP, STEPS};
 
-/// Number of time steps at the start of an input whose instructions are not counted: until the
-/// second window is complete, the encoder's buffers fill.
+/// Number of time steps at the start of an input that are not counted: until the second window is
+/// complete, the encoder's buffers fill.
 pub const FILLING: usize = STEPS + HOP;
 
 /// Index, within a hop, of the time step that completes a window and its code.
 pub const COMPLETING: usize = (STEPS - 1) % HOP;
 
-/// Returns the number of time steps that complete `windows` windows, at least two windows.
+/// Returns the number of time steps that complete `windows` windows, or two windows if that is
+/// more.
 ///
 /// The input file of the image `encoder` starts with this number, 32 bits, little endian. The
 /// planes of all inputs follow, one byte per cell. The output file holds the codes in order.
@@ -18,8 +19,7 @@ pub const fn steps(windows: usize) -> usize {
     FILLING + HOP * windows.saturating_sub(2)
 }
 
-/// Returns the number of complete windows after `steps` time steps, which must be at least
-/// [`STEPS`].
+/// Returns the number of complete windows after `steps` time steps, at least [`STEPS`].
 pub const fn windows(steps: usize) -> usize {
     (steps - STEPS) / HOP + 1
 }

@@ -11,11 +11,11 @@ use crate::{
     contenders::Contender,
 };
 
-/// Second-order section of idsp: five coefficients in Q2.29, because their largest magnitude is 2.
+/// Second-order section of idsp: five coefficients in Q2.29, because the largest magnitude is 2.
 pub type Section29 = Biquad<Q32<29>>;
 
-/// Our sections for 50 Hz mains, converted to idsp's sections, in the same order and with the same
-/// gains. `S` is the type of a section's state, which selects the form of idsp's filter.
+/// Our sections for 50 Hz mains as idsp's sections, in the same order and with the same gains. `S`,
+/// the type of a section's state, selects the form of idsp's filter.
 #[derive(Clone, Debug)]
 pub struct IdspCascade<S> {
     sections: [Section29; SECTIONS],
@@ -56,8 +56,8 @@ where
         self.block = *block;
     }
 
-    /// Applies each section to all four samples before the next section. This is the order that
-    /// idsp uses itself, and it is faster than sample by sample.
+    /// Applies each section to all four samples before the next section, as idsp itself does. This
+    /// is faster than sample by sample.
     fn run(&mut self) {
         for (states, samples) in self.states.iter_mut().zip(&mut self.block) {
             for (section, state) in self.sections.iter().zip(states) {
@@ -73,8 +73,7 @@ where
     }
 }
 
-/// Converts one of our sections to the coefficients `b0, b1, b2, -a1, -a2` of idsp's direct form,
-/// rounded to Q2.29.
+/// Converts one of our sections to idsp's direct form: `b0, b1, b2, -a1, -a2`, rounded to Q2.29.
 fn biquad(section: &Section) -> Section29 {
     const ONE: i64 = 1 << 32;
     let q32 = Coefficient::to_q32;

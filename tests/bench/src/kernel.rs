@@ -9,14 +9,14 @@ use model::{
     SHORTCUT_STEPS,
 };
 
-/// Number of consecutive planes that a convolution reads for each plane of its output.
+/// Number of consecutive planes that a convolution reads for one output plane.
 const PLANES: usize = 3;
 /// Number of [`Pair`]s of channels in the output of the first convolution for one step, without the
 /// zero margin.
 const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
 /// [`INTERIOR`] plus the pairs in the zero margin, which the second convolution also reads.
 const FRAMED: usize = HIDDEN.len() / 2;
-/// Number of pairs in a plane after the transform, the first part of the second convolution.
+/// Number of pairs in a transformed plane; the second convolution transforms its input first.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
 /// Weights of the linear shortcut for the first time step of a window. A network without a shortcut

@@ -16,7 +16,8 @@
 //! The image `filters` passes every [`Block`](block::Block) through every
 //! [`Contender`](contenders::Contender); `encoder` takes one [`Plane`](pipeline::Plane) per time
 //! step and counts each time step of a [`hop`]; `lossless` compresses the [blocks of
-//! samples](compression); `substitution` fills the [steps](substituted) of each input.
+//! samples](compression); `substitution` replaces the bad electrodes in the [steps](substituted) of
+//! each input.
 //!
 //! ```
 //! use bench::{contenders::with_contenders, block::SILENCE};
@@ -47,8 +48,8 @@ pub mod report;
 pub mod substituted;
 pub mod tally;
 
-/// Adds what a program needs as an image: a panic handler, and for a PC a `main` that prints where
-/// the program must run.
+/// Completes a program to an image: a panic handler, and on a PC a `main` that prints where the
+/// program must run.
 #[macro_export]
 macro_rules! image {
     ($benchmark:literal) => {

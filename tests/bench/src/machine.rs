@@ -15,10 +15,10 @@ use cortex_m_semihosting::{debug, hprintln, nr, syscall};
 
 use crate::block::{INPUTS, OUTPUTS};
 
-/// Address of the load register of the dual timer's timer 1. The registers are documented for CMSDK
-/// (ARM DDI 0479), the addresses for the MPS2's FPGA images AN386 and AN500.
+/// Address of the load register of timer 1 in the dual timer. ARM DDI 0479 (CMSDK) documents the
+/// registers, the application notes of the FPGA images AN386 and AN500 the addresses.
 const LOAD: *mut u32 = 0x4000_2000 as *mut u32;
-/// Address of the register with the current value of the dual timer's timer 1, which counts down.
+/// Address of the current value of timer 1, which counts down.
 const VALUE: *const u32 = 0x4000_2004 as *const u32;
 /// Address of the control register of the dual timer's timer 1.
 const CONTROL: *mut u32 = 0x4000_2008 as *mut u32;
@@ -29,13 +29,13 @@ const FREE_RUNNING: u32 = 0b1000_0010;
 /// 1024 ns, which is 25.6 periods of the board's 25 MHz clock.
 const TICKS_OF_TEN: u64 = 256;
 
-/// Number of instructions in the block of code with which the counter is checked.
+/// Number of instructions in the block of code that checks the counter.
 const KNOWN: u32 = 1000;
 
 /// Counter of executed instructions, based on the emulated timer.
 #[derive(Debug)]
 pub struct Clock {
-    /// Number of instructions that counting itself adds, measured with an empty closure.
+    /// Number of instructions that an empty closure counts, which every measurement contains.
     overhead: u32,
 }
 
@@ -44,8 +44,8 @@ impl Clock {
     /// 1000 instructions.
     ///
     /// # Errors
-    /// Returns the number of instructions counted for the block if it is not 1000: QEMU was started
-    /// with other options than needed.
+    /// Returns the number of instructions counted for the block if it is not 1000, which means that
+    /// QEMU was not started with the options that the counter needs.
     pub fn start() -> Result<Self, u32> {
         for (register, value) in [(LOAD, u32::MAX), (CONTROL, FREE_RUNNING)] {
             // SAFETY: `LOAD` and `CONTROL` are addresses of registers of the dual timer, which only
@@ -85,7 +85,7 @@ impl Clock {
 }
 
 /// Starts the counter, calls `work` with it, and ends the emulation. If the counter is wrong or a
-/// file of the PC cannot be used, prints the reason and ends with exit status 1.
+/// file operation fails, prints the reason and ends with exit status 1.
 pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     let clock = match Clock::start() {
         Ok(clock) => clock,
@@ -108,7 +108,7 @@ pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     exit(done.is_ok())
 }
 
-/// Prints the panic and ends the emulation with exit status 1; an image's panic handler calls it.
+/// Prints the panic and ends the emulation with exit status 1. For an image's panic handler.
 pub fn panicked(info: &PanicInfo<'_>) -> ! {
     hprintln!("{}", info);
     exit(false)
@@ -134,7 +134,7 @@ impl Files {
         })
     }
 
-    /// Reads the number of time steps in each input, which stands at the start of some input files.
+    /// Reads the number of time steps in each input, with which some input files start.
     ///
     /// # Errors
     /// The file is empty or cannot be read.
@@ -158,8 +158,8 @@ impl Files {
         }
     }
 
-    /// Calls `count` for each input until `count` returns `None` at the end of the file, and prints
-    /// its results as the TOML array `inputs`.
+    /// Calls `count` for each input until it returns `None` at the end of the file, and prints the
+    /// results as the TOML array `inputs`.
     ///
     /// # Errors
     /// The first error of `count`.
@@ -184,7 +184,7 @@ fn ticks() -> u32 {
     !unsafe { VALUE.read_volatile() }
 }
 
-/// Handle of an open file on the PC, which the image accesses through semihosting.
+/// Handle of an open file on the PC, for semihosting calls.
 #[derive(Debug)]
 pub struct HostFile(usize);
 

@@ -1,4 +1,4 @@
-//! Generator of pseudo-random numbers that are the same on the PC and on the microcontroller.
+//! Generator of pseudo-random numbers that are the same on PC and microcontroller.
 
 /// State of a linear congruential generator with Knuth's 64-bit constants (MMIX; The Art of
 /// Computer Programming 2, 3.3.4).

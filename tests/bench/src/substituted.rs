@@ -9,22 +9,23 @@ use pipeline::{FeatureFilters, Step};
 pub struct OwnedTable {
     /// Weights, packed by [`Linear::pack_weights`].
     pub weights: [Pair; ELECTRODE_PAIRS * ELECTRODE_OUTPUTS / 2],
-    /// Typical innovation of each electrode, as the artifact states it.
+    /// Typical mean square of each electrode's innovation, in the unit of the artifact.
     pub innovation: [i32; ELECTRODES],
 }
 
 /// Length of a table in the input file, bytes.
 pub const TABLE_BYTES: usize = 4 * (ELECTRODE_PAIRS * ELECTRODE_OUTPUTS / 2 + ELECTRODES);
 
-/// Length of a step in both files, bytes: the electrodes (4 bytes each), then a mask of 8 bytes, of
-/// the channels at the rail in the input file and of the excluded electrodes in the output file.
+/// Length of a step in both files, bytes: the electrodes (4 bytes each), then a mask of 8 bytes. In
+/// the input file, the mask has the channels at the rail; in the output file, the excluded
+/// electrodes.
 pub const STEP_BYTES: usize = 4 * ELECTRODES + 8;
 
 /// Samples for each step: 512 Hz over 128 Hz.
 pub const SAMPLES_PER_STEP: usize = model::ADC_RATE_HZ as usize / model::STEP_RATE_HZ as usize;
 
 impl OwnedTable {
-    /// Returns the table as the pipeline takes it.
+    /// Returns the table as the pipeline expects it.
     pub const fn borrow(&self) -> Substitution<'_> {
         Substitution {
             prediction: Linear {
@@ -49,7 +50,8 @@ impl OwnedTable {
     }
 }
 
-/// Returns a step with the electrodes and the mask of rails in the input file.
+/// Returns a step with the electrodes and the mask of channels at the rail, read from the input
+/// file.
 pub fn from_bytes(bytes: &[u8; STEP_BYTES]) -> Step {
     let (electrodes, mask) = bytes.split_at(4 * ELECTRODES);
     let electrodes = electrodes.as_chunks().0;
@@ -66,7 +68,7 @@ pub fn from_bytes(bytes: &[u8; STEP_BYTES]) -> Step {
     }
 }
 
-/// Returns the bytes of a step with `mask`.
+/// Returns the bytes of a step: its electrodes, then `mask`.
 pub fn to_bytes(step: &Step, mask: u64) -> [u8; STEP_BYTES] {
     let mut bytes = [0; STEP_BYTES];
     let electrodes = step.electrodes.map(i32::to_le_bytes);
@@ -76,11 +78,11 @@ pub fn to_bytes(step: &Step, mask: u64) -> [u8; STEP_BYTES] {
     bytes
 }
 
-/// Returns six spatial filters, as `trainer classify` fits them by default, with all sorts of
-/// weights, and a band-pass of 8 to 30 Hz.
+/// Returns six spatial filters, the default number of `trainer classify`, with weights from -16 to
+/// 16, and a band-pass of 8 to 30 Hz.
 ///
 /// # Panics
-/// If the filters are out of range, which they are on no montage.
+/// If the filters are out of range, which does not happen with any montage.
 pub fn any_filters() -> FeatureFilters {
     let mut weights = [[0; ELECTRODES]; 6];
     let mut next = 0_u8;

@@ -21,7 +21,7 @@ pub const APPLICATION: &str = "board-qemu";
 /// docs/real-time.md computes 1.6 cycles per instruction for a code.
 pub const INSTRUCTION_SHIFT: u8 = 4;
 
-/// An emulated board with the application's image and the folder of one scenario.
+/// An emulated board with the application's image, and the folder of one scenario.
 #[derive(Debug)]
 pub struct Board {
     /// The board that QEMU emulates, with its processor.
@@ -76,10 +76,10 @@ pub fn boards(scenario: &str, samples: &[Sample]) -> impl Iterator<Item = Board>
     })
 }
 
-/// Returns the value of a result, or panics with the error's message, which names the next step.
+/// Returns the value of a result, or panics with the error's message, which says what to do.
 ///
 /// # Panics
-/// With the error's message.
+/// When the result is an error.
 pub fn or_panic<T>(result: Result<T, EmulatorError>) -> T {
     result.unwrap_or_else(|error| panic!("{error}"))
 }
@@ -88,7 +88,7 @@ impl Board {
     /// Records measured figures under the name of this machine.
     ///
     /// # Panics
-    /// As [`figures::record`].
+    /// When [`figures::record`] panics.
     pub fn record(&self, figures: &impl Serialize) {
         figures::record(Some(self.machine.name), figures);
     }
@@ -104,8 +104,8 @@ impl Board {
         or_panic(fs::write(&path, bytes).map_err(EmulatorError::file(&path)));
     }
 
-    /// Prepares QEMU to run the application with `arguments` in virtual time. The caller still has
-    /// to connect the UART.
+    /// Prepares QEMU to run the application with `arguments` in virtual time. The caller must
+    /// connect the UART.
     pub fn qemu(&self, arguments: &[&str]) -> Qemu {
         let arguments = [&[APPLICATION], arguments].concat();
         let mut qemu = Qemu::new(&self.image, self.machine, &self.folder, &arguments);
@@ -156,7 +156,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// Returns the number that the image printed at its end under the name `name`.
+    /// Returns the number that the image printed at its end with the label `name`.
     ///
     /// # Panics
     /// When the image did not print it.
@@ -166,17 +166,17 @@ impl Run {
         number.unwrap_or_else(|| panic!("the image printed no `{name}`: {:?}", self.lines))
     }
 
-    /// Returns the number of overruns: what the image printed at its end or what the last `Stats`
-    /// states, whichever is larger.
+    /// Returns the larger number of overruns: as printed by the image at its end, or as in the last
+    /// `Stats`.
     pub fn overruns(&self, boot: &Boot) -> u64 {
         let reported = u64::from(boot.last_stats().overruns);
         self.printed("overruns").max(reported)
     }
 
-    /// Checks that the board has acquired every sample, and that every frame has arrived intact.
+    /// Checks that the board has acquired every sample, and that every frame arrived intact.
     ///
     /// # Panics
-    /// When a sample was not acquired in time, or a frame was dropped, is missing or is damaged.
+    /// When a sample was missed, or a frame was dropped, is missing or is damaged.
     pub fn assert_complete(&self, boot: &Boot, samples: usize) {
         assert_eq!(self.printed("samples"), samples as u64, "samples");
         assert_eq!(self.overruns(boot), 0, "overruns");

@@ -1,4 +1,4 @@
-//! Compares lists of expected and found items: number of differences, and the first of them.
+//! Compares expected with found items: the number of differences, and the first difference.
 
 use std::fmt::Debug;
 
@@ -9,8 +9,8 @@ pub fn count_differences<T: PartialEq>(expected: &[T], found: &[T]) -> usize {
         + expected.len().abs_diff(found.len())
 }
 
-/// Returns a text with the index of the first pair of items that differ and both items, each cut to
-/// 300 characters, or else the numbers of items if these differ; `None` if all items are equal.
+/// Returns a text with the first index at which the items differ and both items, each cut to 300
+/// characters, or with the numbers of items if only these differ; `None` if all items are equal.
 pub fn first_difference<T: PartialEq + Debug>(expected: &[T], found: &[T]) -> Option<String> {
     let text = |item: &T| format!("{item:?}").chars().take(300).collect::<String>();
     let mut pairs = expected.iter().zip(found).enumerate();

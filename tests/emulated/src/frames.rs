@@ -1,5 +1,5 @@
-//! Decodes the frames that a board has sent and sorts their messages by kind; makes host-sim's
-//! frames for the same samples.
+//! Decodes the frames of a board and sorts their messages by kind, and makes host-sim's frames for
+//! the same samples.
 
 use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
 use link::{
@@ -11,8 +11,8 @@ use pipeline::{Mains, Sample};
 
 use crate::compare::first_difference;
 
-/// Calls `select` with header and message of each intact frame in `sent`, in order, and collects
-/// the items that it returns.
+/// Calls `select` with header and message of each intact frame in `sent`, and collects what it
+/// returns.
 pub fn filter_map<T>(
     mut sent: &[u8],
     mut select: impl FnMut(Header, ToHost<'_>) -> Option<T>,
@@ -98,19 +98,19 @@ pub struct Boot {
     /// Times of the pipeline's stages over the whole boot, as the last `Timing` reported them;
     /// empty if there was none.
     pub timing: Timing,
-    /// Answers to commands, in the order in which the board has sent them.
+    /// Replies to commands, in the order in which the board has sent them.
     pub acks: Vec<Ack>,
-    /// Answers to `SyncTime`, each after the device time of its frame in microseconds.
+    /// Replies to `SyncTime`, each after the device time of its frame in microseconds.
     pub clock_readings: Vec<(u64, ClockReading)>,
     /// Number of frames that arrived intact.
     pub frames: u32,
     /// Decoding error of each damaged frame.
     pub damaged: Vec<FrameError>,
-    /// Number of frames that are missing, by the gaps in the sequence numbers of the intact ones.
+    /// Number of missing frames, computed from the gaps in the sequence numbers.
     pub missing: u32,
     /// Device time of the latest intact frame, microseconds.
     pub latest_us: u64,
-    /// Device time of the frame with the last answer to a command, in microseconds.
+    /// Device time of the frame with the last `Ack`, in microseconds.
     pub last_ack_us: u64,
 }
 
@@ -192,8 +192,8 @@ impl Boot {
         self.stats.last().copied().unwrap_or_default()
     }
 
-    /// Returns the largest difference of a code's device time from its due time, in microseconds.
-    /// Codes are due at whole numbers of hops after the first code.
+    /// Returns the largest deviation of a code's device time from its due time, in microseconds.
+    /// Codes are due at whole hops after the first code.
     pub fn jitter_us(&self) -> u64 {
         let Some((first, _)) = self.timed_codes.first() else {
             return 0;
@@ -205,8 +205,8 @@ impl Boot {
         differences.max().unwrap_or(0)
     }
 
-    /// Checks that codes and reports on the electrodes equal those of `expected`, which host-sim
-    /// has sent.
+    /// Checks that the codes and the reports on electrodes equal the ones in `expected`, which
+    /// host-sim has sent.
     ///
     /// # Panics
     /// When they differ; the message names the first difference.

@@ -1,4 +1,4 @@
-//! Samples for the emulated converter, and the format of the file from which it reads them.
+//! Samples for the emulated converter, and the file from which it reads them.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ pub struct Input {
     pub samples: Vec<Sample>,
     /// Names of the sources that the samples come from.
     pub names: Vec<&'static str>,
-    /// For each source that is not available on this machine, its name and the reason.
+    /// Name of each source that is not available on this machine, and the reason.
     pub skipped: Vec<String>,
 }
 
@@ -72,15 +72,15 @@ impl Input {
         }
     }
 
-    /// Returns the samples of the first `seconds` seconds, or all samples if the input is shorter.
+    /// Returns the samples of the first `seconds` seconds, or all samples of a shorter input.
     pub fn first_seconds(&self, seconds: usize) -> &[Sample] {
         let count = seconds * usize::from(ADC_RATE_HZ);
         &self.samples[..count.min(self.samples.len())]
     }
 }
 
-/// Returns the first `count` samples of a recording, or all if it is shorter, converted to the
-/// model's montage and rate.
+/// Returns the first `count` samples of a recording, or all of a shorter one, in the model's
+/// montage and rate.
 fn recorded(path: &Path, count: usize) -> Vec<[i32; CHANNELS]> {
     let recording = Recording::open(path);
     let recording = recording.unwrap_or_else(|error| panic!("{}: {error}", path.display()));

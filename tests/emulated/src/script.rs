@@ -1,4 +1,4 @@
-//! Script of bytes that the image receives at set device times, from a file instead of its UART.
+//! Script of bytes that the image receives at set device times, from a file instead of the UART.
 
 use link::{Ack, AckResult, Decoder, MAX_FRAME, Message, Start, Streams, ToDevice, VERSION};
 
@@ -57,7 +57,7 @@ impl Script {
         self.repeat_command(boot, at_us);
     }
 
-    /// Adds the last command once more, like a host that has not received the answer.
+    /// Adds the last command again, like a host that has received no reply.
     pub fn repeat_command(&mut self, boot: u32, at_us: u64) {
         if let Some((bytes, answer)) = self.last.clone() {
             self.add_bytes(boot, at_us, &bytes);
@@ -65,8 +65,7 @@ impl Script {
         }
     }
 
-    /// Returns how many commands a board can decode from the script's bytes, and how many frames in
-    /// them are unusable.
+    /// Returns the numbers of commands that a board can decode, and of frames that are unusable.
     pub fn decodable_and_unusable(&self) -> (u32, u32) {
         let mut bytes = &self.bytes[..];
         let mut decoder = Decoder::<MAX_FRAME>::new();

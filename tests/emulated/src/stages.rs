@@ -1,16 +1,16 @@
-//! Longest times of the pipeline's stages on an emulated board, in virtual time, and their limits.
+//! Longest times of the pipeline's stages on an emulated board, and their limits.
 
 use link::{StageTiming, Timing};
 use serde_json::{Value, json};
 
 use crate::board::INSTRUCTION_SHIFT;
 
-/// Largest permitted worst time of a stage, as a fraction of its deadline, while only codes are
-/// streamed. The largest measured fractions are 0.43 on the Cortex-M4F and 0.49 on the Cortex-M7.
-/// The margin is for the emulator, whose times differ by some microseconds when the PC is busy.
+/// Largest permitted time of a stage, as a fraction of its deadline, while only codes are streamed.
+/// The largest measured fractions are 0.43 on the Cortex-M4F and 0.49 on the Cortex-M7. The margin
+/// is for the emulator, whose times vary by some microseconds when the PC is busy.
 pub const LIMIT: f64 = 0.55;
 
-/// Largest permitted worst time of a stage, as a fraction of its deadline, while a board sends all
+/// Largest permitted time of a stage, as a fraction of its deadline, while a board sends all
 /// streams or receives a hundred commands a second. The largest measured fractions are 0.75 on the
 /// Cortex-M4F and 0.82 on the Cortex-M7, for a step after which samples, filtered steps, an audit,
 /// a report and a code are sent at once.
@@ -19,12 +19,12 @@ pub const LIMIT_BUSY: f64 = 0.9;
 /// Largest permitted use of the stack, as a fraction of its size.
 const STACK_LIMIT: f64 = 0.75;
 
-/// Returns the figures in a `Timing`: for each stage its worst time and its deadline, in
-/// nanoseconds and in instructions, and how often it was late; then the stack's use and size,
+/// Returns the figures in a `Timing`: for each stage its longest time and its deadline, in
+/// nanoseconds and in instructions, and how often it was late; then the stack's use and size, in
 /// bytes.
 ///
-/// A worst time includes other tasks and interrupts. The worst time of `send` also includes idle
-/// time, because this stage waits for the UART. The board's clock ticks every 2.5 instructions.
+/// A longest time includes other tasks and interrupts, and for `send` also the wait for the UART.
+/// The board's clock ticks every 2.5 instructions.
 pub fn figures(timing: &Timing) -> Value {
     let stage = |stage: &StageTiming| {
         json!({
@@ -43,7 +43,7 @@ pub fn figures(timing: &Timing) -> Value {
     })
 }
 
-/// Returns how often a stage missed its deadline, which the last class of its histogram counts.
+/// Returns how often a stage missed its deadline, which the last bin of its histogram counts.
 fn late(stage: &StageTiming) -> u32 {
     stage.histogram[stage.histogram.len() - 1]
 }
@@ -52,8 +52,7 @@ fn late(stage: &StageTiming) -> u32 {
 /// quarters of the stack were used.
 ///
 /// # Panics
-/// When a stage exceeded the limit or was late, when more of the stack was used, or when the board
-/// has reported no times.
+/// When a limit was exceeded, a stage was late, or the board has reported no times.
 pub fn assert_within(limit: f64, timing: &Timing) {
     assert!(
         !timing.stages.is_empty(),

@@ -27,12 +27,12 @@ pub enum EmulatorError {
         /// Exit status of cargo, or what its messages lacked.
         why: String,
     },
-    /// The emulator did not start or ended with an error, or the image ended with an error or
-    /// printed nothing for too long.
+    /// The emulator did not start or ended with an error, or the image ended with an error or was
+    /// silent for too long.
     #[error("the image failed: {why}; it printed: {output}\n  next: run it by hand: `{command}`")]
     Failed {
-        /// Exit status of the emulator, the time in which the image printed nothing, or the reason
-        /// that the operating system states.
+        /// Exit status of the emulator, the duration of the silence, or the operating system's
+        /// reason.
         why: String,
         /// All lines that the image printed, separated by slashes.
         output: String,
@@ -55,7 +55,7 @@ impl EmulatorError {
         matches!(self, Self::QemuMissing | Self::TargetMissing)
     }
 
-    /// Returns a function for `map_err` that adds `path` to an error of the file system.
+    /// Returns a function for `map_err` that adds `path` to a file system error.
     pub fn file(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         |error| Self::File { path, error }

@@ -28,7 +28,7 @@ pub fn record(machine: Option<&str>, figures: &impl Serialize) {
         return;
     };
     let file = OpenOptions::new().append(true).create(true).open(path);
-    // Write the line in one call, so that tests that run in parallel do not mix their lines.
+    // Write the line in one call, so that tests which run in parallel do not mix their lines.
     let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
     written.expect("the file named by CORTICODE_FIGURES is writable");
 }

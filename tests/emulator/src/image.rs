@@ -1,4 +1,4 @@
-//! Images for microcontrollers: builds them with cargo and keeps a copy of each.
+//! Images for microcontrollers: builds them with cargo, and keeps a copy of each.
 
 use std::env;
 use std::fs;
@@ -12,8 +12,8 @@ use crate::error::EmulatorError;
 use crate::installed::check_target;
 use crate::qemu::TARGET;
 
-/// Locked during a build: cargo writes the image with any set of features to the same path, and
-/// tests run in parallel.
+/// Locked during a build: tests run in parallel, and cargo writes the image of any feature set to
+/// the same path.
 static BUILDS: Mutex<()> = Mutex::new(());
 
 /// A linked program for a microcontroller: the path of its ELF file.
@@ -27,18 +27,19 @@ pub struct Image {
 pub struct OtherModel<'p> {
     /// Absolute path of the folder that holds the model's artifact.
     pub artifact: &'p Path,
-    /// Cargo's target folder for the build. In the usual target folder, this build and the next one
-    /// with the checked-in model would each rebuild the crates that depend on the model.
+    /// Cargo's target folder for the build. In the usual folder, builds with this model and with
+    /// the checked-in one would each recompile the crates that depend on the model.
     pub target: &'p Path,
 }
 
 impl Image {
-    /// Builds the program `bin` of `package` with cargo's profile `firmware` and the checked-in
-    /// model, or the one that `CORTICODE_ARTIFACT` names; `features` are arguments of cargo.
+    /// Builds the program `bin` of `package` with cargo's profile `firmware`. The model is the
+    /// checked-in one, or the one that `CORTICODE_ARTIFACT` names; `features` are arguments of
+    /// cargo.
     ///
     /// Cargo writes the images of all feature sets to the same path, so the image is copied to a
-    /// folder named after its features. Compiler messages go to the standard error. If this program
-    /// runs under cargo, it uses the same cargo.
+    /// folder named after its features. Compiler messages go to standard error. A program that runs
+    /// under cargo uses the same cargo.
     ///
     /// # Errors
     /// The target is missing, the image does not build, or it cannot be copied.
@@ -49,7 +50,7 @@ impl Image {
     /// Builds an image as [`Image::build`] does, but with the model `model`.
     ///
     /// # Errors
-    /// Those of [`Image::build`].
+    /// As [`Image::build`].
     pub fn build_with_model(
         model: OtherModel<'_>,
         package: &str,
@@ -99,13 +100,13 @@ impl Image {
         let image = Self { path: built };
         let folder = image.create_folder(Path::new("emulator").join(variant))?;
         let [path, copy] = [folder.join(bin), folder.join(format!("{bin}.new"))];
-        // Rename the copy into place, because an emulator may be reading the former one.
+        // Rename the copy into place, because an emulator may be reading the old file.
         let copied = fs::copy(&image.path, &copy).and_then(|_| fs::rename(&copy, &path));
         copied.map_err(EmulatorError::file(&path))?;
         Ok(Self { path })
     }
 
-    /// Returns the image in an ELF file that exists already, such as a modified copy.
+    /// Returns the image in an existing ELF file, such as a modified copy.
     pub fn at(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into() }
     }
@@ -115,7 +116,7 @@ impl Image {
         &self.path
     }
 
-    /// Creates the folder `name` for files of a run in cargo's target folder; returns its path.
+    /// Creates the folder `name` in cargo's target folder, for files of a run; returns its path.
     ///
     /// # Errors
     /// The folder cannot be created.
@@ -129,8 +130,7 @@ impl Image {
     }
 }
 
-/// Returns the path of the built program `bin`. `messages` is the output of cargo's build, in lines
-/// of JSON.
+/// Returns the path of the built program `bin` from the JSON lines that cargo's build has printed.
 fn executable(messages: &str, bin: &str) -> Option<PathBuf> {
     let messages = messages.lines();
     let messages = messages.filter_map(|line| serde_json::from_str::<Value>(line).ok());

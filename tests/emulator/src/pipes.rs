@@ -20,7 +20,7 @@ pub fn feed<T: AsRef<[u8]>>(
 ) -> Result<(), EmulatorError> {
     create(path)?;
     let path = path.to_owned();
-    // The thread ends when QEMU, which reads the pipe, closes it, or all chunks are written.
+    // The thread ends when all chunks are written, or when QEMU closes the pipe.
     thread::spawn(move || -> io::Result<()> {
         let mut pipe = OpenOptions::new().write(true).open(path)?;
         chunks.try_for_each(|chunk| pipe.write_all(chunk.as_ref()))

@@ -1,5 +1,5 @@
-//! The two boards that QEMU emulates for tests and benchmarks, the command line of QEMU, and a run
-//! of an image.
+//! The two boards that QEMU emulates for tests and benchmarks, QEMU's command line, and the run of
+//! an image.
 
 use std::io::{self, BufRead, BufReader, ErrorKind};
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::image::Image;
 /// Target triple for which images are built: Cortex-M4F, and Cortex-M7 with a single-precision FPU.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Name of the emulator's program, which is also the name of its Debian package.
+/// Name of the emulator's program and of its Debian package.
 pub const QEMU: &str = "qemu-system-arm";
 
 /// A board that QEMU can emulate.
@@ -28,7 +28,7 @@ pub struct Machine {
     pub features: &'static [&'static str],
 }
 
-/// The emulated boards: with the smaller and with the larger processor that the firmware supports.
+/// The emulated boards, with the smallest and the largest processor that the firmware supports.
 pub const MACHINES: [Machine; 2] = [
     Machine {
         name: "mps2-an386",
@@ -47,7 +47,7 @@ pub const MACHINES: [Machine; 2] = [
 pub enum Uart<'f> {
     /// Nothing; for an image that does not use the UART.
     None,
-    /// A file of this name in the run's folder, for the image's output; there is no input.
+    /// A file of this name in the run's folder receives the image's output; there is no input.
     File(&'f str),
     /// The named pipes `NAME.in` (to the image) and `NAME.out` (from it) in the run's folder.
     Pipes(&'f str),
@@ -62,8 +62,8 @@ pub struct Qemu {
 }
 
 impl Qemu {
-    /// Prepares QEMU to run `image` on `machine`, with `folder` as its working folder. The image
-    /// can read `arguments` through semihosting; the first of them is the image's own name.
+    /// Prepares QEMU to run `image` on `machine` in the working folder `folder`. The image can read
+    /// `arguments` through semihosting; the first argument is the image's own name.
     pub fn new(image: &Image, machine: Machine, folder: &Path, arguments: &[&str]) -> Self {
         let semihosting = [&["enable=on,target=native"], arguments].concat();
         let mut command = Command::new(QEMU);
@@ -78,15 +78,15 @@ impl Qemu {
         Self { command }
     }
 
-    /// Lets virtual time advance by 2^`shift` ns per instruction. While the processor is idle,
-    /// virtual time jumps to the next interrupt.
+    /// Sets virtual time to 2^`shift` ns per instruction. While the processor is idle, virtual time
+    /// jumps to the next interrupt.
     pub fn instruction_time(&mut self, shift: u8) -> &mut Self {
         let icount = format!("shift={shift},sleep=off");
         self.command.args(["-icount", &icount]);
         self
     }
 
-    /// Connects the first UART to `uart`; without this call it is QEMU's standard output.
+    /// Connects the first UART to `uart`; without this call, to QEMU's standard output.
     pub fn uart(&mut self, uart: Uart<'_>) -> &mut Self {
         let serial = match uart {
             Uart::None => "none".to_owned(),
@@ -98,7 +98,7 @@ impl Qemu {
         self
     }
 
-    /// Returns the command that starts QEMU, for a caller that manages the process itself.
+    /// Returns the command that starts QEMU, for callers that manage the process themselves.
     pub fn into_command(self) -> Command {
         self.command
     }
@@ -136,7 +136,7 @@ impl Qemu {
 }
 
 /// Runs a command, calls `on_line` with each line of its standard output, and returns its exit
-/// status. Kills a command that prints nothing for longer than `silence`.
+/// status. Kills a command that is silent for longer than `silence`.
 fn pass_on(
     command: &mut Command,
     silence: Duration,
@@ -168,7 +168,7 @@ fn pass_on(
 mod tests {
     use super::*;
 
-    /// Runs another program in place of QEMU: the first of `words`, with the rest as its arguments.
+    /// Runs a program instead of QEMU: the first of `words`, with the others as arguments.
     fn run(words: &[&str], silence: Duration) -> Result<Vec<String>, EmulatorError> {
         let mut command = Command::new(words[0]);
         command.args(&words[1..]);

@@ -56,8 +56,8 @@ pub(crate) fn gdf_seeds() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// Reads and plays a recording. It must have no more samples and no more events than bytes, and a
-/// played sample must fit the ADC.
+/// Reads and plays a recording, which must have no more samples and no more events than bytes, and
+/// whose played samples must fit the ADC.
 pub(crate) fn recording(bytes: &[u8]) -> Outcome {
     let Ok(mut recording) = Recording::from_source(Cursor::new(bytes.to_vec())) else {
         return Outcome::Refused;
@@ -181,7 +181,7 @@ pub(crate) fn dfu_seeds() -> Vec<Vec<u8>> {
 }
 
 /// Reads a firmware image from the bytes, as they are and with a correct checksum. An image that
-/// was read can be written and read again.
+/// was read must be readable again after it is written.
 pub(crate) fn dfu(bytes: &[u8]) -> Outcome {
     let accepted = Image::from_dfu(bytes).is_ok();
     let mut signed = bytes[..bytes.len().saturating_sub(4)].to_vec();

@@ -1,8 +1,8 @@
 //! Fuzz targets: each passes untrusted bytes to one reader, and panics if the reader breaks a
-//! promise.
+//! promise, such as that a file which was read can be written again.
 //!
-//! `cargo fuzz` searches for inputs that do; the tests of this crate run a bounded, repeatable
-//! search, see [`search`].
+//! `cargo fuzz` searches for inputs that make a target panic. The tests of this crate run a
+//! bounded, repeatable search; see [`search`].
 #![forbid(unsafe_code)]
 
 mod files;
@@ -34,7 +34,7 @@ pub struct Target {
     /// # Panics
     /// When the reader breaks a promise.
     read: fn(&[u8]) -> Outcome,
-    /// Number of inputs that the tests search.
+    /// Number of inputs that a [`search`] reads.
     pub inputs: u32,
 }
 
@@ -57,7 +57,7 @@ impl Outcome {
     }
 }
 
-/// All targets, in alphabetical order. The tests search each for some seconds.
+/// All targets, in alphabetical order. The tests search each target for some seconds.
 #[rustfmt::skip]
 pub const TARGETS: [Target; 13] = [
     Target { name: "artifact", seeds: model::seeds, read: model::artifact, inputs: 5_000 },
@@ -135,10 +135,10 @@ pub struct Searched {
 }
 
 /// Reads [`Target::inputs`] mutations of the seeds and of the [`corpus`]; every search reads the
-/// same inputs.
+/// same ones.
 ///
 /// # Panics
-/// When the reader breaks a promise. Prints the input first.
+/// When the reader breaks a promise; prints the input first.
 pub fn search(target: &Target) -> Searched {
     let seeds = [target.seeds(), corpus(target.name)].concat();
     let mut random = ChaCha8Rng::seed_from_u64(1);

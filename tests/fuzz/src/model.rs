@@ -8,8 +8,7 @@ use artifact::{Artifact, Mode, NetworkShape, Padding};
 
 use crate::Outcome;
 
-/// Size of a model whose files are small. The network reads its single row of electrodes with
-/// padding.
+/// Size of a model with small files. The network reads its single row of electrodes with padding.
 const SMALL: Size = Size {
     grid: [1, 8],
     electrodes: 8,
@@ -53,8 +52,8 @@ fn seed(mode: Mode, packed: bool) -> Vec<u8> {
     files.iter().flat_map(part).collect()
 }
 
-/// Reads a model and quantises it to integers. A model that is accepted must have the same id when
-/// it is read again.
+/// Reads a model and quantises it to integers. An accepted model must have the same id when read
+/// again.
 pub(crate) fn artifact(mut bytes: &[u8]) -> Outcome {
     let files = Artifact::FILES.map(|name| (name, part(&mut bytes)));
     let files: Vec<_> = files
@@ -69,7 +68,7 @@ pub(crate) fn artifact(mut bytes: &[u8]) -> Outcome {
     Outcome::accepted_if(model_gen::quantise(&artifact).is_ok())
 }
 
-/// Removes and returns the first part of the bytes, or all of them if its length is too large.
+/// Removes and returns the first part of the bytes, or all bytes if the part's length is too large.
 fn part<'b>(bytes: &mut &'b [u8]) -> &'b [u8] {
     let Some((length, rest)) = bytes.split_first_chunk::<4>() else {
         return &[];

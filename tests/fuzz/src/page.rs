@@ -17,8 +17,8 @@ pub(crate) fn request_seeds() -> Vec<Vec<u8>> {
     .into()
 }
 
-/// Reads bytes as a request, and its body as each command. A request must be the same when more
-/// bytes follow, and what a command holds must be within its limits.
+/// Reads bytes as a request, and its body as each command. A request must stay the same when more
+/// bytes follow, and the contents of a command must be within their limits.
 pub(crate) fn request(bytes: &[u8]) -> Outcome {
     let read = Request::from_bytes(bytes);
     if read.is_some() {

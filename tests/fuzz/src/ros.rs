@@ -1,4 +1,4 @@
-//! What other ROS nodes send: XML-RPC calls and answers, connection headers and messages.
+//! What other ROS nodes send: XML-RPC calls and replies, connection headers and messages.
 
 use neuro_ros::{DiagnosticArray, NeuroEvent, NeuroFrame, Wire};
 use ros1::tcpros::Header;
@@ -27,8 +27,8 @@ pub(crate) fn xmlrpc_seeds() -> Vec<Vec<u8>> {
     .into()
 }
 
-/// Decodes bytes as a call and as an answer. What was decoded must be encoded and decoded again;
-/// its text may differ, because XML cannot hold control characters.
+/// Decodes bytes as a call and as a reply. What was decoded must be the same after encoding and
+/// decoding it once more; its text may differ, because XML cannot hold control characters.
 pub(crate) fn xmlrpc(bytes: &[u8]) -> Outcome {
     let call = decode_call(bytes);
     if let Ok(call) = &call {
@@ -62,7 +62,7 @@ pub(crate) fn tcpros_seeds() -> Vec<Vec<u8>> {
 }
 
 /// Decodes bytes as a connection header and as each message that a node reads. A header must be the
-/// same after encoding, and an encoded message must be readable.
+/// same after encoding and decoding, and an encoded message must be readable.
 pub(crate) fn tcpros(bytes: &[u8]) -> Outcome {
     let header = Header::decode(bytes);
     if let Ok(header) = &header {
@@ -76,8 +76,8 @@ pub(crate) fn tcpros(bytes: &[u8]) -> Outcome {
     Outcome::accepted_if(header.is_ok() || is_message)
 }
 
-/// Returns whether bytes are a message. Its text may hold other bytes afterwards, because bytes
-/// that are not UTF-8 are replaced.
+/// Returns whether bytes are a message, which must be readable after it is encoded. Its encoded
+/// text can differ from the input, because bytes that are not UTF-8 are replaced.
 fn survives<M: Wire>(bytes: &[u8]) -> bool {
     let message = M::from_bytes(bytes);
     if let Ok(message) = &message {

@@ -11,7 +11,7 @@ use pipeline::{MAX_PACKED_BYTES, Mains, Sample};
 
 use crate::Outcome;
 
-/// Returns the built-in model as it is uploaded, alone and with a linear code.
+/// Returns the built-in model as the host uploads it, alone and with a linear code.
 pub(crate) fn seeds() -> Vec<Vec<u8>> {
     let artifact = Artifact::from_files(model::artifact_files::FILES).expect("a model");
     let linear = any_linear_for(2, &artifact).expect("a model");
@@ -22,9 +22,9 @@ pub(crate) fn seeds() -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// Uploads a model whose CRC is right, whatever its bytes are, and encodes noise and rails with it.
-/// A device that accepts the model must make blocks of the permitted length; no model may stop a
-/// device.
+/// Uploads a model with a valid CRC, whatever its bytes, and encodes noise and rails with it. A
+/// device that accepts the model must make blocks of the permitted length; no model may make a
+/// device hang or panic.
 pub(crate) fn uploaded_model(bytes: &[u8]) -> Outcome {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());
@@ -51,7 +51,7 @@ pub(crate) fn uploaded_model(bytes: &[u8]) -> Outcome {
         );
     }
     send(&mut board, ToDevice::ModelEnd);
-    // The device refuses codes that a host with this model could not decode, and then goes on.
+    // The device refuses codes that a host with this model could not decode, and continues.
     for streams in [Streams::PACKED, Streams::PACKED | Streams::CODES] {
         let mains_hz = 50;
         send(&mut board, ToDevice::Start(Start { streams, mains_hz }));

@@ -17,8 +17,8 @@ use crate::Outcome;
 /// Time between two samples of the board, microseconds, rounded down.
 const PERIOD_US: u64 = 1_000_000 / model::ADC_RATE_HZ as u64;
 
-/// Returns the bytes that a board sends in the first 1.5 s of a run of all streams, and in runs of
-/// one stream each.
+/// Returns what a board sends in the first 1.5 s of a run of all streams, and of a run of each
+/// stream alone.
 pub(crate) fn frame_seeds() -> Vec<Vec<u8>> {
     static SEEDS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
         let runs = [Streams::ALL, Streams::CODES, Streams::RAW, Streams::PACKED];
@@ -56,7 +56,7 @@ pub(crate) fn stream(streams: Streams) -> Vec<u8> {
     outbox.take_all().concat()
 }
 
-/// A filter of the built-in montage.
+/// A spatial filter of the built-in montage, with a band-pass.
 const FILTERS: FeatureFilters<'_> = FeatureFilters {
     id: 1,
     first: BAND,
@@ -97,8 +97,8 @@ fn frame<'m>(encoder: &mut Encoder, message: &impl Message<'m>) -> Vec<u8> {
     frame.expect("a message within its limits").to_vec()
 }
 
-/// Returns the bytes with a valid CRC in each frame, so that a mutation gets past the check of the
-/// CRC. The messages have the direction `direction`. Bytes that are no frame stay as they are.
+/// Returns the bytes with a valid CRC in each frame, so that a mutation passes the CRC check. The
+/// messages have the direction `direction`. Bytes outside frames stay as they are.
 fn sealed(bytes: &[u8], direction: u8) -> Vec<u8> {
     let crc = Crc::<u32>::new(&CRC_32_ISCSI);
     let mut sealed = vec![0];
@@ -175,9 +175,9 @@ impl Effects for Host {
     }
 }
 
-/// Passes the bytes to the bridge's core in pieces of 1,000 bytes, 10 ms apart: as they are, and
-/// with a valid CRC in each frame. The core must count every byte, and each published frame must
-/// have the size that it states.
+/// Passes the bytes to the bridge's core in parts of 1,000 bytes, 10 ms apart: unchanged, and with
+/// a valid CRC in each frame. The core must count every byte, and each published frame must have
+/// the size that it states.
 pub(crate) fn frames(bytes: &[u8]) -> Outcome {
     let raw = read_frames(bytes);
     let sealed = read_frames(&sealed(bytes, ToHost::DIRECTION));
@@ -213,8 +213,8 @@ fn read_frames(bytes: &[u8]) -> bool {
     host.published > 0
 }
 
-/// Passes the bytes to a virtual board that streams: as they are, and with a valid CRC in each
-/// frame. Everything that the board sends must be frames.
+/// Passes the bytes to a streaming virtual board: unchanged, and with a valid CRC in each frame.
+/// All that the board sends must be frames.
 pub(crate) fn commands(bytes: &[u8]) -> Outcome {
     let raw = read_commands(bytes);
     let sealed = read_commands(&sealed(bytes, ToDevice::DIRECTION));

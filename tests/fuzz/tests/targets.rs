@@ -1,5 +1,5 @@
 //! Every target accepts its seeds, and keeps its promises for the stored inputs and for thousands
-//! of mutations, the same in every run.
+//! of mutations, which are the same in every run.
 #![allow(missing_docs, reason = "tests")]
 
 use fuzz::{Outcome, corpus, search, target};
@@ -49,7 +49,7 @@ fn check(name: &str) {
     }
     let searched = search(&target);
     println!("{name}: {searched:?}");
-    // A search in which all inputs end alike would not get past the target's first check.
+    // If all inputs ended alike, the search would not get past the target's first check.
     assert!(searched.accepted > target.inputs / 100, "{searched:?}");
     assert!(searched.refused > 0, "{searched:?}");
 }

@@ -10,19 +10,19 @@ use std::time::Duration;
 
 use on_target::results::{self, Line};
 
-/// For each board, its name on the command line, and probe-rs's name for its microcontroller.
+/// Each board's name on the command line, and probe-rs's name for its microcontroller.
 const CHIPS: [(&str, &str); 2] = [("h743", "STM32H743ZITx"), ("f446", "STM32F446RETx")];
 
-/// Time limit for the next line of output. It must exceed the time to flash the image, and the time
-/// of the slowest vector at 16 MHz, the clock of the NUCLEO-F446RE after a reset.
+/// Time limit for the next line of output: more than flashing the image takes, and more than the
+/// slowest vector at 16 MHz, the NUCLEO-F446RE's clock after a reset.
 const SILENCE: Duration = Duration::from_mins(3);
 
 /// Exit status if the arguments on the command line are missing or wrong.
 const MISSING: u8 = 2;
-/// Exit status if the image prints no result, because probe-rs does not start or no board responds.
+/// Exit status if the image prints no result: probe-rs does not start, or no board responds.
 const UNREACHABLE: u8 = 3;
 
-/// Runs the image that the command line `on-target BOARD IMAGE` names; returns an exit status.
+/// Runs the image from the command line `on-target BOARD IMAGE`; returns an exit status.
 pub(crate) fn run() -> ExitCode {
     let words: Vec<String> = env::args().skip(1).collect();
     let chip = |word: &str| CHIPS.into_iter().find(|(board, _)| *board == word);
@@ -63,8 +63,8 @@ fn failure(status: u8, what: &str, next: &str) -> ExitCode {
     status.into()
 }
 
-/// Runs a command to its end, and calls `on_line` with each line that it prints. Kills the command
-/// and fails if no line is printed for [`SILENCE`].
+/// Runs a command to its end and calls `on_line` with each line that it prints. Kills a command
+/// that prints no line for [`SILENCE`], and fails.
 fn run_to_end(command: &mut Command, mut on_line: impl FnMut(String)) -> Result<(), String> {
     let spawned = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
     let mut child = spawned.map_err(|error| error.to_string())?;

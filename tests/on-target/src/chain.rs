@@ -1,20 +1,20 @@
-//! Runs filters and a resampler on one channel, on the device and, included by `build.rs`, on the
-//! PC.
+//! Runs filters and a resampler on one channel. `build.rs` includes this file, to run the same code
+//! on the PC.
 
 use fixed_dsp::{BLOCK, Cascade, DelayLine, Filter, Position, Resampler};
 
-/// Range of the output indices from which every [`EVERY`]th output is compared, as in
-/// `scipy_rates.csv`. At 128 outputs per second, it is the fourth second.
+/// Range of output indices in which every [`EVERY`]th output is compared, as in `scipy_rates.csv`:
+/// the fourth second at 128 outputs per second.
 pub(crate) const COMPARED: core::ops::Range<usize> = 384..512;
 const EVERY: usize = 8;
 /// Number of outputs that are compared for each filter.
 pub(crate) const OUTPUTS: usize = (COMPARED.end - COMPARED.start) / EVERY;
 
-/// Number of fraction bits of the signal below one count: counts x 2^5 (Q27.5).
+/// Number of fraction bits of a signal in counts: Q27.5.
 pub(crate) const GUARD_BITS: u32 = 5;
 
-/// Filters and resamples `counts`, and returns the outputs that are compared, Q27.5. The filters
-/// process blocks of samples if `in_blocks` is true, otherwise single samples.
+/// Filters and resamples `counts`, and returns the compared outputs, Q27.5. If `in_blocks` is true,
+/// the filters process blocks of samples, otherwise single samples.
 pub(crate) fn outputs<const N: usize, const PHASES: usize, const TAPS: usize>(
     cascade: &Cascade<N>,
     resampler: &Resampler<PHASES, TAPS>,

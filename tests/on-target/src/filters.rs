@@ -8,24 +8,24 @@ use crate::{
     signal,
 };
 
-/// Filters and a resampler, with the outputs that are expected for [`signal::counts`], Q27.5.
+/// Filters and a resampler, and their expected outputs for [`signal::counts`], Q27.5.
 #[derive(Debug)]
 pub(crate) struct Filtered<const N: usize, const PHASES: usize, const TAPS: usize> {
     pub(crate) cascade: Cascade<N>,
     pub(crate) resampler: Resampler<PHASES, TAPS>,
     /// Expected outputs from scipy, computed in float64 and rounded to Q27.5.
     pub(crate) scipy: [i32; OUTPUTS],
-    /// Expected outputs from the PC with the same filters; the device must compute equal outputs.
+    /// Outputs that the PC computes with the same filters; the device's must be equal.
     pub(crate) bits: [i32; OUTPUTS],
 }
 
-/// Largest permitted difference from scipy's outputs, in units of Q27.5, which are 22.35 nV x 2^-5:
-/// 0.08 uV, as in `signal/pipeline/tests/it/front_end.rs`. It covers the rounding of counts and
+/// Largest permitted difference from scipy's outputs, 0.08 uV, in units of Q27.5 (22.35 nV x 2^-5),
+/// as in `signal/pipeline/tests/it/front_end.rs`. It covers the rounding of counts and
 /// coefficients. The largest difference measured in that test is 0.040 uV.
 const SCIPY_TOLERANCE: u64 = 114;
 
-/// Checks that the outputs of filters and resampler equal the PC's and are close to scipy's. Not
-/// inlined, to save flash, of which the model leaves little on a NUCLEO-F446RE.
+/// Checks that the outputs equal the PC's and are close to scipy's. Not inlined, to save flash, of
+/// which a NUCLEO-F446RE has little left besides the model.
 #[inline(never)]
 pub(crate) fn check<const N: usize, const PHASES: usize, const TAPS: usize>(
     filtered: &Filtered<N, PHASES, TAPS>,

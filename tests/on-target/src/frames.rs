@@ -54,8 +54,8 @@ fn code() -> ToHost<'static> {
     })
 }
 
-/// Checks that `message` encodes to `dump`, that the decoder refuses garbage, and that it then
-/// decodes `dump` to a message that encodes to `dump` again.
+/// Checks that `message` encodes to `dump`, and that the decoder refuses garbage and then decodes
+/// `dump` to a message that encodes to `dump` again.
 fn check<'d, M: Message<'d>>(
     decoder: &'d mut Decoder,
     dump: &[u8],
@@ -77,8 +77,8 @@ fn check<'d, M: Message<'d>>(
     expect_equal("decoded byte", dump, again)
 }
 
-/// Inverts each bit of the dumped frame, one at a time, and checks that every damaged frame is
-/// refused and that an undamaged frame is accepted afterwards.
+/// Inverts each bit of the dumped frame, one at a time. Checks that every damaged frame is refused,
+/// and that an undamaged frame is accepted after all of them.
 pub(crate) fn check_damaged() -> Result<(), Mismatch> {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let mut dump = golden::CODE_FRAME;

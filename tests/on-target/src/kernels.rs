@@ -10,8 +10,8 @@ pub(crate) const NETWORKS: usize = 16;
 
 /// Largest number of rows of Winograd tiles in a random convolution.
 const TILE_ROWS: usize = 3;
-/// Largest number of output channels of a random convolution: with 6, the Winograd convolution's
-/// memory would not fit the stack of a board, 32 KB.
+/// Largest number of output channels of a random convolution: with 6, Winograd's memory would not
+/// fit a board's 32 KB stack.
 const OUTPUTS: usize = 4;
 /// Largest number of input rows of a random first convolution.
 const ROWS: usize = 10;
@@ -31,7 +31,7 @@ type First<'w> = InputConv<'w, COLUMNS>;
 type Conv<'w> = Winograd<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 type Plain<'w> = Direct<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 
-/// Returns one hash for each random network, over the outputs of all the network's kernels.
+/// Returns a hash for each random network, over the outputs of all its kernels.
 pub(crate) fn digests() -> [u32; NETWORKS] {
     let mut seed = 0;
     [(); NETWORKS].map(|()| {
@@ -46,7 +46,7 @@ pub(crate) fn digests() -> [u32; NETWORKS] {
     })
 }
 
-/// 32-bit FNV-1a hash (Fowler, Noll and Vo), but over words of 32 bits instead of bytes.
+/// 32-bit FNV-1a hash (Fowler, Noll and Vo) over 32-bit words instead of bytes.
 struct Hash(u32);
 
 impl Hash {
@@ -65,8 +65,8 @@ impl Draw {
         1 + (self.0.next() >> 16) as usize % most
     }
 
-    /// Draws a weight from -127 to 127: with probabilities of 1/8 each it is 127 or -127, otherwise
-    /// it is uniform.
+    /// Draws a weight from -127 to 127: 127 or -127 with probabilities of 1/8 each, otherwise a
+    /// uniform one.
     fn weight(&mut self) -> i8 {
         let [.., choice, any] = self.0.next().to_le_bytes();
         match choice % 8 {

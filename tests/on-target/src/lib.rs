@@ -67,8 +67,8 @@ pub struct Vector {
     pub check: fn(&mut Device) -> Result<(), Mismatch>,
 }
 
-/// All golden vectors, in the order of the signal path. A build for the STM32F446 has none for the
-/// packed code, for which its flash has no room in addition to the network.
+/// All golden vectors, in the order of the signal path. A build for the STM32F446 has no vector for
+/// the packed code, because its flash has no room for the packed code in addition to the network.
 pub const VECTORS: &[Vector] = &[
     Vector {
         name: "filters, 512 Hz, 50 Hz mains",

@@ -26,12 +26,12 @@ mod image {
     use on_target::{Device, VECTORS};
     use static_cell::StaticCell;
 
-    /// State of the pipeline, initialised at run time. A static initial value would take 22 KB of
-    /// flash, which a NUCLEO-F446RE does not have in addition to the model.
+    /// State of the pipeline, initialised at run time: a static initial value would take 22 KB of
+    /// flash, which a NUCLEO-F446RE does not have besides the model.
     static DEVICE: StaticCell<Device> = StaticCell::new();
 
-    /// Runs all vectors. Prints a line for each, `passed TICKS NAME` or `FAILED NAME: WHY`, and a
-    /// last line with the number of vectors and the number of failures.
+    /// Runs all vectors. Prints `passed TICKS NAME` or `FAILED NAME: WHY` for each, and a last line
+    /// with the numbers of vectors and of failures.
     #[entry]
     fn main() -> ! {
         let Some(mut core) = cortex_m::Peripherals::take() else {
@@ -56,20 +56,20 @@ mod image {
         end(failed == 0)
     }
 
-    /// Creates the pipeline's state. Not inlined: `main` would never free the large stack frame.
+    /// Creates the pipeline's state. Not inlined, so that its large stack frame is freed.
     #[inline(never)]
     fn device() -> &'static mut Device {
         DEVICE.init_with(Device::new)
     }
 
-    /// Value from which SysTick, a timer of 24 bits, counts down to 0 again and again (ARMv7-M
+    /// Value from which SysTick, a 24-bit timer, counts down to 0 again and again (ARMv7-M
     /// Architecture Reference Manual, B3.3).
     const RELOAD: u32 = 0x00ff_ffff;
 
     /// Number of times that SysTick has counted down to 0.
     static ENDS: AtomicU32 = AtomicU32::new(0);
 
-    /// Starts SysTick as the clock, because QEMU does not emulate the DWT's 32-bit cycle counter.
+    /// Starts SysTick as the clock; QEMU does not emulate the DWT's 32-bit cycle counter.
     fn start_clock(timer: &mut SYST) {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(RELOAD);
@@ -78,8 +78,8 @@ mod image {
         timer.enable_counter();
     }
 
-    /// Returns the number of ticks of the processor's clock since [`start_clock`]: cycles on a
-    /// board, periods of a 25 MHz clock on QEMU's MPS2 boards.
+    /// Returns the number of clock ticks since [`start_clock`]: processor cycles on a board,
+    /// periods of a 25 MHz clock on QEMU's MPS2 boards.
     fn ticks() -> u64 {
         loop {
             let ends = ENDS.load(Relaxed);
@@ -96,7 +96,7 @@ mod image {
         ENDS.fetch_add(1, Relaxed);
     }
 
-    /// Ends the emulation or `probe-rs run`; the exit status is 0 only if `success` is true.
+    /// Ends the emulation or `probe-rs run`, with exit status 0 only if `success` is true.
     fn end(success: bool) -> ! {
         loop {
             debug::exit(if success {

@@ -2,12 +2,12 @@
 
 use core::fmt;
 
-/// The first computed number that differs from the expected one, or a wrong amount of numbers.
+/// The first computed number that differs from the expected number, or a wrong length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
     /// What the compared numbers are, for example "values".
     pub what: &'static str,
-    /// Index of the differing number; `None` if there are too few or too many numbers.
+    /// Index of the number that differs; `None` if there are too few or too many numbers.
     pub index: Option<usize>,
     /// The expected number or, without an index, how many numbers were expected.
     pub expected: i64,
@@ -16,7 +16,7 @@ pub struct Mismatch {
 }
 
 impl Mismatch {
-    /// Adds to the index how many numbers were compared before this slice.
+    /// Adds `before` to the index: how many numbers the slices before this one have.
     pub(crate) fn offset_by(self, before: usize) -> Self {
         Self {
             index: self.index.map(|index| before + index),

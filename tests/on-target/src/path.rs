@@ -45,9 +45,9 @@ impl Default for Device {
     }
 }
 
-/// Checks that the network in flash has the checksum that was computed at compile time.
+/// Checks the network in flash against its checksum from the build.
 pub(crate) fn check_network_sum() -> Result<(), Mismatch> {
-    // `black_box` hides the network's contents from the compiler, so that flash is really read.
+    // `black_box` hides the network's contents from the compiler, which must read the flash.
     expect_equal(
         "sum",
         &[NETWORK_CHECKSUM],
@@ -56,7 +56,7 @@ pub(crate) fn check_network_sum() -> Result<(), Mismatch> {
 }
 
 /// Encodes each golden window with a restarted encoder and compares the code with the code of
-/// model-gen's batch reference. The index of a mismatch counts the values of all codes up to it.
+/// model-gen's batch reference. The index of a mismatch counts values from the first code on.
 pub(crate) fn check_windows(encoder: &mut Encoder<'static>) -> Result<(), Mismatch> {
     let mut made = 0;
     for (window, expected) in golden::WINDOWS.iter().zip(&golden::WINDOW_CODES) {
@@ -82,7 +82,7 @@ pub(crate) fn check_windows(encoder: &mut Encoder<'static>) -> Result<(), Mismat
 const NUMBERS: usize = 8;
 
 /// Restarts the device and compares its codes for [`signal::samples`] with `codes`, in every field.
-/// The index of a mismatch counts the fields, or the values, of all codes up to it.
+/// The index of a mismatch counts fields, or values, from the first code on.
 pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result<(), Mismatch> {
     device.acquisition.restart(mains);
     device.encoder.restart();
@@ -104,7 +104,8 @@ pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result
 }
 
 /// Returns all fields of a code except its values: window, first sample, offset, clipped inputs,
-/// clipped values, settling, and the bits of the saturated channels, 0 to 31 and 32 to 63.
+/// clipped values, settling, and the saturated channels as two 32-bit masks, the lower channels
+/// first.
 fn numbers(code: &Code) -> [i64; NUMBERS] {
     let half =
         |shift: u32| i64::from(u32::try_from(code.saturated >> shift & 0xffff_ffff).unwrap_or(0));
@@ -121,7 +122,7 @@ fn numbers(code: &Code) -> [i64; NUMBERS] {
 }
 
 /// Restarts the device and compares its features for [`signal::samples`] with the golden ones. The
-/// index of a mismatch counts the levels of all hops up to it.
+/// index of a mismatch counts levels from the first hop on.
 pub(crate) fn check_features(device: &mut Device) -> Result<(), Mismatch> {
     device.acquisition.restart(Mains::Hz50);
     device.features.restart();
@@ -139,7 +140,7 @@ pub(crate) fn check_features(device: &mut Device) -> Result<(), Mismatch> {
     Ok(())
 }
 
-/// Checks that the packed model in flash has the checksum that was computed at compile time.
+/// Checks the packed model in flash against its checksum from the build.
 #[cfg(not(feature = "f446"))]
 pub(crate) fn check_packed_sum() -> Result<(), Mismatch> {
     let read = black_box(&PACKED).as_ref().map(model::Packed::checksum);
@@ -147,9 +148,9 @@ pub(crate) fn check_packed_sum() -> Result<(), Mismatch> {
     expect_equal("sum", &[expected], &[read])
 }
 
-/// Restarts the device and compares its packed blocks for [`signal::samples`] with the golden ones,
-/// and then its state. The rates 0 to 15 are used in turn, one for each block. The index of a
-/// mismatch counts the bytes of all blocks up to it.
+/// Restarts the device and compares its packed blocks for [`signal::samples`], and then its state,
+/// with the golden ones. The rates 0 to 15 are used in turn, one for each block. The index of a
+/// mismatch counts bytes from the first block on.
 #[cfg(not(feature = "f446"))]
 pub(crate) fn check_blocks(device: &mut Device) -> Result<(), Mismatch> {
     device.acquisition.restart(Mains::Hz50);

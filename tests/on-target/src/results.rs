@@ -1,4 +1,4 @@
-//! Lines that the image prints, parsed on the PC, which receives them from QEMU or probe-rs.
+//! Parses the image's output on the PC, which receives it from QEMU or probe-rs.
 
 use std::borrow::ToOwned;
 use std::format;
@@ -45,8 +45,8 @@ impl<'l> Line<'l> {
     }
 }
 
-/// Returns a line as the user reads it. The time of a passed vector is converted by `from_ticks`
-/// and followed by `unit`; other lines are unchanged.
+/// Returns a line for the user: the time of a passed vector is converted by `from_ticks` and
+/// followed by `unit`; other lines are unchanged.
 pub fn readable(line: &str, unit: &str, from_ticks: impl Fn(u64) -> u64) -> String {
     match Line::parse(line) {
         Some(Line::Passed { ticks, vector }) => {
@@ -56,9 +56,8 @@ pub fn readable(line: &str, unit: &str, from_ticks: impl Fn(u64) -> u64) -> Stri
     }
 }
 
-/// Checks that each vector has passed, and that the image has printed its last line with the number
-/// of vectors. An exit status of 0 is not enough, because a run that the user ends with Ctrl-C also
-/// has this status.
+/// Checks that each vector has passed, and that the image's last line states the number of vectors.
+/// An exit status of 0 alone does not suffice: a run that the user ends with Ctrl-C has it too.
 ///
 /// # Errors
 /// Returns why the run does not count as passed.

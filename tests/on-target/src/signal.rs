@@ -1,10 +1,10 @@
-//! Input signals of the golden vectors, generated identically by the device and by the PC.
-//! `build.rs` includes this file as well.
+//! Input signals of the golden vectors. `build.rs` includes this file, to generate the same signals
+//! on the PC.
 
 use pipeline::{ELECTRODES, FeatureFilters, MAX_FEATURES, Sample};
 
-/// Linear congruential generator with 32 bits of state (Numerical Recipes, section 7.1); its upper
-/// bits are the most random.
+/// Linear congruential generator with 32 bits of state (Numerical Recipes, section 7.1), whose
+/// upper bits are the most random.
 pub(crate) struct Noise(pub(crate) u32);
 
 impl Noise {
@@ -15,7 +15,7 @@ impl Noise {
 }
 
 /// Returns the samples of one channel, ADC counts: an offset of 20 mV plus noise of at most 46 uV.
-/// They equal those in `signal/pipeline/tests/it/front_end/scipy_rates.py`.
+/// The samples equal those in `signal/pipeline/tests/it/front_end/scipy_rates.py`.
 pub(crate) fn counts() -> impl Iterator<Item = i32> {
     let mut noise = Noise(1);
     core::iter::from_fn(move || Some(894_784 + (noise.next() >> 20).cast_signed() - 2_048))
@@ -24,9 +24,9 @@ pub(crate) fn counts() -> impl Iterator<Item = i32> {
 /// Number of samples for which a channel stays at one rail before it jumps to the other.
 const AT_RAIL: usize = 100;
 
-/// Returns samples of all channels without end. In each group of 16 channels, the first has noise
-/// over the whole range of 24 bits, the second jumps from rail to rail, and the third has an offset
-/// of 2.2 mV. The third and the remaining channels have noise of at most 183 uV.
+/// Returns endless samples of all channels. In each group of 16 channels, the first has noise over
+/// the whole 24-bit range, the second jumps from rail to rail, and the third has an offset of 2.2
+/// mV. The third and all others have noise of at most 183 uV.
 pub(crate) fn samples() -> impl Iterator<Item = Sample> {
     let mut noise = Noise(7);
     (0..).map(move |index: usize| Sample {
@@ -43,8 +43,8 @@ pub(crate) fn samples() -> impl Iterator<Item = Sample> {
     })
 }
 
-/// Returns the filters of the golden features: random weights of 16 at most, and a band-pass of 8
-/// to 30 Hz.
+/// Returns the filters of the golden features: random weights of at most 16 in magnitude, and a
+/// band-pass of 8 to 30 Hz.
 pub(crate) fn filters() -> FeatureFilters {
     let mut noise = Noise(11);
     let weights = [[(); ELECTRODES]; MAX_FEATURES];

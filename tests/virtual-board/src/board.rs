@@ -1,5 +1,4 @@
-//! The virtual board: its settings at power-on, and its implementation of the emulator's
-//! trait `Board`.
+//! The virtual board: its settings at power-on, and how it implements the emulator's `Board`.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -36,7 +35,7 @@ pub enum Cable {
 /// Settings of a virtual board and its surroundings at power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup {
-    /// The converters.
+    /// Number, rate, wiring and clock of the converters.
     pub converters: Converters,
     /// Frequency in Hz of the clock at the HSE input, from the ST-LINK or a crystal; 0 for no
     /// clock.
@@ -68,7 +67,7 @@ impl Default for Setup {
     }
 }
 
-/// A board with its converters.
+/// An emulated chip with the converters, the UART and the USB host connected to it.
 #[derive(Debug)]
 pub(crate) struct EmulatedBoard {
     pub(crate) chip: Box<dyn Chip>,
@@ -112,7 +111,7 @@ impl EmulatedBoard {
         }
     }
 
-    /// While `is_held` is true, makes the USB core never report that its bus is idle.
+    /// While `is_held`, makes the USB core never report that its internal bus (AHB) is idle.
     pub(crate) fn hold_usb_while(&mut self, is_held: Arc<AtomicBool>) {
         let (address, bits) = self.chip.usb_idle_flag();
         self.cleared.push(ClearedBits {

@@ -90,9 +90,9 @@ impl Chain {
 }
 
 impl Wires {
-    /// Passes the levels that the microcontroller drives now on to the converters. The level of a
-    /// signal that no output drives comes from the converter board: high for selects and RESET, low
-    /// for START (docs/hardware.md).
+    /// Passes the levels of the microcontroller's outputs on to the converters. A signal that no
+    /// output drives has the level of its pull resistor on the converter board: high for selects
+    /// and RESET, low for START (docs/hardware.md).
     pub(crate) fn set_outputs(
         &mut self,
         now_ns: u64,

@@ -11,9 +11,9 @@ use crate::chain::Chain;
 use crate::core_bus::Redirect;
 use crate::model::Pin;
 
-/// Defines the methods of [`Chip`] whose source text is the same for all chips. The text refers to
-/// each chip's own types of `part` and registers, and to its own indices. `spare_timer` replaces
-/// TIM2 while a method has moved TIM2 out of the part.
+/// Defines the methods of [`Chip`] whose source text is the same for all chips. Each chip's module
+/// defines the types, registers and indices that the text names. `spare_timer` replaces TIM2 while
+/// a method has moved TIM2 out of the part.
 macro_rules! common_to_all_chips {
     ($spare_timer:expr) => {
         fn set_external_clock(&mut self, hz: u64) {
@@ -143,7 +143,7 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Returns whether the chip drives `pin` high; `None` if the pin is no general-purpose output.
     fn driven_level(&self, pin: Pin) -> Option<bool>;
 
-    /// Returns the fields of a pin in OSPEEDR (0 is the slowest) and PUPDR (0 none, 1 up, 2 down).
+    /// Returns a pin's speed (OSPEEDR, 0 is the slowest) and pull (PUPDR, 0 none, 1 up, 2 down).
     fn speed_and_pull(&self, pin: Pin) -> Option<(u64, u64)>;
 
     /// Sets the level of the timer's trigger input, if `pin` has the timer's alternate function.
@@ -152,6 +152,6 @@ pub(crate) trait Chip: Mcu + fmt::Debug + Send {
     /// Sets the level of a pin of the emulated part and of the timer input that it drives, if any.
     fn drive_part(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 
-    /// Sets the level of an input pin from outside the chip, for all of the chip's models.
+    /// Sets the level of an input pin, both in the emulated part and in the models added to it.
     fn drive(&mut self, at: VirtualNanos, pin: Pin, is_high: bool);
 }

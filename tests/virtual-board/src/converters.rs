@@ -10,12 +10,12 @@ use artifact::{AdcClock, AdcWiring, Artifact, ArtifactError};
 pub struct Converters {
     /// Number of chips, 1 to 8.
     pub chips: usize,
-    /// Number of samples per second that the model is for.
+    /// Number of samples per second that the model expects.
     pub rate_hz: u32,
     /// How the data outputs are connected to MISO.
     pub wiring: Wiring,
-    /// Frequency of the chips' clock in Hz. An internal oscillator is 0.4 % fast, within its
-    /// tolerance at 25 degC (data sheet SBAS499C, section 7.5).
+    /// Frequency of the chips' clock in Hz. The internal oscillator is simulated 0.4 % too fast,
+    /// which is within its tolerance at 25 degC (data sheet SBAS499C, section 7.5).
     pub clock_hz: u32,
 }
 

@@ -79,7 +79,6 @@ impl Findings {
     }
 }
 
-/// Returns the result of `text` for each item.
 fn texts<T>(items: impl IntoIterator<Item = T>, text: impl Fn(T) -> String) -> Vec<String> {
     items.into_iter().map(text).collect()
 }
@@ -153,7 +152,7 @@ impl fmt::Debug for BoardError {
     }
 }
 
-/// Returns a section of a snapshot: the title and the last of the `lines`; empty without lines.
+/// Returns a section of a snapshot: its title and the last [`LINES`] of `lines`; empty if none.
 pub(crate) fn section(title: &str, lines: &[String]) -> String {
     let last = &lines[lines.len().saturating_sub(LINES)..];
     let title = (!last.is_empty()).then(|| format!("  {title}:\n"));

@@ -8,7 +8,7 @@ use link::{
 /// A decoded frame that the device has sent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Number of the frame, which the device counts up.
+    /// Sequence number, which the device increments with each frame.
     pub seq: u32,
     /// Device time at which the frame was made, in us since boot.
     pub device_us: u64,
@@ -16,7 +16,7 @@ pub struct Frame {
     pub kind: Kind,
 }
 
-/// A code that the device has sent, of the network or packed.
+/// A code that the device has sent, in a message `Code` or `PackedCode`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReceivedCode {
     /// Faults and other conditions that the device flagged in the code's window.
@@ -42,7 +42,7 @@ pub enum Kind {
     /// The message, encoded again as in [`ReceivedCode::bytes`].
     CompressedRaw(Vec<u8>),
     Features(Vec<u8>),
-    /// Ohms of each electrode; `None` for an open one.
+    /// Impedance of each electrode in ohms; `None` for an open electrode.
     Impedance(Vec<Option<u32>>),
     Stats(Box<Stats>),
     Ack(Ack),

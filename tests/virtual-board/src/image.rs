@@ -1,5 +1,5 @@
-//! Firmware images, which are the ELF files that `cargo flash` writes, and an image that replaces
-//! the boot loader in the chip's ROM by a vector table and an endless loop.
+//! Firmware images (the ELF files that `cargo flash` writes to a board), and a replacement for the
+//! boot loader in the chip's ROM: a vector table and an endless loop.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,6 @@ pub struct ImageError(String);
 /// Machine code of the Thumb instruction `b .`, a branch to itself.
 pub(crate) const LOOP: u16 = 0xE7FE;
 
-/// Returns the command by which a user builds the image for a board.
 fn build_command(model: Model) -> String {
     format!(
         "cargo build --package board-{} --profile firmware --target thumbv7em-none-eabihf",
@@ -183,7 +182,7 @@ fn readable(name: &str) -> String {
         .to_owned()
 }
 
-/// Number of ARM in the field `e_machine` of an ELF header.
+/// Value of the field `e_machine` in an ELF header for ARM.
 const ARM: u16 = 40;
 
 /// Length in bytes of an ELF header followed by one program header.

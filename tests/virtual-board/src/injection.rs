@@ -2,8 +2,8 @@
 
 use crate::image::{Image, LOOP};
 
-/// A failure that a test can cause. Causing it changes registers and memory that the firmware does
-/// not use, but not the image's code.
+/// A failure that a test can cause. Causing it changes core registers and unused memory, but not
+/// the image's code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Injection {
     /// The firmware runs into an endless loop.
@@ -27,8 +27,7 @@ pub(crate) struct Change {
     pub(crate) memory: Vec<(u64, Vec<u8>)>,
 }
 
-/// Offset in bytes of unused memory from the start of the memory that keeps the failure record
-/// across a reset.
+/// Offset in bytes of unused memory within the memory that keeps the failure record across a reset.
 const SPARE: u64 = 0x300;
 
 const SP: usize = 13;

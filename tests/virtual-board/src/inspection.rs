@@ -59,8 +59,8 @@ impl VirtualBoard {
         })
     }
 
-    /// Returns whether the HSE oscillator is bypassed (RCC_CR, HSEBYP), as for a clock, not a
-    /// crystal.
+    /// Returns whether the HSE oscillator is bypassed (RCC_CR, HSEBYP), as it must be for an
+    /// external clock but not for a crystal.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -115,8 +115,8 @@ impl VirtualBoard {
             .collect())
     }
 
-    /// Returns the memory address and the number of bytes left to transfer, 0 between transfers,
-    /// for each stream of DMA1 that has a peripheral address.
+    /// Returns the memory address and the number of items left to transfer (NDTR, 0 between
+    /// transfers) of each stream of DMA1 that has a peripheral address.
     ///
     /// # Errors
     /// The emulator has ended.

@@ -106,8 +106,7 @@ impl TcpPort {
         })
     }
 
-    /// Returns the number of the TCP port, which the operating system has chosen if 0 was
-    /// requested.
+    /// Returns the number of the TCP port, chosen by the operating system if 0 was requested.
     ///
     /// # Errors
     /// The operating system does not return the local address.

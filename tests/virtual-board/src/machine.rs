@@ -25,7 +25,7 @@ use crate::usb::host::{Command, UsbHost};
 
 mod driver;
 
-/// Longest real time until the emulator reaches a requested stop; then it counts as hung.
+/// Time limit in real time for the emulator to reach a requested stop; then it counts as hung.
 const TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Virtual time in us between two checks whether a condition holds.
@@ -174,8 +174,8 @@ impl VirtualBoard {
         self.chain.wires().stuck = level;
     }
 
-    /// Sets whether the USB core never reports an idle bus, for which the firmware waits when it
-    /// sets the core up.
+    /// If `is_held`, makes the USB core never report that its internal bus (AHB) is idle, for which
+    /// the firmware waits when it sets the core up.
     pub fn hold_usb(&self, is_held: bool) {
         self.usb_is_held.store(is_held, Ordering::Relaxed);
     }
@@ -351,7 +351,7 @@ impl VirtualBoard {
         self.position() + &sections.concat()
     }
 
-    /// Returns the part of the diagnosis that needs no answer from the emulator.
+    /// Returns the part of the diagnosis that needs no reply from the emulator's thread.
     fn position(&self) -> String {
         let (now, instructions) = (self.now_us(), self.progress.instructions);
         let (frames, errors) = (self.inbox.frames().len(), self.inbox.decode_errors());
@@ -401,7 +401,7 @@ impl VirtualBoard {
         }
     }
 
-    /// Returns an error that tells why the emulator has ended.
+    /// Returns an error that says why the emulator has ended.
     fn ended(&mut self) -> BoardError {
         let result = self.thread.take().map(JoinHandle::join);
         let why = match result {

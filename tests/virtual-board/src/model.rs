@@ -52,7 +52,7 @@ pub struct Facts {
     pub reset_hz: u64,
     /// Number of instructions that the emulated core completes per second of virtual time, above 0.
     /// It is assumed, not measured: about half an instruction per cycle, for code in flash with
-    /// caches enabled. It affects how late the firmware is, not what it computes.
+    /// caches enabled. It affects when the firmware's results are ready, not what they are.
     pub instructions_per_second: u64,
     /// Name, first address and size in bytes of each of the chip's memories (DS12110 and DS10693,
     /// memory mapping). The STM32F446 and the STM32F407 are emulated as an STM32F427, which has
@@ -156,7 +156,6 @@ impl Pin {
     }
 }
 
-/// Returns the pins of the port `port` that have the numbers `numbers`.
 const fn pins(port: u8, numbers: [u8; 8]) -> [Pin; 8] {
     let mut pins = [Pin(port, 0); 8];
     let mut index = 0;

@@ -83,7 +83,7 @@ impl Port {
 #[derive(Clone, Debug, Default)]
 pub struct Serial(Arc<Mutex<Line>>);
 
-/// Bytes in transit in both directions, and the times of those that the device sends.
+/// Bytes in transit in both directions, and the timing of the device's bytes.
 #[derive(Debug, Default)]
 pub(crate) struct Line {
     to_host: Vec<u8>,

@@ -15,12 +15,13 @@ use rigless::time::VirtualNanos;
 
 use crate::core_bus::{Bus, Differences, forward};
 
-/// Number of latest program counters that are kept. Once this many failed accesses have been
-/// recorded, further ones are not.
+/// Number of the latest program counters that are kept. Failed accesses are recorded until there
+/// are at least this many.
 const KEPT: usize = 16;
 
-/// Handle of the running core: shows what was recorded, and takes changes, which are applied before
-/// the next call of [`Processor::run`]. All clones share one state.
+/// Handle of the running core: returns what the wrapper has recorded, and takes register changes
+/// and read requests, which the wrapper serves before the next call of [`Processor::run`]. All
+/// clones share one state.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Observer(Arc<Mutex<Observed>>);
 
@@ -75,8 +76,9 @@ impl Observer {
     }
 }
 
-/// A core that no board uses at present. It is kept for the host code into which it has translated
-/// the image's instructions, because translating takes longer than most scenarios.
+/// A core that no board uses at present. The next board with the same image reuses it, because it
+/// contains the host code into which it has translated the image's instructions, and translating
+/// takes longer than most tests.
 #[derive(Debug)]
 struct IdleCore {
     /// Name of the image whose instructions the core has translated.
@@ -197,8 +199,8 @@ impl Processor for Core {
         unsafe { self.inner.map(start, length, host, writable) }
     }
 
-    /// Ignores the emulator's requests to discard translations before the core first runs, which
-    /// follow the loading of the image: an idle core's translations come from the same image.
+    /// Ignores requests to discard translations before the core first runs. The emulator sends them
+    /// when it loads the image, but an idle core's translations come from the same image.
     fn ask(&mut self, queued: Queued) {
         if self.has_run || !matches!(queued, Queued::Invalidate(..)) {
             self.inner.ask(queued);

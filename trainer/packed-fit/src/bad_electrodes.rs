@@ -1,5 +1,5 @@
-//! Finds the electrodes that are bad in a recording, by what the other electrodes predict of them,
-//! and interpolates them.
+//! Finds and interpolates the bad electrodes of a recording: those that the other electrodes hardly
+//! predict.
 
 use crate::error::FitError;
 use crate::innovation::{columns, median, prediction, residual, seconds};
@@ -12,15 +12,15 @@ use recordings::{Missing, MontageMap};
 /// 0.14 uV of noise at gain 24 (SBAS499C, table 1).
 const SILENT_UV: f64 = 0.1;
 
-/// An electrode is bad in a recording if two conditions hold. The first: the energy of its
-/// innovation (median over all seconds) is more than this many times the energy of the median
-/// electrode. In recordings R03 to R12 of EEGMMIDB S001 to S008, FT8 of S004 has 176 to 1,056
-/// times, FT7 of S006 up to 209, every other electrode up to 94.
+/// First of two conditions for a bad electrode: the energy of its innovation (median over all
+/// seconds) is more than this many times the median over all electrodes. In recordings R03 to R12
+/// of EEGMMIDB S001 to S008, the ratio is 176 to 1,056 for FT8 of S004, up to 209 for FT7 of S006,
+/// and up to 94 for every other electrode.
 const BAD_INNOVATION: f64 = 100.0;
 
-/// The second condition: the energy of its innovation is more than this fraction of its own energy,
-/// so that the other electrodes say little about it. In the same recordings FT8 of S004 has 0.95 to
-/// 0.99, FT7 of S006 up to 0.69.
+/// Second condition for a bad electrode: the energy of its innovation is more than this fraction of
+/// its own energy, so the other electrodes hardly predict it. In the same recordings, the fraction
+/// is 0.95 to 0.99 for FT8 of S004 and up to 0.69 for FT7 of S006.
 const BAD_PART: f64 = 0.8;
 
 /// Finds the bad electrodes of one person's recordings, and interpolates them.
@@ -29,7 +29,7 @@ const BAD_PART: f64 = 0.8;
 /// interpolated first, and the others are judged again, until none is bad.
 ///
 /// # Errors
-/// [`FitError::SilentRecording`].
+/// [`FitError::SilentRecording`] if no electrode of a recording has a signal.
 ///
 /// # Panics
 /// If there is no recording.
@@ -80,9 +80,9 @@ fn energies(rows: &DMatrix<f64>) -> Vec<f64> {
     energies.collect()
 }
 
-/// Returns the indices of the electrodes of a recording that are newly found to be bad: their
-/// innovation is above the limits and at least half of the largest. `prediction` predicts each of
-/// the person's electrodes from the others. An electrode that the recording lacks is never bad.
+/// Returns the indices of the electrodes of a recording that are newly found to be bad: those whose
+/// innovation is above the limits and at least half of the largest such innovation. `prediction`
+/// predicts each electrode from the others. An electrode that the recording lacks is never bad.
 fn noisy_electrodes(prediction: &DMatrix<f64>, track: &Track, electrodes: &[String]) -> Vec<usize> {
     let innovation = residual(prediction, track);
     let [signal, all] = [
@@ -91,7 +91,7 @@ fn noisy_electrodes(prediction: &DMatrix<f64>, track: &Track, electrodes: &[Stri
     ];
     let in_seconds = innovation.row_iter().map(|row| {
         let seconds = seconds(row.iter());
-        // A recording shorter than a second has no seconds to compare.
+        // A recording shorter than a second has no whole second to judge.
         if seconds.is_empty() {
             0.0
         } else {

@@ -11,8 +11,8 @@ const EDGES_HZ: [f64; 2] = [1.0, 60.0];
 /// Least width of a band, Hz.
 const LEAST_WIDTH_HZ: f64 = 1.0;
 
-/// Returns the electrodes of a track, filtered by `sections`, in microvolts, `[electrode, step]`. A
-/// section is given as the device's gain, a1 and a2, Q32; the filter starts at rest.
+/// Returns the signals of a track's electrodes after the filter `sections`, which starts at rest,
+/// in microvolts, `[electrode, step]`. Each section is the device's `[gain, a1, a2]` in Q32.
 pub fn band_passed(track: &Track, sections: &[[i64; 3]]) -> DMatrix<f64> {
     let values = track.values.iter().map(|&uv| f64::from(uv));
     let mut signals = DMatrix::from_iterator(track.electrodes, track.steps(), values);

@@ -13,9 +13,9 @@ pub(crate) type Histogram = [[[u32; MAGNITUDES]; LEVELS]; 2];
 /// A sequence of blocks after coding.
 #[derive(Clone, Debug)]
 pub(crate) struct Coded {
-    /// State after each block, block by block.
+    /// Decoder state after each block, `[block][coefficient]`.
     pub(crate) states: Vec<i16>,
-    /// Magnitudes of all coefficients with their signs, block by block.
+    /// Magnitudes of all coefficients with their signs, `[block][coefficient]`.
     pub(crate) magnitudes: Vec<i32>,
     /// Length of each block in bytes.
     pub(crate) bytes: Vec<usize>,

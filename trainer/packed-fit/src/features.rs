@@ -4,7 +4,7 @@ use crate::track::Track;
 use artifact::classifier::{Classifier, LEVEL_OF_ONE, LEVELS_PER_OCTAVE, MAX_FEATURES};
 use fixed_dsp::{BandPass, BandPower};
 
-// A classifier must read levels on the scale of the device's levels.
+// The levels of classifier files must be on the scale of the device's levels.
 const _: () = assert!(
     LEVELS_PER_OCTAVE == fixed_dsp::LEVELS_PER_OCTAVE && LEVEL_OF_ONE == fixed_dsp::LEVEL_OF_ONE
 );
@@ -12,8 +12,8 @@ const _: () = assert!(
 /// Range of an electrode's value in quarters of a microvolt: 13 bits.
 const QUARTERS: [f64; 2] = [-4_096.0, 4_095.0];
 
-/// Returns the level of each filter in each whole hop of a recording, `8 log2(energy) - 80`. They
-/// equal the levels that `pipeline::FeatureExtractor` computes from the same steps.
+/// Returns the level of each filter, `8 log2(energy) - 80`, in each whole hop of a recording. The
+/// levels equal those that `pipeline::FeatureExtractor` computes from the same steps.
 ///
 /// The band-pass starts at rest. The recording must have the classifier's electrodes.
 pub fn levels(track: &Track, classifier: &Classifier) -> Vec<Vec<u8>> {
@@ -57,7 +57,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    // A classifier may have as many filters, and weights as large, as a device supports.
+    // Classifier files and the device must have the same limits of filters and weights.
     const _: () =
         assert!(MAX_FEATURES == pipeline::MAX_FEATURES && LARGEST_ROW == pipeline::LARGEST_ROW);
 

@@ -24,8 +24,8 @@ const BASE_RATE: Rate = Rate::MIDDLE;
 /// recordings of one person (EEGMMIDB S001) this mean square is 0.002 on average.
 const MISFIT: f64 = 0.01;
 
-/// Smallest ratio of the misfit threshold to this mean square in the training data, which is larger
-/// for several people.
+/// Smallest ratio of the misfit threshold to the mean square that the coefficients do not represent
+/// in the training data. With several people in the training data, this mean square is larger.
 const MISFIT_RATIO: f64 = 4.0;
 
 /// Default number of coefficients of a block: enough to represent EEG of 61 electrodes within 0.3 %
@@ -51,8 +51,8 @@ pub fn coefficients(wanted: Option<usize>, description: &Description) -> Result<
     Ok(count)
 }
 
-/// Fits a packed model with `count` coefficients to filtered recordings, for the least error
-/// weighted by `weight`. Reports its progress to `report`.
+/// Fits a packed model with `count` coefficients to filtered recordings, for the least error,
+/// weighted by `weight` if it is given. Reports its progress to `report`.
 ///
 /// # Errors
 /// If the recordings do not determine a model.
@@ -215,8 +215,8 @@ fn refitted_prediction(
 /// Fits the Karhunen-Loeve transform of a block to `tracks`, with as many coefficients as `model`
 /// has. Every block is coded without prediction, but with the quantiser, contexts and range coder
 /// of the packed code, and all errors have equal weight. Returns the figures of this code on
-/// `tested` at every rate, finest first. The figures of an unweighted packed model are better by
-/// what prediction gains.
+/// `tested` at every rate, finest first. An unweighted packed model differs only by its prediction,
+/// so the difference of the figures is the gain from prediction.
 ///
 /// # Errors
 /// If the recordings are silent.
@@ -247,7 +247,7 @@ pub fn without_prediction(
     }
     model.reset_levels = probabilities::levels(&means);
     let figures = evaluation::evaluate_with_resets(&model, tested, description, 1, &mut |_| ())?;
-    // A block without prediction says nothing about the block before it, so it smooths nothing.
+    // A block without prediction has no information on the previous block, so nothing is smoothed.
     let alone = |figures: RateFigures| RateFigures {
         mse_smoothed: figures.mse,
         ..figures

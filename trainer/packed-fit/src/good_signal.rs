@@ -13,7 +13,7 @@ const MOST_BAD: f64 = 0.25;
 /// Electrodes are judged in each second as `trainer` judges them in each recording. An electrode
 /// that is bad in at least a quarter of the seconds with a signal counts as bad in all of them.
 /// This limit is safe: an electrode that is bad throughout is found in about half of the seconds or
-/// more (FT8 of EEGMMIDB S004: 52 of 102, 111 of 113).
+/// more (FT8 of EEGMMIDB S004: in 52 of 102 and in 111 of 113 seconds).
 #[derive(Clone, Debug, Default)]
 pub struct GoodSignal {
     /// Stretches of consecutive good seconds, in the order of the recordings.
@@ -24,13 +24,13 @@ pub struct GoodSignal {
     pub silent: usize,
     /// For each electrode, the number of judged seconds with a signal in which it was bad.
     pub bad_seconds: Vec<usize>,
-    /// For each electrode, whether it was bad in the newest judged second.
+    /// For each electrode, whether it was bad or without a signal in the newest judged second.
     pub newest_bad: Vec<bool>,
 }
 
 impl GoodSignal {
-    /// Selects the good seconds of stretches in which no step is missing. Steps after the last
-    /// whole second of a stretch are left out.
+    /// Selects the good seconds of `stretches`, in each of which no step is missing. Steps after
+    /// the last whole second of a stretch are left out.
     pub fn select(stretches: &[Track], electrodes: &[String]) -> Self {
         let cut = stretches.iter().enumerate().flat_map(|(index, stretch)| {
             let starts = (0..stretch.steps() / SECOND).map(|second| second * SECOND);
@@ -73,7 +73,7 @@ impl GoodSignal {
                 continue;
             }
             interpolate(&mut second, electrodes);
-            // A stretch has no list of bad electrodes: its seconds have different ones.
+            // Clear the list: a stretch joins seconds whose bad electrodes differ.
             second.bad.clear();
             match signal
                 .tracks

@@ -14,11 +14,11 @@ pub(crate) const UNIT_UV: f64 = 0.5;
 /// sums of a slice of inputs stay below 2^23.
 pub(crate) const INPUT_LIMIT: i16 = 4095;
 
-/// Lower limit of the sum of weights' magnitudes that divides a scale, so that no scale is
-/// infinite.
+/// Lower limit of the sum of weight magnitudes by which a scale is divided. It keeps the scale of
+/// weights that are all 0 finite.
 const SMALLEST_SUM: f64 = 1e-12;
 
-/// Units of the state per unit of the rounded state, from which blocks are predicted.
+/// Number of state units in one unit of the rounded state, from which blocks are predicted.
 const STATE_UNIT: f64 = 8.0;
 
 /// Returns the analysis of blocks in integers. `slices` holds the end of each slice of a block's

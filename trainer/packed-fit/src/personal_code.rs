@@ -9,10 +9,10 @@ use artifact::reconstruction::WindowDecoder;
 use artifact::{Artifact, Description, Pca, ScalpGrid};
 use nalgebra::DMatrix;
 
-/// Smallest calibrated range of a number of a code: +-10 standard deviations of the input.
+/// Smallest calibrated range of a code value: +-10 standard deviations of the input.
 ///
-/// Muscle activity or a moving cap excites numbers that hardly vary in the training data. With
-/// model-gen's head room of 2, one level of a number with this range is 10 * 2 / 127 = 0.16. On
+/// Muscle activity or a moving cap excites code values that hardly vary in the training data. With
+/// model-gen's head room of 2, one level of a value with this range is 10 * 2 / 127 = 0.16. On
 /// EEGMMIDB S001 R11 and R12 this limit increases the error (int8 MSE 0.0041, without it 0.0039,
 /// float 0.0030), but it protects recordings that differ more from their training set.
 pub const MIN_RANGE: f32 = 10.0;
@@ -20,22 +20,22 @@ pub const MIN_RANGE: f32 = 10.0;
 /// A linear code that was fitted to a person's signal.
 #[derive(Clone, Debug)]
 pub struct PersonalCode {
-    /// A model of mode `pca`, fitted to the whole signal. Its windows, input scale, code format,
-    /// packed model and table of substitutions are those of the other model.
+    /// A model of mode `pca`, fitted to the whole signal. Windows, input scale, code format, packed
+    /// model and table of substitutions are taken from the other model in the comparison.
     pub model: Artifact,
-    /// Percent root-mean-square difference of integer codes on the last quarter of the signal, with
-    /// a code that was fitted to the first three quarters.
+    /// Percent root-mean-square difference between the last quarter of the signal and its
+    /// reconstruction from integer codes, with a code that was fitted to the first three quarters.
     pub own_prd: f64,
-    /// The same difference with the other model's codes, on the same quarter.
+    /// The same figure for the other model's codes, on the same quarter.
     pub other_prd: f64,
 }
 
 impl PersonalCode {
-    /// Fits a code with as many numbers as the codes of `other`, and compares it with `other`.
+    /// Fits a code with as many values as the codes of `other`, and compares it with `other`.
     ///
     /// # Errors
-    /// If codes of `other` have more numbers than a window has values, or a model cannot be turned
-    /// into integers.
+    /// If codes of `other` have more values than a window, or a model cannot be turned into
+    /// integers.
     pub fn new(signal: &GoodSignal, other: &Artifact) -> Result<Self, FitError> {
         let [first, last] = first_three_quarters(&signal.tracks);
         Ok(Self {
@@ -90,7 +90,7 @@ fn fit(tracks: &[Track], other: &Artifact) -> Result<Artifact, FitError> {
     Ok(model.with_substitution(other.substitution.clone())?)
 }
 
-/// Returns the percent root-mean-square difference of a model's integer codes, over all windows.
+/// Returns the percent RMS difference between all windows and their decoded integer codes.
 fn prd(model: &Artifact, tracks: &[Track]) -> Result<f64, FitError> {
     let integers = model_gen::quantise(model)?;
     let decoder = WindowDecoder::new(model)?;

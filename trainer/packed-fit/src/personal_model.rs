@@ -14,7 +14,7 @@ pub struct PersonalModel {
     /// Figures at all rates, finest first, on the last quarter of the signal, with a model that was
     /// fitted to the first three quarters.
     pub own: Vec<RateFigures>,
-    /// Figures of the other model on the same quarter.
+    /// Figures of the model that it is compared with, on the same quarter.
     pub other: Vec<RateFigures>,
     /// Mean square of the last quarter, in units of `input.sd_uv` squared.
     pub power: f64,
@@ -51,8 +51,8 @@ impl PersonalModel {
     }
 }
 
-/// Returns the mean squared error of a code at a mean length of `bits` bits, in the unit of the
-/// figures. Between two rates, interpolates linearly in the logarithms of length and error. `None`
+/// Returns the mean squared error at a mean block length of `bits` bits, in the unit of the
+/// figures. Interpolates linearly between two rates in the logarithms of length and error. `None`
 /// if no two rates enclose the length.
 pub fn error_at(figures: &[RateFigures], bits: f64) -> Option<f64> {
     let pair = figures
@@ -130,7 +130,7 @@ pub(crate) mod tests {
         assert!(at_equal_bits(&same) < 0.7, "{}", at_equal_bits(&same));
         assert_eq!(same.model.coefficients(), 32);
         assert_eq!(same.model.description.rate, 6);
-        // If the last quarter had been part of the fit, its head would be known too.
+        // A fit that included the last quarter would know its head, so the error would be small.
         let changed = personal(vec![head(1, 60), head(2, 20)], &other);
         assert!(at_equal_bits(&changed) > 1.3, "{}", at_equal_bits(&changed));
         let power = |track: &Track| {

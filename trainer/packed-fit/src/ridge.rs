@@ -43,7 +43,7 @@ impl Ridge {
     /// because little data can yield large weights.
     ///
     /// # Errors
-    /// The errors of [`Self::solve`].
+    /// If [`Self::solve`] fails.
     pub(crate) fn solve_within(
         &self,
         mut penalty: f64,
@@ -63,7 +63,7 @@ impl Ridge {
     /// `penalty` times the sum of the squared weights.
     ///
     /// # Errors
-    /// If the inputs are all zero and the penalty is 0, or not finite.
+    /// If all inputs are zero and the penalty is 0, or an input is not finite.
     pub(crate) fn solve(mut self, penalty: f64) -> Result<DMatrix<f64>, FitError> {
         for index in 0..self.inputs.nrows() {
             self.inputs[(index, index)] += penalty * self.pairs as f64;

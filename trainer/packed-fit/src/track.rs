@@ -43,8 +43,8 @@ pub fn settling_steps(description: &Description, mains_hz: u32) -> Result<usize,
 }
 
 impl Track {
-    /// Creates the track of a recording with all electrodes from its filtered time steps,
-    /// microvolts, in the order step, electrode.
+    /// Creates the track of a recording that has all electrodes. `values` are its filtered time
+    /// steps, microvolts, in the order step, electrode.
     pub fn new(name: &str, electrodes: usize, values: Vec<f32>) -> Self {
         Self {
             name: name.to_owned(),

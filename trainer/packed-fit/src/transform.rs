@@ -8,8 +8,8 @@ use crate::weight::Metric;
 use nalgebra::{DMatrix, DVector};
 use packed::{PROBE_SHIFT, PROBES};
 
-/// Number of rounds. Each round fits the prediction to decoded states and rotates the transform to
-/// the prediction's residual.
+/// Number of rounds. Each round fits the prediction to decoded states and rotates the directions to
+/// the principal directions of the prediction's residual.
 const ROUNDS: usize = 2;
 
 /// Step of the dead-zone quantiser that replaces the device's quantiser during the fit, in units of
@@ -19,9 +19,9 @@ const STEP: f32 = 0.6;
 /// Fraction of a [`STEP`] that is added to a magnitude before rounding down.
 const ROUNDING: f32 = 0.35;
 
-/// Power below which a direction is quiet, relative to the mean power of a value. At this ratio,
-/// probes of EEGMMIDB S001 to S008 detect noise on one electrode, and exchanged electrodes, at
-/// least as often as the energy that orthonormal coefficients do not represent does.
+/// Power below which a direction of a block is quiet, relative to the mean power of a value. With
+/// this ratio, probes of EEGMMIDB S001 to S008 detect noise on one electrode, and exchanged
+/// electrodes, at least as often as an unweighted model does by its unrepresented energy.
 const QUIET: f64 = 0.01;
 
 /// Consecutive blocks of one or several recordings. A block is a hop of time steps.
@@ -58,8 +58,8 @@ impl Blocks {
 /// Directions of a block, and the prediction of the next block.
 #[derive(Clone, Debug)]
 pub(crate) struct Transform {
-    /// Directions, `[value, coefficient]`; the first coefficient has the largest residual. They are
-    /// orthonormal unless errors are weighted.
+    /// Directions, `[value, coefficient]`, by falling energy of the prediction's residual.
+    /// Orthonormal unless errors are weighted; then the last directions are the probes.
     pub(crate) directions: DMatrix<f64>,
     /// Prediction of a block's coefficients from the previous block's coefficients,
     /// `[coefficient, previous coefficient]`.
@@ -74,8 +74,8 @@ impl Transform {
     }
 
     /// Fits a transform like [`Self::fit`], but in the space in which `metric` is the sum of
-    /// squares, and appends [`PROBES`] probes. `theta` is the mean squared error of a coefficient
-    /// at the base rate, in units of `input.sd_uv` squared.
+    /// squares, and appends [`PROBES`] directions without signal ([`quiet_probes`]). `theta` is the
+    /// mean squared error of a coefficient at the base rate, in units of `input.sd_uv` squared.
     pub(crate) fn fit_weighted(
         blocks: &Blocks,
         count: usize,
@@ -102,7 +102,7 @@ impl Transform {
         Ok(transform)
     }
 
-    /// Fits the prediction, and rotates the transform to the prediction's residuals.
+    /// Fits the prediction, and rotates the directions to its residuals' principal directions.
     fn with_prediction(mut self, blocks: &Blocks) -> Result<Self, FitError> {
         let count = self.prediction.nrows();
         let mut coefficients = self.coefficients(blocks);
@@ -207,9 +207,10 @@ impl Transform {
     }
 }
 
-/// Returns the factor of the weighted space with which its transform takes as many bits as the
-/// plain transform, if both have an error of `theta` in each coefficient above `theta` (reverse
-/// water-filling). `plain` and `weighted` are the second moments along principal directions.
+/// Returns the factor by which the weighted space is scaled so that its transform takes as many
+/// bits as the plain transform. By reverse water-filling, each coefficient with a power above
+/// `theta` has an error of `theta`. `plain` and `weighted` are the second moments along principal
+/// directions.
 fn gain_at_equal_bits(plain: &DVector<f64>, weighted: &DVector<f64>, theta: f64) -> f64 {
     let bits = |moments: &DVector<f64>, factor: f64| -> f64 {
         let moments = moments.iter().map(|moment| moment * factor / theta);

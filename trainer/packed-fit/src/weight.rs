@@ -55,11 +55,11 @@ pub struct Metric {
 }
 
 impl Metric {
-    /// Returns the matrix for errors of `steps` time steps at `rate_hz`. `tracks` yield the second
-    /// moment of the electrodes; their labels do not matter.
+    /// Creates the metric for errors of `steps` time steps at `rate_hz`. `tracks` yield the second
+    /// moment of the electrodes.
     ///
     /// # Errors
-    /// If half of the electrodes have no signal in the band.
+    /// If there is no track, or the signals in the band span less than half of all dimensions.
     pub fn new(
         weight: ErrorWeight,
         tracks: &[Track],
@@ -92,8 +92,8 @@ impl Metric {
         })
     }
 
-    /// Returns the symmetric square root. The squared norm of its product with an error is the
-    /// weighted error.
+    /// Returns the symmetric square root of the metric's matrix. The squared norm of its product
+    /// with an error is the weighted error.
     pub fn root(&self) -> DMatrix<f64> {
         self.mapped(f64::sqrt)
     }
@@ -111,7 +111,7 @@ impl Metric {
     }
 }
 
-/// Returns the matrix whose quadratic form is the in-band energy of `steps` steps.
+/// Returns the matrix B for which x' B x is the energy of `steps` steps x within the band.
 fn band(steps: usize, [low_hz, high_hz]: [f64; 2], rate_hz: f64) -> DMatrix<f64> {
     DMatrix::from_fn(steps, steps, |k, l| {
         let lag = k as f64 - l as f64;

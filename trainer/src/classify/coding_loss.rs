@@ -26,7 +26,7 @@ use std::path::PathBuf;
 /// Largest number of spatial filters for each person if `--events` is not given.
 const COMPONENTS: usize = 6;
 
-/// Area under the curve of random guesses.
+/// Area under the ROC curve for random guesses.
 const GUESS: f64 = 0.5;
 
 /// Options of the figures for classifiers.
@@ -40,16 +40,16 @@ pub(crate) struct ClassifierLossOptions {
     task: TaskOptions,
 }
 
-/// The loss of classifiers with each code, as a table.
+/// What classifiers lose with each code, as a table.
 #[derive(Clone, Debug)]
 pub(crate) struct ClassifierLossTable {
-    /// Area under the curve on the original signals, as the mean over all people; `None` without
+    /// Area under the ROC curve on the original signals, mean over all people; `None` without
     /// events.
     original_auc: Option<f64>,
     /// Number of trials of all people; only whole trials after the filters have settled count.
     trials: usize,
     /// For each code: its name, the ratio of the components' power to the power of their error in
-    /// dB, and the area under the curve.
+    /// dB, and the area under the ROC curve.
     rows: Vec<(String, f64, Option<f64>)>,
 }
 
@@ -154,8 +154,9 @@ impl CodingLoss {
         Ok(())
     }
 
-    /// Returns the mean over people of the area under the curve; `None` without events. `silent` is
-    /// the area for a person whose signals are all 0, as the coarsest rates can decode them.
+    /// Returns the area under the ROC curve, mean over people; `None` without events. `silent` is
+    /// the area for a person whose decoded signals are all 0; without it, such signals are an
+    /// error.
     fn auc(&self, tracks: &[Track], silent: Option<f64>) -> Result<Option<f64>, TrainerError> {
         let Some((plan, ..)) = &self.task else {
             return Ok(None);
@@ -181,8 +182,8 @@ impl CodingLoss {
         indices.iter().filter_map(session).collect()
     }
 
-    /// Returns the filters whose signals have the most power in the band, relative to their power
-    /// at all frequencies.
+    /// Returns the spatial filters whose output has the most power in the band, relative to its
+    /// power at all frequencies.
     fn leading_filters(&self, indices: &[usize]) -> Result<DMatrix<f64>, TrainerError> {
         let moments = in_parallel::map(indices, |&index| {
             [&self.sections[..], &[]].map(|sections| {
@@ -209,7 +210,6 @@ fn with_values(track: &Track, values: impl Iterator<Item = f32>) -> Track {
 }
 
 impl ClassifierLossTable {
-    /// Returns the figures as a JSON object.
     pub(crate) fn to_json(&self) -> Json {
         let row = |(code, snr_db, auc): &(String, f64, Option<f64>)| json!({ "code": code, "snr_db": snr_db, "auc": auc });
         let codes: Vec<Json> = self.rows.iter().map(row).collect();

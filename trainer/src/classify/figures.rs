@@ -1,10 +1,10 @@
-//! Figures of a classifier: accuracy with confidence interval, area under the curve, confusion
-//! matrix.
+//! Figures of a classifier: accuracy with confidence interval, area under the ROC curve (AUC) and
+//! confusion matrix.
 
 use artifact::classifier::{ClassifierFigures, PartFigures};
 use std::fmt;
 
-/// Quantile of the normal distribution for an interval of 95 %.
+/// 97.5 % quantile of the normal distribution, for a two-sided interval of 95 %.
 const Z95: f64 = 1.959_963_985;
 
 /// The decisions on the trials of a recording, or of a block of trials.
@@ -21,11 +21,11 @@ pub(super) struct Decided {
     pub(super) decision: usize,
     /// Score of each class; only the differences between scores matter.
     pub(super) scores: Vec<f64>,
-    /// The scores without quantisation.
+    /// Scores from unquantised filters and features.
     pub(super) float_scores: Vec<f64>,
 }
 
-/// Returns the figures of decisions. The area under the curve compares only trials of the same
+/// Returns the figures of decisions. The area under the ROC curve compares only trials of the same
 /// part.
 pub(super) fn figures(parts: &[Part], classes: usize) -> ClassifierFigures {
     let mut confusion = vec![vec![0; classes]; classes];
@@ -72,9 +72,9 @@ fn wilson(right: u32, trials: u32) -> [f64; 2] {
     [centre - width, centre + width].map(|end| end / (1.0 + Z95.powi(2) / n))
 }
 
-/// Returns the fraction of pairs of trials of two classes, each pair within a part, that the
-/// difference of their scores orders correctly; the mean over all pairs of classes. 0.5 if no two
-/// trials can be compared.
+/// Returns the area under the ROC curve, mean over all pairs of classes: the fraction of pairs of
+/// trials, one of each class and both from the same part, that the difference of the two classes'
+/// scores orders correctly. 0.5 if no two trials can be compared.
 fn auc(parts: &[Part], classes: usize, scores: impl Fn(&Decided) -> &Vec<f64>) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for a in 0..classes {

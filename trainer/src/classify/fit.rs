@@ -1,4 +1,4 @@
-//! Fits filters and decision to trials.
+//! Fits the spatial filters and the decision rule of a classifier to trials.
 
 use super::options::TaskOptions;
 use super::sessions::{Session, Trial};
@@ -13,14 +13,14 @@ use packed_fit::band_pass::band_passed;
 use packed_fit::{FitError, Track, features};
 use std::ops::Range;
 
-/// Default number of filters, if it is divisible by the number of classes.
+/// Default number of filters, before rounding down to a multiple of the number of classes.
 const FILTERS: usize = 6;
 /// Fraction of a class's covariance that is replaced by white noise of the same power.
 const SHRINKAGE: f64 = 0.01;
 /// Smallest permitted number of trials of a class.
 const LEAST_TRIALS: usize = 10;
 
-/// What is to be fitted: an empty classifier, and the shape of its trials.
+/// The classifier to be fitted, still empty, and the shape of its trials.
 pub(super) struct Plan {
     /// The classifier without filters and weights.
     empty: Classifier,
@@ -39,10 +39,12 @@ pub(super) struct Fitted {
 }
 
 impl Plan {
-    /// Checks the options. `filters` and `window_s` have defaults.
+    /// Checks the options. `None` for `filters` or `window_s` selects the default.
     ///
+    /// # Errors
     /// If there are fewer than two classes, two classes have the same event or code, the filters
-    /// cannot be divided among the classes, or the window is longer than a trial.
+    /// cannot be divided among the classes, or the window is not between one hop and the length of
+    /// a trial.
     pub(super) fn new(
         classes: &[Class],
         task: &TaskOptions,
@@ -123,9 +125,9 @@ impl Plan {
         self.trial_s[1]
     }
 
-    /// Returns the windows of a trial whose event is `seconds` after the start of a session of
-    /// `hops` hops: as few as cover the trial, evenly spaced. `None` if the trial extends beyond
-    /// the session.
+    /// Returns the windows of a trial: as few as cover the trial, evenly spaced, as ranges of hops.
+    /// The event is `seconds` after the start of a session of `hops` hops. `None` if the trial
+    /// extends beyond the session.
     pub(super) fn windows(&self, seconds: f64, hops: usize) -> Option<Vec<Range<usize>>> {
         let first = ((seconds + self.trial_s[0]) / self.hop_s()).round();
         let first = (first >= 0.0).then(|| whole(first))?;
@@ -173,7 +175,7 @@ impl Plan {
     }
 }
 
-/// Fits filters and decision to trials.
+/// Fits the spatial filters, and the decision rule that reads their band powers, to trials.
 ///
 /// # Errors
 /// If trials of a class are missing, or no device could run the filters.
@@ -193,7 +195,7 @@ pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, 
         classifier.filters.push(SpatialFilter { weights, pattern });
     }
     let (mut features, mut float_features) = (Vec::new(), Vec::new());
-    // Trials of a session are consecutive, and share its levels.
+    // Trials of a session are consecutive, so the session's levels are computed once.
     for trials in trials.chunk_by(|(a, _), (b, _)| std::ptr::eq(*a, *b)) {
         let levels = features::levels(&trials[0].0.track, &classifier);
         for (_, trial) in trials {
@@ -207,7 +209,7 @@ pub(super) fn fit(plan: &Plan, trials: &[(&Session, &Trial)]) -> Result<Fitted, 
     discriminant(&mut classifier.decision, &features);
     let mut float_rule = classifier.decision.clone();
     discriminant(&mut float_rule, &float_features);
-    // Parsing the text checks all ranges.
+    // Write the classifier as text and parse it, which checks all ranges.
     let classifier = Classifier::parse(&classifier.to_toml()?)?;
     Ok(Fitted {
         classifier,
@@ -228,7 +230,7 @@ impl Fitted {
 }
 
 /// Returns each class's mean covariance: the mean of its trials' second moments, each divided by
-/// its trace, shrunk by [`SHRINKAGE`].
+/// its trace. The mean is shrunk by [`SHRINKAGE`].
 fn mean_covariances(
     plan: &Plan,
     trials: &[(&Session, &Trial)],
@@ -288,9 +290,9 @@ pub(super) fn common_spatial_patterns(
     Some(DMatrix::from_columns(&filters))
 }
 
-/// Returns a filter in int8, with the largest weights that a device accepts.
+/// Returns a filter in int8, scaled to the largest weights that a device accepts.
 fn int8_weights(filter: &DVector<f64>) -> Vec<i8> {
-    // Rounding adds at most one half to each magnitude.
+    // Leave room for rounding, which adds at most one half to each magnitude.
     let sum = f64::from(LARGEST_ROW) - filter.len() as f64 / 2.0;
     let scale = (127.0 / filter.amax()).min(sum / filter.lp_norm(1));
     #[expect(clippy::cast_possible_truncation, reason = "-127 to 127")]
@@ -331,7 +333,7 @@ fn discriminant(rule: &mut DecisionRule, features: &[(usize, Vec<f64>)]) {
     let weights: Vec<DVector<f64>> = means.iter().map(|mean| &inverse * mean).collect();
     let biases = means.iter().zip(&weights);
     let biases: Vec<f64> = biases.map(|(mean, w)| -0.5 * mean.dot(w)).collect();
-    // Only differences between the scores of classes matter, so their mean is subtracted.
+    // Subtract the mean over classes: only differences between their scores matter.
     let classes = means.len() as f64;
     let common = weights.iter().sum::<DVector<f64>>() / classes;
     let common_bias = biases.iter().sum::<f64>() / classes;

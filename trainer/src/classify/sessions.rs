@@ -14,7 +14,7 @@ use std::path::PathBuf;
 
 /// A recording and its trials.
 pub(super) struct Session {
-    /// The recording, starting at the first step of a hop on a device.
+    /// The recording, cut so that its first step is the first step of a hop on a device.
     pub(super) track: Track,
     /// Trials in the order of time.
     pub(super) trials: Vec<Trial>,
@@ -23,7 +23,7 @@ pub(super) struct Session {
 /// A trial that lies within its recording.
 #[derive(Clone, Debug)]
 pub(super) struct Trial {
-    /// Index of its class.
+    /// Index of the trial's class.
     pub(super) class: usize,
     /// Parts of the trial over which a decision can average, in the order of time; the last part
     /// ends with the trial.
@@ -65,7 +65,7 @@ impl Session {
     }
 }
 
-/// Where sessions begin in tracks.
+/// Position of a session's first step in its track and in its recording.
 #[derive(Clone, Copy)]
 pub(super) struct Start {
     /// Number of steps of a track before the first hop of a device.
@@ -102,8 +102,8 @@ pub(super) type Events = Vec<(f64, usize)>;
 /// Reads the events of recordings.
 ///
 /// # Errors
-/// If a recording cannot be read, or none has an event of a class. `option` is the command-line
-/// option that named the recordings, for the error message.
+/// If a recording cannot be read, or no recording has an event of one of the classes. `option` is
+/// the command-line option that named the recordings, for the error message.
 pub(super) fn read_events(
     files: &[PathBuf],
     start: Start,
@@ -139,7 +139,7 @@ pub(super) fn read_events(
 /// Finds the trials of recordings in their tracks.
 ///
 /// # Errors
-/// The errors of [`read_events`].
+/// If [`read_events`] fails.
 pub(super) fn read(
     files: &[PathBuf],
     tracks: &[Track],

@@ -46,7 +46,7 @@ pub(super) fn folds(sessions: &[Session]) -> Vec<Fold> {
 /// Returns the figures of a cross-validation, and for each class the course of its probability.
 ///
 /// # Errors
-/// The errors of [`fit`].
+/// If [`fit`] fails for a fold.
 pub(super) fn cross_validate(
     plan: &Plan,
     sessions: &[Session],
@@ -97,7 +97,7 @@ fn predictions(fitted: &Fitted, session: &Session) -> Vec<Prediction> {
         .collect()
 }
 
-/// Returns the decisions at the end of trials.
+/// Returns the decision at the last hop of each trial.
 fn decide(fitted: &Fitted, name: &str, trials: &[Trial], predictions: &[Prediction]) -> Part {
     let decided = trials.iter().map(|trial| {
         let prediction = &predictions[last_hop(trial)];

@@ -84,8 +84,8 @@ pub(super) fn test_fold(
     let pca = evaluate(&pca, &test)?;
     let windows = test.aligned(description.window.hop).len();
     let model = if description.mode == Mode::Paper {
-        // Integer codes of mode `paper` have no decoder. So the float network is tested, whose
-        // decoder gets the positions of the pools' maxima.
+        // Integer codes of mode `paper` have no decoder, so test the float network, whose decoder
+        // gets the positions of the pools' maxima.
         let [mse, signal] = network.errors(&best, &test.aligned(description.window.hop));
         let error = ReconstructionError {
             mse,
@@ -130,9 +130,9 @@ fn seed(first: u64, fold: &Fold) -> u64 {
         .wrapping_add(fold.number as u64)
 }
 
-/// Returns the contiguous parts of the tracks on which the fold is tested or, if `is_test` is
-/// false, trained. A part lacks its first `gap` steps, unless it starts its recording, so that no
-/// training window overlaps a test window.
+/// Returns the contiguous parts of the tracks that the fold tests on or, if `is_test` is false,
+/// trains on. A part lacks its first `gap` steps unless it is at the start of its recording, so
+/// that no training window overlaps a test window.
 fn parts(tracks: &[Track], fold: &Fold, gap: usize, is_test: bool) -> Vec<Track> {
     let mut parts = Vec::new();
     for (recording, track) in tracks.iter().enumerate() {

@@ -24,7 +24,7 @@ pub struct Outcome {
     /// Number of the fold within the repetition, from 1.
     pub(crate) fold: usize,
     pub(crate) mode: String,
-    /// Length of a code in numbers.
+    /// Number of values in a code.
     pub(crate) numbers: usize,
     /// Whether the signal can be decoded from the code alone.
     pub(crate) is_decodable: bool,

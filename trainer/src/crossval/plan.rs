@@ -20,12 +20,12 @@ pub(crate) struct Fold {
     pub(crate) number: usize,
     /// Number of blocks into which each recording is divided; 1 for whole runs.
     pub(crate) blocks: usize,
-    /// Blocks on which the model is tested, in their order.
+    /// Blocks on which the model is tested, in ascending order.
     pub(crate) test: Vec<Block>,
     /// File names of the subject's recordings.
     pub(crate) recordings: Vec<String>,
-    /// Number of blocks that the model is trained on; the computing time of the fold is about
-    /// proportional to it.
+    /// Number of blocks that the model is trained on. The fold's computing time is about
+    /// proportional to this number.
     pub(crate) trained_on: usize,
 }
 
@@ -39,12 +39,12 @@ pub(crate) struct Block {
 }
 
 impl Fold {
-    /// Returns the name of the fold, which its file also has.
+    /// Returns the name of the fold and of its outcome file.
     pub(crate) fn name(&self) -> String {
         format!("{}-r{}-f{}", self.subject, self.repetition, self.number)
     }
 
-    /// Returns as text what is distributed over the folds: whole runs, or blocks of runs.
+    /// Returns a text that says what is distributed over the folds: whole runs, or blocks of runs.
     pub(crate) fn kind(&self) -> String {
         if self.blocks == 1 {
             "whole runs".to_owned()
@@ -70,11 +70,11 @@ impl Fold {
     }
 }
 
-/// Returns the folds of all subjects; with one subject left out at a time, one fold for each
-/// subject.
+/// Returns the folds of all subjects; one fold for each subject if one subject is left out at a
+/// time.
 ///
 /// # Errors
-/// The errors of [`folds`], and [`TrainerError::OnePerson`].
+/// If [`folds`] fails; [`TrainerError::OnePerson`] if only one subject could be left out.
 pub(super) fn plan(
     subjects: &[Subject],
     options: &CrossvalOptions,
@@ -164,7 +164,7 @@ pub(crate) struct Shard {
 }
 
 impl Shard {
-    /// Returns whether the shard has the fold of this index, from 0.
+    /// Returns whether the shard contains the fold with index `fold`, from 0.
     pub(crate) fn contains(&self, fold: usize) -> bool {
         fold % self.count == self.index
     }

@@ -81,15 +81,15 @@ impl Table {
         &self.outcomes
     }
 
-    /// Returns as text the settings of the first fold's model: montage, shape and training.
+    /// Returns the settings of the first fold's model as text: montage, shape and training.
     pub(crate) fn settings(&self) -> &str {
         self.outcomes
             .first()
             .map_or("", |outcome| outcome.settings.as_str())
     }
 
-    /// Returns the rows of each subject in turn, then, if there are several, the rows over all
-    /// subjects.
+    /// Returns the rows of each subject in turn, followed by the rows over all subjects if there
+    /// are several.
     pub(crate) fn rows(&self) -> &[Row] {
         &self.rows
     }

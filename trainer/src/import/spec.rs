@@ -17,7 +17,7 @@ pub(super) struct Spec {
     mode: Mode,
     /// Standard deviation of the training data, uV; it is the unit of the network's input.
     sd_uv: f64,
-    /// Length of a code; 128, as in the paper, if not stated.
+    /// Number of values in a code; 128, as in the paper, if not stated.
     numbers: Option<usize>,
     /// Time steps of a window; 16, as in the paper, if not stated.
     steps: Option<usize>,
@@ -96,8 +96,8 @@ impl Spec {
         "imported".clone_into(&mut card.optimiser);
     }
 
-    /// Returns the name that a tensor of this project has in the file. It follows from the longest
-    /// entry of `names` that matches the tensor or its layer; without such an entry, the name is
+    /// Returns the name in the file of a tensor of this project. The longest entry of `names` that
+    /// matches the tensor or its layer determines the name; without such an entry, the name is
     /// unchanged.
     pub(super) fn name_in_file(&self, name: &str) -> String {
         let entry = self.names.iter().filter_map(|(ours, theirs)| {

@@ -14,8 +14,8 @@ use std::path::Path;
 const COUNTER: &str = "num_batches_tracked";
 /// Prefix of the tensors from which the model is calibrated.
 const CALIBRATION: &str = "calibration.";
-/// Names of the tensors to compare with: windows, their codes, and their reconstructions, which are
-/// optional.
+/// Names of the tensors to compare with: windows, their codes and, optionally, their
+/// reconstructions.
 const REFERENCE: [&str; 3] = [
     "reference.windows",
     "reference.codes",
@@ -86,7 +86,7 @@ impl StateDict {
     /// Returns weights, calibration and reference.
     ///
     /// # Errors
-    /// All mistakes in names, shapes, element types and values, in words.
+    /// The texts of all mistakes in names, shapes, element types and values.
     pub(super) fn collect(
         &self,
         spec: &Spec,
@@ -123,7 +123,7 @@ impl StateDict {
     }
 }
 
-/// A search for tensors in a file, with the mistakes found so far.
+/// A search for tensors in a file, and the mistakes found so far.
 struct Search<'a> {
     file: &'a StateDict,
     used: BTreeSet<String>,
@@ -267,8 +267,8 @@ impl Search<'_> {
         })
     }
 
-    /// Records a mistake for each tensor of windows that is not 0 in all cells without an
-    /// electrode.
+    /// Records a mistake for each tensor of windows that has values other than 0 in cells without
+    /// an electrode.
     fn check_empty_cells(&mut self, description: &Description) {
         let dimensions = description.dimensions();
         let (cells, columns) = (dimensions.cells(), dimensions.columns);

@@ -357,8 +357,8 @@ impl WithSimd for WeightGradient<'_> {
     }
 }
 
-/// Some channels of both volumes as vectors of the processor. Each vector holds some windows of a
-/// group. `large` is shifted by one step and one row of the kernel.
+/// The channels of a tile of `small` and one channel of `large`, as vectors that each hold some
+/// windows of a group. `large` is shifted by the step and the row of a kernel tap.
 struct Vectors<'a, V> {
     small: &'a [V],
     small_size: [usize; 3],
@@ -451,8 +451,8 @@ mod tests {
             );
             near(product, along(&layer.parameter_gradient(&x, &gradient)));
 
-            // A transposed convolution maps channels of the kernels' first index to channels of the
-            // second.
+            // A transposed convolution maps the channels of the kernels' first index to the
+            // channels of their second index.
             let layer = Layer {
                 bias: &zeros[..CHANNELS[0]],
                 ..layer

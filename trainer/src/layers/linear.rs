@@ -50,7 +50,7 @@ impl<'a> Matrix<'a> {
 }
 
 /// Returns the gradient of a matrix, in the matrix's order: for each output and input, the sum over
-/// the windows of the gradient at the output times the input.
+/// all windows of the input times the gradient at the output.
 pub(crate) fn matrix_gradient(x: &[Lanes], gradient: &[Lanes]) -> Vec<f32> {
     let inputs = x.len();
     let mut sums = vec![0.0; gradient.len() * inputs];
@@ -75,8 +75,8 @@ struct Product<'a> {
     values: &'a [f32],
     /// Number of elements of the result.
     sums: usize,
-    /// Distances in `values`: between the factors of neighbouring elements of the result, and
-    /// between the factors of neighbouring elements of `x`.
+    /// Strides in `values`: from one element of the result to the next, and from one element of `x`
+    /// to the next.
     strides: [usize; 2],
     x: &'a [Lanes],
     y: &'a mut [Lanes],

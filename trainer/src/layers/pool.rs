@@ -1,4 +1,4 @@
-//! Max-pool, and its two inverses: unpooling to the positions of the maxima, and to nearest
+//! Max-pool, and two ways to undo it: unpooling to the positions of the maxima, or to the nearest
 //! neighbours.
 
 use artifact::{CONV2_CHANNELS, Geometry};
@@ -43,8 +43,8 @@ pub(crate) fn max_pool(x: &Volume, geometry: &Geometry) -> Pooled {
 }
 
 impl Pooled {
-    /// Puts one value per pool back to the position of the pool's maximum; all other positions are
-    /// 0. This is the gradient of the max-pool, and the unpooling of mode `paper`.
+    /// Puts one value per pool at the position of the pool's maximum; all other positions are 0.
+    /// This is both the gradient of the max-pool and the unpooling of mode `paper`.
     pub(crate) fn scatter(&self, values: &[Lanes], geometry: &Geometry) -> Volume {
         let mut x = Volume::zeros(CONV2_CHANNELS, geometry.feature_map);
         let per_channel = product(geometry.pooled);

@@ -94,7 +94,7 @@ impl<'a> Autoencoder<'a> {
         (encoded.code, window)
     }
 
-    /// Returns the values of all electrodes that a code is decoded to; batch norm uses the running
+    /// Decodes a code and returns the values of all electrodes; batch norm uses the running
     /// statistics.
     pub(super) fn decode(&self, code: &[Lanes]) -> Vec<Lanes> {
         if self.mode.has_convolutions() {

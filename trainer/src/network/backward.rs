@@ -42,8 +42,8 @@ struct Stage {
     output: Volume,
 }
 
-/// Computes loss and gradients of a batch. Also returns the statistics of the three batch norms:
-/// first the two of the encoder, then the one of the decoder.
+/// Computes loss and gradients of a batch. Also returns the batch statistics of the three batch
+/// norms, the encoder's two first.
 pub(super) fn gradients(
     autoencoder: &Autoencoder<'_>,
     groups: &[Group],
@@ -281,7 +281,7 @@ fn add_stages(all: &mut Weights, stages: &[Stage]) -> NormGradient {
         .fold(first.norm.clone(), |sum, stage| sum.add(&stage.norm))
 }
 
-/// Adds gradients to the gradients of the same tensors.
+/// Adds `gradients` to `all`, tensor by tensor.
 fn add(all: &mut Weights, gradients: &Weights) {
     for tensor in TENSORS {
         let (sums, values) = (tensor.of_mut(all), tensor.of(gradients));

@@ -4,7 +4,6 @@ use packed_fit::RateFigures;
 use serde_json::{Value as Json, json};
 use std::fmt;
 
-/// Returns the figures of one rate as a JSON object.
 pub(crate) fn to_json(figures: &RateFigures) -> Json {
     json!({
         "rate": figures.rate,

@@ -59,7 +59,7 @@ fn scalp_map(error: &PersonError) -> ScalpMap {
     let [on, off] = error.of_good();
     let places = places(cells(&error.on.electrodes));
     let electrodes = error.on.electrodes.iter().zip(error.of_electrodes());
-    // The errors of the bad electrodes are so large that the others could not be told apart.
+    // Leave out the bad electrodes: beside their large errors, the others could not be told apart.
     let good = electrodes
         .zip(places)
         .filter(|((electrode, _), _)| !error.person.bad.contains(&electrode.label));

@@ -93,7 +93,7 @@ pub(super) fn figures(
     })
 }
 
-/// Returns the difference between electrodes and their predictions with the weights of a table, uV,
+/// Returns the electrodes' values minus their predictions by the weights of a table, uV,
 /// `[electrode, step]`.
 fn innovations(weights: &[i8], track: &Track) -> DMatrix<f64> {
     let weights = weights.iter().map(|&weight| f64::from(weight) / ONE);

@@ -13,7 +13,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
 
-/// Number of electrodes that a device substitutes at the same time.
+/// Largest number of electrodes that a device substitutes at the same time.
 const MOST: usize = 12;
 
 /// Number of sweeps over the bad electrodes, as on a device.
@@ -23,11 +23,12 @@ const SWEEPS: usize = 8;
 const SQUARINGS: u32 = 10;
 
 /// Returns the largest spectral radius of a sweep over 12 electrodes, or over all but one if there
-/// are fewer: the factor by which the last sweeps reduce the distance to their limit. The checked
-/// sets are the neighbours on the scalp grid around each electrode, and twice as many random sets.
+/// are fewer. The radius is the factor by which a late sweep reduces the distance to the limit. The
+/// sweeps are over the neighbours of each electrode on the scalp grid, and over twice as many
+/// random sets.
 ///
 /// # Errors
-/// If the sweeps over a set do not converge; the error names the set's electrodes.
+/// If the sweeps over a set of electrodes do not converge; the error names these electrodes.
 pub(crate) fn largest_radius(
     table: &SubstitutionTable,
     description: &Description,

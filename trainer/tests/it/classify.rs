@@ -4,7 +4,7 @@ use super::{Folder, LABELS, assert_has, write_gdf};
 use artifact::classifier::Classifier;
 
 const RATE: u64 = 250;
-/// Rows from one event to the next.
+/// Number of rows (samples of all electrodes) from one event to the next.
 const PERIOD: u64 = RATE * 9 / 2;
 
 /// Writes a recording of 120 s with an event of type 769 or 770 every 4.5 s. C3 is large in trials
@@ -62,7 +62,7 @@ fn an_evaluation_states_what_classifiers_lose_and_less_with_a_weighted_code() {
                 .is_some_and(|auc| auc > 0.95)
         );
         let figure = |rate: usize, name: &str| classifiers["codes"][rate][name].as_f64();
-        // The finest rate keeps enough for a good decision; the coarsest rate keeps nothing.
+        // The finest rate allows good decisions; at the coarsest rate, the error hides the signal.
         assert!(figure(0, "auc").is_some_and(|auc| auc > 0.95), "{json}");
         assert!(figure(15, "snr_db").is_some_and(|snr| snr < 3.0), "{json}");
         [2, 4].map(|rate| figure(rate, "snr_db").expect("a ratio"))

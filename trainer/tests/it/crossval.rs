@@ -61,7 +61,7 @@ fn the_picture_has_every_fold_and_its_mean() {
     assert!(!folder.path("out").exists());
     folder.succeed(&crossval("shortcut", "--out=out --report=report"));
     let folds = Values::read(&folder.path("report/folds.csv"));
-    // 2 folds and 2 repetitions, each for model and PCA, with float and integer codes.
+    // 2 folds, 2 repetitions, 2 models (network and PCA), and float and integer codes: 16 rows.
     assert_eq!(folds.rows.len(), 16);
     let table = Values::read(&folder.path("out/table.csv"));
     let models = table.column("model").into_iter().zip(table.column("codes"));
@@ -119,7 +119,7 @@ fn each_person_is_tested_with_a_model_of_the_others() {
             "each of A1 B1 C1 with a model",
         ],
     );
-    // `trainer train` makes the model of the other people, and its card has the error on each
+    // `trainer train` trains the same model on the others; its card has the error on the left-out
     // person.
     let table = Values::read(&folder.path("out/table.csv"));
     let prd = |subject: &str, codes: &str| {

@@ -1,4 +1,4 @@
-//! Tests of `trainer show`, `trainer diff` and `trainer check`, and the error of the built-in model.
+//! Tests of `trainer show`, `trainer diff` and `trainer check`.
 
 use super::{Folder, assert_has, json};
 use any_model::{MONTAGES, any_packed_alone};
@@ -112,7 +112,8 @@ fn check_is_0_for_a_sound_model_1_for_other_golden_codes_and_2_for_a_damaged_one
     assert_eq!(object["golden_wrong"], json("[]"));
     assert_eq!(object["real_electrodes"], 61);
 
-    // The file ends with a window of 16 * 90 values. A change in the middle of it changes its code.
+    // The file ends with a window of 16 * 90 values. Changing a value in its middle changes its
+    // code.
     let golden = folder.path("changed/golden.safetensors");
     let mut bytes = fs::read(&golden).expect("golden codes");
     let at = bytes.len() - 16 * 90 / 2;

@@ -9,7 +9,7 @@ use trainer::montage_check::{MontageCheck, RecordingCheck};
 const FOUR: &str = "name = \"four\"\ngrid = \"\"\"\nF3 Fz F4\nC3 _ C4\n\"\"\"\norder = [\"F3\", \"Fz\", \"F4\", \"C3\", \"C4\"]\n\
     [adc]\nchannels = 8\ngain = 24\nrate_hz = 250\n";
 
-/// Returns the check of the montage [`FOUR`] after all replacements in `changes`.
+/// Checks the montage [`FOUR`] after all replacements in `changes`.
 fn check(changes: &[(&str, &str)]) -> MontageCheck {
     let mut text = FOUR.to_owned();
     for (from, to) in changes {

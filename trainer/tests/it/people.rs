@@ -34,7 +34,7 @@ pub(super) fn three() -> Folder {
     folder
 }
 
-/// Trains network, packed model and table in the folder `out`; returns the last command's messages.
+/// Trains network, packed model and table in the folder `out`; also returns the last messages.
 fn train(folder: &Folder, out: &str, data: &str) -> (Artifact, String) {
     let options = format!("--mains=50 --data={data} --train=R01,R02 --test=R03");
     let small = SMALL.replace("--data=.", "").replace("--mains=50", "");
@@ -81,14 +81,14 @@ fn a_loud_person_counts_as_much_as_a_quiet_one() {
         .map(|(one, two)| one.abs_diff(*two))
         .max();
     assert!(difference <= Some(1), "{one:?} {two:?}");
-    // The codes of the louder person must fit.
+    // The calibrated input range must contain the louder person's signals.
     let largest = |model: &Artifact| {
         let tensor = model.calibration.tensor("input.max_abs", &[1]);
         tensor.expect("a range")[0]
     };
     assert!((largest(&both) / largest(&alone) - 8.0).abs() < 0.01);
-    // Each person's error equals the error of A's model on A, which has no other electrode or
-    // source.
+    // Each person's error equals the error of A's model on A, because both people have the same
+    // correlations.
     let alone = alone.description.training.prd_percent.expect("figures");
     let tested = &both.description.training.tested;
     assert_eq!(tested.len(), 2);
@@ -146,14 +146,14 @@ fn a_bad_electrode_of_one_person_is_left_out_and_named_in_every_card() {
             assert!((number("prd_percent_on") - tested.prd_percent.autoencoder_int8).abs() < 1e-4);
             assert!((off / on - 1.0).abs() < 1e-9);
         } else {
-            // Measured: 5.3.
+            // The measured ratio is 5.3.
             assert!(off > 3.0 * on, "{off} {on}");
         }
     }
     assert!(folder.path("report/substitution-C1.svg").exists());
     assert!(!folder.path("report/substitution-A1.svg").exists());
-    // A model trained without C is hardly better for A and B. With C4's noise in the training,
-    // their error would be several times as large.
+    // A model trained without C is hardly better for A and B. If training included C4's noise, the
+    // errors of A and B would be several times as large.
     let (clean, _) = train(&folder, "clean", "[AB]1");
     for (with, clean) in training
         .tested

@@ -107,8 +107,8 @@ fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
 #[test]
 fn folders_that_cannot_be_written_are_found_before_anything_is_read() {
     let folder = Folder::new();
-    // This file is not a recording, and there is no model: reading either would fail with other
-    // words.
+    // This file is not a recording, and there is no model: reading either would fail with another
+    // message.
     folder.write("run1.gdf", "nothing");
     folder.write("file", "");
     let train = format!("train {SMALL} --train=run1 --out=model");

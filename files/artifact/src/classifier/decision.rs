@@ -28,13 +28,13 @@ pub fn log_energies<'a>(
     features.collect()
 }
 
-/// Running decision of a classifier: averages energies over a window of hops, and returns the
-/// probability of each class.
+/// Running decision of a classifier: averages the energies over a window of hops and returns the
+/// probabilities of the classes.
 #[derive(Clone, Debug)]
 pub struct Decision {
     rule: DecisionRule,
-    /// Levels of the newest hops, oldest first, at most as many as the window holds; `None` for a
-    /// hop without usable features.
+    /// Levels of the newest hops, oldest first: at most the hops of a window; `None` for a hop
+    /// without usable features.
     hops: VecDeque<Option<Vec<u8>>>,
     /// The newest probabilities.
     probabilities: Vec<f32>,
@@ -59,7 +59,7 @@ impl Prediction {
 }
 
 impl Decision {
-    /// Creates a decision without a hop in its window; all classes are equally probable.
+    /// Creates a decision with an empty window, in which all classes are equally probable.
     pub fn new(classifier: &Classifier) -> Self {
         let rule = classifier.decision.clone();
         let classes = rule.classes.len();
@@ -72,7 +72,7 @@ impl Decision {
         }
     }
 
-    /// Adds the levels of a hop, one for each filter, and returns the decision. Surplus levels are
+    /// Adds a hop's levels, one for each filter, and returns the decision. Excess levels are
     /// ignored; a missing level adds nothing to the scores.
     pub fn add_hop(&mut self, levels: &[u8]) -> Prediction {
         self.push(Some(levels.to_vec()));
@@ -106,7 +106,7 @@ impl Decision {
 }
 
 impl DecisionRule {
-    /// Returns the score of each class for these features, each of which is `ln(energy)`.
+    /// Returns the score of each class. `features` holds `ln(energy)` of each feature.
     pub fn scores(&self, features: &[f64]) -> Vec<f64> {
         let classes = self.weights.iter().zip(&self.bias);
         let score = |(weights, bias): (&Vec<f64>, &f64)| {
@@ -116,7 +116,7 @@ impl DecisionRule {
         classes.map(score).collect()
     }
 
-    /// Returns the softmax of the scores for these features: the probability of each class.
+    /// Returns the probability of each class: the softmax of the [`Self::scores`].
     pub fn probabilities(&self, features: &[f64]) -> Vec<f32> {
         let scores = self.scores(features);
         let largest = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -132,7 +132,7 @@ impl Classifier {
     /// Checks that a device has the montage and the rates that the classifier was trained with.
     ///
     /// # Errors
-    /// [`ClassifierError::Device`] otherwise.
+    /// [`ClassifierError::Device`] if the montage or a rate differs.
     pub fn check_device<'a>(
         &self,
         labels: impl Iterator<Item = &'a str>,

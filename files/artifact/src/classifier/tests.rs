@@ -91,7 +91,7 @@ fn numbers_out_of_range_are_refused_by_the_name_of_their_field() {
         "decision.classes"
     );
     assert_eq!(refused(|c| c.decision.bias[0] = f64::NAN), "decision");
-    // A pole outside the unit circle, and a resonance at which a signal could overflow.
+    // A pole outside the unit circle, then a resonance that could overflow.
     assert_eq!(
         refused(|c| c.band.sections[0][2] = -(1 << 32)),
         "band.sections"
@@ -127,7 +127,7 @@ fn after_a_gap_the_window_is_settled_once_half_of_it_is_usable() {
         .collect::<Vec<_>>();
     assert_eq!(settled, [false, false, false, true]);
     (0..9).for_each(|_| decision.skip_hop());
-    // The probabilities stay as before the gap; the energies from before it have been dropped.
+    // The gap does not change the probabilities, but drops the energies before it.
     assert!((decision.probabilities()[1] - 0.8).abs() < 1e-6);
     let prediction = decision.add_hop(&[80]);
     assert!((prediction.probabilities[1] - 0.5).abs() < 1e-6);

@@ -10,8 +10,8 @@ use safetensors::tensor::Dtype;
 
 /// Name of the file with the dimensions, units and test results of a packed model.
 pub(crate) const DESCRIPTION: &str = "packed.toml";
-/// Name of the file with the tensors of a packed model: integers, except for the synthesis and the
-/// scales of the smoother.
+/// Name of the file with the tensors of a packed model. All are integers except the synthesis and
+/// the smoother's scales.
 pub(crate) const TENSORS: &str = "packed.safetensors";
 
 /// Names of the tensors in `packed.safetensors`.
@@ -32,7 +32,7 @@ const NAMES: [&str; 10] = [
 pub(super) const SYNTHESIS: &str = "synthesis";
 
 impl PackedModel {
-    /// Parses the two files and checks that they are a packed model that fits `description`.
+    /// Parses both files and checks that they are a packed model which fits `description`.
     pub(crate) fn parse(
         toml: &[u8],
         tensors: &[u8],
@@ -88,9 +88,8 @@ impl PackedModel {
         Ok([(DESCRIPTION, description), (TENSORS, tensors)])
     }
 
-    /// Returns the tensors of `packed.safetensors`, for blocks of `values` values. The shapes
-    /// follow from the dimensions; in a model that has not been checked, the number of elements can
-    /// differ from the shape.
+    /// Returns the tensors of `packed.safetensors` for blocks of `values` values. The shapes follow
+    /// from the dimensions; in an unchecked model, the numbers of elements can differ from them.
     pub(super) fn tensors(&self, values: usize) -> Vec<NamedTensor<'static>> {
         let count = self.coefficients();
         let bytes = |weights: &[i8]| weights.iter().map(|w| w.cast_unsigned()).collect();

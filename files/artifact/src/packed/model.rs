@@ -1,13 +1,14 @@
-//! The integers that encoder and decoder of the packed code share, and reference computations.
+//! The integers that the packed code's encoder and decoder share, and reference computations.
 
 use crate::description::Person;
 use packed::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, RATES, Starts};
 use serde::{Deserialize, Serialize};
 
-/// Fraction bits that the state loses before prediction, so that sums of products fit 24 bits.
+/// Number of fraction bits that prediction drops from the state, so that sums of products fit 24
+/// bits.
 const STATE_BITS: u32 = 3;
 
-/// Dimensions and units of a packed model, and how it was trained: the contents of `packed.toml`.
+/// Dimensions, units and training of a packed model: the contents of `packed.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackedDescription {
@@ -22,10 +23,10 @@ pub struct PackedDescription {
     pub unit_uv: f64,
     /// Largest magnitude of an input value; larger ones are clipped to it.
     pub input_limit: i16,
-    /// Limit for the mean square of the part of a block that its coefficients do not represent, in
-    /// microvolts squared. A block above the limit is flagged as a misfit.
+    /// Largest mean square, in microvolts squared, of the part of a block that its coefficients do
+    /// not represent. A block above this limit is flagged as a misfit.
     pub misfit_uv2: f64,
-    /// Weight of the error that the transform was fitted to; `None` if all errors have equal
+    /// Error weighting with which the transform was trained; `None` if all errors have equal
     /// weight. A weighted model has its own [synthesis](PackedModel::synthesis), and its last
     /// [`packed::PROBES`] coefficients are probes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -44,7 +45,7 @@ pub struct ErrorWeight {
     pub strength: f64,
 }
 
-/// Recordings with which a packed model was trained and tested, and the results.
+/// The recordings that trained and tested a packed model, and the results.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PackedTraining {
@@ -52,14 +53,14 @@ pub struct PackedTraining {
     pub train_files: Vec<String>,
     /// File names of the test recordings.
     pub test_files: Vec<String>,
-    /// People on whom the packed model was trained, if there are several or one has bad electrodes.
+    /// People whose recordings trained the model, if there are several or one has bad electrodes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub people: Vec<Person>,
-    /// Figures (length and error) on the test recordings, one entry for each measured rate.
+    /// Length and error on the test recordings, one entry for each measured rate.
     pub figures: Vec<PackedFigures>,
     /// Figures of a Karhunen-Loeve transform of each block, for comparison. It has as many
-    /// coefficients and is trained and coded in the same way, but does not predict a block from the
-    /// previous one. Its `mse_smoothed` equals `mse`. Empty without test recordings.
+    /// coefficients, and the same training and coding, but no prediction from the previous block.
+    /// Its `mse_smoothed` equals `mse`. Empty without test recordings.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub without_prediction: Vec<PackedFigures>,
 }
@@ -75,8 +76,8 @@ pub struct PackedFigures {
     /// Mean squared error of blocks decoded without the next block, in units of `input.sd_uv`
     /// squared.
     pub mse: f64,
-    /// Mean squared error after the smoother has corrected each block by the next one, in units of
-    /// `input.sd_uv` squared.
+    /// Mean squared error after the smoother has corrected each block with the next one, in units
+    /// of `input.sd_uv` squared.
     pub mse_smoothed: f64,
 }
 
@@ -96,7 +97,7 @@ pub struct PackedModel {
     /// Mean magnitude of each coefficient at rate 4 in a block without prediction, as a logarithmic
     /// level, 0..64.
     pub reset_levels: Vec<u8>,
-    /// First frequency of each magnitude in the range coder's tables of cumulative frequencies.
+    /// First of the frequencies of each magnitude in the range coder.
     pub starts: Box<Starts>,
     /// Correction that the decoder adds to a block once the next block has arrived.
     pub smoother: Smoother,
@@ -129,7 +130,7 @@ impl PackedModel {
         self.prediction.multiply(&rounded)
     }
 
-    /// Returns the cost of each magnitude with its sign in a coded block, in 1/16 bit.
+    /// Returns the code length of each magnitude with its sign, in 1/16 bit.
     pub fn costs(&self) -> Box<Costs> {
         let mut costs = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
         let rows = self.starts.iter().flatten();
@@ -152,8 +153,8 @@ impl PackedModel {
     }
 }
 
-/// Returns a coefficient of the state as the prediction reads it: divided by 8, rounded half up.
-/// The result is at most 4096 in magnitude.
+/// Returns a coefficient of the state as used for the prediction: divided by 8, rounded half up.
+/// The magnitude is at most 4096.
 pub fn rounded_state(coefficient: i16) -> i16 {
     let half = 1 << (STATE_BITS - 1);
     #[expect(clippy::cast_possible_truncation, reason = "an eighth of 16 bits")]
@@ -171,10 +172,9 @@ pub struct IntegerMatrix {
 }
 
 impl IntegerMatrix {
-    /// Quantises `matrix * gain`; `matrix` is `[output][input]`. The weights of each output are
-    /// scaled up to use 8 bits, but by no more than `largest_scale` returns for them; the output's
-    /// factor undoes the scale. A factor of 1/2 or more saturates, and an artifact with such a
-    /// factor is refused.
+    /// Quantises `matrix * gain`; `matrix` is `[output][input]`. Each output's weights are scaled
+    /// up to use 8 bits, but at most by `largest_scale` of them; the output's factor undoes the
+    /// scale. A factor of 1/2 or more saturates, and an artifact with such a factor is refused.
     pub fn quantised(
         matrix: &[f64],
         inputs: usize,

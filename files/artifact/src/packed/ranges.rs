@@ -6,7 +6,8 @@ use crate::description::Description;
 use crate::error::{ArtifactError, TensorProblem};
 use packed::{LEVELS, MAX_COEFFICIENTS, Tables};
 
-/// Largest magnitude of a sum of products: the kernels compute two such sums in one register.
+/// Largest permitted magnitude of a sum of products. The kernels compute `256 * sum + other sum` in
+/// one 32-bit register, so each sum must fit 24 bits.
 pub const SUM_LIMIT: i64 = (1 << 23) - 1;
 
 /// Largest magnitude that [`rounded_state`](super::rounded_state) returns.
@@ -15,15 +16,15 @@ pub const LARGEST_STATE: i16 = 4096;
 /// Number of inputs that the encoder's matrix kernel takes at a time.
 pub const INPUTS_PER_ROUND: usize = 16;
 
-/// Returns, for each step, the total number of inputs of a block that the encoder has multiplied
-/// after it: all whole rounds of 16 that have arrived, and after the last step all inputs.
+/// Returns, for each step of a block, how many inputs of the block the encoder has multiplied after
+/// that step: all complete rounds of 16 inputs, and after the last step all inputs.
 pub fn slice_ends(electrodes: usize, steps: usize) -> Vec<usize> {
     let ends = (1..steps).map(|steps| steps * electrodes / INPUTS_PER_ROUND * INPUTS_PER_ROUND);
     ends.chain([steps * electrodes]).collect()
 }
 
-/// Checks a packed model. The error names the first part that does not fit the description, or
-/// whose sums could overflow.
+/// Checks a packed model. The error names the first part that does not fit the description or whose
+/// sums could overflow.
 pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<(), ArtifactError> {
     let electrodes = description.montage.electrodes.len();
     let steps = description.window.hop;
@@ -147,8 +148,8 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
     Ok(())
 }
 
-/// Checks the lengths of all tensors. A model read from files has already passed this check; a
-/// model built in memory has not.
+/// Checks the lengths of all tensors, for models built in memory; files have passed this check
+/// already.
 fn check_shapes(model: &PackedModel, values: usize) -> Result<(), ArtifactError> {
     for (name, kind, shape, bytes) in model.tensors(values) {
         let length = bytes.len() / (kind.bitsize() / 8);
@@ -159,8 +160,8 @@ fn check_shapes(model: &PackedModel, values: usize) -> Result<(), ArtifactError>
     Ok(())
 }
 
-/// Checks that the products of each slice of inputs sum to at most [`SUM_LIMIT`], even if every
-/// input has the magnitude `limit`.
+/// Checks that each slice of products sums to at most [`SUM_LIMIT`] when all inputs have the
+/// magnitude `limit`.
 fn check_matrix(
     name: &'static str,
     weights: &[i8],

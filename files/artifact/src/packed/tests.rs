@@ -71,7 +71,7 @@ fn a_packed_model_reads_back_with_the_same_id_which_covers_it() {
     assert_eq!(Artifact::read(folder.path()).unwrap(), artifact);
     let other = with(|model| model.reset_levels[3] = 5).unwrap();
     assert_ne!(other.id, artifact.id);
-    // Without the packed model, its files are removed and the id is the id of the network alone.
+    // Removing the packed model removes its files and leaves the id of the network alone.
     let plain = artifact.with_packed(None).unwrap();
     assert_eq!(plain.id, testing::pca().id);
     plain.write(folder.path()).unwrap();
@@ -97,7 +97,7 @@ fn a_weighted_model_reads_back_with_its_synthesis_which_decodes() {
     assert_eq!(read, artifact);
     let synthesis = crate::reconstruction::synthesis(&read.packed.unwrap());
     assert_eq!(synthesis, vec![0.25; values]);
-    // A weight without a synthesis is refused, and a synthesis without a weight.
+    // A weight without a synthesis is refused, and so is a synthesis without a weight.
     for (change, expected) in [
         (
             (|model| model.description.weight = None) as fn(&mut PackedModel),
@@ -206,7 +206,7 @@ fn a_part_of_another_length_is_refused_by_name() {
 #[test]
 fn a_tensor_that_no_packed_model_has_is_refused_by_name() {
     let [(_, toml), (_, mut tensors)] = packed().to_files().unwrap();
-    // The new name has the length of the old name, so the tensors keep their offsets in the file.
+    // The new name is as long as the old one, so the tensors keep their offsets in the file.
     let at = tensors
         .windows(6)
         .position(|name| name == b"starts")
@@ -340,7 +340,7 @@ fn damaged_files_are_refused() {
 
 #[test]
 fn every_round_of_inputs_is_added_as_soon_as_it_is_complete() {
-    // After the steps, 61, 122, .. 488 inputs have arrived, rounded down to whole rounds of 16.
+    // After the steps, 61, 122, .. 488 inputs have arrived, rounded down to multiples of 16.
     assert_eq!(
         super::slice_ends(61, 8),
         [48, 112, 176, 240, 304, 352, 416, 488]

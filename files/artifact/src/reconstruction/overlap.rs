@@ -9,17 +9,17 @@ pub struct HopLayout {
     pub steps: usize,
     /// Number of electrodes in each step.
     pub electrodes: usize,
-    /// True if a hop consists of the newest steps of its window; false if it consists of older
-    /// steps, averaged over all windows that contain them.
+    /// True if a hop is the newest steps of its window; false if it is older steps, averaged over
+    /// all windows that contain them.
     pub low_latency: bool,
-    /// Largest magnitude of a value, microvolts. Larger values are clipped to it: a recorder that
-    /// was told this range would store them as infinite.
+    /// Largest magnitude of a value, microvolts. Larger values are clipped to it, because a
+    /// recorder that is configured for this range would store them as infinite.
     pub full_scale_uv: f32,
 }
 
 impl HopLayout {
-    /// Returns the number of steps from the first step of a hop to the last step of the window that
-    /// [`Overlap::next_hop`] needed for the hop. A window has `window_steps` steps.
+    /// Returns the number of steps from the first step of a hop to the last step that
+    /// [`Overlap::next_hop`] needs for it. A window has `window_steps` steps.
     pub fn lookback_steps(window_steps: u32, hop_steps: u32, low_latency: bool) -> u32 {
         let steps = if low_latency { hop_steps } else { window_steps };
         steps.saturating_sub(1)
@@ -47,11 +47,11 @@ pub struct Window {
 pub enum Source {
     /// Only the window that was passed to [`Overlap::next_hop`].
     Window,
-    /// The average of the window that was passed to [`Overlap::next_hop`] and of earlier windows.
+    /// The average of earlier windows and the window that was passed to [`Overlap::next_hop`].
     Average,
-    /// Earlier windows only, because the code of the window that was passed is lost.
+    /// Earlier windows alone, because the code of the window that was passed is lost.
     Earlier,
-    /// No window: the codes of all windows that contain the hop are lost. No values are written.
+    /// No window: the codes of all windows that contain the hop are lost. Writes no values.
     Missing,
 }
 
@@ -63,12 +63,12 @@ pub struct Hop {
     /// Flags of the window that was passed to [`Overlap::next_hop`] and of all windows in the
     /// average.
     pub flags: u16,
-    /// Whether all windows that contain the hop contributed to the values. Windows are missing
-    /// where codes are lost, and at both ends of a stream.
+    /// Whether all windows that contain the hop contributed. Windows are missing where codes are
+    /// lost, and at both ends of a stream.
     pub is_whole: bool,
 }
 
-/// Averages overlapping windows. For each window that it gets, it returns one hop of steps.
+/// Averages overlapping windows and returns one hop of steps for each window.
 #[derive(Clone, Debug)]
 pub struct Overlap {
     layout: HopLayout,
@@ -106,8 +106,8 @@ impl Overlap {
         if self.layout.low_latency {
             self.forget();
         }
-        // After a restart of the stream, the index does not follow on from the earlier windows, and
-        // none of them contains the hop.
+        // After a restart of the stream, the indices do not continue, so no earlier window contains
+        // the hop.
         self.earlier
             .retain(|earlier| hop_at(earlier, index, length).is_some());
         let mut shared: Vec<&[f32]> = self
@@ -154,8 +154,8 @@ impl Overlap {
     }
 }
 
-/// Returns the part of an earlier window that covers the first hop of window `index`; `None` if the
-/// earlier window ends before this hop.
+/// Returns the part of an earlier window that covers the first hop of window `index`; `None` if it
+/// ends before this hop.
 fn hop_at(earlier: &Window, index: u32, length: usize) -> Option<&[f32]> {
     let age = usize::try_from(index.wrapping_sub(earlier.index)).ok()?;
     let start = age.checked_mul(length).filter(|_| age > 0)?;
@@ -193,8 +193,8 @@ mod tests {
         full_scale_uv: 100.0,
     };
 
-    /// Returns the hops that follow from the windows (index, values), with their sources. `None`
-    /// stands for a lost code. Window k has the flags 1 << k.
+    /// Returns hops and sources for windows (index, values), where `None` is a lost code. Window k
+    /// has the flags 1 << k.
     fn hops(layout: HopLayout, windows: &[(u32, Option<&[f32]>)]) -> Vec<([f32; 2], Hop)> {
         let mut overlap = Overlap::new(layout);
         let mut hop = [0.0; 2];

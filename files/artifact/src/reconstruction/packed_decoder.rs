@@ -24,8 +24,8 @@ pub struct PackedDecoder {
     /// Smoother matrix of each rate that has occurred, `[coefficient][residual of the next block]`.
     smoothers: Vec<Option<Vec<f32>>>,
     state: Vec<i16>,
-    /// Signals that every further lost block yields, microvolts; `None` while the prediction still
-    /// changes the state.
+    /// Signals, in microvolts, that every further lost block yields; `None` while a lost block
+    /// still changes the state.
     standing: Option<Vec<f32>>,
     health: Health,
 }
@@ -35,7 +35,7 @@ pub struct PackedDecoder {
 enum Health {
     /// The decoder's state equals the encoder's, bit for bit.
     Equal,
-    /// A block was lost, and `blocks` predicted blocks have been decoded since; the decoder's state
+    /// A block was lost, and `blocks` predicted blocks have been decoded since. The decoder's state
     /// approaches the encoder's.
     Healing { blocks: usize },
     /// No block has been decoded yet.
@@ -45,11 +45,11 @@ enum Health {
 /// The signals that the decoder returns for one block.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedBlock {
-    /// Signals of the block, decoded without knowledge of the next block, microvolts, in the order
-    /// step, electrode.
+    /// Signals of the block, decoded without the next block: microvolts, in the order step,
+    /// electrode.
     pub microvolts: Vec<f32>,
-    /// Improved signals of the previous block, computed with this block; `None` if this block has
-    /// no prediction or is the first that was decoded.
+    /// Signals of the previous block, improved with this block; `None` if this block has no
+    /// prediction or is the first one decoded.
     pub smoothed: Option<Vec<f32>>,
     /// True if the decoder's state equals the encoder's, or if more than [`HEALING_BLOCKS`]
     /// predicted blocks have been decoded since the last loss.
@@ -107,7 +107,7 @@ impl PackedDecoder {
         let smoothed = is_continuation.then(|| self.smoothed(&before, &prediction, header.rate));
         self.health = match self.health {
             _ if header.is_reset => Health::Equal,
-            // The first block that is decoded has a prediction, so blocks before it were missed.
+            // The first block that is decoded has a prediction, so earlier blocks were missed.
             Health::Unknown => Health::Healing { blocks: 1 },
             Health::Healing { blocks } => Health::Healing {
                 blocks: blocks.saturating_add(1),
@@ -162,7 +162,7 @@ impl PackedDecoder {
     }
 
     /// Returns the improved signals of the previous block, whose state was `before`. The newest
-    /// block's residual, its state minus its `prediction`, reveals part of the error of `before`.
+    /// block's residual (its state minus its `prediction`) reveals a part of the error of `before`.
     fn smoothed(&mut self, before: &[i16], prediction: &[i16], rate: Rate) -> Vec<f32> {
         let model = &self.model;
         let smoother = self

@@ -5,7 +5,7 @@ use packed::{Malformed, Rate};
 
 use super::packed_decoder::PackedDecoder;
 
-/// Decodes blocks to hops, and returns one hop for each block. With low latency, the hop is that of
+/// Decodes blocks to hops, and returns one hop for each block. With low latency, it is the hop of
 /// the block itself; otherwise it is the hop of the previous block, corrected with the new block.
 ///
 /// `T` is a label, such as a time, that the caller passes with a block and gets back with its hop.
@@ -16,8 +16,7 @@ pub struct PackedOverlap<T> {
     full_scale_uv: f32,
     /// Hop of the newest block, not yet corrected by a later block.
     newest: Option<PackedHop<T>>,
-    /// Number of received blocks that could not be decoded, because of malformed bytes or an
-    /// invalid rate.
+    /// Number of received blocks that could not be decoded: malformed bytes or an invalid rate.
     malformed: u64,
 }
 
@@ -44,8 +43,8 @@ pub enum PackedSource {
 }
 
 impl<T: Clone> PackedOverlap<T> {
-    /// Creates an overlap that has seen no block. Values of hops are clipped to the range from
-    /// -`full_scale_uv` to `full_scale_uv`.
+    /// Creates an overlap that has seen no block. Values are clipped to
+    /// -`full_scale_uv`..=`full_scale_uv`.
     pub fn new(model: &PackedModel, low_latency: bool, full_scale_uv: f32) -> Self {
         Self {
             decoder: PackedDecoder::new(model),
@@ -56,13 +55,13 @@ impl<T: Clone> PackedOverlap<T> {
         }
     }
 
-    /// Forgets all blocks. To be called when the next block belongs to another recording.
+    /// Forgets all blocks. Call this when the next block belongs to another recording.
     pub fn restart(&mut self) {
         self.decoder.restart();
         self.newest = None;
     }
 
-    /// Takes over the newest hop and the count of malformed blocks from `before`. To be called when
+    /// Takes over the newest hop and the count of malformed blocks from `before`. Call this when
     /// another device continues the stream that `before` decoded.
     pub fn continue_from(&mut self, before: &mut Self) {
         self.newest = before.newest.take();
@@ -95,14 +94,14 @@ impl<T: Clone> PackedOverlap<T> {
     }
 
     /// Stores `newest` as the hop of the next block, without decoding the block, and returns the
-    /// hop that [`Self::next_hop`] would return, but uncorrected. For callers that need no signals:
-    /// blocks decoded after this call yield wrong signals.
+    /// hop that [`Self::next_hop`] would return, but uncorrected. Only for callers that need no
+    /// signals, because blocks decoded after this call yield wrong signals.
     pub fn pass(&mut self, newest: PackedHop<T>) -> Option<PackedHop<T>> {
         self.complete(newest, None)
     }
 
-    /// Stores `newest` and returns the hop that is now complete: with low latency `newest` itself,
-    /// otherwise the previous hop, with the signals `smoothed` if there are any.
+    /// Stores `newest` and returns the complete hop: with low latency `newest`, otherwise the
+    /// previous hop, with the signals `smoothed` if there are any.
     fn complete(
         &mut self,
         newest: PackedHop<T>,
@@ -121,15 +120,15 @@ impl<T: Clone> PackedOverlap<T> {
         completed.map(|hop| self.limited(hop))
     }
 
-    /// Returns the last hop, which still waits for a next block. Returns `None` with low latency,
-    /// where [`Self::next_hop`] has already returned this hop.
+    /// Returns the last hop, which still waits for a next block; `None` with low latency, where
+    /// [`Self::next_hop`] has already returned it.
     pub fn finish(&mut self) -> Option<PackedHop<T>> {
         let newest = self.newest.take().filter(|_| !self.low_latency);
         newest.map(|hop| self.limited(hop))
     }
 
-    /// Returns the newest hop as decoded from its own block, that is, neither corrected by a later
-    /// block nor limited to full scale.
+    /// Returns the newest hop as decoded from its own block: neither corrected by a later block nor
+    /// clipped to full scale.
     pub fn newest(&self) -> Option<&PackedHop<T>> {
         self.newest.as_ref()
     }

@@ -2,8 +2,8 @@
 
 use crate::PackedModel;
 
-/// Maps coefficients to signals with the synthesis of a packed model, or with the pseudoinverse of
-/// the analysis if the model has no synthesis.
+/// Maps coefficients to signals with a packed model's synthesis, or with the pseudoinverse of the
+/// analysis if the model has none.
 #[derive(Clone, Debug)]
 pub(crate) struct Synthesis {
     /// Microvolts that one unit of a coefficient adds to a value, `[coefficient][value]`.
@@ -67,7 +67,7 @@ pub fn synthesis(model: &PackedModel) -> Vec<f64> {
     inverse
 }
 
-/// Solves `matrix * x = right` by elimination and writes x to `right`, `[count][columns]`. The
+/// Solves `matrix * x = right` by elimination; x replaces `right`, `[count][columns]`. The
 /// `[count][count]` matrix must be positive definite.
 fn solve(matrix: &mut [f64], right: &mut [f64], count: usize, columns: usize) {
     for pivot in 0..count {

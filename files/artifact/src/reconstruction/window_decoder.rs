@@ -30,11 +30,10 @@ impl WindowDecoder {
         })
     }
 
-    /// Returns the electrode signals, in microvolts, of the window whose dequantised code is `z`:
-    /// all electrodes of the first step, then all electrodes of the next step, and so on.
+    /// Returns the electrode signals, in microvolts, of the window with the dequantised code `z`:
+    /// all electrodes of the first step, then of the next step, and so on.
     ///
     /// # Panics
-    ///
     /// If `z` does not have the length of the model's codes.
     pub fn decode(&self, z: &[f32]) -> Vec<f32> {
         let mut window = self.network.decode(z);

@@ -4,7 +4,7 @@ use super::*;
 use crate::folder::Artifact;
 use crate::testing;
 
-/// Returns a model with a table in which each electrode predicts the next one, after `change`.
+/// Returns a model with a table that `change` has altered; each electrode predicts the next one.
 fn with(change: impl Fn(&mut SubstitutionTable)) -> Result<Artifact, ArtifactError> {
     let mut table = SubstitutionTable {
         description: SubstitutionDescription {
@@ -29,7 +29,7 @@ fn a_table_reads_back_with_the_same_id_which_covers_it() {
     assert_eq!(artifact.write(folder.path()).unwrap(), artifact.id);
     assert_eq!(Artifact::read(folder.path()).unwrap(), artifact);
     assert_ne!(with(|table| table.weights[1] = 1).unwrap().id, artifact.id);
-    // Without the table, its files are removed and the id is the hash of the other files alone.
+    // Removing the table removes its files, and the id becomes the hash of the other files.
     let without = artifact.clone().with_substitution(None).unwrap();
     assert_eq!(without.write(folder.path()).unwrap(), plain.id);
     assert_eq!(Artifact::read(folder.path()).unwrap(), plain);

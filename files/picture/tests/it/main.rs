@@ -32,7 +32,7 @@ fn assert_drawn(
     assert!(counts.contains(&count), "{count} {shape}");
 }
 
-/// Returns a test signal: a sine of 20 uV times `gain`, with another phase for each electrode.
+/// Returns a test signal: a sine of 20 uV times `gain`, with a different phase for each electrode.
 fn wave(electrode: u8, gain: f32) -> Vec<f32> {
     let times = (0..512_u16).map(f32::from);
     let value = |time: f32| 20.0 * (0.5 * time + f32::from(electrode)).sin();

@@ -37,7 +37,7 @@ impl LocalStart {
         self.local.strftime("%d-%b-%Y").to_string().to_uppercase()
     }
 
-    /// Returns the time of day in the form `23.59.59`, rounded down.
+    /// Returns the time of day in the form `23.59.59`, rounded down to whole seconds.
     pub(crate) fn time(self) -> String {
         self.local.strftime("%H.%M.%S").to_string()
     }

@@ -20,8 +20,8 @@ const MAX_RECORDS: u64 = 99_999_999;
 /// a point, and the bytes 0x14, 0x14, 0.
 const TIME_STAMP: usize = 20;
 
-/// An annotation to write: its range of rows, and its text. An empty range means an instant; the
-/// annotation then has no duration.
+/// An annotation to write: its text, and the range of its rows (a row is one sample of each
+/// signal). An empty range means an instant; the annotation then has no duration.
 pub type RowAnnotation = (Range<u64>, String);
 
 /// The properties in which EDF+ and BDF+ differ.
@@ -56,7 +56,7 @@ const BDF: Variant = Variant {
 pub struct EdfWriter<W> {
     out: W,
     variant: Variant,
-    /// Calibration of each signal, without the annotation signal.
+    /// Calibration of each signal except the annotation signal.
     lines: Vec<Calibration>,
     rows_per_record: usize,
     rate_hz: u32,
@@ -147,7 +147,8 @@ impl<W: Write + Seek> EdfWriter<W> {
     /// Writes one record from its values: all signals of the first row, then of the next row.
     ///
     /// # Errors
-    /// `InvalidInput` if `rows` is not exactly one record; otherwise the operating system's error.
+    /// `InvalidInput` if `rows` is not exactly one record, or if the format allows no further
+    /// record; otherwise the operating system's error.
     pub fn write_record(&mut self, rows: &[f32]) -> io::Result<()> {
         let signals = self.lines.len();
         if rows.len() != signals * self.rows_per_record {
@@ -201,7 +202,7 @@ impl<W: Write + Seek> EdfWriter<W> {
 /// signal's range, because the header states the ends of the range in at most 8 characters.
 ///
 /// # Errors
-/// `InvalidInput` if the range is not finite.
+/// `InvalidInput` if the range is not finite, or if its ends are equal in 8 characters.
 fn calibration(signal: &SignalToWrite, variant: Variant) -> io::Result<Calibration> {
     let [least, most] = signal.range;
     let [least, most] = if least < most {
@@ -248,7 +249,7 @@ fn list((rows, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
     format!("+{stamp}\x14{text}\x14\0").into_bytes()
 }
 
-/// Returns this machine's time zone, or the zone in `TZ` if it is set; UTC if there is none.
+/// Returns the time zone that the variable `TZ` names, or else this machine's zone, or else UTC.
 fn zone() -> io::Result<TimeZone> {
     match TimeZone::try_system() {
         Err(_) if env::var_os("TZ").is_some_and(|zone| !zone.is_empty()) => Err(invalid(

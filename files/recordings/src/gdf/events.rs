@@ -1,4 +1,4 @@
-//! Finds and decodes the event table of a GDF file, which follows its records.
+//! Finds and decodes the event table of a GDF file, which follows the records.
 
 use crate::{
     error::RecordingError,
@@ -23,7 +23,7 @@ const TIME_STAMPS: u8 = 4;
 /// it is mode (u8), rate (u24), count (u32). The libraries biosig and MNE use the same limit.
 const NEW_PREFIX: f64 = 1.94;
 
-/// The first eight bytes of an event table, which its columns follow.
+/// The first eight bytes of an event table; the columns follow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TablePrefix {
     /// Which columns the table has: 1 for positions and types, plus [`DURATIONS`] and
@@ -62,8 +62,8 @@ impl TablePrefix {
         is_known.then_some(u64::from(self.count) * row)
     }
 
-    /// Returns whether the table states a plausible rate: at least 1 mHz. If the bytes are in truth
-    /// a small integer, they read as a float far below this limit.
+    /// Returns whether the table states a plausible rate: at least 1 mHz. If these bytes are
+    /// samples that hold a small integer, they read as a float far below this limit.
     fn states_rate(&self) -> bool {
         self.rate_hz.is_finite() && self.rate_hz >= 1e-3
     }

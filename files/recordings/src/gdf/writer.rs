@@ -33,8 +33,8 @@ impl<W: Write + Seek> GdfWriter<W> {
     /// Writes the header of the file and returns a writer for its records.
     ///
     /// # Errors
-    /// `InvalidInput` if there are no signals or no rows in a record, or more signals than a GDF
-    /// file holds; otherwise the operating system's error.
+    /// `InvalidInput` if there are no signals or more than a GDF file holds, if a record has no
+    /// rows, or if the rate is 0; otherwise the operating system's error.
     pub fn new(mut out: W, file: &FileToWrite) -> io::Result<GdfWriter<W>> {
         out.write_all(&header(file)?)?;
         let signals = file.signals.len();
@@ -66,8 +66,8 @@ impl<W: Write + Seek> GdfWriter<W> {
         self.out.write_all(&self.record)
     }
 
-    /// Writes the event table from pairs (row counted from 0, GDF type) and the number of records
-    /// into the header. Returns the output.
+    /// Appends the event table, made from pairs (row counted from 0, GDF type), writes the number
+    /// of records into the header, and returns the output.
     ///
     /// # Errors
     /// `InvalidInput` if an event's row or the number of events does not fit the table; otherwise

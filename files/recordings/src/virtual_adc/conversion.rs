@@ -139,8 +139,8 @@ impl Conversion {
         }
     }
 
-    /// Extends every signal by its last finite sample, by as many samples as its resampler waits
-    /// for. After the last record, this yields the remaining outputs.
+    /// Extends every signal by repetitions of its last finite sample, as many as its resampler
+    /// waits for. After the last record, this yields the remaining outputs.
     pub(super) fn flush(&mut self) {
         for group in &mut self.groups {
             group.hold(group.converter.delay().max(1));
@@ -175,8 +175,7 @@ impl Conversion {
         }
     }
 
-    /// Returns the longest wait of a resampler for later input, in samples; 0 if no signal is
-    /// resampled.
+    /// Returns the longest wait of a resampler for later input, in samples; 0 without a resampler.
     pub(super) fn delay(&self) -> usize {
         let delays = self.groups.iter().map(|group| group.converter.delay());
         delays.max().unwrap_or(0)
@@ -192,7 +191,7 @@ impl Conversion {
 }
 
 impl RateGroup {
-    /// Appends samples, uV, to the group's signals. Returns how many were NaN or infinite.
+    /// Appends samples, uV, to the group's signals. Returns the number of NaN and infinite samples.
     fn append<S: Iterator<Item = f64>>(&mut self, samples: &impl Fn(usize) -> S) -> u64 {
         let mut not_finite = 0;
         for (member, &signal) in self.signals.iter().enumerate() {

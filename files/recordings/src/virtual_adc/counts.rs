@@ -24,7 +24,6 @@ pub(super) struct CountBlock {
 }
 
 impl CountBlock {
-    /// Creates a block without samples.
     pub(super) fn new() -> Self {
         Self {
             counts: [[0; CHANNELS]; SAMPLES],
@@ -47,8 +46,8 @@ impl CountBlock {
     }
 
     /// Converts one channel, for all samples of the block. The channel's value is the sum of
-    /// `terms`, added in their order; each term is a signal's values in uV, one for each sample,
-    /// and a weight.
+    /// `terms`, added in their order; each term is the values of a signal in uV, one for each
+    /// sample, and the signal's weight.
     pub(super) fn convert<'v>(
         &mut self,
         channel: usize,
@@ -101,9 +100,9 @@ const CONVERTER_CHANNELS: usize = 8;
 /// Adds one count where all channels of a chip would repeat their last sample.
 ///
 /// A real chip has noise, so its driver reports eight repeated counts as a frozen chip. A recording
-/// can be flat or of low resolution, so its samples can repeat exactly. There, every second sample
-/// is raised by one count (22.35 nV, a ninth of the chip's rms noise at 512 Hz) on each channel
-/// that is neither 0 nor at a rail. All other samples stay as they are.
+/// can be flat or of low resolution, so its samples can repeat exactly. Every second of these
+/// samples is raised by one count (22.35 nV, a ninth of the chip's rms noise at 512 Hz) on each
+/// channel that is neither 0 nor at a rail. All other samples stay as they are.
 #[derive(Debug)]
 pub(super) struct Dither {
     /// Previous sample as delivered. It starts as `i32::MIN`, which no 24-bit count reaches, so

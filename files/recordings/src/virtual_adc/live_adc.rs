@@ -60,7 +60,7 @@ impl LiveAdc {
         });
     }
 
-    /// Appends `samples` repetitions of each signal's last sample in place of lost samples.
+    /// Appends `samples` repetitions of each signal's last finite sample in place of lost samples.
     pub fn hold(&mut self, samples: usize) {
         self.conversion.hold(samples);
     }
@@ -77,7 +77,7 @@ impl LiveAdc {
         self.conversion.delay()
     }
 
-    /// Returns how many values were saturated or not finite since the first sample.
+    /// Returns the numbers of saturated counts and of non-finite samples since the first sample.
     pub fn counters(&self) -> AdcCounters {
         self.conversion.counters
     }

@@ -11,11 +11,12 @@ const PASS_HZ: f64 = 60.0;
 /// Largest upper edge of the pass band, as a fraction of half the lower of the two rates.
 const PASS_SHARE: f64 = 0.9;
 /// Frequency up to which the images of the input are in the stop band, Hz. The image of a frequency
-/// f is at the input's rate minus f. Images of higher frequencies are outside the stop band, but
-/// above half the input's rate, where a device's band-pass attenuates them more than the originals.
+/// f is at the input's rate minus f. Images of higher frequencies can be below the stop band, but
+/// only above half the input's rate, where a device's band-pass attenuates them more than the
+/// originals.
 const IMAGES_HZ: f64 = 90.0;
-/// Number of taps whose products are summed separately, so that the compiler can use vector
-/// instructions. The number of taps is a multiple of this number.
+/// Number of partial sums into which the products of taps and input are added, so that the compiler
+/// can use vector instructions. The number of taps is a multiple of this number.
 const LANES: usize = 4;
 /// Largest number of taps that are precomputed for all phases and kept: 8 MiB.
 const KEPT_TAPS: u64 = 1 << 20;

@@ -141,8 +141,8 @@ impl RateConverter {
 }
 
 impl Resampler {
-    /// Returns the number of outputs that `samples` samples allow, counted from the first sample
-    /// that the next output depends on.
+    /// Returns the number of outputs that can be computed from `samples` input samples, the first
+    /// of which is the first that the next output depends on.
     fn ready(&self, samples: usize) -> usize {
         let Some(spare) = samples.checked_sub(self.low_pass.taps()) else {
             return 0;

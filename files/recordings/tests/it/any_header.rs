@@ -122,8 +122,9 @@ fn file(cases: &[Case]) -> Vec<u8> {
     }
 }
 
-/// Returns the value that the header defines as a sum of two terms, and the larger magnitude of the
-/// terms: the value of digital 0 (or of the end of the range nearest to it), and the rest.
+/// Returns the value that the header defines, and a scale for its rounding error. The value is the
+/// sum of the value at digital 0 (or at the end of the range nearest to 0) and the rest; the scale
+/// is the larger magnitude of these two terms.
 fn expected(case: &Case) -> (f64, f64) {
     // A header of GDF and the reader round integers beyond 2^53 to the nearest float64.
     #[expect(
@@ -175,7 +176,7 @@ proptest! {
             } else {
                 let (value, largest) = expected(case);
                 let error = (samples[0] - value).abs();
-                // A few roundings of 2^-53 each; a step of float32 is 2^-23 of the value.
+                // A few roundings of 2^-53 each; a step of a float32 would be 2^-23 of the value.
                 prop_assert!(error <= largest * 2_f64.powi(-49), "{} for {}", samples[0], value);
             }
         }

@@ -111,8 +111,7 @@ fn a_file_that_is_no_edf_file_is_not_read_as_one() {
         ..edf()
     }
     .bytes();
-    // The length of the header, the number of signals, a version that is not text, and a short
-    // file.
+    // In turn: a wrong header length, a wrong number of signals, a binary version, a short file.
     let damage = |at: usize, byte: u8| {
         let mut bytes = bytes.clone();
         bytes[at] = byte;
@@ -193,7 +192,7 @@ fn events_are_played_at_their_sample_although_times_of_records_are_odd() {
     }
 }
 
-/// Encodes an event table of 4 Hz in any mode, whose rows are (position, type, channel, duration).
+/// Encodes an event table of 4 Hz in any mode from `rows`: (position, type, channel, duration).
 fn table(mode: u8, rows: &[(u32, u16, u16, u32)]) -> Vec<u8> {
     let pairs: Vec<(u32, u16)> = rows.iter().map(|row| (row.0, row.1)).collect();
     let mut table = event_table(4.0, &pairs);

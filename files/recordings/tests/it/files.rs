@@ -2,8 +2,8 @@
 
 use recordings::SampleType;
 
-/// Appends all records. Each signal is given as its number of bytes per record, and its data for
-/// all records.
+/// Appends all records. `signals` holds, for each signal, the number of bytes per record and the
+/// data for all records.
 fn append_records(out: &mut Vec<u8>, signals: &[(usize, &[u8])]) {
     let records = signals.iter().map(|(size, data)| data.len() / size.max(&1));
     for record in 0..records.max().unwrap_or(0) {

@@ -8,7 +8,7 @@ use crate::{open, played};
 
 /// Montage of the test. The source lacks Fz, which is interpolated from the other electrodes.
 const MONTAGE: [&str; 4] = ["Cz", "Fz", "Pz", "C3"];
-/// Labels of the source, in other order and spelling than the montage. No electrode uses EMG.
+/// Labels of the source; their order and spelling differ from the montage. No electrode uses EMG.
 const LABELS: [&str; 4] = ["PZ.", "EMG", "c3", "Cz"];
 const SECONDS: u32 = 6;
 

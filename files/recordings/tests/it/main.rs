@@ -28,7 +28,7 @@ use recordings::{
     AdcSpec, Block, Event, EventLabel, Missing, MontageMap, Recording, RecordingError, VirtualAdc,
 };
 
-/// Opens a recording whose file is `bytes`.
+/// Opens a recording from the bytes of its file.
 fn open(bytes: Vec<u8>) -> Result<Recording, RecordingError> {
     Recording::from_source(Cursor::new(bytes))
 }

@@ -164,7 +164,7 @@ fn unstated(per_record: u32, samples: &[f32], events: Vec<u8>) -> GdfFile {
 fn an_event_table_is_not_read_as_samples() {
     // The 80,000 samples of 4 bytes make the search read several blocks. The tables have 20, 32,
     // 20, 8, 26 and 20 bytes. The first four lengths are whole numbers of records of 4 bytes, so
-    // the length does not tell records and table apart.
+    // the length alone does not distinguish a table from records.
     let samples: Vec<f32> = (0_u16..40_000).map(f32::from).collect();
     let samples = [&samples[..], &samples[..]].concat();
     let mut mode_3 = vec![3, 1, 0, 0];

@@ -54,8 +54,8 @@ fn tones(hz: &[f64], per_record: u32, record_s: (u32, u32), records: usize) -> V
 }
 
 /// Plays a file of tones. Returns the largest error of each tone at least `edge_s` away from both
-/// ends of the file, in dB of the amplitude; `expected` computes a tone from its frequency and
-/// time.
+/// ends of the file, in dB of [`TONE_UV`]. `expected` returns the value of a tone in uV from its
+/// frequency and the time.
 fn errors_db(file: Vec<u8>, hz: &[f64], edge_s: f64, expected: fn(f64, f64) -> f64) -> Vec<f64> {
     let (counts, counters) = play(file, &TONES[..hz.len()], Missing::Refuse);
     assert_eq!(counters, AdcCounters::default());
@@ -98,7 +98,7 @@ fn a_resampled_tone_is_the_tone_at_k_over_rate() {
     for rate_hz in [
         100, 128, 160, 250, 256, 500, 1000, 1024, 2000, 2048, 5000, 20_000,
     ] {
-        // Rates reduced by 0.3 Hz, in one record of 10 s, make an odd ratio of rates.
+        // A rate reduced by 0.3 Hz, in one record of 10 s, has a ratio of large terms to 512 Hz.
         for per_record in [10 * rate_hz, 10 * rate_hz - 3] {
             let rate_hz = f64::from(per_record) / 10.0;
             // The pass band ends at 60 Hz, or at 0.9 of half the rate.
@@ -214,7 +214,7 @@ fn electrodes_can_combine_signals_of_different_rates() {
     assert_eq!(counts.len(), 8 * 512);
     for sample in &counts {
         let uv = sample.map(|count| f64::from(count) * ADS1299.lsb_uv);
-        // C3 and C4 are equally far from Cz and Pz, so both are the mean of C3 and C4: 150 uV.
+        // Cz and Pz are each equally far from C3 and C4, so both are their mean: 150 uV.
         for (found, expected) in uv.iter().zip([150.0, 100.0, 200.0, 150.0, 0.0]) {
             let error = (found - expected).abs();
             assert!(error < HALF_COUNT_UV, "{found} uV, expected {expected}");

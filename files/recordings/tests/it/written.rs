@@ -91,7 +91,7 @@ fn values_rates_and_annotations_are_read_back() {
 fn an_edf_file_holds_microvolts_in_tenths_and_its_annotations() {
     let file = FileToWrite::microvolts(["Cz"], [-3_276.8, 3_276.7], 128, 4);
     // The bytes 0x14 and 0 end parts of an annotation, and other programs skip texts with a line
-    // feed. All control characters become blanks.
+    // feed, so all control characters become blanks.
     let annotations = vec![(5..5, "T1\r\n\x14\0\u{85}x".to_owned())];
     let mut writer = EdfWriter::edf(Cursor::new(Vec::new()), &file, 8, annotations).unwrap();
     writer.write_record(&[0.04, -0.06, 12.34, 4_000.0]).unwrap();

@@ -39,8 +39,8 @@ const BAUD: u32 = 921_600;
 /// reader can be late by this time without losing bytes.
 const BUFFER: usize = 512;
 
-/// Waker of the reader of received bytes. The UART's interrupt wakes it when the line becomes idle
-/// after bytes and when a byte is damaged; on an STM32F446, also at the next byte.
+/// Waker of the reader of received bytes. The UART's interrupt wakes the reader when the line
+/// becomes idle after bytes and when a byte is damaged; on an STM32F4, also at the byte after that.
 static IDLE: AtomicWaker = AtomicWaker::new();
 
 /// Buffers of both directions, in memory that the DMA can access.
@@ -57,7 +57,7 @@ impl PortMemory {
     };
 }
 
-/// What reception needs from a board's UART, whose registers differ from chip to chip.
+/// Functions of a board's UART that differ from chip to chip.
 pub trait Uart {
     /// UART peripheral, as a type of the HAL.
     type Instance: usart::Instance;
@@ -95,8 +95,7 @@ pub struct Port {
 }
 
 impl Port {
-    /// Creates the port and starts reception; received bytes stay in the ring until the
-    /// conversation reads them.
+    /// Creates the port and starts reception into the ring, from which the conversation task reads.
     pub fn new<U: Uart, D: RxDma<U::Instance>>(
         sender: UartTx<'static, Async>,
         pin: Peri<'static, impl RxPin<U::Instance>>,
@@ -170,8 +169,8 @@ impl Ring for DmaRing {
         taken.map(|(length, _)| length).map_err(|_| Overrun)
     }
 
-    /// Registers the waker for three events: the DMA reaches the middle of the ring, the DMA
-    /// reaches its end, or the line becomes idle.
+    /// Registers the waker for three events: the DMA reaches the middle or the end of the ring, or
+    /// the line becomes idle.
     fn register_waker(&mut self, waker: &Waker) {
         self.0.set_waker(waker);
         IDLE.register(waker);

@@ -58,8 +58,7 @@ impl<Line: Transmit> Write for DmaTransmitter<Line> {
         Ok(length)
     }
 
-    /// Does nothing: after a write, at most two bytes are still in the UART, which sends them
-    /// without further calls.
+    /// Does nothing: after a write, the UART holds at most two bytes and sends them by itself.
     async fn flush(&mut self) -> Result<(), Line::Error> {
         Ok(())
     }

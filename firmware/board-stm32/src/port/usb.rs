@@ -30,8 +30,8 @@ const PRODUCT: u16 = 0x0001;
 
 const _: () = assert!(PACKET <= u16::MAX as usize);
 
-/// Size of the binary device object store, bytes, which a device of USB 2.1 must have: its header,
-/// and the extension for USB 2.0 (USB 3.2, sections 9.6.2 and 9.6.2.1). With a smaller buffer,
+/// Size in bytes of the binary device object store, which a USB 2.1 device must have: the header
+/// and the USB 2.0 extension (USB 3.2, sections 9.6.2 and 9.6.2.1). With a smaller buffer,
 /// embassy-usb sends an empty store.
 const OBJECT_STORE: usize = 5 + 7;
 
@@ -97,8 +97,8 @@ impl Port {
         let mut device = builder.build();
         let run = async {
             loop {
-                // `device.run()` never returns, but is dropped when it has missed a reset of the
-                // bus; the loop then starts it again.
+                // `device.run()` never returns. When it has missed a bus reset, `select` drops it,
+                // and the loop starts it again.
                 select(device.run(), wait_missed_reset()).await;
             }
         };
@@ -121,7 +121,7 @@ impl PacketSender for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
         self.wait_connection().await;
     }
 
-    /// If this future is dropped while it waits, nothing is sent: no byte is in the peripheral yet.
+    /// Dropping this future while it waits sends nothing: no byte is in the peripheral yet.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
         self.write_packet(packet).await.map_err(|_| Closed)
     }
@@ -131,7 +131,7 @@ impl PacketSender for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
     }
 }
 
-/// Registers of the USB peripheral.
+/// Registers of the USB peripheral, which embassy's driver also uses.
 const OTG: Otg = pac::USB_OTG_FS;
 /// Number of IN endpoints in use: control, notifications, data.
 const IN_ENDPOINTS: usize = 3;
@@ -174,8 +174,7 @@ impl Handler for DisableEndpoints {
 }
 
 fn wait_for(flag: impl Fn() -> bool) {
-    // If the flag is not set within the limit, the driver waits for the endpoint, as it would
-    // without this handler.
+    // If the flag is never set, the driver waits for the endpoint, as it does without this handler.
     let _ = (0..MAX_POLLS).any(|_| flag());
 }
 

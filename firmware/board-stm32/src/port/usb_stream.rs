@@ -116,8 +116,8 @@ impl<Port> ErrorType for Transmitter<Port> {
 }
 
 impl<Port: PacketSender> Write for Transmitter<Port> {
-    /// Waits until the port is open, then sends one packet. After an error, the caller must start
-    /// the next write with a new frame.
+    /// Waits until the port is open, then sends one packet. After an error, the next write must
+    /// start with a new frame.
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Closed> {
         let is_within_frame = core::mem::take(&mut self.is_within_frame);
         if !self.port.is_open() {
@@ -129,8 +129,8 @@ impl<Port: PacketSender> Write for Transmitter<Port> {
         let packet = &bytes[..bytes.len().min(PACKET)];
         self.send_packet(packet).await?;
         self.last_was_full = packet.len() == PACKET;
-        // A zero byte ends a frame. A packet with only the zero byte before a frame does not start
-        // the frame yet.
+        // A zero byte ends a frame. A packet that only holds the zero byte before a frame does not
+        // start the frame yet.
         self.is_within_frame = packet.last().is_some_and(|&byte| byte != 0);
         Ok(packet.len())
     }

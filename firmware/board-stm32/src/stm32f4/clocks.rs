@@ -18,8 +18,8 @@ use crate::interrupts::nvic_priority;
 /// RM0090, RCC).
 pub const AFTER_RESET_HZ: u32 = 16_000_000;
 
-/// Returns the configuration of the clocks. Each clock has the same frequency whether 8 MHz at the
-/// HSE input or the internal oscillator is the source.
+/// Returns the configuration of the clocks. The frequencies are the same with 8 MHz at the HSE
+/// input as with the internal oscillator.
 pub fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = nvic_priority(priority::DRDY);
@@ -70,8 +70,8 @@ pub fn config(source: ClockSource) -> Config {
 }
 
 /// Device and revision ids (DBGMCU_IDCODE) of the STM32F405 and STM32F407 in revision A, which does
-/// not prefetch correctly: STM32CubeF4 enables the prefetch from revision Z on. By an erratum these
-/// chips can have the device id 0x411, as OpenOCD knows (`stm32f2x.c`).
+/// not prefetch correctly: STM32CubeF4 enables the prefetch from revision Z on. Because of an
+/// erratum, these chips can report the device id 0x411 (as handled in OpenOCD's `stm32f2x.c`).
 const WITHOUT_PREFETCH: [(u16, u16); 2] = [(0x411, 0x1000), (0x413, 0x1000)];
 
 /// Enables the caches of the flash and, where it works, the prefetch. Both hide the flash's five

@@ -32,7 +32,7 @@ pub fn enable_receiver(uart: Usart) {
 /// interrupt continuously, so the CPU clears it at once by reading DR.
 pub fn acknowledge(uart: Usart) {
     let status = uart.sr().read();
-    // If DR still holds a byte, the DMA is about to read it, which then clears the flags.
+    // DR may still hold a byte. The DMA will then read it, which clears the flags.
     let is_moved = !status.rxne();
     if status.ore() && is_moved {
         let _ = uart.dr().read();

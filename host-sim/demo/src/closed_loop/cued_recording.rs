@@ -10,7 +10,7 @@ use recordings::{EdfWriter, FileToWrite};
 
 use crate::Failure;
 
-/// The cues, and their codes in ROS: left and right hand.
+/// Labels of the cues for the left and the right hand, and their event codes in ROS.
 pub(super) const EVENTS: &str = "T1=769,T2=770";
 /// Part of a trial from which a classifier decides, seconds after its cue.
 pub(super) const TRIAL: &str = "0.5..2";
@@ -26,8 +26,8 @@ const RATE: usize = model::ADC_RATE_HZ as usize;
 /// Amplitude of the sensorimotor rhythm of each hand area at rest, uV RMS at C3 and C4.
 const MU_UV: f64 = 4.0;
 
-/// Writes three runs of 40 s as BDF+ files, generated one after the other from the same head.
-/// Returns their paths.
+/// Writes three runs of 40 s as BDF+ files. One generator makes all of them, so they have the same
+/// head. Returns their paths.
 ///
 /// # Errors
 /// A file cannot be written, or the model has an electrode that host-sim does not know.

@@ -15,10 +15,10 @@ use super::{Trial, filter_delay_s};
 use crate::Failure;
 use crate::comparison::seconds;
 
-/// Decision at a hop.
+/// A classifier's prediction at one hop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prediction {
-    /// Probability of each class.
+    /// Probability of each class, in the classifier's order.
     pub probabilities: Vec<f32>,
     /// Index of the chosen class; `None` if no class is chosen.
     pub class: Option<usize>,
@@ -30,8 +30,8 @@ pub(super) struct Reference {
     pub(super) predictions: Vec<Prediction>,
 }
 
-/// Returns the features that a device's pipeline computes from samples. Returns none if the
-/// pipeline would refuse the classifier's filters.
+/// Returns the features that a device's pipeline computes from samples; none if the pipeline would
+/// refuse the classifier's filters.
 pub fn features(
     samples: impl Iterator<Item = Sample>,
     mains: Mains,
@@ -56,7 +56,7 @@ pub fn features(
     features.collect()
 }
 
-/// Returns the prediction of each hop, as the bridge decides it.
+/// Returns the prediction of each hop, as the bridge computes it.
 pub fn predictions(features: &[Features], classifier: &Classifier) -> Vec<Prediction> {
     let used = classifier.used_electrodes();
     let mut decision = Decision::new(classifier);
@@ -77,7 +77,7 @@ pub fn predictions(features: &[Features], classifier: &Classifier) -> Vec<Predic
 }
 
 impl Reference {
-    /// Reads a recording, and decides about each hop.
+    /// Reads a recording, and computes the prediction of each hop.
     ///
     /// # Errors
     /// The recording cannot be read, it has no event of a class, or the classifier is for another
@@ -115,8 +115,8 @@ impl Reference {
     }
 }
 
-/// Returns the events that are cues for a class. A trial ends with the hop that `trainer classify`
-/// decides at.
+/// Returns a trial for each event that is the cue of a class. A trial ends with the hop at which
+/// `trainer classify` decides.
 fn trials(played: &Played, classifier: &Classifier, mains: Mains) -> Vec<Trial> {
     let delay_s = filter_delay_s(mains);
     let [from_s, to_s] = classifier.training.trial_s;

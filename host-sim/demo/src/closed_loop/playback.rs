@@ -22,10 +22,10 @@ const TOPIC: &str = "/smr/neuroprediction/raw";
 /// exit after the end of the recording.
 const SILENCE: Duration = Duration::from_secs(20);
 
-/// A prediction that has arrived.
+/// A prediction from the bridge, and its latency.
 #[derive(Debug, Clone)]
 pub struct Received {
-    /// Number of its hop, from 1.
+    /// Number of the prediction's hop, from 1.
     pub hop: usize,
     /// Decision of the bridge at this hop.
     pub prediction: Prediction,
@@ -34,9 +34,9 @@ pub struct Received {
     pub latency_ms: f64,
 }
 
-/// Plays a recording to its end, and moves `bar` on with each prediction that arrives. `own` are
-/// the paths of recording and classifier, `programs` is the folder of the programs, and `folder`
-/// one for temporary files.
+/// Plays a recording to its end, and advances `bar` with each prediction that arrives. `own` are
+/// the paths of recording and classifier, `programs` is the folder of the programs, and `folder` is
+/// for temporary files.
 ///
 /// # Errors
 /// A program does not start, fails or stays silent.

@@ -98,7 +98,8 @@ fn components_and_correlations_are_close_to_a_recording() {
         assert!((low..0.9995).contains(&share), "{found:?}");
     }
     // Correlations at the three distances: 0.94, 0.67, 0.42 in the recording EEGMMIDB S001R03, and
-    // 0.96, 0.64, 0.40 from the generator (measured). Another seed changes one by up to 0.1.
+    // 0.96, 0.64, 0.40 from the generator (measured). Another seed changes a correlation by up to
+    // 0.1.
     let found = correlations(&labels, &traces, [0.3, 1.1, 1.7]);
     for (correlation, expected) in found.into_iter().zip([0.94, 0.67, 0.42]) {
         assert!((correlation - expected).abs() < 0.1, "{found:?}");
@@ -123,8 +124,7 @@ fn the_eeg_at_an_electrode_does_not_depend_on_the_other_electrodes() {
     let few = background(&["O1", "Cz"]);
     for (few, all) in few.iter().zip([&all[2], &all[0]]) {
         let differences: Vec<f64> = few.iter().zip(all).map(|(a, b)| a - b).collect();
-        // Only the sensors' noise differs: it is 1 uV RMS in each trace, so 1.4 uV in the
-        // difference.
+        // Only the sensors' noise differs: 1 uV RMS in each trace, so 1.4 uV in the difference.
         let square = mean(&differences.iter().map(|x| x * x).collect::<Vec<_>>());
         assert!(square.sqrt() < 1.6, "{} uV RMS", square.sqrt());
     }

@@ -23,9 +23,9 @@ fn decode(decoder: &mut lossless::Decoder<CHANNELS>, raw: &CompressedRaw) -> Vec
     counts.expect("a sound block").to_vec()
 }
 
-/// Sizes of the frames of a run: bytes of all compressed frames; most bytes by which a compressed
-/// frame exceeds its raw frame, both without the bytes that COBS adds; bytes of the longest
-/// compressed block; and number of counts.
+/// Totals of a run: bytes of all compressed frames; largest number of bytes by which a compressed
+/// frame exceeds its raw frame (both without the bytes that COBS adds); bytes of the longest
+/// compressed block; number of counts.
 #[derive(Debug, Default)]
 struct Bytes {
     compressed: usize,
@@ -34,15 +34,15 @@ struct Bytes {
     counts: usize,
 }
 
-/// Returns the length of a frame without the bytes that COBS adds, whose number depends on the
-/// places of zeros.
+/// Returns the length of a frame without the bytes that COBS adds, whose number depends on where
+/// the zeros are.
 fn unstuffed(frame: &[u8]) -> usize {
     let mut bytes = frame.to_vec();
     bytes.retain(|&byte| byte != 0);
     cobs::decode_in_place(&mut bytes).expect("a frame of the board")
 }
 
-/// Runs a board that sends the samples both raw and compressed, and checks that both hold the same
+/// Runs a board that sends its samples raw and compressed, and checks that both hold the same
 /// counts.
 fn compare(samples: impl Iterator<Item = Sample>) -> Bytes {
     let (mut board, outbox) = board();
@@ -111,7 +111,7 @@ fn no_frame_of_compressed_samples_is_more_than_three_bytes_longer_than_its_raw_f
     });
     let bytes = compare(noise.take(1_024));
     assert_eq!(bytes.longest, 3 * CHANNELS * link::RAW_SAMPLES);
-    // Two bytes for the fields of the message. One byte where the frame's number needs a byte more
-    // than the number of the raw frame, which is one less.
+    // Two bytes are for the fields of the message. A third is needed if the frame's number, one
+    // more than the raw frame's, takes one byte more.
     assert!(bytes.most_more <= 3, "{bytes:?}");
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Returns a board that streams, measures if `measures`, and has the impedances of `contacts`.
+/// Returns a board that streams, has the impedances of `contacts`, and measures them if `measures`.
 fn started(streams: Streams, measures: bool, contacts: &[&str]) -> (VirtualBoard, Outbox) {
     let contacts: Vec<Contact> = contacts
         .iter()

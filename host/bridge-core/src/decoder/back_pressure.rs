@@ -1,7 +1,7 @@
 //! Decides when the bridge stops reading the port until the decoder has caught up.
 
-/// Number of waiting windows above which the bridge stops reading the port, if the source can wait.
-/// 256 windows are 16 s of signal and take about 1 s to decode.
+/// Number of windows that wait for the decoder above which the bridge stops reading a source that
+/// is faster than real time. 256 windows are 16 s of signal and take about 1 s to decode.
 const WAITING_WINDOWS: u64 = 256;
 
 /// Lead of the device's time over the host's time, microseconds, above which the source counts as
@@ -13,7 +13,7 @@ const DRIFT: i64 = 25;
 
 /// Finds out whether the source is faster than real time, by comparing the device's time with the
 /// host's. Such a source, for example `host-sim run --fast`, waits for its reader and loses nothing
-/// when the bridge stops reading. A device in real time cannot wait: its queue holds some seconds.
+/// when the bridge stops reading. A device in real time cannot wait: its queue is too short.
 ///
 /// A backlog that arrives after a stall does not count as faster than real time, because the host's
 /// time went on during the stall.

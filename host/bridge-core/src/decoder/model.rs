@@ -12,9 +12,9 @@ use crate::device::Device;
 /// Names and contents of the files of the model that is embedded in this program.
 const EMBEDDED: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/embedded_model.rs"));
 
-/// The float network of one model, and its packed code if it has one. Decodes the codes of devices
-/// with this model, and computes the code that a correct device returns for a window. The codes of
-/// a model without a network have no values.
+/// The float network of one model, and the model's packed code if it has one. Decodes the codes of
+/// devices with this model, and computes the code that a correct device returns for a window. A
+/// model can lack the network; its codes then have no values.
 #[derive(Clone, Debug)]
 pub struct Model {
     id: ModelId,
@@ -53,7 +53,7 @@ impl Model {
         Model::new(&Model::artifact(folder)?)
     }
 
-    /// Returns the parts of the model in `folder`, or of the embedded model if `None`.
+    /// Reads the parts of the model in `folder`, or of the embedded model if `None`.
     ///
     /// # Errors
     ///
@@ -113,7 +113,7 @@ impl Model {
                 own = self.id
             ));
         }
-        // A device keeps its own network when it is given the packed model of a model without one.
+        // After the upload of a packed code alone, a device still has its own network and codes.
         let numbers = self.dimensions.numbers;
         let same = self.fits(device) && (numbers == 0 || device.numbers() == numbers);
         (!same).then(|| {

@@ -38,8 +38,8 @@ pub struct PackedBytes {
 
 /// Decodes packed blocks to frames of `/neurodata_reconstructed`, one for each block.
 ///
-/// With low latency, a block yields its own frame at once. Otherwise it yields the frame of the
-/// block before, which the newer block corrects.
+/// With low latency, a block yields its own frame at once. Otherwise a block yields the frame of
+/// the previous block, after correcting it.
 #[derive(Debug)]
 pub struct PackedReconstruction {
     overlap: PackedOverlap<Label>,
@@ -88,16 +88,16 @@ impl PackedReconstruction {
         self.frame.neuroheader.seq
     }
 
-    /// Continues the frames of `before`, the previous device's reconstruction. If a frame of
-    /// `before` still waits for a correction, it comes first. The frames of both must have the same
+    /// Continues the frames of `before`, the previous device's reconstruction. A frame of `before`
+    /// that still waits for correction is published first. The frames of both must have the same
     /// shape.
     pub fn continue_from(&mut self, before: &mut PackedReconstruction) {
         self.set_number(before.number());
         self.overlap.continue_from(&mut before.overlap);
     }
 
-    /// Returns the number of received blocks that could not be decoded, because their bytes are no
-    /// block of this model.
+    /// Returns the number of received blocks that could not be decoded, because their bytes are not
+    /// a block of this model.
     pub fn malformed(&self) -> u64 {
         self.overlap.malformed()
     }
@@ -110,7 +110,7 @@ impl PackedReconstruction {
         kept.map(|(_, microvolts)| microvolts.as_slice())
     }
 
-    /// Returns the frame that waits for correction by the next block, uncorrected, because no block
+    /// Returns, uncorrected, the frame that waits for the next block. Call this when no block
     /// follows. `None` if no frame waits, or if its block is lost and the user wants no fillers.
     pub fn finish(&mut self) -> Option<&NeuroFrame> {
         let hop = self.overlap.finish()?;
@@ -152,7 +152,7 @@ impl PackedReconstruction {
         self.filled_frame(completed?)
     }
 
-    /// Forgets all earlier blocks if `is_first`: the next block is the first of a recording.
+    /// Forgets all earlier blocks if the next block is the first of a recording.
     fn start_recording(&mut self, is_first: bool) {
         if is_first {
             self.overlap.restart();

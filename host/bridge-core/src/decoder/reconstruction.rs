@@ -82,7 +82,7 @@ impl Reconstruction {
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// Increments the sequence number without decoding a window, because nobody receives its frame.
+    /// Increments the sequence number without decoding a window whose frame nobody receives.
     /// Forgets the earlier windows, so the next frame is decoded from one window alone.
     pub(crate) fn skip_frame(&mut self) {
         self.overlap.forget();
@@ -97,8 +97,8 @@ impl Reconstruction {
         self.frame_of(window, decoded)
     }
 
-    /// Returns the frame that [`Self::next_frame`] would return, but decodes nothing: its times and
-    /// flags are right, its values mean nothing. For a caller that needs no values.
+    /// Returns the frame that [`Self::next_frame`] would return, with correct times and flags but
+    /// meaningless values, because nothing is decoded. For a caller that needs no values.
     pub fn next_times(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
         let values = window.z.as_ref().map(|_| vec![0.0; self.window_values]);
         self.frame_of(window, values)

@@ -77,7 +77,7 @@ enum Work {
     Code(TimedCode, Instant),
     /// A packed block, and the time at which it was queued.
     Block(TimedPackedBlock, Instant),
-    /// No further packed block follows, so the frame that waits for one must be published.
+    /// No packed block follows, so the frame that waits for the next block must be published.
     FinishBlocks,
     Audit(Box<AuditedWindow>, Arc<Model>),
 }
@@ -193,7 +193,7 @@ impl DecoderThread {
         counts.status(self.skipped_audits)
     }
 
-    /// Returns how many windows were decoded, are waiting, and were not decoded so far.
+    /// Returns the numbers of codes and packed blocks that were decoded, wait or were not decoded.
     pub fn counts(&self) -> DecoderCounts {
         self.progress.counts(self.not_decoded)
     }
@@ -392,8 +392,8 @@ impl Worker {
         if let Some(result) = result {
             counts.record(result);
         }
-        // A device that sends codes need not send packed blocks. So if the code was compared, do
-        // not count it as a failure that there were no blocks.
+        // If the code was compared, do not count missing packed blocks as a failure: a device that
+        // sends codes need not send packed blocks.
         if result.is_none() || error.is_some() {
             counts.record_packed(error);
         }
@@ -426,7 +426,7 @@ pub struct DecoderCounts {
     pub not_decoded: u64,
     /// Number of codes that were not decoded because `/neurodata_reconstructed` had no subscriber.
     pub not_needed: u64,
-    /// Number of packed blocks that arrived intact but cannot be decoded, because they are no
+    /// Number of packed blocks that arrived intact but cannot be decoded, because they are not
     /// blocks of the model. They count as lost.
     pub malformed: u64,
 }

@@ -35,8 +35,8 @@ impl AuditCounts {
         self.newest = Some(result);
     }
 
-    /// Records the comparison of a window with its packed blocks. `error` is `None` if they were
-    /// not compared, because a cell was clipped or a block was lost.
+    /// Records the comparison of a window with its packed blocks. `error` is `None` if they could
+    /// not be compared, because a cell was clipped or a block was lost.
     pub(crate) fn record_packed(&mut self, error: Option<PackedError>) {
         if error.is_some() {
             self.packed_compared += 1;

@@ -103,8 +103,8 @@ impl ChainReport {
 /// 30 passes 6 % of the mains' amplitude.
 const MAX_OSCILLATOR_PPM: f64 = 1_000.0;
 
-/// Returns a warning if the converters do not sample at the set rate, by the host's clock. Their
-/// rate by the device's clock is `drdy_millihertz`; the drift converts it to the host's clock.
+/// Returns a warning if the converters' sampling rate by the host's clock is off the set rate.
+/// `drdy_millihertz` is the rate by the device's clock; `drift_ppm` relates the two clocks.
 fn oscillator_warning(
     drdy_millihertz: u32,
     adc_rate_hz: u16,

@@ -7,9 +7,9 @@ use crate::streams::packed::PackedStream;
 
 const NAME: &str = "packed code";
 
-/// Adds the total number of malformed blocks, `malformed`, to the status `packed code` of a report,
-/// because only the decoder knows it. If `since`, the number since the last report, is not 0, the
-/// status becomes an error.
+/// Adds `malformed`, the total number of malformed blocks, to the status `packed code` of a report.
+/// The core cannot add it, because only the decoder knows it. If `since`, the number since the last
+/// report, is above 0, the status becomes an error.
 pub fn report_malformed(report: &mut DiagnosticArray, malformed: u64, since: u64) {
     let statuses = report.status.iter_mut();
     for status in statuses.filter(|status| status.name.ends_with(NAME)) {

@@ -34,7 +34,7 @@ pub struct SelfTestReport {
     pub verdict: String,
 }
 
-/// Identity and last start of a device; prints as one line.
+/// Identity of a device and the cause of its last start; displays as one line.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DeviceSummary {
     /// Name of the board, such as `NUCLEO-H743ZI2`.
@@ -222,7 +222,7 @@ fn part_name(id: u8) -> &'static str {
 }
 
 /// Returns whether the test stopped before both measurements of the channel, with the square wave
-/// and with the input shorted, were complete. After both, a channel has noise in both, or a fault.
+/// and with the input shorted, were complete. A measured channel has noise in both, or a fault.
 fn is_unmeasured(test: &ChannelTest) -> bool {
     let silent = test.noise_uv == 0.0 || test.shorted_noise_uv == 0.0;
     test.fault == ChannelFault::None && silent

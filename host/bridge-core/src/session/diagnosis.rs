@@ -13,7 +13,7 @@ use crate::streams::features::FeatureStream;
 use crate::streams::ledger::SampleCounts;
 use crate::time::HostTime;
 
-/// Returns the message of the device's newest report of signal quality if it is a warning.
+/// Returns the warning from the device's newest report of signal quality, if it has one.
 pub(crate) fn electrode_faults(session: &Session) -> Option<String> {
     let (quality, codes) = (session.quality.as_ref()?, session.codes.as_ref()?);
     let status = signal_quality_status(quality, &codes.device().labels);
@@ -210,8 +210,8 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
         .map(|codes| codes.timeline.counts().clone())
         .unwrap_or_default();
     let ledger = &hops.ledger;
-    // The count falls if another restart follows a run that began with an event, because what is
-    // missing before that run is then counted again.
+    // The count can fall: a restart subtracts a gap before a run that only an event has shown,
+    // because the next run counts this gap again.
     let since = hops
         .missing()
         .saturating_sub(session.counts.missing_reported);
@@ -302,7 +302,7 @@ fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
     let damaged = damaged.into_iter().fold(0, u32::wrapping_add);
     let since = damaged.wrapping_sub(session.counts.damaged_reported);
     session.counts.damaged_reported = damaged;
-    // Before the first valid frame, the bytes may come from a device of another kind.
+    // Log no damage before the first valid frame: the bytes may come from another kind of device.
     if wire.frames > 0 {
         session.link_log.add_damaged(since);
     }

@@ -25,7 +25,7 @@ impl Session {
         if known.is_some_and(|identity| identity.is_same_session(hello)) {
             return;
         }
-        // After a model was uploaded to it, a device introduces itself again without a restart.
+        // A device introduces itself again, without a restart, after a model was uploaded to it.
         if let Some(known) = &mut self.identity
             && known.is_same_start(hello)
         {
@@ -188,9 +188,8 @@ impl Session {
         }
     }
 
-    /// Checks that `device` matches the announced one. The model ids may differ if either is that
-    /// of the uploaded model: a device can accept the upload after a refusal, or refuse it after
-    /// use.
+    /// Checks that `device` matches the announced one. The model ids may differ if one of them is
+    /// the uploaded model's: a device can accept an upload after a refusal, or refuse it after use.
     fn check_announced(&self, device: &Device) -> Result<(), DeviceError> {
         let Some(announced) = &self.announced else {
             return Ok(());
@@ -262,7 +261,7 @@ impl Session {
 
     fn set_decoding(&mut self, decoding: Decoding, effects: &mut dyn Effects) {
         if self.decoding.stream != decoding.stream {
-            // Publish the frame that waits for the next packed block before a code's first frame.
+            // Publish the frame that waits for a packed block before the first frame of codes.
             effects.finish_blocks();
         }
         self.decoding = decoding;
@@ -276,7 +275,7 @@ impl Session {
     }
 
     /// Returns the answer to `/acquisition/get_info`; `None` if the stream that the user selected
-    /// is not published, because the device refused it or the model cannot decode it.
+    /// is not published, because the device lacks or refuses it, or the model cannot decode it.
     fn acquisition_info(
         &self,
         device: &Device,
@@ -307,8 +306,8 @@ impl Session {
         AcquisitionInfo::new(&model, &device.uid, frame).map(Some)
     }
 
-    /// Ignores the device's codes from now on, for the reason `why`. If codes of an earlier device
-    /// were published, publishes an event about this.
+    /// Ignores the device's codes from now on, for the reason `why`. Publishes an event about the
+    /// refusal if a device was announced before.
     fn refuse(&mut self, why: String, read: HostTime, effects: &mut dyn Effects) {
         tracing::error!("{why}");
         if self.announced.is_some() {

@@ -75,8 +75,8 @@ pub struct PackedSummary {
 pub struct PredictionSummary {
     /// Number of predictions, including repeated ones.
     pub published: u64,
-    /// Number of predictions that repeat the one before, because the features were lost or not
-    /// usable.
+    /// Number of predictions that repeat the previous prediction, because the features were lost or
+    /// not usable.
     pub repeated: u64,
     /// Number of hops whose features are missing.
     pub lost: u64,

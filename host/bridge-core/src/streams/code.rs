@@ -17,7 +17,7 @@ use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception}
 /// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Replaces lost codes
 /// by fillers.
 ///
-/// When the device restarts, the frames keep their shape, and sequence numbers and counts go on.
+/// When the device restarts, the frames keep their shape, and sequence numbers and counts continue.
 #[derive(Debug)]
 pub(crate) struct CodeStream {
     pub(crate) timeline: HopTimeline,
@@ -25,8 +25,8 @@ pub(crate) struct CodeStream {
     z: Vec<f32>,
     /// Whether `z` holds the newest code of this recording, which a filler can repeat.
     has_last: bool,
-    /// Whether packed blocks were decoded until now. If so, codes missing before the device's
-    /// present run are no gap in the decoded signals, so they are not passed to the decoder.
+    /// Whether packed blocks were decoded until now. Codes missing before the device's present run
+    /// then leave no gap in the decoded signals, so they are not passed to the decoder.
     follows_other: bool,
     pub(crate) counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
@@ -92,8 +92,8 @@ impl CodeStream {
         self.timeline.next_row([published, 1], [0, last], run_us)
     }
 
-    /// Returns the next row of `/neurodata_reconstructed` if it is decoded from codes. `published`
-    /// is the number of frames published on it so far.
+    /// Returns the next row of `/neurodata_reconstructed` if this topic is decoded from codes.
+    /// `published` is the number of frames published on the topic so far.
     pub(crate) fn next_decoded_row(&mut self, published: u64, run_us: Option<f64>) -> NextRow {
         let device = self.device();
         let (rows, last) = (device.hop_steps.into(), u32::from(device.window_steps) - 1);
@@ -104,7 +104,7 @@ impl CodeStream {
     }
 
     /// Publishes a code, after fillers for the codes lost before it. The device made the code at
-    /// `reception.device_us`; if that is `None`, the time is computed from the window index.
+    /// `reception.device_us`. If this is `None`, the time follows from the window index.
     pub(crate) fn receive(
         &mut self,
         code: &Code,
@@ -145,7 +145,7 @@ impl CodeStream {
         self.fill(&missing, reception, effects);
     }
 
-    /// Publishes a filler at the place of each missing code.
+    /// Publishes a filler for each missing code, unless turned off, and passes it to the decoder.
     fn fill(&mut self, missing: &[HopPlace], reception: Reception<'_>, effects: &mut dyn Effects) {
         if missing.is_empty() {
             return;

@@ -32,8 +32,8 @@ impl EventStream {
         self.ledger.lost - reported
     }
 
-    /// Publishes an event that happened at `reception.device_us`, at the row `row` of the announced
-    /// stream, and returns the trigger's new level. If that time is `None`, the stamp is the time
+    /// Publishes an event that happened at `reception.device_us`, at row `row` of the announced
+    /// stream, and returns the trigger's new level. If `device_us` is `None`, the stamp is the time
     /// at which the event was read.
     ///
     /// Returns `None`, and publishes nothing, if the event's number is old or its kind unknown.
@@ -78,8 +78,8 @@ impl EventStream {
     }
 }
 
-/// Number of newest edges that are kept. A sample is published at most one frame later than an edge
-/// before it, and a frame of 62.5 ms is not expected to contain 256 edges.
+/// Number of newest edges that are kept. Levels are looked up at most one frame, 62.5 ms, after an
+/// edge, and 256 edges are not expected in this time.
 const MAX_EDGES: usize = 256;
 
 /// Level of the trigger input at each ADC sample, reconstructed from the received edges.
@@ -125,8 +125,8 @@ impl Trigger {
 
 /// An event on the bus, with its data.
 ///
-/// The project has defined the GDF codes for lost data, lost edges and refused devices. They lie
-/// outside GDF's user codes (1 to 255), which belong to the experiment.
+/// The project has defined the GDF codes for lost data, lost edges, refused devices and excluded
+/// electrodes. They lie outside GDF's user codes (1 to 255), which belong to the experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum BusEvent {
     /// Rising edge of the trigger input.
@@ -137,14 +137,14 @@ pub(crate) enum BusEvent {
     ElectrodesOff(Vec<String>),
     /// All electrodes have regained contact.
     ElectrodesOn,
-    /// The device has changed the electrodes that it excludes from its codes and fills. Holds the
-    /// labels of all excluded electrodes; empty if there are none any more.
+    /// The device has changed which electrodes it excludes and fills. Holds the labels of all
+    /// excluded electrodes; empty if none is excluded any more.
     ElectrodesExcluded(Vec<String>),
-    /// The user has marked this moment. Holds their text.
+    /// The user has marked this moment. Holds the user's text.
     Marker(String),
     /// The device made data that the bridge did not receive. Holds the duration, in seconds.
     DataLost(f32),
-    /// The bridge did not receive some edges of the trigger input. Holds their number.
+    /// The bridge did not receive some edges of the trigger input. Holds the number of these edges.
     EdgesLost(u32),
     /// Another device was connected, and its codes cannot be published. Holds the reason.
     DeviceRefused(String),

@@ -16,8 +16,8 @@ use crate::settings::{FillerPolicy, Settings};
 use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
-/// Flags of hops whose features say nothing about the EEG; the previous decision then stays. It
-/// also stays if an electrode that a filter uses was at the rail during the hop.
+/// Flags of hops whose features say nothing about the EEG, so the previous decision stays. The
+/// decision also stays if an electrode that a filter uses was at the rail during the hop.
 const UNUSABLE: [Flags; 3] = [Flags::SETTLING, Flags::OVERRUN, Flags::ADC_STATUS_BAD];
 
 /// Classifies features, and publishes a prediction for each hop, even if the hop was lost.
@@ -27,12 +27,12 @@ const UNUSABLE: [Flags; 3] = [Flags::SETTLING, Flags::OVERRUN, Flags::ADC_STATUS
 pub(crate) struct FeatureStream {
     pub(crate) timeline: HopTimeline,
     classifier: Arc<Classifier>,
-    /// Channels of the electrodes that a filter uses; bit n is channel n.
+    /// Bit mask of the electrodes that a filter uses; bit n is channel n.
     used: u64,
     decision: Decision,
     output: NeuroOutput,
     stamps: MonotoneStamps,
-    /// Number of features that were not used: other filters than the classifier's made them.
+    /// Number of hops whose features were not used, because other filters computed them.
     foreign: u64,
     /// Number of predictions published, including repeated ones.
     published: u64,
@@ -47,7 +47,7 @@ pub(crate) struct FeatureStream {
 enum Newest {
     /// No features have arrived.
     Missing,
-    /// The features are of other filters than the classifier's.
+    /// The features were computed by other filters than the classifier's.
     Foreign,
     /// The features were lost or not usable, so the previous prediction was repeated.
     Unusable,

@@ -33,8 +33,8 @@ pub(crate) struct HopTimeline {
     /// Index of the newest item, received or filled.
     last_index: u32,
     continuity: Continuity,
-    /// Number of items missing between two runs that are counted but not filled yet, because the
-    /// newer run has begun with an event.
+    /// Number of items missing between two runs that are counted but not filled yet: so far, only
+    /// an event has shown that the newer run has begun.
     unfilled: u64,
     /// Newest stretch of missing items, until it is reported as an event.
     missing: Option<MissingStretch>,
@@ -55,7 +55,7 @@ pub(crate) struct HopPlace {
 }
 
 impl HopPlace {
-    /// Returns the status words of this item's frame. `last_sample` is its last ADC sample's index.
+    /// Returns the status words of this item's frame. The item's last ADC sample is `last_sample`.
     pub(crate) fn words(
         self,
         flags: Flags,
@@ -167,20 +167,19 @@ impl HopTimeline {
         &self.counts
     }
 
-    /// Adds `fillers` to the number of published fillers.
     pub(crate) fn count_fillers(&mut self, fillers: usize) {
         self.counts.fillers += fillers as u64;
     }
 
-    /// Returns whether the index of an item in a newly received frame shows that the device
-    /// restarted its stream without a command: an item of this index was already counted.
+    /// Returns whether `index`, of a newly received item, was counted before: the device has then
+    /// restarted its stream without a command.
     pub(crate) fn is_restart(&self, index: u32) -> bool {
         self.counts.ledger.is_old(index)
     }
 
     /// Returns the places of the missing items directly before the received item `index`, oldest
     /// first and at most `max_fillers`, followed by the place of the received item. The device made
-    /// it at `reception.device_us`; if that is `None`, the time is computed from the index.
+    /// the received item at `reception.device_us`; if this is `None`, the index gives the time.
     pub(crate) fn receive(
         &mut self,
         index: u32,
@@ -285,10 +284,10 @@ impl HopTimeline {
         self.unfilled += missing;
     }
 
-    /// Returns the next row of a topic with one frame per item, which has had `published` frames of
-    /// `rows` rows. A run's first item ends with step `last`; its frame begins with step `first`.
+    /// Returns the next row of a topic with one frame of `rows` rows per item, after `published`
+    /// frames. A run's first item ends with step `last`; its frame begins with step `first`.
     /// `run_us` is the host time of the present run's ADC sample 0, microseconds, if an event of
-    /// this run shows it; the event begins the run if no item has done so.
+    /// this run shows it. Such an event begins the run if no item has begun it.
     pub(crate) fn next_row(
         &mut self,
         [published, rows]: [u64; 2],
@@ -401,21 +400,22 @@ pub(crate) struct Continuity {
     newest_us: Option<f64>,
     /// Whether the device has restarted since the newest code, packed block or sample.
     run_ended: bool,
-    /// Two estimates of the host time of the present run's first item, microseconds: the one with
-    /// which the gap before it was filled, and the newest. `None` in a recording's first run.
+    /// Two estimates of the host time of the present run's first item, microseconds: the first,
+    /// with which the gap before the run was filled, and the newest. `None` in a recording's first
+    /// run.
     run_us: Option<[f64; 2]>,
     /// Duration of the last gap less the time of the items counted for it, microseconds. It is
     /// added to the next gap, so the errors of many restarts never add up to more than half an
     /// item.
     left_over_us: f64,
-    /// `run_us` and `left_over_us` before the present run; `None` from the run's first item on.
+    /// Values of `run_us` and `left_over_us` before the present run; `None` from its first item on.
     before: Option<(Option<[f64; 2]>, f64)>,
 }
 
 impl Continuity {
     /// Records the host time of an item that is being published, and the host time of its run's
-    /// first item by the same fit, microseconds. A run's first frame shows the time only up to the
-    /// frame's delay; later frames improve the fit.
+    /// first item by the same fit, microseconds. After a run's first frame, the fit is late by that
+    /// frame's delay; later frames improve it.
     pub(crate) fn record(&mut self, host_us: f64, run_us: Option<f64>) {
         self.newest_us = Some(host_us);
         self.before = None;
@@ -427,7 +427,7 @@ impl Continuity {
     }
 
     /// Records that the device has restarted: the next item belongs to another run. If the ended
-    /// run had no item, the gap before that run goes on and is taken back.
+    /// run had no item, the gap before it continues, so what was recorded about the gap is undone.
     pub(crate) fn end_run(&mut self) {
         self.run_ended = self.newest_us.is_some();
         if let Some(before) = self.before.take() {
@@ -450,7 +450,7 @@ impl Continuity {
         let gap_us = first_us - newest_us + self.left_over_us;
         let periods = (gap_us / period_us).round().max(1.0);
         // If the next run seems to begin before the previous one ended, one of the times is wrong.
-        // This error must not shorten later gaps by more than one item.
+        // Do not let this error shorten later gaps by more than one item.
         self.left_over_us = (gap_us - periods * period_us).max(-period_us);
         #[expect(
             clippy::cast_possible_truncation,

@@ -70,8 +70,8 @@ impl Ledger {
         Arrival::New { lost }
     }
 
-    /// Counts as lost all items before number `next` that have not arrived, and returns their
-    /// number. `next` is the number of the item that the sender sends next, by its own report.
+    /// Counts as lost all items before number `next` that have not arrived, and returns how many
+    /// they are. `next` is the number of the sender's next item, as the sender reports it.
     pub(crate) fn count_lost_before(&mut self, next: u32) -> u32 {
         if self.is_old(next) {
             return 0;

@@ -14,7 +14,7 @@ use crate::streams::ledger::PackedCounts;
 use crate::streams::rows::NextRow;
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
-/// Places packed blocks in time, and passes them and placeholders for missing ones to the decoder.
+/// Passes packed blocks, and placeholders for missing ones, to the decoder, each with its time.
 ///
 /// Counts and stamps continue when the device restarts.
 #[derive(Debug)]

@@ -29,7 +29,7 @@ impl NextRow {
         if ahead < -MOST_BEHIND {
             return self.index;
         }
-        // A millionth of a row is more than the rounding error of the difference.
+        // Add more than the rounding error, so that `floor` keeps an exact number of rows.
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let rows = (ahead / self.samples_per_row + 1e-6).floor() as i64;
         self.index.saturating_add_signed(rows.saturating_add(1))
@@ -38,10 +38,10 @@ impl NextRow {
 
 /// Start of a recording by `rosneuro_recorder`: the first frame that it takes, and when.
 ///
-/// The recorder writes every frame, and counts its rows at the rate that the frame states. It
-/// places an event by its stamp minus the arrival of the first frame, at the same rate. A device's
-/// clock never has exactly that rate. So the stamp that places an event at a row is not the time of
-/// that row, but follows from the number of rows since the start.
+/// The recorder writes every frame. It places an event at the row (stamp of the event - arrival of
+/// the first frame) * rate, with the rate that the frames state, which is never exactly the rate of
+/// the device's clock. A stamp that places an event at a given row therefore follows from the
+/// number of rows since the start, not from the time of the row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordingStart {
     /// Index of the first row among all rows published on the topic.
@@ -68,9 +68,9 @@ impl RecordingStart {
     /// Returns the stamp with which the recorder places an event at row `row`, or at its own first
     /// row if `row` comes before that.
     ///
-    /// The recorder's library, libxdffileio, rounds the place down and counts rows from 0, where
-    /// GDF and its readers count from 1. Half a row keeps the place when the first frame arrives up
-    /// to half a row after its publication, and one row corrects the counting.
+    /// The stamp is 1.5 rows later than the row. The recorder's library, libxdffileio, counts rows
+    /// from 0, but GDF and its readers count from 1: one row corrects this. The library also rounds
+    /// down: with half a row more, the first frame may arrive up to half a row late.
     pub fn stamp(&self, row: u64) -> Stamp {
         let half_rows = 2 * i128::from(row.saturating_sub(self.first_row)) + 3;
         let since_ns = half_rows * 500_000_000 / i128::from(self.rate_hz);

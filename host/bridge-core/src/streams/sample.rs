@@ -41,8 +41,8 @@ pub(crate) struct SampleStream {
     /// Device time of the unfinished frame's first sample, microseconds.
     first_us: i128,
     /// Host time at which the sample of `first_us` was at the electrodes, microseconds, by the fit
-    /// on its arrival; `None` without a fit. The device time says nothing any more if the device
-    /// restarts before the frame is complete.
+    /// on its arrival; `None` without a fit. It replaces `first_us`, which is meaningless if the
+    /// device restarts before the frame is complete.
     first_host_us: Option<f64>,
     /// Index, within the topic, of the next sample to publish.
     next: u64,
@@ -86,8 +86,8 @@ impl SampleTimeline {
 }
 
 impl SampleStream {
-    /// Creates a stream that publishes frames of the same shape as `frame`. Their stamps are
-    /// earlier by the delay of the filters, `delay_us` microseconds.
+    /// Creates a stream that publishes frames of the same shape as `frame`. The delay of the
+    /// filters, `delay_us` microseconds, is subtracted from their stamps.
     pub(crate) fn new(frame: NeuroFrame, delay_us: u32, settings: Settings) -> SampleStream {
         let eeg = usize::from(frame.eeg.info.nchannels);
         let width = eeg + usize::from(frame.exg.info.nchannels);
@@ -127,8 +127,8 @@ impl SampleStream {
     /// Starts another run. Call this when the device counts samples from 0 again. When the first
     /// sample of the new run arrives, the gap since the previous run is filled.
     pub(crate) fn restart(&mut self) {
-        // If an event began the run and no sample came, the next run counts the gap before it, too.
-        // Take it off here.
+        // If an event began the run but no sample came, the gap before the run has been counted.
+        // Subtract it here, because the next run counts it again.
         let begun = self.run_start.take().unwrap_or(0);
         self.counts.between_runs -= begun.saturating_sub(self.next);
         self.timeline = None;
@@ -316,8 +316,8 @@ impl SampleStream {
             self.append(Flags::FILLER, batch);
             left -= 1;
         }
-        // Of a gap that is too long, skip as many whole frames as needed, so that frames stay
-        // aligned. Fillers take the place of the rest.
+        // If the gap is too long, skip as many whole frames as needed, which keeps frames aligned,
+        // and fill the rest.
         let most = match self.filler {
             FillerPolicy::Off => 0,
             FillerPolicy::Last | FillerPolicy::Zeros => u64::from(self.frame.sr) * MAX_FILL_SECONDS,
@@ -471,8 +471,8 @@ impl CompressedSamples {
                 flags: message.flags,
                 counts: counts.as_flattened(),
             })),
-            // A block was lost although the indices have no gap, which a restart can cause: the
-            // checksum shows that this block continues from other samples.
+            // A block was lost. After a restart, the indices may show no gap, but the checksum
+            // shows that this block continues from other samples.
             Err(DecodeError::NoKey | DecodeError::Sum) => {
                 self.undecodable = self.undecodable.saturating_add(samples);
                 Ok(None)

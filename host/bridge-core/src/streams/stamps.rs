@@ -159,7 +159,7 @@ impl Device {
     ///
     /// `rosneuro_recorder` assumes that its first sample was taken one frame's duration before the
     /// first frame arrived, and places an event by its stamp relative to that time. Its library,
-    /// libxdffileio, rounds the place down and counts samples from 0, where GDF and its readers
+    /// libxdffileio, rounds the position down and counts samples from 0, but GDF and its readers
     /// count from 1. Half a sample corrects the rounding, and one sample corrects the counting.
     pub(crate) fn recorder_shift_us(
         &self,

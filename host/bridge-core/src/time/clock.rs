@@ -1,8 +1,8 @@
 //! Fit of the device's clock to the host's.
 //!
 //! Every code carries the device time of its last sample. The host reads the code after a delay
-//! that is never negative and is sometimes close to its minimum. [`Fit`] finds the line of the
-//! least delays.
+//! that is never negative and is sometimes close to its minimum. [`Fit`] finds the line through the
+//! least delayed codes.
 //!
 //! The fit uses the host's monotonic clock. The difference between wall clock and monotonic clock
 //! is added to the fitted host time.
@@ -33,8 +33,8 @@ const WALL_WAIT_NS: i64 = 30_000_000_000;
 /// Longest time by which a frame may seem to have been read before it was made, microseconds. The
 /// fit is correct to some milliseconds, so a frame beyond this limit has a wrong device time.
 const MAX_EARLY_US: f64 = 1e6;
-/// Number of consecutive impossible device times after which the fit itself must be wrong and
-/// restarts: half a second of codes.
+/// Number of consecutive impossible device times, half a second of codes, after which the fit
+/// restarts, because the fit itself must be wrong.
 const REFUSED_TO_RESTART: u32 = 8;
 
 /// Fit of the device's clock to the host's monotonic clock, and the smoothed wall clock. Converts
@@ -44,8 +44,8 @@ pub struct Clock {
     /// Device time and host time of the first frame, microseconds. All points are relative to them,
     /// so that they are small enough to be exact in f64.
     origin: Option<(u64, i64)>,
-    /// Point of the fit from before the first frame, microseconds: a device time, and the host time
-    /// at which a frame made then is read unless it is delayed.
+    /// First point of the fit, known before the first frame, microseconds: a device time, and the
+    /// host time at which a frame made at that time is read unless it is delayed.
     anchor: Option<(u64, i64)>,
     fit: Fit,
     /// Latest device time of all frames so far, microseconds relative to `origin`.
@@ -69,8 +69,8 @@ struct Wall {
 }
 
 impl Clock {
-    /// Discards the fit, but keeps the wall clock's state, and expects the drift so far. Call this
-    /// when the device was reset.
+    /// Discards the fit, but keeps the wall clock's state and the drift. Call this when the device
+    /// was reset.
     pub fn restart(&mut self) {
         *self = Clock {
             wall: self.wall,
@@ -155,8 +155,8 @@ impl Clock {
         true
     }
 
-    /// Follows the wall clock to the present time `read`. Returns the time of the smoothed wall
-    /// clock minus that of the monotonic clock, nanoseconds.
+    /// Updates the smoothed wall clock at the present time `read`. Returns the smoothed wall-clock
+    /// time minus the monotonic time, nanoseconds.
     pub(crate) fn follow(&mut self, read: HostTime) -> i64 {
         if self.wall.is_some() {
             self.follow_wall(read);
@@ -206,7 +206,7 @@ impl Clock {
     }
 
     /// Returns the device time at which the host's monotonic clock shows `host_us`, microseconds;
-    /// `None` before the first observation. It is exact near the newest frame.
+    /// `None` before the first observation. The result is most exact near the newest frame.
     pub(crate) fn device_us_at(&self, host_us: i64) -> Option<i64> {
         let (device_origin, _) = self.origin?;
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
@@ -245,8 +245,8 @@ impl Clock {
         Some(host_ns.saturating_add(wall.offset_ns))
     }
 
-    /// Returns the time on the smoothed wall clock at the monotonic host time `host_us`, which is
-    /// in microseconds; nanoseconds since 1970.
+    /// Converts the monotonic host time `host_us`, microseconds, to the smoothed wall clock,
+    /// nanoseconds since 1970.
     pub(crate) fn wall_of_host_us(&self, host_us: f64) -> i64 {
         #[expect(clippy::cast_possible_truncation, reason = "saturates, and years fit")]
         let host_ns = (host_us * 1000.0).round() as i64;
@@ -273,8 +273,8 @@ impl Clock {
         self.fit.span_us() >= SETTLED_SPAN_US
     }
 
-    /// Returns the median residual of the fit, microseconds. A block's residual is the time by
-    /// which its least delayed frame was read later than the fit predicts.
+    /// Returns the median residual of the fit, microseconds. The fit divides frames into blocks of
+    /// up to 1 s; a block's residual is the lag of its least delayed frame behind the fitted line.
     pub fn residual_us(&self) -> f64 {
         self.fit.residual_us()
     }

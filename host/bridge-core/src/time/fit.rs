@@ -10,13 +10,13 @@
 //! * **Backlogs.** Frames that follow each other faster than any device makes them have waited in a
 //!   buffer. All but the newest of them are proven late and are removed, so a backlog of any length
 //!   leaves no points.
-//! * **Line.** Of all lines below the points, the one with the least mean distance to them is an
-//!   edge of their lower convex hull, at the middle of the points (Moon, Skelly and Towsley,
-//!   INFOCOM 1999). It is computed for all blocks, and for the blocks of the newest 64 s and 24 s.
-//! * **Change of rate.** The longest history gives the most exact line if the rates of the clocks
-//!   did not change. If they did, the line of a shorter history lies above it at the present. The
-//!   shorter one counts as far as it lies above the longer one by more than the spread of the
-//!   points explains (O. Lepski's choice of a window, 1990).
+//! * **Line.** Of all lines below the points, the line with the least mean distance to them is the
+//!   edge of their lower convex hull at the middle of the points (Moon, Skelly and Towsley, INFOCOM
+//!   1999). It is computed for all blocks, and for those of the newest 64 s and 24 s.
+//! * **Change of rate.** The longest history gives the most exact line while the clocks' rates are
+//!   constant. After a change, the line of a shorter history lies higher at the present. If it lies
+//!   higher by more than the spread of the points allows, the 64 s line replaces the longer line,
+//!   and the 24 s line lifts it (O. Lepski's choice of a window, 1990).
 //!
 //! The work per frame and the memory are limited by the number of blocks.
 
@@ -35,17 +35,17 @@ const LEAST_BLOCK_US: f64 = 1.0;
 const BLOCKS: usize = 128;
 /// Least number of blocks from which the drift is fitted: half a second of codes.
 const MIN_BLOCKS: usize = 8;
-/// Device times of the shorter histories whose lines follow a change of rate, microseconds. At 3.3
-/// ppm/s (200 ppm a minute) the middle of a line over 24 s is 0.24 ms below the bend.
+/// Durations of the shorter histories, whose lines follow a change of rate, microseconds. If the
+/// rate changes by 3.3 ppm/s (200 ppm a minute), a line over 24 s is off by up to 0.24 ms.
 const SHORTER_US: [f64; 2] = [64e6, 24e6];
-/// Least device time of a history whose line sets the drift, microseconds. If the host reads every
-/// 16 ms with 4 ms of jitter, a line over 64 s shows the drift to 12 ppm, one over 24 s to 65 ppm.
+/// Shortest history whose line sets the drift, microseconds. If the host reads every 16 ms with 4
+/// ms of jitter, a line over 64 s shows the drift to 12 ppm, a line over 24 s only to 65 ppm.
 const DRIFT_SPAN_US: f64 = 64e6;
-/// Device time over which the least delay is one value of the spread, microseconds.
+/// Duration of each group of blocks whose least delay is one value of the spread, microseconds.
 const SPREAD_SPAN_US: f64 = 4e6;
 /// Least distance of two lines that counts as a change of rate, microseconds.
 const LEAST_ALLOWANCE_US: f64 = 50.0;
-/// Spread s, microseconds, at which the term s^2 / `SPREAD_US` of the allowance equals s.
+/// Divisor in the allowance's term s^2 / `SPREAD_US`, microseconds; s is the spread.
 const SPREAD_US: f64 = 250.0;
 
 /// Device time at which a frame was made, and host time at which it was read. Both are in
@@ -75,7 +75,7 @@ impl Line {
     }
 }
 
-/// The frame with the least delay of a block.
+/// A block of frames, represented by its least delayed frame.
 #[derive(Clone, Copy, Debug)]
 struct Block {
     /// Device time of the block's first frame, microseconds.
@@ -95,7 +95,7 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
-    /// Creates a fit without points, which expects the drift `drift`.
+    /// Creates a fit without points. Its line has the drift `drift` until there are enough points.
     pub(crate) fn expecting(drift: f64) -> Fit {
         Fit {
             line: Line { drift, offset: 0.0 },
@@ -146,7 +146,7 @@ impl Fit {
     }
 
     /// Appends a block, or adds its point to the newest block if that block is not complete.
-    /// Returns whether the points change.
+    /// Returns whether the set of points has changed.
     fn add_block(&mut self, block: Block) -> bool {
         match self.blocks.back_mut() {
             Some(newest) if block.start - newest.start < self.block_us => {
@@ -197,7 +197,7 @@ impl Fit {
                 }
             }
         }
-        // No frame is read before it is made.
+        // Keep the line below the newest point: no frame is read before it is made.
         line.offset += line.lag_us(newest).min(0.0);
         self.line = line;
     }
@@ -235,9 +235,9 @@ impl Fit {
         }
     }
 
-    /// Returns the spread of the least delays, microseconds: how far the least delay of a few
-    /// blocks differs from the mean of its two neighbours, as a value that three of four
-    /// differences do not exceed. A change of rate hardly changes the spread.
+    /// Returns the spread of the least delays, microseconds: the upper quartile of the differences
+    /// between the least delay of a group of blocks and the mean of its two neighbours. A change of
+    /// rate hardly changes the spread.
     fn spread_us(&self, line: Line) -> f64 {
         let blocks = self.blocks_in(SPREAD_SPAN_US);
         let lags = self.lags(self.blocks.len() % blocks, line);

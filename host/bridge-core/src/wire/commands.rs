@@ -29,28 +29,28 @@ pub(crate) struct Commands {
     mains_hz: u8,
     /// Wanted rate of the packed code, 0 (finest) to 15 (coarsest); `None`: the device chooses.
     rate: Option<u8>,
-    /// Newest rate for which the device has answered the command to set it, and its answer.
+    /// Rate in the newest `SetRate` that the device has answered, and the answer.
     answered_rate: Option<(u8, AckResult)>,
-    /// What the user wants to be excluded.
+    /// The exclusion policy that the user wants.
     exclusion: ExclusionPolicy,
-    /// The policy that the device has, by its newest report or answer.
+    /// The exclusion policy that the device has, by its newest report or answer.
     known_exclusion: ExclusionPolicy,
-    /// The policy that the device has refused, and its answer.
+    /// The exclusion policy that the device has refused, and its answer.
     refused_exclusion: Option<(ExclusionPolicy, AckResult)>,
     /// Filters of the classifier, whose weights are in `filter_weights`; `None` without one.
     filters: Option<FeatureFilters<'static>>,
     filter_weights: Vec<u8>,
-    /// Id of the newest filters for which the device has answered the command, with any result.
+    /// Id of the filters in the newest `SetFeatures` that the device has answered, with any result.
     answered_filters: Option<u32>,
     /// Whether the device must be asked to measure the impedance of the electrodes.
     impedance: ImpedanceState,
     /// A self-test that the user has asked for.
     pub(crate) self_test: SelfTestState,
-    /// The model that the device is given before it streams.
+    /// Upload of a model, which precedes the stream.
     upload: UploadState,
-    /// Whether the device takes a packed model, if it must to be started.
+    /// Whether the device accepts a packed model; asked only if the caller requires it.
     slot: SlotState,
-    /// Length of the model with which the device is asked for a slot.
+    /// Size in bytes of the model that is announced to find out whether the device has a slot.
     asked_bytes: u32,
     streams: WantedStreams,
     streaming_wanted: bool,
@@ -91,12 +91,12 @@ enum StreamState {
     Running,
 }
 
-/// Whether the device must be given a model before it streams.
+/// Whether a model must be uploaded to the device before it streams.
 #[derive(Clone, Debug)]
 enum UploadState {
     NotDue,
     Underway(Uploading),
-    /// The device has refused the model since it started.
+    /// The device has refused the model since its last restart.
     Refused,
 }
 
@@ -106,11 +106,11 @@ enum ImpedanceState {
     NotWanted,
     /// The device is asked once it streams.
     Due,
-    /// The device has answered, since it streams.
+    /// The device has answered since its stream began.
     Answered(AckResult),
 }
 
-/// Whether the device takes a packed model.
+/// Whether the device accepts a packed model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum SlotState {
     /// The device is not asked.
@@ -198,7 +198,7 @@ impl Commands {
         self.streaming_wanted = streaming;
     }
 
-    /// Sets the rate of the packed code. [`Self::next_command`] then gives the command to set it.
+    /// Sets the rate of the packed code. [`Self::next_command`] then returns the command.
     pub(crate) fn set_rate(&mut self, rate: u8) {
         self.rate = Some(rate);
         self.answered_rate = None;
@@ -237,13 +237,13 @@ impl Commands {
         self.answered_filters = None;
     }
 
-    /// Asks for the impedance of the electrodes; [`Self::next_command`] returns the command while the
-    /// device streams.
+    /// Asks for the impedance of the electrodes. While the device streams, [`Self::next_command`]
+    /// then returns the command.
     pub(crate) fn measure_impedance(&mut self) {
         self.impedance = ImpedanceState::Due;
     }
 
-    /// Asks for events as the only stream, beside which every device measures.
+    /// Asks for events as the only stream, beside which every device can measure impedance.
     pub(crate) fn stream_events_alone(&mut self) {
         self.streams = WantedStreams::alone(Streams::EVENTS);
     }
@@ -268,43 +268,43 @@ impl Commands {
         self.known_exclusion = policy;
     }
 
-    /// Gives the device this model before it streams.
+    /// Starts to upload this model. The device streams only when the upload has ended.
     pub(crate) fn start_upload(&mut self, upload: Upload) {
         self.upload = UploadState::Underway(Uploading::new(upload));
     }
 
-    /// Records that the device needs no model, because it has it or cannot be given it.
+    /// Records that no upload is due, because the device has the model or cannot accept it.
     pub(crate) fn end_upload(&mut self) {
         if !self.refuses_upload() {
             self.upload = UploadState::NotDue;
         }
     }
 
-    /// Returns whether the device has refused the model since it started.
+    /// Returns whether the device has refused the model since its last restart.
     pub(crate) fn refuses_upload(&self) -> bool {
         matches!(self.upload, UploadState::Refused)
     }
 
-    /// Asks the device whether it takes a packed model, and also a linear code if `with_linear`,
+    /// Asks the device whether it accepts a packed model, and also a linear code if `with_linear`,
     /// and starts it only if it does.
     pub(crate) fn require_slot(&mut self, with_linear: bool) {
         self.slot = SlotState::Unknown;
         self.asked_bytes = if with_linear { u32::MAX } else { 0 };
     }
 
-    /// Returns whether the device has answered that it takes no such model.
+    /// Returns whether the device has answered that it accepts no such model.
     pub(crate) fn lacks_slot(&self) -> bool {
         self.slot == SlotState::Missing
     }
 
-    /// Records what the device has of an announced model.
+    /// Records how much of the announced model the device reports to have.
     pub(crate) fn model_received(&mut self, received: ModelReceived) {
         if let UploadState::Underway(uploading) = &mut self.upload {
             uploading.record(received);
         }
     }
 
-    /// Returns the part of the model that the device has, percent, while it is uploaded.
+    /// Returns the uploaded part of the model, percent; `None` if no upload is under way.
     pub(crate) fn upload_percent(&self) -> Option<u64> {
         match &self.upload {
             UploadState::Underway(uploading) => Some(uploading.percent()),
@@ -410,9 +410,9 @@ impl Commands {
         self.streaming_wanted && self.device != Introduction::Unusable
     }
 
-    /// Returns whether the device's codes can be published. This needs that the device has
-    /// introduced itself since the port was opened, that this bridge started its stream, and that
-    /// the device waits for no other model.
+    /// Returns whether the device's codes can be published. The device must have introduced itself
+    /// since the port was opened, this bridge must have started its stream, and no upload may be
+    /// under way.
     pub(crate) fn accepts_codes(&self) -> bool {
         let waits = matches!(self.upload, UploadState::Underway(_));
         self.device == Introduction::Usable && self.owns_stream && !waits
@@ -490,8 +490,8 @@ impl Commands {
             (true, _) if let UploadState::Underway(uploading) = &self.upload => {
                 Some(uploading.command())
             }
-            // Every device refuses an empty model, and the largest, and keeps its own; the reason
-            // of the refusal tells whether it has a slot, and takes more than a packed model.
+            // Every device refuses a model of this size and keeps its own. The reason shows whether
+            // it has a slot and, for the largest size, takes a linear code.
             (true, _) if self.slot == SlotState::Unknown => {
                 Some(ToDevice::ModelBegin(ModelBegin {
                     bytes: self.asked_bytes,
@@ -516,7 +516,7 @@ impl Commands {
             (false, StreamState::Stopped) if let Some(command) = self.self_test.command() => {
                 Some(command)
             }
-            // After `Start`, so that codes go on where they cannot stream beside the measurement.
+            // Ask after `Start`: if a device cannot do both, it then refuses the measurement.
             (true, StreamState::Running) if self.impedance == ImpedanceState::Due => {
                 Some(ToDevice::SetImpedance { on: true })
             }
@@ -534,7 +534,7 @@ impl Commands {
         }
     }
 
-    /// Returns the rate of the packed code, if the device must be set to it now.
+    /// Returns the rate of the packed code, if it must be set on the device now.
     fn due_rate(&self) -> Option<u8> {
         let has_packed = self.streams.asked().contains(Streams::PACKED);
         let is_due = |rate: &u8| {
@@ -543,7 +543,7 @@ impl Commands {
         self.rate.filter(is_due)
     }
 
-    /// Returns the filters of the features, if the device must be given them now.
+    /// Returns the filters of the features, if they must be sent to the device now.
     fn due_filters(&self) -> Option<FeatureFilters<'static>> {
         let is_asked = self.streams.asked().contains(Streams::FEATURES);
         let is_due = |filters: &FeatureFilters| self.answered_filters != Some(filters.id);
@@ -676,7 +676,7 @@ impl Commands {
         match result {
             AckResult::Done => {
                 self.pending = None;
-                // The introduction that the device sends on its own may be lost.
+                // Ask for an introduction: the one that the device sends unasked may be lost.
                 if command == ToDevice::ModelEnd {
                     self.device = Introduction::Missing;
                 }

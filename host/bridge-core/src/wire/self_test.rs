@@ -4,15 +4,15 @@ use link::{AckResult, ToDevice};
 
 use crate::query::refusal_of_self_test;
 
-/// Longest time until the result arrives, microseconds.
+/// Time limit for the result, microseconds.
 const TIMEOUT_US: i64 = 15_000_000;
 
-/// How far a self-test has come. Its result is not a part of it.
+/// Progress of a self-test. The session stores the result.
 #[derive(Clone, Debug, Default)]
 pub(crate) enum SelfTestState {
     #[default]
     NotWanted,
-    /// The device is told, for the first time at the host time `since_us`, microseconds.
+    /// The command must be sent, since the host time `since_us`, microseconds.
     Due { since_us: Option<i64> },
     /// The device tests its converters.
     Running { since_us: i64 },
@@ -21,7 +21,7 @@ pub(crate) enum SelfTestState {
 }
 
 impl SelfTestState {
-    /// Returns the command that is due.
+    /// Returns the self-test command if it must be sent.
     pub(crate) fn command(&self) -> Option<ToDevice<'static>> {
         matches!(self, SelfTestState::Due { .. }).then_some(ToDevice::SelfTest)
     }
@@ -34,7 +34,7 @@ impl SelfTestState {
         )
     }
 
-    /// Records the time, after which the result may be overdue.
+    /// Ends the self-test as failed if its result is overdue at `now_us`.
     pub(crate) fn tick(&mut self, now_us: i64) {
         let since_us = match self {
             SelfTestState::Due { since_us } => *since_us.get_or_insert(now_us),
@@ -51,13 +51,13 @@ impl SelfTestState {
     /// Records the acknowledgement of the command.
     pub(crate) fn acknowledge(&mut self, result: AckResult, now_us: i64) {
         *self = match result {
-            // A busy device is at it: the acknowledgement of an earlier command was lost.
+            // A busy device is already testing: the acknowledgement of an earlier command was lost.
             AckResult::Done | AckResult::Busy => SelfTestState::Running { since_us: now_us },
             result => SelfTestState::Failed(refusal_of_self_test(result)),
         };
     }
 
-    /// Records that the device has restarted or left.
+    /// Ends a running self-test as failed for the reason `why`, such as a restart of the device.
     pub(crate) fn interrupt(&mut self, why: &str) {
         if self.is_underway() {
             *self = SelfTestState::Failed(format!("{why} during its self-test; try again"));

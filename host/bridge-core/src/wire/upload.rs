@@ -6,7 +6,7 @@ use link::{
     AckResult, MAX_CHUNK_BYTES, ModelBegin, ModelChunk, ModelReceived, ToDevice, model_crc,
 };
 
-/// Number of uploads that a device may find unsound before the bridge gives up.
+/// Number of uploads that a device may reject as unsound before the bridge gives up.
 const ATTEMPTS: u32 = 3;
 
 /// A model that the device is to use in place of its built-in model.
@@ -67,7 +67,7 @@ impl Uploading {
         }
     }
 
-    /// Returns `command`; a chunk gets its bytes of the model.
+    /// Returns `command`, completed with bytes of the model if it is a chunk.
     pub(crate) fn with_bytes<'u>(&'u self, command: ToDevice<'u>) -> ToDevice<'u> {
         let ToDevice::ModelChunk(ModelChunk { offset, .. }) = command else {
             return command;
@@ -80,8 +80,8 @@ impl Uploading {
         ToDevice::ModelChunk(ModelChunk { offset, bytes })
     }
 
-    /// Records what the device reports to have. If it reports no upload of this model, it has
-    /// restarted or another program has announced another model, and the upload begins again.
+    /// Records how much of the model the device reports to have. If it reports another model or
+    /// none, it has restarted or serves another program: the upload begins again.
     pub(crate) fn record(&mut self, received: ModelReceived) {
         self.received = (received.crc == self.upload.begin.crc).then_some(received.bytes);
     }
@@ -90,13 +90,13 @@ impl Uploading {
     /// upload has failed for good.
     pub(crate) fn handle_refusal(&mut self, command: &ToDevice, result: AckResult) -> bool {
         match (command, result) {
-            // The chunks arrived intact, but not as one model: two programs have sent some.
+            // All chunks arrived intact but are not this model: another program has sent some.
             (_, AckResult::Failed) => {
                 self.received = None;
                 self.failures += 1;
                 self.failures >= ATTEMPTS
             }
-            // The device knows no announcement: it has restarted, or another program has made one.
+            // The device has forgotten the announcement: it restarted, or another program made one.
             (ToDevice::ModelChunk(_) | ToDevice::ModelEnd, AckResult::BadArgument) => {
                 self.received = None;
                 false

@@ -67,9 +67,9 @@ impl WantedStreams {
 }
 
 /// Returns the sets of streams to ask the device for, best first: each choice of encoders with each
-/// choice of samples, and the same without features, which older firmware lacks. Then codes alone,
-/// because firmware before 0.2 has no other stream. Last come packed blocks in place of codes, for a
-/// device without the network.
+/// choice of samples, and the same sets without features, which older firmware lacks. Then codes
+/// alone, because firmware before 0.2 has no other stream. Last come packed blocks in place of
+/// codes, for a device without the network.
 fn choices(wanted: Streams) -> Vec<Streams> {
     let without_features = with_codes(wanted.without(Streams::FEATURES));
     let both = [wanted, without_features];

@@ -22,7 +22,7 @@ pub(crate) fn command(command: &ToDevice) -> &'static str {
     }
 }
 
-/// Returns why a device refused a command, as a clause whose subject is the device.
+/// Returns why a device refused a command, as a clause such as "it is busy".
 pub(crate) fn reason(result: AckResult) -> String {
     match result {
         AckResult::Done => "done".to_owned(),
@@ -35,7 +35,7 @@ pub(crate) fn reason(result: AckResult) -> String {
     }
 }
 
-/// Returns an answer of the device: its reason if it refuses a command.
+/// Converts the device's answer to a command: a refusal becomes its reason, in words.
 pub(crate) fn answer(result: AckResult) -> Result<(), String> {
     match result {
         AckResult::Done => Ok(()),

@@ -71,7 +71,7 @@ pub(crate) struct Board {
     /// Electrodes whose signal the board reports as interpolated or zero.
     pub(crate) substitutes: Substitutes,
     pub(crate) code_format: CodeFormat,
-    /// Whether the board's model has a network. Without one, the board reports codes of 0 numbers.
+    /// Whether the board's model has a network. Without one, the board reports codes of 0 values.
     pub(crate) has_network: bool,
     pub(crate) code_scale: [f32; NUMBERS],
     /// Zero points of int8 codes. With the other formats, the board reports all of them as 0.
@@ -106,7 +106,8 @@ pub(crate) struct Board {
     pub(crate) slot: Option<(ModelBegin, Vec<u8>)>,
 }
 
-/// Length of the largest model that a board with a slot accepts, bytes: too short for a linear map.
+/// Size in bytes of the largest model that a board with a slot accepts: too small for a linear
+/// code.
 const LARGEST_MODEL: u32 = 10_000;
 
 /// Id of the model with which a board with a slot was built.

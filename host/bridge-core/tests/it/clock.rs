@@ -20,8 +20,8 @@ const SETTLED_S: f64 = 60.0;
 /// Largest drift of a device with a crystal, ppm.
 const CRYSTAL_PPM: f64 = 100.0;
 
-/// Drift at which the codes move so slowly against reads every 16 ms that only one code in minutes
-/// is read without delay, ppm.
+/// Drift, ppm, at which the codes move so slowly relative to reads every 16 ms that minutes pass
+/// until one is read without delay.
 const BEAT_PPM: f64 = -7.0;
 
 /// Conditions of a simulated run: rates of the clocks, reads, delays, stalls of the host.
@@ -41,9 +41,9 @@ struct Run {
     seconds: f64,
 }
 
-/// How a host reads: its name; the interval between reads, microseconds, where 0 reads each code
-/// when it arrives; and the largest delay of a code before that, microseconds. Most delays are less
-/// than a quarter of the largest.
+/// How a host reads: name; interval between reads, microseconds, or 0 if each code is read when it
+/// arrives; largest delay of a code before its arrival, microseconds. Most delays are less than a
+/// quarter of the largest.
 type Reads = (&'static str, f64, f64);
 
 const AT_ARRIVAL: Reads = ("at arrival", 0.0, 4_000.0);
@@ -119,7 +119,7 @@ impl Run {
         errors
     }
 
-    /// Prints the errors, and checks the errors after the first minute.
+    /// Prints the largest errors of the first minute, and checks all errors.
     fn check(&self) {
         let errors = self.errors();
         let early = [(0.5, 2.0), (2.0, 15.0), (15.0, SETTLED_S)].map(|(from, until)| {
@@ -139,7 +139,7 @@ impl Run {
         self.check_settled(&errors, SETTLED_S);
     }
 
-    /// Checks 99 % of the errors after `from_s` seconds, and the largest.
+    /// Checks the 99th percentile and the maximum of the errors after `from_s` seconds.
     fn check_settled(&self, errors: &Errors, from_s: f64) {
         let settled = errors.iter().filter(|(t, _)| *t > from_s);
         let mut sizes: Vec<f64> = settled.map(|(_, error)| error.abs()).collect();
@@ -150,7 +150,7 @@ impl Run {
             self.ppm, self.changes, self.reads.0, self.stalls
         );
         println!("{measured}");
-        // Late bunches, and changes of rate that USB frames blur, make the stamps less exact.
+        // Stamps are less exact if bunches are late, or if USB frames blur a change of rate.
         let [most_p99, most] = match self.reads {
             AT_ARRIVAL => [500.0, 1_000.0],
             LATE_BUNCHES => [750.0, 1_250.0],

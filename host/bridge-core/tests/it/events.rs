@@ -48,7 +48,7 @@ fn an_edge_becomes_an_event_at_its_own_time() {
         fall.header.stamp.nanoseconds() - rise.header.stamp.nanoseconds(),
         5_000_000
     );
-    // Their places have the device's own times.
+    // The places of the events have the device times of the edges.
     let times = [happened, happened + 5_000].map(Some);
     let places = harness.recorder.places.iter();
     assert!(places.map(|place| place.device_us).eq(times));

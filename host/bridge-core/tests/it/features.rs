@@ -1,4 +1,4 @@
-//! Predictions from the device's features: what the device is given, and what is published.
+//! Predictions from the device's features: what the device receives, and what is published.
 
 use artifact::classifier::{
     Band, Class, Classifier, ClassifierTraining, DecisionRule, SpatialFilter,

@@ -47,7 +47,7 @@ fn a_measurement_alone_streams_nothing_but_events() {
     harness.exchange();
     assert_eq!(harness.board.streams, Streams::EVENTS);
     assert_eq!(asked(&harness), 1);
-    // The device runs, although it makes neither codes nor blocks. A new start would begin the
+    // The device streams, although it sends neither codes nor blocks. A new start would begin the
     // measurement again.
     for _ in 0..20 {
         harness.now_us += 1_000_000;

@@ -104,8 +104,8 @@ fn connected(code_format: CodeFormat) -> Harness {
     Harness::connected(SETTINGS, board)
 }
 
-/// Sends a code from a board whose code scale is 0.5. Returns the value in the frame on `/encoded`,
-/// which is the same at all places, and the announced range.
+/// Sends a code from a board whose code scale is 0.5. Returns the value that fills the frame on
+/// `/encoded`, and the announced range.
 fn published(values: &CodeValues) -> (f32, Vec<f64>) {
     let mut harness = connected(values.format());
     harness.code_of(values);

@@ -42,7 +42,7 @@ pub(crate) fn flags(frames: &[NeuroFrame]) -> Vec<u16> {
 /// For each block of a run: its signals, and the previous block's signals corrected by this block.
 type Decoded = (Vec<Vec<f32>>, Vec<Option<Vec<f32>>>);
 
-/// Decodes a run with its own decoder. `received` gives the blocks' indices, `None` for lost ones.
+/// Decodes a run with a new decoder. `received` holds the blocks' indices, `None` for lost ones.
 pub(crate) fn decode(received: impl Iterator<Item = Option<u32>>) -> Decoded {
     let mut decoder = PackedDecoder::new(model().packed().unwrap());
     let rate = Rate::new(4).unwrap();

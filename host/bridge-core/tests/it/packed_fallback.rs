@@ -35,7 +35,7 @@ fn harness(supported: Streams, low_latency: bool) -> Harness {
     Harness::connected(settings, board)
 }
 
-/// Returns from what the announced signals are decoded, as `/acquisition/get_info` states it.
+/// Returns what the announced signals are decoded from, as `/acquisition/get_info` states it.
 fn origin(announced: &Announcement) -> &str {
     let info = announced.info.as_ref().unwrap();
     &info.frame().eeg.info.transducter
@@ -61,8 +61,8 @@ fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
     // four steps (31.25 ms), plus 1.5 steps.
     let rest_us = 10_000 - 31_250 + 11_718;
     for (supported, low_latency, steps_us) in [
-        // A frame is complete 15 steps after its first step if it is decoded from codes, and 7
-        // steps after it if it is decoded from blocks; with low latency, 3 steps after it.
+        // Number of steps from a frame's first step until the frame is complete: 15 if it is
+        // decoded from codes, 7 if from blocks, 3 with low latency.
         (NETWORK, false, 117_187),
         (Streams::ALL, false, 54_687),
         (NETWORK, true, 23_437),

@@ -81,7 +81,7 @@ fn steps_that_no_window_contains_are_filled_and_flagged() {
 
 #[test]
 fn a_frame_carries_the_flags_of_both_its_windows_and_that_of_a_missing_one() {
-    // A frame decoded from one window alone has the flag `HEALING`, for a larger error.
+    // A frame decoded from one window alone has the flag `HEALING`: its error is larger.
     let alone = i32::from(Flags::HEALING.bits());
     // Whether the code arrives, window, flags of the window, flags of the frame.
     let cases = [
@@ -113,8 +113,8 @@ fn a_frame_carries_the_flags_of_both_its_windows_and_that_of_a_missing_one() {
     }
 }
 
-/// The tests of `artifact::reconstruction` state which values are right: averages of windows, the
-/// newest steps with low latency, limited to full scale, and no values of another stream.
+/// Which values are right is tested in `artifact::reconstruction`: averages of windows, the newest
+/// steps with low latency, limited to full scale, and no values of another stream.
 #[test]
 fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
     let artifact =

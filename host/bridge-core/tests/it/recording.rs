@@ -356,7 +356,7 @@ fn largest_errors(settings: Settings, ppm: [f64; 2], seconds: f64, loss: f64) ->
                 *most = most.max(((row_at_s - edge_s) / row_s).abs());
             }
         }
-        // Left out: a lost code shares its reconstructed rows with the codes around it.
+        // Check no gaps among reconstructed rows, which a lost code shares with its neighbours.
         if settings.announced != AnnouncedStream::Reconstructed {
             let is_filler = |row: i64| recording.rows[row as usize].is_none();
             let end = recording.rows.len();

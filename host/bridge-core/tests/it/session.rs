@@ -82,7 +82,7 @@ fn a_thousand_outages_are_counted_exactly_and_filled() {
         received += 1;
         lost += missing;
     }
-    // After the first commands of a bridge, its own stream is not stopped.
+    // After the bridge's first commands, a reconnection does not stop its own stream.
     let mut sent = commands(&harness);
     sent.retain(|name| *name != "sync time");
     assert!(

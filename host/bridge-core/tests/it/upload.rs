@@ -1,4 +1,4 @@
-//! A packed model is given to the device before it streams.
+//! Upload of a packed model to the device before it streams.
 
 use bridge_core::{Settings, Upload};
 use link::{ModelBegin, Streams};
@@ -18,7 +18,7 @@ fn content() -> Vec<u8> {
         .collect()
 }
 
-/// Creates a harness whose core has a model for the board, and is not connected yet.
+/// Creates a harness, not connected yet, whose core has a model to upload to the board.
 fn uploading(board: Board) -> Harness {
     uploading_with(PACKED, board)
 }
@@ -30,7 +30,7 @@ fn uploading_with(settings: Settings, board: Board) -> Harness {
     harness
 }
 
-/// Returns what the board has received of the model.
+/// Returns the bytes of the model that the board has received.
 fn uploaded(harness: &Harness) -> &[u8] {
     &harness.board.slot.as_ref().unwrap().1
 }
@@ -141,8 +141,8 @@ fn a_device_without_a_slot_is_used_as_it_is_and_the_reason_is_reported() {
     assert!(objection.contains("6275696c7420696e"), "{objection}");
 }
 
-/// Exchanges bytes until the board streams. Its memory loses a bit of each model that it is sent,
-/// so it refuses the model three times.
+/// Exchanges bytes until the board streams. The board's memory corrupts a bit of each model that it
+/// receives, so the board refuses the model three times.
 fn refuse(harness: &mut Harness) {
     harness.board.received.clear();
     while !harness.board.streaming {

@@ -37,8 +37,8 @@ use crate::error::BridgeError;
 use crate::realtime;
 use crate::wire::connection::{Connection, Event, Feed};
 
-/// Timeout of the wait for queued JSON lines after the end of a recording, while no user waits for
-/// the program.
+/// Time limit for writing queued JSON lines after the device has disconnected. It is long, because
+/// no user waits for the program then.
 const END_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Configuration of a program that publishes the streams of a device.
@@ -48,8 +48,8 @@ pub struct Publication {
     pub settings: Settings,
     /// Folder of the model with which codes are decoded; `None` for the built-in model.
     pub model: Option<PathBuf>,
-    /// Folder of the model whose packed code the device is given, and with which codes are decoded
-    /// in place of `model`; `None` to use the device as it is.
+    /// Folder of a model to upload to the device, which also decodes codes in place of `model`;
+    /// `None` to upload nothing.
     pub upload_model: Option<PathBuf>,
     /// Options of the ROS node, such as its name and the address of its master.
     pub ros: NodeOptions,
@@ -58,12 +58,12 @@ pub struct Publication {
     pub topic_prefix: String,
     /// Name of the service that tells recorders and other subscribers the shape and rate of frames.
     pub get_info: &'static str,
-    /// What the user decides about the exclusion of bad electrodes.
+    /// Electrodes that the user excludes, and whether the device excludes bad ones by itself.
     pub exclusions: Exclusions,
-    /// Resistance in series with each electrode on the board, ohms, if the device is to measure the
-    /// impedance of the electrodes; `None` if it is not.
+    /// Resistance on the board in series with each electrode, in ohms, if the device shall measure
+    /// the electrodes' impedance; `None` if it shall not.
     pub impedance: Option<u32>,
-    /// What decides from the device's features; `None` without a classifier.
+    /// Classifier that decides from the device's features, and the topic of its predictions.
     pub classifying: Option<Classifying>,
     /// Whether the program ends when a device that has sent frames disconnects.
     pub exit_at_end: bool,
@@ -74,7 +74,7 @@ pub struct Publication {
 }
 
 impl Publication {
-    /// Reads the model with which codes are decoded, and what of it the device is given.
+    /// Reads the model that decodes codes. Also returns the bytes to upload to the device, if any.
     fn model(&self) -> Result<(Arc<Model>, Option<Upload>), BridgeError> {
         let Some(folder) = &self.upload_model else {
             let model = Model::read(self.model.as_deref());
@@ -100,7 +100,7 @@ impl Publication {
     /// # Errors
     ///
     /// [`BridgeError::AnnouncedNotStreamed`] if the announced stream is not among the streams, and
-    /// [`BridgeError::NoClassifier`] if features are, but nothing decides from them.
+    /// [`BridgeError::NoClassifier`] if features are streamed without a classifier.
     fn settings(&self, model: &Model) -> Result<Settings, BridgeError> {
         let settings = self.settings;
         // Features alone have no frames, and so no stream to announce.
@@ -119,7 +119,7 @@ impl Publication {
         })
     }
 
-    /// Returns the core that streams, with everything that the user has decided.
+    /// Returns the core with the user's exclusions, impedance measurement, upload and classifier.
     fn core(&self, settings: Settings, model: &Arc<Model>, upload: Option<Upload>) -> Core {
         let mut core = Core::new(settings, Some(Arc::clone(model)));
         core.set_exclusions(self.exclusions.clone());
@@ -180,7 +180,7 @@ impl Publication {
         self.stream(run, feed, parts).await
     }
 
-    /// Reads the model, and gets ready for signals and commands.
+    /// Reads the model, and creates the handlers of Unix signals and the channels of commands.
     fn prepare(&mut self) -> Result<Run, BridgeError> {
         let shutdown = Shutdown::new()?;
         let (model, upload) = self.model()?;
@@ -272,7 +272,7 @@ impl Publication {
         if let Some(ros) = ros {
             ros.shutdown().await;
         }
-        // A sink reports only that the thread which writes has ended; `written` holds the reason.
+        // A sink reports only that the writing thread has ended; `written` holds the reason.
         let outcome = match outcome {
             Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => {
                 written.map_err(BridgeError::Sink)
@@ -297,18 +297,18 @@ struct Parts {
     lsl: Option<Lsl>,
 }
 
-/// What a run of the program has before its outlets.
+/// Everything that a run needs before its outlets start.
 struct Run {
     shutdown: Shutdown,
     model: Arc<Model>,
     upload: Option<Upload>,
     namespace: Namespace,
     settings: Settings,
-    /// Kept here so that the channel stays open without ROS.
+    /// Keeps the channel of `commands` open in a run without ROS.
     command_sender: mpsc::UnboundedSender<NodeCommand>,
     commands: mpsc::UnboundedReceiver<NodeCommand>,
     page: PageCommands,
-    /// Channel to what serves `get_info`.
+    /// Channel to the service `get_info`, which returns the newest value to recorders.
     announcements: watch::Sender<Option<AcquisitionInfo>>,
 }
 
@@ -336,8 +336,8 @@ impl fmt::Display for FinalCounts {
     }
 }
 
-/// Asks for real-time scheduling of this thread, if `realtime` is set, and logs the answer. The
-/// decoder's thread, which has started before, keeps its ordinary priority.
+/// Asks the operating system for real-time scheduling of this thread, if `realtime` is set, and
+/// logs whether it is granted. The decoder's thread, started earlier, keeps its ordinary priority.
 fn schedule(realtime: bool) {
     if !realtime {
         return;
@@ -442,7 +442,7 @@ impl LivePage {
         LivePage { program, options }
     }
 
-    /// Starts the page, whose commands go to the bridge, and prints its address.
+    /// Starts the page, passes its commands to the bridge, and prints its address.
     fn start(self, run: &Run) -> Result<Arc<View>, BridgeError> {
         let address = self.options.view_address;
         let commands = run.page.sender();
@@ -450,7 +450,7 @@ impl LivePage {
             commands.send(command, reply);
         });
         let view = view.map_err(|error| BridgeError::ViewAddress(address, error))?;
-        // Not in the log, which goes to `/rosout` too, because the address can hold the token.
+        // Keep the address out of the log, which also goes to `/rosout`: it can hold the token.
         new_file::message!("{}: live page at {}", self.program, view.url());
         if self.options.open_browser
             && let Err(error) = browser::open(view.url())
@@ -502,7 +502,7 @@ impl<F: Feed> Bridge<F> {
         let has_ended = self.has_ended;
         let mut summary = self.driver.core.summary();
         let outlets = self.outlets;
-        // Waits in another thread, because the tasks that write the sockets need this one.
+        // Wait for the decoder in another thread: the tasks that write the sockets need this one.
         let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
         let (decoder, outlets) = finished.unwrap_or_default();
         summary.decoder = decoder;
@@ -513,7 +513,7 @@ impl<F: Feed> Bridge<F> {
         let mut until_report = Core::TICKS_PER_REPORT;
         let mut failure = None;
         loop {
-            // Checked at every tick.
+            // Pause reading the port while the decoder lags behind a fast replay.
             let paused = self.outlets.must_pause();
             tokio::select! {
                 event = self.driver.next(&mut self.outlets, paused) => match event? {

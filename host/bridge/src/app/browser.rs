@@ -8,12 +8,12 @@ use std::time::Duration;
 
 use tempfile::NamedTempFile;
 
-/// Time after which a browser has read the file that leads it to the page.
+/// Time after which the temporary file is deleted. By then, the browser has read it.
 const READ_AFTER: Duration = Duration::from_secs(30);
 
-/// Opens `url` in the browser of the desktop, with `xdg-open`. The address, which can hold the
-/// page's token, is not on a command line, which other users can read, but in a file that only this
-/// user can read.
+/// Opens `url` in the browser of the desktop, with `xdg-open`. The address can hold the page's
+/// token, and other users can read command lines, so `xdg-open` gets the path of a file that only
+/// this user can read.
 ///
 /// # Errors
 ///
@@ -35,7 +35,7 @@ pub(crate) fn open(url: &str) -> io::Result<()> {
     Ok(())
 }
 
-/// Returns a page that leads to `url`.
+/// Creates a temporary HTML file that redirects the browser to `url`.
 fn redirection(url: &str) -> io::Result<NamedTempFile> {
     let mut file = tempfile::Builder::new()
         .prefix("corticode-")

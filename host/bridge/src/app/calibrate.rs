@@ -35,11 +35,11 @@ use crate::error::BridgeError;
 use crate::subject_models::{NewModel, SubjectModels};
 use crate::wire::connection::Connection;
 
-/// Longest wait until the device has answered the upload. An upload takes up to 3 s at 921,600
-/// baud, and lost frames are sent again after 0.5 s.
+/// Time limit for an upload and the device's answer. An upload takes up to 3 s at 921,600 baud, and
+/// lost frames are sent again after 0.5 s.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(30);
-/// Number of codes or packed blocks, 5 s of them, after which a device that has sent no filtered
-/// steps counts as refusing them.
+/// Number of codes or packed blocks (5 s of them). A device that has sent this many, but no
+/// filtered steps, is taken to refuse filtered steps.
 const HOPS_WITHOUT_STEPS: u64 = 80;
 /// Interval at which the user is shown the quality of the signal.
 const SHOW_INTERVAL: Duration = Duration::from_secs(1);
@@ -50,23 +50,23 @@ const RATES: [usize; 7] = [0, 2, 3, 4, 5, 6, 8];
 #[derive(Debug)]
 pub(super) struct Calibrated {
     personal: PersonalModel,
-    /// Errors (PRD) on the last quarter of the signal, of the person's code and of the other
-    /// model's code; `None` without a linear code.
+    /// Errors (PRD, percent root-mean-square difference) on the last quarter of the signal: of the
+    /// person's linear code, and of the base model's code. `None` if no linear code was fitted.
     code_errors: Option<[f64; 2]>,
     id: ModelId,
     other: ModelId,
     folder: PathBuf,
-    /// Options with which the bridge uses the model.
+    /// Command-line options that make the bridge use the model.
     usage: String,
 }
 
-/// Fits a model to the person whom `options` name, and writes it. Gives it to the device, unless
-/// recordings were used.
+/// Fits a model to the person whom `options` name, and writes it to a folder. Also uploads it to
+/// the device, unless recordings were used.
 ///
 /// # Errors
 ///
 /// [`BridgeError`] if there is too little good signal, the device or a file cannot be used, or the
-/// user interrupts; then nothing is written. If only the upload fails, the written model is kept.
+/// user interrupts. The model is then not written, unless only its upload has failed.
 pub(super) async fn calibrate(options: CalibrateOptions) -> Result<Calibrated, BridgeError> {
     let mut shutdown = Shutdown::new()?;
     let base = Model::artifact(options.model.as_deref()).map_err(BridgeError::Model)?;
@@ -232,8 +232,8 @@ async fn listen(
     let mut display = Display::new(&base.description, wanted);
     let mut shown = Instant::now();
     let mut signal = GoodSignal::default();
-    // Judge in another thread: judging the whole signal takes longer and longer, and meanwhile the
-    // port must be read.
+    // Judge the signal in another thread: the port must be read meanwhile, and judging takes longer
+    // as the signal grows.
     let mut judging: Option<Receiver<GoodSignal>> = None;
     let mut judged = 0;
     let ended = run(&mut driver, &mut port, shutdown, |core, port| {
@@ -291,7 +291,7 @@ async fn listen(
     ended.map(|()| signal)
 }
 
-/// Uploads the model to the device, which uses it until the device restarts.
+/// Uploads the model to the device, which uses it until its next restart.
 async fn give(
     at: &PortOptions,
     artifact: &Artifact,
@@ -422,7 +422,7 @@ fn network_card(
     }
 }
 
-/// Returns in words, for an error message, which electrodes were bad; empty if none was.
+/// Returns the part of an error message that lists the bad electrodes; empty if none was bad.
 fn bad_words(signal: &GoodSignal, labels: &[String]) -> String {
     let bad = signal.bad_seconds.iter().zip(labels);
     let bad = bad.filter(|(seconds, _)| **seconds > 0);
@@ -448,8 +448,8 @@ fn warn_about_bad(signal: &GoodSignal, labels: &[String]) {
 }
 
 impl Calibrated {
-    /// Warns if the person's model has a larger error than the other model. Does not compare the
-    /// packed error of a weighted model, which is larger by intention.
+    /// Warns if the person's model has a larger error than the base model. Does not compare the
+    /// packed errors of a weighted model: the weights raise its unweighted error on purpose.
     fn warn_if_worse(&self) {
         let is_weighted = self.personal.model.description.weight.is_some();
         let rate = usize::from(self.personal.model.description.rate);

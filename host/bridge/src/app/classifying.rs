@@ -51,7 +51,7 @@ pub struct Classifying {
 }
 
 impl ClassifierOptions {
-    /// Returns `streams` with the stream of features, if there is a classifier.
+    /// Returns `streams`, with the stream of features added if the user names a classifier.
     pub fn streams(&self, streams: Streams) -> Streams {
         if self.classifier.is_some() {
             streams | Streams::FEATURES

@@ -31,7 +31,7 @@ use crate::realtime::RealtimeOption;
 use crate::subject_models::{SubjectModels, subject_name};
 use crate::wire::port::PortAddress;
 
-/// Identifier and name of the option that names the configuration file.
+/// Identifier and long name of the option `--config`, which names the configuration file.
 pub(crate) const CONFIG: &str = "config";
 
 /// Headings under which `--help` groups the options.
@@ -105,8 +105,8 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    /// Returns the names of the private parameters that set options. The address of the ROS master
-    /// is not among them, because the parameters are read from that master.
+    /// Returns the names of the node's private ROS parameters that set options. `ros_master_uri` is
+    /// not among them, because the parameters are read from that master.
     pub(crate) fn parameter_names() -> Vec<String> {
         let command = Options::command();
         let options = command.get_arguments();
@@ -152,11 +152,11 @@ pub struct PersonOptions {
 }
 
 impl PersonOptions {
-    /// Returns the folder of the person's model; `None` if the device is to keep its own.
+    /// Returns the folder of the person's model; `None` if the options name none.
     ///
     /// # Errors
     ///
-    /// [`BridgeError`] if no model was fitted to the subject, or their folders cannot be read.
+    /// [`BridgeError`] if no model was fitted to the subject, or the models' folder cannot be read.
     pub fn folder(self) -> Result<Option<PathBuf>, BridgeError> {
         let (None, Some(subject)) = (&self.upload_model, &self.subject) else {
             return Ok(self.upload_model);
@@ -192,7 +192,7 @@ pub struct ExclusionOptions {
 }
 
 impl ExclusionOptions {
-    /// Returns the decision that these options describe, for `bridge_core::Core`.
+    /// Returns the exclusions that these options describe, for `bridge_core::Core`.
     pub fn exclusions(&self) -> Exclusions {
         Exclusions {
             always: self.exclude.clone(),
@@ -216,14 +216,14 @@ pub(crate) struct ContactOptions {
 }
 
 impl ContactOptions {
-    /// Returns the resistance in series with each electrode, ohms, if impedances are wanted.
+    /// Returns the resistance in series with each electrode, ohms; `None` to measure no impedance.
     pub(crate) fn impedance(&self) -> Option<u32> {
         self.impedance.then_some(self.series_ohms)
     }
 }
 
-// What the program shall do, as the subcommand says. clap would show a doc comment here in place of
-// the description of `Options`.
+// The subcommand, which says what the program shall do. This is no doc comment, because clap would
+// show it in place of the description of `Options`.
 #[derive(Clone, Debug, Subcommand)]
 pub(crate) enum Task {
     // Stream until shutdown; the default without a subcommand.
@@ -367,14 +367,13 @@ impl Task {
     }
 }
 
-/// Returns the command line with all subcommands. Environment variables set to nothing set no
-/// option.
+/// Returns the command line with all subcommands. Empty environment variables set no option.
 pub(crate) fn command() -> Command {
     let command = all_options().mut_args(ignore_empty_variable);
     command.mut_subcommands(|subcommand| subcommand.mut_args(ignore_empty_variable))
 }
 
-/// Returns the option so that it ignores its environment variable if that is set to nothing.
+/// Returns `option`, without its environment variable if that variable is empty.
 pub fn ignore_empty_variable(option: Arg) -> Arg {
     let value = option.get_env().and_then(std::env::var_os);
     match value {
@@ -398,8 +397,8 @@ fn all_options() -> Command {
     })
 }
 
-/// Option that names the configuration file. The file is read before the other options are
-/// complete, so the structs of the options have no field for this one.
+/// Option that names the configuration file. It has no field in the structs of options, because the
+/// file is read before these are parsed.
 fn config_option() -> Arg {
     Arg::new(CONFIG)
         .long(CONFIG)
@@ -521,7 +520,7 @@ pub(crate) struct StreamOptions {
 }
 
 impl StreamOptions {
-    /// Logs a warning about an option that has no effect on the chosen streams.
+    /// Logs a warning if `--packed-rate` is set but has no effect on the chosen streams.
     pub(crate) fn warn_about_unused(&self) {
         if self.packed_rate.is_some() && !self.streams().contains(Streams::PACKED) {
             tracing::warn!(
@@ -530,7 +529,7 @@ impl StreamOptions {
         }
     }
 
-    /// Returns the streams to ask for; codes are among them unless packed blocks or features are
+    /// Returns the streams to ask for. They include codes, unless packed blocks or features are
     /// named.
     pub(crate) fn streams(&self) -> Streams {
         let asked = self.streams.iter();
@@ -675,8 +674,8 @@ pub struct ViewOptions {
 
 /// Options that are on or off.
 pub trait Switch {
-    /// Makes the option a switch: `--option` means `--option=true`, and without it, it is off. An
-    /// environment variable and a private parameter can also set it to `false`.
+    /// Makes the option a switch that is off by default: `--option` means `--option=true`. An
+    /// environment variable and a private ROS parameter can also set it to `false`.
     #[must_use]
     fn switch(self) -> Self;
 }

@@ -14,7 +14,7 @@ use crate::app::command_line::Options;
 use crate::app::parameters::to_flag;
 use crate::error::BridgeError;
 
-/// Path of the file below each folder for configuration, such as `~/.config`.
+/// Path of the configuration file relative to a configuration folder, such as `~/.config`.
 const NAME: &str = "corticode/bridge.toml";
 
 /// The options that a configuration file sets.
@@ -26,12 +26,12 @@ pub(crate) struct ConfigFile {
 }
 
 impl ConfigFile {
-    /// Reads the file `named`, or without a name the first one that exists in the folders for
-    /// configuration. `variable` returns the value of an environment variable.
+    /// Reads the file `named`; without a name, the first one that exists in the configuration
+    /// folders, if any. `variable` returns the value of an environment variable.
     ///
     /// # Errors
     ///
-    /// [`BridgeError::Config`] if the file cannot be read or has anything but options.
+    /// [`BridgeError::Config`] if the file cannot be read or contains anything but options.
     pub(crate) fn read(
         named: Option<&PathBuf>,
         variable: impl Fn(&str) -> Option<OsString>,
@@ -151,7 +151,7 @@ fn check(option: &Arg, argument: &str) -> Result<(), String> {
     let parsed = command.try_get_matches_from(["config", argument]);
     parsed.map(drop).map_err(|error| {
         let text = error.to_string();
-        // clap's message continues after an empty line with a hint at --help, which is left out.
+        // Leave out the end of clap's message, a hint at `--help` that follows an empty line.
         let lines = text.lines().take_while(|line| !line.is_empty());
         let lines: Vec<&str> = lines.map(str::trim).collect();
         let message = lines.join(" ");
@@ -198,7 +198,7 @@ pub enum ConfigError {
         /// Type that the option needs.
         expected: &'static str,
     },
-    /// An option cannot have the value that the file gives it.
+    /// An option does not accept its value in the file.
     #[error("line {line}: {key}: {message}")]
     Value {
         /// Number of the line in the file, from 1.

@@ -44,7 +44,7 @@ pub(crate) struct ConvertOptions {
     force: bool,
 }
 
-/// Converts a recording, with a progress bar for each pass if stderr is a terminal.
+/// Converts a recording, with a progress bar for each pass over the file if stderr is a terminal.
 ///
 /// # Errors
 ///

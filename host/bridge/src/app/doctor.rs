@@ -25,13 +25,13 @@ use crate::ports::system_root::{Likeness, SystemRoot};
 use crate::realtime;
 use crate::wire::port::{Port, PortAddress, Transfer};
 
-/// Longest wait for the device's introduction and for the answer of `timedatectl`.
+/// Time limit for the device to identify itself, and for `timedatectl` to answer.
 const TIMEOUT: Duration = Duration::from_secs(3);
 /// Time between two transmissions of `Identify` while the device has not introduced itself.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// Files that can hold the udev rule, below the root of the file system: the administrator's first,
-/// then those of packages.
+/// Paths of the udev rule, relative to the root of the file system: the administrator's file first,
+/// then the files that packages install.
 const RULE_FILES: [&str; 3] = [
     "etc/udev/rules.d/60-corticode.rules",
     "usr/lib/udev/rules.d/60-corticode.rules",
@@ -74,15 +74,15 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     let free = disk.map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize));
     checks.push(check_disk(free.ok()));
     if options.realtime.realtime {
-        // Ask in a separate thread, because a granted priority then ends with this thread.
+        // Ask in a separate thread: a priority that is granted ends with that thread.
         let granted = std::thread::spawn(realtime::request).join();
         checks.extend(granted.ok().map(check_realtime));
     }
     Report::new(checks)
 }
 
-/// Returns the place of the port, and its address if the port exists. `auto` stands for the port of
-/// the board.
+/// Returns what is known about the port, and its address if the port exists. `auto` is replaced by
+/// the path of the board's port.
 fn locate(address: &PortAddress, root: &SystemRoot) -> (PortPlace, Option<PortAddress>) {
     let path = match address {
         PortAddress::Tcp(_) => {
@@ -141,7 +141,7 @@ fn usb_port(path: &Path, root: &SystemRoot) -> UsbPort {
     }
 }
 
-/// Opens the port and asks the device to introduce itself, which leaves its streams as they are.
+/// Opens the port and asks the device to identify itself, which does not change its streams.
 async fn ask(address: &PortAddress, baud: u32) -> DeviceAnswer {
     let mut port = match Port::open(address, baud).await {
         Ok(port) => port,
@@ -246,7 +246,7 @@ async fn master_state(
     })
 }
 
-/// Returns whether NTP has set the clock; `None` if this machine cannot tell.
+/// Returns whether NTP has set the clock; `None` if `timedatectl` does not say.
 async fn clock_is_synchronised() -> Option<bool> {
     let output = tokio::task::spawn_blocking(|| {
         Command::new("timedatectl")

@@ -11,15 +11,15 @@ use crate::wire::connection::{Event, Feed};
 
 /// Time without a frame from the device after which the log reports the silence.
 const SILENCE: Duration = Duration::from_secs(5);
-/// Longest wait at the end until the device has stopped.
+/// Time limit for the device to stop when the program ends.
 pub(crate) const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Effects that a program carries out for its core. Bytes for the device go to a port.
+/// Effects of a core whose bytes for the device are written to a port.
 pub(crate) trait PortEffects: Effects {
     /// Returns the bytes for the device that the port has not accepted yet.
     fn outgoing(&mut self) -> &mut Vec<u8>;
 
-    /// Notes an event at the port before the core handles it, with the bytes that were read.
+    /// Receives each event of the port, with the bytes that were read, before the core handles it.
     fn note(&mut self, _event: Event, _bytes: &[u8], _at: HostTime) {}
 }
 
@@ -123,7 +123,7 @@ impl<F: Feed> Driver<F> {
         effects.outgoing().clear();
     }
 
-    /// Stops the device. [`Self::has_ended`] returns true when it has stopped, or does not answer.
+    /// Stops the device. [`Self::has_ended`] returns true once it has stopped, or after a timeout.
     pub(crate) fn end(&mut self, effects: &mut impl PortEffects) {
         self.core.set_streaming(false);
         self.core.tick(HostTime::now(), effects);
@@ -135,7 +135,7 @@ impl<F: Feed> Driver<F> {
         self.deadline.is_some()
     }
 
-    /// Returns whether the program need not wait for the device any longer.
+    /// Returns whether [`Self::end`] was called and the program need no longer wait for the device.
     pub(crate) fn has_ended(&self) -> bool {
         let is_done = !self.connection.is_open() || self.core.is_stopped();
         self.deadline

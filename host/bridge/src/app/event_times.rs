@@ -2,11 +2,11 @@
 
 use neuro_ros::{NeuroEvent, Sink, Stamp};
 
-/// Frame of an event whose stamp is a device time.
+/// `frame_id` of an event whose stamp is a device time.
 const DEVICE: &str = "device";
 
-/// Sink of events whose stamps are device times, which the page's samples have too. On the topic,
-/// the stamp is a time of day, moved to where a recorder places the event.
+/// Publishes events to the live page with device times as stamps, which the page's samples have
+/// too. Events on the ROS topic have times of day, moved to where a recorder places the event.
 pub(crate) struct EventTimes<S> {
     sink: S,
     event: NeuroEvent,
@@ -20,8 +20,8 @@ impl<S: Sink<NeuroEvent>> EventTimes<S> {
         }
     }
 
-    /// Publishes an event that happened at the device time `device_us`. If that is not known, the
-    /// event has no stamp, and another frame.
+    /// Publishes an event with the device time `device_us`, in microseconds. If that is `None`, the
+    /// stamp is zero and `frame_id` is empty.
     pub(crate) fn publish(&mut self, event: &NeuroEvent, device_us: Option<u64>) {
         if !self.sink.has_receivers() {
             return;
@@ -48,7 +48,7 @@ mod tests {
 
     use super::*;
 
-    /// Keeps all events.
+    /// Sink that collects all events.
     #[derive(Clone, Default)]
     struct All(Arc<Mutex<Vec<NeuroEvent>>>);
 

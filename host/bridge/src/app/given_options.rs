@@ -47,8 +47,8 @@ impl GivenOptions {
         })
     }
 
-    /// Returns whether the program is to stream to ROS: no subcommand, and ROS as one of the
-    /// outlets.
+    /// Returns whether the bridge shall stream to ROS: there is no subcommand, and ROS is an
+    /// outlet.
     pub(crate) fn is_ros_bridge(&self) -> bool {
         let sinks = || self.matches.get_many::<SinkKind>("sink");
         let has_ros = || sinks().is_none_or(|mut sinks| sinks.any(|sink| *sink == SinkKind::Ros));
@@ -84,8 +84,8 @@ impl GivenOptions {
         )
     }
 
-    /// Returns `arguments` with the options `others` inserted after the names of the program and of
-    /// the subcommand. At the end they could come after `--`, where only file names stand.
+    /// Returns `arguments` with the options `others` inserted after the names of the program and
+    /// the subcommand. At the end, they could follow `--`, after which only file names are allowed.
     pub(crate) fn extend(
         &self,
         arguments: &[String],

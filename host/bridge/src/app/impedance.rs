@@ -174,10 +174,10 @@ fn painted(report: &ImpedanceReport) -> String {
     })
 }
 
-/// Largest impedance that the picture shows, in kilohms; open electrodes are drawn with it.
+/// Largest impedance in the picture, in kilohms. Larger ones and open electrodes are drawn with it.
 const PICTURE_KOHM: f64 = 50.0;
 
-/// Draws the electrodes whose labels have a place in the 10-20 system.
+/// Draws the electrodes whose labels have a position in the 10-20 system.
 fn draw(report: &ImpedanceReport, mut file: NewFile) -> Result<(), BridgeError> {
     let places = report.electrodes.iter().filter_map(|one| {
         let Position { x, y, z } = Position::from_label(&one.electrode)?;

@@ -19,17 +19,17 @@ use crate::error::{BridgeError, causes};
 use crate::lock;
 use crate::wire::connection::Event;
 
-/// Form of the time in the name of a recording, in UTC, without characters that a file system or a
-/// shell takes amiss.
+/// Name of a recording, with the time in UTC. It contains no character that a file system rejects
+/// or a shell interprets.
 const NAME: &str = "corticode-%Y%m%dT%H%M%SZ";
-/// Number of recordings that can begin within a second.
+/// Largest number appended to the name when several recordings begin within a second.
 const MAX_NUMBER: u32 = 9;
-/// Longest wait for the disk when the bridge ends.
+/// Time limit for the disk to store the end of a recording when the bridge exits.
 const DISK_TIMEOUT: Duration = Duration::from_secs(10);
-/// Longest part of a frame that is kept until the rest arrives, bytes.
+/// Largest part of a frame, in bytes, that is stored until the rest arrives.
 const MAX_PARTIAL: usize = 4096;
 
-/// The recording in progress, if there is one, and what the next one must begin with.
+/// The recording in progress, if any, and the handshake and partial frame that begin the next one.
 ///
 /// Only the creation of a file waits for the disk. A thread writes the file, and what does not fit
 /// into its queue is lost and counted.
@@ -41,7 +41,7 @@ pub(crate) struct LiveRecording {
     partial: Vec<u8>,
     active: Option<Active>,
     ended: Outcome,
-    /// Disconnected when the end of the last recording is on the disk, or cannot be written.
+    /// Disconnected when the end of the last recording is on the disk or its writing has failed.
     ending: Option<Receiver<()>>,
     room: Arc<Room>,
 }
@@ -58,7 +58,7 @@ struct Active {
     lost_bytes: u64,
 }
 
-/// Free bytes of the disk, measured by a thread that may wait for it.
+/// Free space on the disk in bytes, measured in another thread because the disk can be slow.
 #[derive(Default)]
 struct Room {
     bytes: AtomicU64,
@@ -72,12 +72,12 @@ pub(crate) struct Ended {
     summary: String,
     lost_bytes: u64,
     outcome: Outcome,
-    /// Dropped when the disk has answered.
+    /// Dropped when the file is finished, which disconnects `LiveRecording::ending`.
     _ending: Sender<()>,
 }
 
 impl Ended {
-    /// Waits for the disk. Returns what to tell the user.
+    /// Waits for the disk. Returns the summary of the recording, or why its end was not written.
     pub(crate) fn finish(self) -> Result<String, String> {
         let finished = self.file.finish().map_err(|error| {
             let why = causes(&error);
@@ -103,7 +103,7 @@ impl Ended {
 }
 
 impl LiveRecording {
-    /// Recordings go to `folder`.
+    /// Creates a value without a recording. Recordings will be files in `folder`.
     pub(crate) fn new(folder: PathBuf, settings: Settings) -> LiveRecording {
         LiveRecording {
             folder,
@@ -117,7 +117,7 @@ impl LiveRecording {
         }
     }
 
-    /// Notes an event at the port, with the bytes that were read.
+    /// Handles an event of the port: records it, and tracks what begins the next recording.
     pub(crate) fn note(&mut self, event: Event, bytes: &[u8], at: HostTime) {
         match event {
             Event::Opened => {
@@ -143,7 +143,7 @@ impl LiveRecording {
         }
     }
 
-    /// Notes a command that is sent to the device.
+    /// Adds a command for the device to the recording in progress, and tracks it for the next one.
     pub(crate) fn sent(&mut self, frame: &[u8]) {
         self.handshake.sent(frame);
         if let Some(active) = &mut self.active {
@@ -151,7 +151,7 @@ impl LiveRecording {
         }
     }
 
-    /// Notes a frame from the device.
+    /// Tracks a frame from the device for the beginning of the next recording.
     pub(crate) fn received(&mut self, frame: &Frame<ToHost>) {
         self.handshake.received(frame);
     }
@@ -172,7 +172,7 @@ impl LiveRecording {
         self.handshake.begin(&mut recorder, now);
         recorder.received(&self.partial, now);
         tracing::info!("recording to {}", path.display());
-        // An earlier recording that still ends keeps its own.
+        // A new value, because an earlier recording may still write its outcome to the old one.
         self.ended = Outcome::default();
         self.active = Some(Active {
             recorder,
@@ -236,7 +236,7 @@ impl LiveRecording {
         }
     }
 
-    /// Records a marker. Returns whether the file takes it; `None` if nothing is being recorded.
+    /// Records a marker. Returns whether it fits into the file's queue; `None` without a recording.
     pub(crate) fn marker(&mut self, text: &str, at: HostTime) -> Option<bool> {
         let active = self.active.as_mut()?;
         let lost_bytes = active.lost_bytes;
@@ -250,8 +250,8 @@ impl LiveRecording {
         Some(true)
     }
 
-    /// Passes what was recorded to the thread that writes. If the disk takes no more, the recording
-    /// ends, and says why.
+    /// Passes the recorded bytes to the thread that writes the file. If the file cannot be written
+    /// any further, ends the recording and logs why.
     pub(crate) fn write(&mut self) {
         let Some(active) = &mut self.active else {
             return;
@@ -272,7 +272,7 @@ impl LiveRecording {
         *lock(&self.ended) = Some((DiagnosticLevel::Error, ended));
     }
 
-    /// Returns the status `recording`.
+    /// Returns the status `recording` for `/diagnostics`.
     pub(crate) fn status(&self) -> DiagnosticStatus {
         self.room.measure(&self.folder);
         let mut values = Vec::new();
@@ -308,7 +308,7 @@ impl LiveRecording {
 }
 
 impl Active {
-    /// Passes what was recorded on. Returns whether the file still takes bytes.
+    /// Queues the recorded bytes for the file. Returns whether the file still accepts bytes.
     fn write(&mut self) -> bool {
         let bytes = self.recorder.take();
         let count = bytes.len() as u64;

@@ -15,8 +15,8 @@ use tracing_subscriber::util::SubscriberInitExt;
 use crate::app::rosout::RosoutLayer;
 use crate::error::BridgeError;
 
-/// Levels of libraries that log what is no news to a user, such as each message that is dropped, or
-/// each writer that ends after its node.
+/// Log levels of the ROS 2 libraries. They log events that do not concern a user, such as each
+/// dropped message and each writer that ends after its node.
 const QUIET: &str = "rustdds=error,rustdds::dds::pubsub=off,ros2_client=off";
 
 /// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for
@@ -30,7 +30,7 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
     let chosen = std::env::var(EnvFilter::DEFAULT_ENV).ok();
     let chosen = chosen.filter(|chosen| EnvFilter::try_new(chosen).is_ok());
     let chosen = chosen.unwrap_or_else(|| level.to_owned());
-    // What the user has chosen for a library comes later, and counts.
+    // The user's choice comes last: of two levels for one library, the later one counts.
     let filter = EnvFilter::new(format!("{QUIET},{chosen}"));
     let writer = match &ros.log {
         None => BoxMakeWriter::new(std::io::stderr),

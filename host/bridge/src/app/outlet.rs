@@ -1,5 +1,5 @@
-//! The outlets, which are the destinations of everything that the bridge publishes, and the fan-out
-//! of each message to all of them.
+//! Outlets, the destinations of the bridge's messages, and the fan-out of each message to all of
+//! them.
 
 use std::fmt;
 use std::sync::Arc;
@@ -31,8 +31,8 @@ impl Outlet {
         self.kind
     }
 
-    /// Returns the counts so far. `dropped_later` messages were dropped after the outlet had taken
-    /// them.
+    /// Returns the counts so far, plus `dropped_later` messages that were dropped after the outlet
+    /// had accepted them.
     pub(crate) fn count(&self, dropped_later: u64) -> OutletCount {
         OutletCount {
             kind: self.kind,
@@ -72,7 +72,7 @@ impl fmt::Display for OutletCount {
     }
 }
 
-/// Adds to an outlet's count what one of its sinks has dropped.
+/// Adds the messages that one sink drops to its outlet's count.
 #[derive(Debug)]
 pub(crate) struct DropCount {
     outlet: Arc<Outlet>,
@@ -84,7 +84,7 @@ impl DropCount {
         DropCount { outlet, counted: 0 }
     }
 
-    /// Notes that the sink has dropped `dropped` messages so far.
+    /// Sets the sink's total to `dropped`, and adds the increase to the outlet's count.
     pub(crate) fn update(&mut self, dropped: u64) {
         let new = dropped.saturating_sub(self.counted);
         self.counted += new;
@@ -93,7 +93,7 @@ impl DropCount {
 }
 
 /// Sink of one topic that passes each message to the sinks of all outlets. A sink that fails is
-/// left out from then on, and only the failure of the last one is an error.
+/// left out from then on. Only the failure of the last remaining sink is an error.
 pub(crate) struct Tee<M> {
     ends: Vec<End<M>>,
 }
@@ -155,7 +155,7 @@ impl<M> Sink<M> for Tee<M> {
 mod tests {
     use super::*;
 
-    /// Takes `room` messages and drops the others; fails from the message `fails_at` on.
+    /// Accepts `room` messages, drops further ones, and fails after `fails_at` messages.
     struct Bounded {
         room: u64,
         fails_at: u64,

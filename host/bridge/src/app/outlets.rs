@@ -22,8 +22,8 @@ use crate::app::outlet::{OutletCount, Tee};
 use crate::app::sinks::{Events, MAX_FILLERS, Sinks, outlet_counts};
 use crate::wire::connection::Event;
 
-/// Longest time to wait for the decoder when the bridge ends. A service manager kills a program
-/// that does not end in time: systemd after 90 s.
+/// Time limit for the decoder when the bridge exits. A service manager kills a program that does
+/// not exit in time: systemd after 90 s.
 const DECODER_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Executes the effects that the state machine [`Core`](bridge_core::Core) asks for: publishes
@@ -36,13 +36,13 @@ pub(crate) struct Outlets {
     back_pressure: BackPressure,
     /// Channel to the task that serves `get_info`; `None` if frames go to stdout.
     announcements: Option<Sender<Option<AcquisitionInfo>>>,
-    /// Answer that `get_info` was last told to give; the task is not told the same answer again.
+    /// Newest value sent to `announcements`. The same value is not sent again.
     announced: Option<AcquisitionInfo>,
     /// Sum of all dropped and undecoded frames in the previous report to `/diagnostics`.
     reported: u64,
     /// Number of malformed packed blocks in the previous report to `/diagnostics`.
     reported_malformed: u64,
-    /// What the user records while the bridge runs.
+    /// Recording of the wire that the user starts and ends on the live page.
     pub(crate) recording: LiveRecording,
     /// Bytes for the device that have not been written to the port yet.
     outgoing: Vec<u8>,
@@ -77,22 +77,22 @@ impl Outlets {
     /// everything that was published reach the sockets, so that decoding does not delay a code.
     pub(crate) async fn start_decoding(&mut self) {
         if self.sinks.decoder.has_prepared_work() {
-            // Yields to the tasks that write the sockets, which run in this thread.
+            // Yield to the tasks that write the sockets in this thread.
             tokio::task::yield_now().await;
             self.sinks.decoder.start_work();
         }
     }
 
-    /// Returns whether the port must not be read for now: many windows wait for the decoder, and
-    /// the device runs ahead of real time (as a fast replay does), so it can wait.
+    /// Returns whether to stop reading the port for now: many windows wait for the decoder, and the
+    /// device runs ahead of real time, so it is a source (such as a fast replay) that can wait.
     pub(crate) fn must_pause(&self) -> bool {
         let decoder = &self.sinks.decoder;
         !decoder.has_ended() && self.back_pressure.must_pause(decoder.counts().waiting)
     }
 
-    /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and for the disk of a
-    /// recording. Returns the counts of decoder and outlets. Logs how many codes were not decoded,
-    /// and how many frames on `/encoded` were dropped for slow subscribers.
+    /// Waits until queued codes are decoded, for at most [`DECODER_TIMEOUT`], and until a recording
+    /// is on the disk. Returns the counts of decoder and outlets. Logs how many codes were not
+    /// decoded, and how many frames on `/encoded` were dropped for slow subscribers.
     pub(crate) fn finish(self) -> (DecoderCounts, Vec<OutletCount>) {
         let dropped = self.sinks.encoded.dropped();
         let not_decoded = self.sinks.decoder.counts().not_decoded;
@@ -172,7 +172,7 @@ impl Outlets {
             ),
             ("events dropped", sinks.events.as_ref().map(Events::dropped)),
         ];
-        // A sink counts its drops as dropped frames, and its outlet counts them again.
+        // Sum the outlets' drops alone: the sinks' drops listed above are the same ones.
         let of_outlets: u64 = outlets.iter().map(|outlet| outlet.dropped).sum();
         let now = decoder.not_decoded + of_outlets;
         let lost = now > std::mem::replace(&mut self.reported, now);
@@ -226,8 +226,8 @@ impl Outlets {
         )
     }
 
-    /// Notes the device time of a received code or packed block, from which
-    /// [`Outlets::must_pause`] tells whether the device runs ahead of real time.
+    /// Notes the device time of a received code or packed block, from which [`Outlets::must_pause`]
+    /// finds out whether the device runs ahead of real time.
     fn record_device_time(&mut self, device_us: u64) {
         let read_us = HostTime::now().monotonic_us;
         self.back_pressure.record(device_us, read_us);

@@ -11,27 +11,28 @@ use view::{Command, Decision, Reply};
 
 use crate::app::outlets::Outlets;
 
-/// Longest time until the device answers a command. It is repeated every 0.5 s.
+/// Time limit for the device to answer a command, which is sent again every 0.5 s.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
-/// A command, the host time at which it arrived, and the place for its answer.
+/// A command, the host time at which it arrived, and the handle for replying to the page.
 type Asked = (Command, HostTime, Reply);
 
-/// The end at which the live page puts its commands.
+/// Sending end of the channel of commands, for the live page.
 #[derive(Clone, Debug)]
 pub(crate) struct PageSender(UnboundedSender<Asked>);
 
 impl PageSender {
-    /// Passes on a command. If the bridge is shutting down, the reply is dropped, which says so.
+    /// Sends a command to the bridge. If the bridge is shutting down, `reply` is dropped, and the
+    /// page shows that the program has ended.
     pub(crate) fn send(&self, command: Command, reply: Reply) {
         let _ = self.0.send((command, HostTime::now(), reply));
     }
 }
 
-/// The commands of the live page that are to be carried out, or to be answered.
+/// Commands of the live page: those not carried out yet, and those not answered yet.
 pub(crate) struct PageCommands {
     asked: UnboundedReceiver<Asked>,
-    /// Kept so that the channel stays open without a page.
+    /// Keeps the channel open if there is no page.
     sender: PageSender,
     pending: Vec<Pending>,
 }
@@ -43,7 +44,7 @@ struct Pending {
     reply: Reply,
 }
 
-/// What the device must answer.
+/// What the device must do or accept before the command is answered.
 enum Awaited {
     Started,
     Stopped,
@@ -72,7 +73,7 @@ impl PageCommands {
     pub(crate) async fn next(&mut self) -> Asked {
         match self.asked.recv().await {
             Some(asked) => asked,
-            // Never, because this value has a sender.
+            // Unreachable, because `self.sender` keeps the channel open.
             None => std::future::pending().await,
         }
     }
@@ -115,7 +116,7 @@ impl PageCommands {
         }
     }
 
-    /// Lets a reply wait for the device. Commands of the same kind that wait are replaced by it.
+    /// Stores a reply until the device answers. Refuses older waiting commands of the same kind.
     fn wait(&mut self, awaited: Awaited, reply: Reply) {
         let kind = awaited.kind();
         for replaced in self
@@ -126,7 +127,7 @@ impl PageCommands {
                 .reply
                 .refuse("a newer command has replaced this one");
         }
-        // A self-test has its own limit, after which it has failed.
+        // The core ends an unanswered self-test after 15 s, before this timeout.
         let timeout = match awaited {
             Awaited::SelfTest => 5 * TIMEOUT,
             _ => TIMEOUT,
@@ -197,7 +198,7 @@ impl PageCommands {
         }
     }
 
-    /// Answers the commands whose outcome is known by now, or overdue.
+    /// Replies to the commands that the device has answered, or whose deadline has passed.
     pub(crate) fn answer(&mut self, core: &mut Core) {
         if self.pending.is_empty() {
             return;
@@ -226,7 +227,7 @@ impl PageCommands {
 }
 
 impl Awaited {
-    /// Returns what the command sets; a newer command that sets the same replaces it.
+    /// Returns the kind of command; a newer command replaces a waiting one of the same kind.
     const fn kind(&self) -> &'static str {
         match self {
             Awaited::Started | Awaited::Stopped => "streaming",

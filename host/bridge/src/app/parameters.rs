@@ -1,4 +1,4 @@
-//! Private parameters of the ROS node, which set the options of the command line.
+//! The node's private ROS parameters, which set the options of the command line.
 
 use neuro_ros::ros1::NodeOptions;
 use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
@@ -6,8 +6,8 @@ use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
 use crate::app::ros_node::Namespace;
 use crate::error::BridgeError;
 
-/// Replaces each argument `_name:=value` by `--name=value` and keeps all others. `known` are the
-/// names of the options, with underscores.
+/// Replaces each argument `_name:=value` by `--name=value`, and leaves all others unchanged.
+/// `known` are the names of the options, with underscores.
 ///
 /// # Errors
 ///
@@ -33,7 +33,7 @@ pub fn to_flags(arguments: Vec<String>, known: &[String]) -> Result<Vec<String>,
 /// # Errors
 ///
 /// [`BridgeError::UnknownParameter`] if no option has the name of a parameter, and
-/// [`BridgeError::ParameterType`] if no option can have its value.
+/// [`BridgeError::ParameterType`] if a parameter's value has a type that no option accepts.
 pub async fn read(
     ros: &NodeOptions,
     master_uri: &str,
@@ -90,7 +90,7 @@ pub(crate) fn to_flag(name: &str, value: &str) -> String {
     format!("--{}={value}", name.replace('_', "-"))
 }
 
-/// Returns the value as it stands on a command line; the items of a list are separated by commas.
+/// Returns the value in command-line form, a list with commas; `None` if no option has its type.
 fn to_text(value: &Value) -> Option<String> {
     Some(match value {
         Value::String(text) => text.clone(),

@@ -101,14 +101,15 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     written.and(ended).map(|()| summary)
 }
 
-/// Rate of the packed code that the built-in model gives, for devices with that model.
+/// Id of the built-in model, and the rate of the packed code that this model specifies.
 struct ModelRate {
     model: [u8; 8],
     rate: u8,
 }
 
 impl ModelRate {
-    /// Returns the model's rate; `None` if the user chose a rate, or no packed blocks are recorded.
+    /// Returns the model's rate; `None` if the user chose a rate, no packed blocks are recorded, or
+    /// the model has no packed code.
     fn new(settings: Settings) -> Result<Option<ModelRate>, BridgeError> {
         if settings.packed_rate.is_some() || !settings.streams.contains(Streams::PACKED) {
             return Ok(None);
@@ -126,8 +127,7 @@ impl ModelRate {
 struct Recording {
     driver: Driver<Connection>,
     port: RecordedPort,
-    /// Rate of the packed code to set on devices with the built-in model. `None` if the user chose
-    /// a rate, no packed blocks are recorded, or the model has no packed code.
+    /// Rate to set on devices with the built-in model; `None` to leave their rate as it is.
     model_rate: Option<ModelRate>,
     file: RecordingFile,
     start: Instant,
@@ -194,12 +194,12 @@ impl Recording {
     }
 }
 
-/// Records the commands that the core sends, and keeps them for the port. Ignores the core's other
+/// Records the commands that the core sends, and queues them for the port. Ignores the core's other
 /// effects, because `record` publishes nothing.
 struct RecordedPort {
     recorder: Recorder,
     outgoing: Vec<u8>,
-    /// Id of the model of a device that has just introduced itself; the main loop takes it.
+    /// Model id of a device that has just introduced itself, until the main loop takes it.
     announced: Option<[u8; 8]>,
 }
 
@@ -228,7 +228,7 @@ impl Effects for RecordedPort {
     }
 }
 
-/// Longest time from a byte's arrival until it is on the disk, unless the disk itself is slow.
+/// Interval at which the operating system is made to write received bytes to the disk.
 const SYNC_INTERVAL: Duration = Duration::from_secs(1);
 /// Number of chunks that can wait for the disk: about a minute of all streams. When the queue is
 /// full, the port is not read, and the device counts the frames that it cannot send.
@@ -262,8 +262,8 @@ impl RecordingFile {
         })
     }
 
-    /// Queues bytes for the file and returns whether the file still accepts bytes. If it does not,
-    /// [`RecordingFile::finish`] returns the reason.
+    /// Queues bytes for the file, and waits while the queue is full. Returns whether the file still
+    /// accepts bytes; if not, [`RecordingFile::finish`] returns the reason.
     pub(crate) fn append(&self, bytes: Vec<u8>) -> bool {
         bytes.is_empty() || self.chunks.send(bytes).is_ok()
     }
@@ -293,7 +293,7 @@ impl RecordingFile {
     }
 }
 
-/// What became of bytes for a file.
+/// What happened to bytes that were offered to a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Offer {
     Taken,
@@ -303,8 +303,8 @@ pub(crate) enum Offer {
     Closed,
 }
 
-/// Appends each chunk as it arrives, so that it survives the end of this process. Once a second
-/// waits until the disk holds everything, so that it survives a loss of power.
+/// Appends each chunk as it arrives, so that it survives the end of this process. Once a second,
+/// waits until the disk holds everything, so that it also survives a loss of power.
 fn append_all(mut file: GrowingFile, chunks: &Receiver<Vec<u8>>) -> io::Result<()> {
     let mut synced = Instant::now();
     let mut unsynced = false;

@@ -8,14 +8,14 @@ use neuro_ros::{KeyValue, NeuroEvent, NeuroFrame, RosSink, Sink};
 
 use crate::lock;
 
-/// Number of known nodes above which those without a subscription to events are forgotten.
+/// Number of known nodes above which nodes without a subscription to events are removed.
 const MAX_CALLERS: usize = 64;
 
-/// Nodes that have called `get_info`, by their names. Each has the start of its recording, if it is
-/// a recorder, or `None` from the call until the next frame.
+/// Maps the name of each node that has called `get_info` to the start of its recording, or to
+/// `None` until the next frame is published.
 ///
 /// `rosneuro_recorder` calls `get_info` once, and takes the next frame as its first one. Viewers
-/// and filters call it too, which has no effect, because they do not subscribe to events.
+/// and filters call it too; their entries have no effect, because they do not subscribe to events.
 #[derive(Debug, Default)]
 pub(crate) struct Recorders(Mutex<BTreeMap<String, Option<RecordingStart>>>);
 
@@ -26,7 +26,7 @@ impl Recorders {
         lock(&self.0).insert(caller.to_owned(), None);
     }
 
-    /// Notes that `frame` of the announced stream is being published.
+    /// Starts the recordings of nodes that have called `get_info`: `frame` is their first one.
     pub(crate) fn note_frame(&self, frame: &NeuroFrame) {
         for (caller, start) in &mut *lock(&self.0) {
             if start.is_none() {
@@ -37,8 +37,8 @@ impl Recorders {
     }
 }
 
-/// The topic of events. A recorder receives each event with the stamp that places it at its row in
-/// this recorder's file; other subscribers receive it as the core has stamped it.
+/// The topic of events. Each recorder receives events with stamps that place them at their rows in
+/// the recorder's own file; other subscribers receive them as the core has stamped them.
 pub(crate) struct EventTopic {
     sink: RosSink<NeuroEvent>,
     /// `None` if every subscriber receives events as the core has stamped them.
@@ -50,7 +50,7 @@ impl EventTopic {
         EventTopic { sink, recorders }
     }
 
-    /// Publishes `event`, which is at the row `row` of the announced stream.
+    /// Publishes `event`; recorders receive it with the stamp of row `row`, if the row is known.
     pub(crate) fn publish(&mut self, event: &NeuroEvent, row: Option<u64>) {
         let starts = self.recorders.as_ref().map(|recorders| lock(&recorders.0));
         self.sink.publish_each(event, |subscriber| {

@@ -1,4 +1,4 @@
-//! The subcommand `replay`: plays a recording to a host at a pseudoterminal or TCP port, or to a
+//! The subcommand `replay`: plays a recording to a host on a pseudoterminal or TCP port, or to a
 //! live page.
 
 use std::fs::File;
@@ -29,13 +29,13 @@ use crate::app::shutdown::Shutdown;
 use crate::error::BridgeError;
 use crate::wire::port::{Port, PortAddress, Transfer};
 
-/// Time after the last frame in which the host can still send commands and get answers.
+/// Time for which the replay still answers the host's commands after the last frame.
 const LINGER: Duration = Duration::from_secs(1);
-/// Longest time to wait at the end of the replay until the host has read everything.
+/// Time limit for the host to read everything after the last frame.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(5);
 /// Number of bytes that may wait for the host before the replay stops sending further frames.
 const MAX_WAITING: usize = 64 * 1024;
-/// Time between two updates of the progress display.
+/// Interval at which the progress display is updated.
 const TICK: Duration = Duration::from_millis(100);
 
 /// Play a recording as the device that was recorded, at a pseudoterminal or a TCP port, or on a
@@ -160,7 +160,6 @@ pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, Bri
     })
 }
 
-/// Opens the recording at `path`.
 pub(crate) fn open(path: &Path, pace: Pace) -> Result<Replayer<File>, BridgeError> {
     let unusable = |source| BridgeError::Recording(path.to_owned(), source);
     let file = File::open(path).map_err(|error| unusable(RecordingError::Read(error)))?;
@@ -178,7 +177,7 @@ pub(super) async fn show(
 ) -> Result<FinalCounts, BridgeError> {
     let feed = ReplayFeed::new(open(&options.file, Pace::RealTime)?, options.file);
     let header = feed.header();
-    // Nothing decides from features without their classifier.
+    // Leave out features, because they are of no use without their classifier.
     let streams = header.streams.without(Streams::FEATURES);
     let mut topics = AnnouncedStream::TOPICS.into_iter().map(|(_, topic)| topic);
     let announced = topics.find(|topic| topic.is_in(streams));
@@ -205,8 +204,8 @@ pub(super) async fn show(
     Box::pin(publication.show(feed, page)).await
 }
 
-/// Returns when to send the next frame; `None` while nothing is played, or while the `waiting`
-/// bytes for the host reach [`MAX_WAITING`].
+/// Returns when to send the next frame. Returns `None` while nothing is played, and while
+/// `waiting`, the number of bytes queued for the host, is at least [`MAX_WAITING`].
 pub(crate) fn next_due(replayer: &Replayer<File>, waiting: usize) -> Option<Instant> {
     let now_us = HostTime::now().monotonic_us;
     let due_us = replayer.due_us(now_us).filter(|_| waiting < MAX_WAITING)?;
@@ -214,7 +213,7 @@ pub(crate) fn next_due(replayer: &Replayer<File>, waiting: usize) -> Option<Inst
     Some(Instant::now() + Duration::from_micros(wait_us))
 }
 
-/// A port that the replay makes, to which one host at a time connects.
+/// A port that the replay creates, to which one host at a time can connect.
 #[derive(Debug)]
 pub(crate) enum ReplayPort {
     Tty {
@@ -231,7 +230,7 @@ pub(crate) enum ReplayPort {
 }
 
 impl ReplayPort {
-    /// Makes a pseudoterminal with a link to it, or listens at a TCP port.
+    /// Creates a pseudoterminal with a link to it, or listens on a TCP port.
     ///
     /// # Errors
     ///
@@ -282,7 +281,7 @@ impl ReplayPort {
         }
     }
 
-    /// Returns how many written bytes the host has not read; 0 at a TCP port, which cannot tell.
+    /// Returns the number of written bytes that the host has not read; on TCP always 0.
     pub(crate) fn unread(&self) -> u64 {
         match self {
             ReplayPort::Tty { terminal, .. } => rustix::io::ioctl_fionread(terminal).unwrap_or(0),
@@ -314,7 +313,7 @@ fn open_terminal(link: &Path) -> io::Result<ReplayPort> {
     let controller = File::from(controller);
     let receiver = Receiver::from_file_unchecked(controller.try_clone()?)?;
     let port = Port::Tty(receiver, Sender::from_file_unchecked(controller)?);
-    // Replaces the file only if it is a link to a terminal, which an earlier run has left behind.
+    // Remove only a link to a pseudoterminal, which an earlier run has left behind.
     if std::fs::read_link(link).is_ok_and(|target| target.starts_with("/dev/pts")) {
         std::fs::remove_file(link)?;
     }

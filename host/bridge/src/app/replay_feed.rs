@@ -1,4 +1,4 @@
-//! A recording as the connection to a device inside this program.
+//! Plays a recording inside this program, in place of the connection to a device.
 
 use std::fs::File;
 use std::path::PathBuf;
@@ -17,7 +17,7 @@ pub(crate) struct ReplayFeed {
     replayer: Replayer<File>,
     path: PathBuf,
     is_open: bool,
-    /// Bytes for the host that did not fit into its buffer.
+    /// Bytes that did not fit into the caller's buffer; the next call returns them.
     waiting: Vec<u8>,
 }
 
@@ -41,7 +41,7 @@ impl ReplayFeed {
 }
 
 impl Feed for ReplayFeed {
-    /// Cancel safe: whatever was played waits for the next call.
+    /// Cancel safe: bytes that a cancelled call has played are returned by the next call.
     async fn next_event(
         &mut self,
         buffer: &mut [u8],
@@ -62,7 +62,7 @@ impl Feed for ReplayFeed {
                 return Ok(Event::Bytes(count));
             }
             let Some(due) = next_due(&self.replayer, 0) else {
-                // Until the host sends a command, with which it calls this function again.
+                // Nothing is due until the caller drops this future and calls again with a command.
                 return std::future::pending().await;
             };
             sleep_until(due).await;

@@ -1,5 +1,5 @@
-//! What takes the place of `ros2_outlet` in a build without the feature `ros2`, such as that of
-//! `cargo demo` and `cargo loop`: whoever asks for ROS 2 gets an error.
+//! Replaces `ros2_outlet` in builds without the feature `ros2`, such as those of `cargo demo` and
+//! `cargo loop`: every attempt to use ROS 2 fails.
 
 use std::sync::Arc;
 
@@ -20,12 +20,12 @@ use crate::error::BridgeError;
 )]
 pub struct Ros2Error;
 
-/// Returns whether the user has asked for what cannot be, rather than the network has failed.
+/// Returns whether the error is wrong usage, not a network failure: here, it always is.
 pub(crate) const fn is_usage(Ros2Error: &Ros2Error) -> bool {
     true
 }
 
-/// Every message, so that bounds on what ROS 2 can carry exclude none.
+/// Trait of the messages that ROS 2 can carry; in this build, every type implements it.
 pub(crate) trait Ros2Message {}
 
 impl<M> Ros2Message for M {}
@@ -67,7 +67,7 @@ impl Ros2Outlet {
     }
 }
 
-/// Which nodes a ROS 2 node can meet: none.
+/// Domain of a ROS 2 node; in this build, its check always fails.
 pub(crate) struct Domain {
     pub(crate) localhost_only: bool,
 }

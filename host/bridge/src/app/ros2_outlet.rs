@@ -15,7 +15,7 @@ use crate::app::command_line::{Ros2Options, Ros2Qos};
 use crate::app::ros_node::{Namespace, NodeCommand, command_name};
 use crate::error::BridgeError;
 
-/// Topic of the newest announcement, for subscribers that come late too.
+/// Topic of the newest announcement. It is latched, so that late subscribers receive it too.
 const INFO_TOPIC: &str = "/acquisition/neurodata_info";
 
 /// The bridge's ROS 2 node.
@@ -27,8 +27,8 @@ pub(crate) struct Ros2Outlet {
 }
 
 impl Ros2Outlet {
-    /// Starts the node. `ros` has its name, namespace and remaps; calls of its services go to
-    /// `commands`.
+    /// Starts the node with the name, namespace and remaps in `ros`. Calls of `~start`, `~stop` and
+    /// `~quit` are sent to `commands`.
     pub(crate) fn start(
         ros: &NodeOptions,
         options: &Ros2Options,
@@ -65,8 +65,8 @@ impl Ros2Outlet {
         }))
     }
 
-    /// Creates a sink for the topic `name`, which is remapped. Frames have the delivery that the
-    /// user has chosen.
+    /// Creates a sink for the topic `name` after remapping. Frames have the quality of service that
+    /// the user has chosen; other messages are reliable.
     pub(crate) fn sink<M: Ros2Message + 'static>(
         &self,
         name: &str,
@@ -82,8 +82,8 @@ impl Ros2Outlet {
         Ok(Box::new(self.node.sink(&topic, delivery)?))
     }
 
-    /// Passes each announcement to the service `get_info`, and publishes its frame for subscribers
-    /// that come later. A frame without a rate says that nothing is announced any more.
+    /// Passes each announcement to the service `get_info`, and publishes its frame, latched for
+    /// late subscribers. A frame of rate 0 means that no stream is announced any more.
     pub(crate) fn announce(
         self: &Arc<Self>,
         mut announced: watch::Receiver<Option<AcquisitionInfo>>,
@@ -106,7 +106,7 @@ impl Ros2Outlet {
     /// Publishes the lines of the log on `/rosout`.
     pub(crate) fn publish_log(&self, mut lines: Receiver<Log>) -> Result<(), BridgeError> {
         let mut sink = self.node.sink::<Log>("/rosout", Delivery::Latched)?;
-        // The name of a logger is that of its node, with dots in the place of slashes.
+        // ROS 2 names a logger after its node, with dots in place of slashes.
         let name = self.node.full_name().trim_start_matches('/');
         let name = name.replace('/', ".");
         tokio::spawn(async move {
@@ -120,7 +120,7 @@ impl Ros2Outlet {
         Ok(())
     }
 
-    /// Returns the number of messages that wait, and are lost if the bridge ends now.
+    /// Returns the number of queued messages, which are lost if the bridge exits now.
     pub(crate) fn waiting(&self) -> u64 {
         self.node.waiting()
     }
@@ -131,7 +131,7 @@ impl Ros2Outlet {
     }
 }
 
-/// Returns whether the user has asked for what cannot be, rather than the network has failed.
+/// Returns whether the error is wrong usage, not a network failure.
 pub(crate) const fn is_usage(error: &Ros2Error) -> bool {
     matches!(error, Ros2Error::Name(..) | Ros2Error::Domain(_))
 }
@@ -142,8 +142,8 @@ fn log_failure(published: Result<(), SinkError>) {
     }
 }
 
-/// Returns the domain of the options. The environment can restrict it to this machine, with
-/// `ROS_AUTOMATIC_DISCOVERY_RANGE` or, up to Humble, `ROS_LOCALHOST_ONLY`.
+/// Returns the domain that the options select. The environment can restrict discovery to this
+/// machine, with `ROS_AUTOMATIC_DISCOVERY_RANGE` or, up to Humble, `ROS_LOCALHOST_ONLY`.
 pub(crate) fn ros2_domain(
     options: &Ros2Options,
     variable: impl Fn(&str) -> Option<String>,

@@ -1,10 +1,10 @@
-//! Arguments in the syntax of ROS 2, from `--ros-args` on, as those of ROS 1.
+//! Translates arguments in the syntax of ROS 2, which follow `--ros-args`, to the syntax of ROS 1.
 
 use crate::error::BridgeError;
 
-/// Replaces what stands between `--ros-args` and `--`, or the end, by arguments of ROS 1, and keeps
-/// all others: `-r __node:=NAME` becomes `__name:=NAME`, `-r FROM:=TO` `FROM:=TO`, and
-/// `-p NAME:=VALUE` `_NAME:=VALUE`.
+/// Translates the arguments between `--ros-args` and `--`, or the end, to arguments of ROS 1, and
+/// leaves all others unchanged: `-r __node:=NAME` becomes `__name:=NAME`, `-r FROM:=TO` becomes
+/// `FROM:=TO`, and `-p NAME:=VALUE` becomes `_NAME:=VALUE`.
 ///
 /// # Errors
 ///
@@ -33,14 +33,14 @@ pub(crate) fn to_ros1(
     Ok(translated)
 }
 
-/// Returns a flag of ROS 2 with its value as one argument of ROS 1; `None` if there is none.
+/// Returns a ROS 2 flag and its value as one ROS 1 argument; `None` if ROS 1 has no counterpart.
 fn one(flag: &str, value: &str) -> Option<String> {
     match flag {
         "-r" | "--remap" => {
             let (from, to) = value.split_once(":=")?;
             let from = match from {
                 "__node" | "__name" => "__name",
-                // A rule for one node of a process, NODE:FROM, is not known in ROS 1.
+                // ROS 1 has no rules of the form NODE:FROM, which apply to one node of a process.
                 from if from.contains(':') => return None,
                 from => from,
             };

@@ -45,9 +45,9 @@ impl RosNode {
         tokio::spawn(receive_rates(Arc::clone(&self.node), commands));
     }
 
-    /// Serves the newest announcement as `get_info` in `namespace` and notes its callers in
-    /// `recorders`, and passes calls of `~start`, `~stop` and `~quit` to `commands`. Runs in a task
-    /// of its own, because registration at the master can take long.
+    /// Serves the newest announcement as `get_info` in `namespace`, and notes its callers in
+    /// `recorders`. Passes calls of `~start`, `~stop` and `~quit` to `commands`. Runs in a task of
+    /// its own, because registration at the master can take long.
     ///
     /// Before the first announcement a call of `get_info` fails: rosneuro_recorder repeats a failed
     /// call, but would accept an answer that describes no frame.

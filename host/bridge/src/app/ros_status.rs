@@ -15,7 +15,7 @@ use crate::lock;
 
 /// Time after the node's start in which a missing ROS master is not logged yet.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
-/// Time between two checks of the node's own host: a network can come up after the bridge.
+/// Interval between checks of the node's own host, whose network can come up after the bridge.
 const HOST_PERIOD: Duration = Duration::from_secs(5);
 
 /// The state of the ROS node, with the tasks that watch and log it.
@@ -125,8 +125,8 @@ async fn log_master_changes(mut status: Receiver<MasterStatus>, uri: String) {
     }
 }
 
-/// Checks now and then whether other nodes can connect to this one at `host`, which the user has
-/// set. Logs when this changes.
+/// Checks every [`HOST_PERIOD`] whether other nodes can connect to this one at `host`, if the user
+/// has set it. Logs when this changes.
 async fn watch_own_host(host: Option<String>, uri: String, fault: Arc<Mutex<Option<String>>>) {
     let Some(host) = host else { return };
     loop {
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     /// Waits until the status of a node with this host and master has a message for which `wanted`
-    /// is true. Returns its level.
+    /// is true. Returns the level of this status.
     async fn level(host: &str, master: &str, wanted: impl Fn(&str) -> bool) -> DiagnosticLevel {
         let options = NodeOptions {
             host: Some(host.to_owned()),

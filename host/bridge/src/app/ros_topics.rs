@@ -12,7 +12,7 @@ use neuro_ros::{
 use crate::app::recorders::Recorders;
 use crate::lock;
 
-/// Time between two checks whether another node publishes one of the topics too.
+/// Interval at which the publishers of the topics are checked.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
 
 /// All topics of the bridge. A topic of frames is published only while no other node publishes it.
@@ -24,10 +24,10 @@ pub(crate) struct RosTopics {
     shared: Mutex<Vec<Publisher>>,
 }
 
-/// A topic of NeuroFrames, which the bridge must be the only one to publish.
+/// A topic of NeuroFrames, of which the bridge must be the only publisher.
 #[derive(Debug)]
 struct FrameTopic {
-    /// Nodes that wait for the next frame of this topic; `None` if this is not the announced topic.
+    /// Recorders to which each frame is reported, if any; `None` for all but the announced topic.
     recorders: Option<Arc<Recorders>>,
     /// Full name of the topic, after ROS's remapping.
     name: String,
@@ -55,8 +55,8 @@ impl RosTopics {
     }
 
     /// Adds a topic of frames with a queue of `queue` messages for each subscriber. If it is the
-    /// announced topic, its frames are noted in `recorders`. Does not advertise it;
-    /// [`RosTopics::check`] does.
+    /// announced topic, `recorders` is told each published frame. [`RosTopics::check`] advertises
+    /// the topic later.
     pub(crate) fn frames(
         &self,
         name: &str,
@@ -90,8 +90,8 @@ impl RosTopics {
         Ok(sink)
     }
 
-    /// Checks at once, and then every second in a task of its own, who publishes the topics of
-    /// frames.
+    /// Checks which nodes publish the topics of frames, at once and then every second in a task of
+    /// its own.
     ///
     /// # Errors
     ///
@@ -171,8 +171,8 @@ impl RosTopics {
 }
 
 impl FrameTopic {
-    /// Decides from `publishers`, the nodes that the ROS master lists for this topic, what the
-    /// bridge must do with it, and stops publishing if necessary. `own` is the bridge's node.
+    /// Returns what the bridge must do with this topic, and stops publishing it if necessary. The
+    /// ROS master lists the nodes `publishers` for the topic; `own` is the bridge's node.
     fn observe(&self, own: &str, publishers: &[String]) -> Change {
         let mut state = lock(&self.state);
         let before = state.claim.others().to_vec();
@@ -227,11 +227,11 @@ impl FrameTopic {
     }
 }
 
-/// Sink that publishes frames on a topic, or counts them as withheld.
+/// Sink that publishes frames on a topic, or counts them as withheld if another node publishes it.
 #[derive(Debug)]
 pub(crate) struct FrameTopicSink {
     topic: Arc<FrameTopic>,
-    /// Buffer for the encoded message; kept so that a message needs no allocation.
+    /// Buffer for the encoded message, reused so that publishing needs no allocation.
     body: Vec<u8>,
 }
 
@@ -264,8 +264,8 @@ impl Sink<NeuroFrame> for FrameTopicSink {
 }
 
 /// Number of checks in a row that must find no other publisher before the bridge publishes a topic
-/// that another node has published. After a restart of the master, nodes register within two
-/// checks.
+/// that another node has published. After a restart of the master, the other node registers again
+/// within two checks, so the third one is reliable.
 const FREE_CHECKS: u32 = 3;
 
 /// The bridge's claim to be the only publisher of a topic. A recorder allocates memory for the

@@ -12,10 +12,10 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
-/// Number of lines of the log that can wait to be published, and of published lines that can wait
-/// for each subscriber. Lines beyond it are only on stderr.
+/// Number of log lines that can wait to be published, and that can wait for each subscriber. Lines
+/// that do not fit are only on stderr.
 const QUEUE_LINES: usize = 1024;
-/// Longest wait of the first lines for a subscriber, which needs several milliseconds to connect.
+/// Longest time for which the first lines wait for a subscriber, which takes several ms to connect.
 const FIRST_SUBSCRIBER_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// A layer of the log that passes lines of level info and above to the task of [`publish`].
@@ -61,7 +61,7 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
     }
 }
 
-/// Text of a log event, as it is collected: the message, then the other fields.
+/// Text collected from a log event: the message, and all other fields.
 #[derive(Default)]
 struct Text {
     message: String,
@@ -83,8 +83,8 @@ impl Visit for Text {
     }
 }
 
-/// Passes each line to both returned receivers, in a task of its own. A line for which one of them
-/// has no room is only on stderr and at the other.
+/// Passes each line to both returned receivers, in a task of its own. A receiver whose queue is
+/// full misses the line.
 pub(crate) fn split(mut lines: Receiver<Log>) -> [Receiver<Log>; 2] {
     let (senders, receivers): (Vec<_>, Vec<_>) = (0..2).map(|_| channel(QUEUE_LINES)).unzip();
     tokio::spawn(async move {
@@ -116,7 +116,7 @@ pub(crate) fn publish(node: Arc<Node>, mut lines: Receiver<Log>) {
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }
         };
-        // If no subscriber comes in this time, nobody needs the lines.
+        // If no subscriber connects in this time, the lines are published without one.
         let _ = tokio::time::timeout(FIRST_SUBSCRIBER_TIMEOUT, connected).await;
         let mut seq = 0;
         while let Some(mut line) = lines.recv().await {

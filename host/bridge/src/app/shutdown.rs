@@ -7,8 +7,8 @@ use neuro_ros::ros1::Node;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 
-/// Time after the first Unix signal from which another one ends the process at once. A closing
-/// terminal sends several signals within this time; a later one is from a user who will not wait.
+/// A Unix signal this long after the first one ends the process at once, because the user will not
+/// wait. Earlier ones do not: a closing terminal sends several signals in a short time.
 const FORCE_EXIT_AFTER: Duration = Duration::from_millis(500);
 
 /// Collects requests to shut down from Unix signals, the ROS master and the service `~quit`.

@@ -37,8 +37,8 @@ const QUEUE_SAMPLES: usize = 2048;
 /// second, so the queue outlasts the pauses in which a recorder writes to disk.
 const QUEUE_EVENTS: usize = 1024;
 
-/// One fan-out per topic, with a sink for each outlet; that of `/neurodata_reconstructed` belongs
-/// to the decoder's thread. Each sink has a queue of its own, so a slow reader of samples loses
+/// One fan-out per topic, with a sink for each outlet. The decoder's thread holds the fan-out of
+/// `/neurodata_reconstructed`. Each sink has a queue of its own, so a slow reader of samples loses
 /// samples but no codes, and a slow outlet delays no other. Streams that are not requested have no
 /// topic.
 pub(crate) struct Sinks {
@@ -62,12 +62,12 @@ pub(crate) struct Sinks {
     pub(super) lsl: Option<Lsl>,
     /// What stamps mean, for these streams.
     pub(super) scale: Option<Arc<StampScale>>,
-    /// Number of steps from a reconstructed frame's first step to the last one of its window.
+    /// Number of steps from a reconstructed frame's first step to the last step of its window.
     pub(super) lookback: Arc<AtomicU32>,
     pub(super) namespace: Namespace,
 }
 
-/// Destinations of events. Topic and live page are separate, because they have other stamps.
+/// Destinations of events. ROS topic and live page are separate, because their stamps differ.
 pub(super) struct Events {
     pub(super) topic: Option<(EventTopic, DropCount)>,
     view: Option<EventTimes<ViewSink<NeuroEvent>>>,
@@ -75,7 +75,7 @@ pub(super) struct Events {
 }
 
 impl Events {
-    /// Creates the sinks of events at all outlets; `topics` are those of ROS.
+    /// Creates the sinks of events at all outlets; `topics` are the ROS topics, if any.
     async fn new(
         to: &Destinations<'_>,
         outlets: &[Arc<Outlet>],
@@ -114,7 +114,7 @@ impl Events {
             drops.update(topic.dropped());
         }
         let others = self.others.publish(event);
-        // The topic goes on if all other outlets have failed.
+        // While there is a ROS topic, it is no error that all other outlets have failed.
         let published = if self.topic.is_some() { Ok(()) } else { others };
         if let Some(view) = &mut self.view {
             view.publish(event, place.device_us);
@@ -128,8 +128,8 @@ impl Events {
     }
 }
 
-/// Returns the counts of all outlets. The live page counts what it drops for its viewers itself.
-/// `unsent` is the number of messages that ROS 2 has taken and does not send any more.
+/// Returns the counts of all outlets. Adds the messages that the live page `view` has dropped for
+/// its viewers, and the `unsent` messages that ROS 2 has accepted but will not send.
 pub(super) fn outlet_counts(
     outlets: &[Arc<Outlet>],
     view: Option<&View>,
@@ -146,8 +146,8 @@ pub(super) fn outlet_counts(
         .collect()
 }
 
-/// ROS as an outlet: the node, and the nodes that are told each frame of the announced stream;
-/// `None` if events are not stamped for recorders.
+/// ROS as an outlet: the node, and the recorders of the announced stream, which are `None` if
+/// events are not stamped for recorders.
 pub(crate) struct RosOutlet<'a> {
     pub(crate) node: &'a RosNode,
     pub(crate) recorders: Option<Arc<Recorders>>,
@@ -163,8 +163,9 @@ pub(crate) struct Destinations<'a> {
 }
 
 impl Destinations<'_> {
-    /// Creates a sink of the topic `name` at every outlet that takes its messages as they are.
-    /// `ros` is that of ROS. `shown` is the topic's place on the live page, if it has one.
+    /// Creates the fan-out of the topic `name` to every outlet that takes the messages unchanged.
+    /// `ros` is the sink of the ROS topic, and `shown` the topic of the live page, if there are
+    /// any.
     fn tee<M: Serialize + Wire + Ros2Message + 'static>(
         &self,
         outlets: &[Arc<Outlet>],
@@ -206,7 +207,7 @@ impl Destinations<'_> {
         kinds.map(Outlet::new).collect()
     }
 
-    /// Adds a stream of the Lab Streaming Layer to the sinks of frames, if it is an outlet.
+    /// Adds a stream of the Lab Streaming Layer to the sinks in `tee`, if this layer is an outlet.
     fn add_lsl(
         &self,
         outlets: &[Arc<Outlet>],
@@ -235,7 +236,7 @@ fn boxed<M>(sink: impl Sink<M> + 'static) -> Box<dyn Sink<M>> {
     Box::new(sink)
 }
 
-/// Full names of the topics, each `None` if its stream is not requested.
+/// Full names of the topics; an optional name is `None` if its stream is not requested.
 struct Names {
     encoded: String,
     reconstructed: String,

@@ -70,7 +70,7 @@ mod tests {
 
     use super::*;
 
-    /// Keeps the newest frame.
+    /// Sink that stores the newest frame.
     struct Newest(Arc<std::sync::Mutex<NeuroFrame>>);
 
     impl Sink<NeuroFrame> for Newest {

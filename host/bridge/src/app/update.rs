@@ -35,11 +35,11 @@ pub(crate) struct UpdateOptions {
     pub(crate) at: PortOptions,
 }
 
-/// Updates the board, and returns its identity after it.
+/// Updates the board, and returns its identity after the update.
 ///
 /// # Errors
 ///
-/// [`BridgeError`], such as [`UpdateError`].
+/// [`BridgeError`] if the image, the device or its loader cannot be used.
 pub(crate) fn run(options: UpdateOptions, runtime: Runtime) -> Result<DeviceSummary, BridgeError> {
     let UpdateOptions { image: path, at } = options;
     let file = fs::read(&path).map_err(|error| UpdateError::File(path.clone(), error))?;

@@ -120,7 +120,7 @@ fn check_model(device: &IdentifiedDevice, model: &Result<Model, String>) -> Chec
     }
 }
 
-/// What came back when a device at the port was asked to `Identify`.
+/// Outcome of asking the device at a port to `Identify`.
 #[derive(Clone, Debug)]
 pub(crate) enum DeviceAnswer {
     /// The port was not opened, because an earlier check found an error.
@@ -150,7 +150,7 @@ pub(crate) struct IdentifiedDevice {
     pub(crate) device: Option<Result<Device, DeviceError>>,
 }
 
-/// Asks a device to introduce itself and keeps its answer.
+/// Asks a device to identify itself, and collects the answer.
 #[derive(Debug)]
 pub(crate) struct Probe {
     decoder: Decoder<MAX_FRAME>,
@@ -169,7 +169,7 @@ impl Probe {
         }
     }
 
-    /// Returns the bytes of a frame with one more `Identify`.
+    /// Returns the bytes of the next `Identify` frame.
     pub(crate) fn identify(&mut self) -> Vec<u8> {
         let mut buffer = [0; MAX_FRAME];
         let frame = self.encoder.encode(0, &ToDevice::Identify, &mut buffer);

@@ -1,8 +1,8 @@
-//! Checks of ROS 2: what its environment variables ask for that the bridge's node cannot do.
+//! Checks of ROS 2: settings in its environment variables that the bridge's node does not support.
 
 use crate::doctor::Check;
 
-/// Largest domain whose ports Linux does not also give to other programs.
+/// Largest domain whose UDP ports are outside the range that Linux assigns to other programs.
 const MAX_SAFE_DOMAIN: u8 = 101;
 
 /// The facts about ROS 2 on which the checks are based.
@@ -10,7 +10,7 @@ const MAX_SAFE_DOMAIN: u8 = 101;
 pub(crate) struct Ros2Facts {
     pub(crate) domain: u8,
     pub(crate) localhost_only: bool,
-    /// Why the node did not start in its domain; `None` if it did.
+    /// Why a node cannot start in this domain; `None` if it can.
     pub(crate) fault: Option<String>,
     /// `ROS_AUTOMATIC_DISCOVERY_RANGE`.
     pub(crate) range: Option<String>,
@@ -18,7 +18,7 @@ pub(crate) struct Ros2Facts {
     pub(crate) middleware: Option<String>,
     /// `ROS_DISTRO`.
     pub(crate) distribution: Option<String>,
-    /// Variables that are set for peers, profiles or security, which the node does not read.
+    /// Names of the variables of [`UNREAD`] that are set.
     pub(crate) unread: Vec<&'static str>,
 }
 

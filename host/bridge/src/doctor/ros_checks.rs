@@ -31,7 +31,7 @@ pub(crate) struct MasterState {
     pub(crate) use_sim_time: bool,
 }
 
-/// The host name or address that the bridge gives other nodes to reach it.
+/// Host name or address at which other nodes shall reach the bridge.
 #[derive(Clone, Debug)]
 pub(crate) struct OwnHost {
     pub(crate) name: String,
@@ -100,8 +100,8 @@ pub(crate) fn check_ros(facts: &RosFacts) -> Vec<Check> {
     checks
 }
 
-/// Checks whether other nodes can connect to the host that the bridge gives them. `master_is_here`
-/// is as in [`RosFacts`].
+/// Checks whether other nodes can connect to the bridge at `own_host`, if the user has set it.
+/// `master_is_here` is as in [`RosFacts`].
 pub(crate) fn check_own_host(own_host: Option<&OwnHost>, master_is_here: Option<bool>) -> Check {
     const NAME: &str = "own address";
     const SET_IP: &str = "unset ROS_HOSTNAME; export ROS_IP=$(hostname -I | cut -d' ' -f1)";

@@ -22,7 +22,7 @@ pub(crate) enum PortAccess {
     Broken(io::ErrorKind),
 }
 
-/// Whether this user belongs to the group that may open the port, if there is one.
+/// Whether this user belongs to the group, if any, that may open the port.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Membership {
     /// No group may open the port, only root.
@@ -67,8 +67,8 @@ impl PortAccess {
     }
 }
 
-/// Returns the command that ends a program. A service is not ended by `kill`, because the service
-/// manager would start the program again.
+/// Returns the command that ends a program. `kill` does not end a service, because the service
+/// manager starts the program again.
 fn remedy(program: &Program) -> String {
     match program.name.as_str() {
         "ModemManager" => "sudo systemctl stop ModemManager".to_owned(),
@@ -163,8 +163,8 @@ impl SystemRoot {
     }
 
     /// Returns the other programs that have the port open. Programs of other users are visible only
-    /// to root, except those that have locked the port, as the bridge does. On a pseudoterminal
-    /// only programs with a lock count, because the program that made it may hold both ends open.
+    /// to root, unless they have locked the port, as the bridge does. On a pseudoterminal only
+    /// programs with a lock count, because the program that created it may hold both ends open.
     pub(crate) fn holders(&self, port: &Path) -> Vec<Program> {
         let Ok(target) = fs::canonicalize(port) else {
             return Vec::new();
@@ -184,9 +184,9 @@ impl SystemRoot {
         pids.into_iter().map(|pid| self.program(pid)).collect()
     }
 
-    /// Returns the process ids that hold a lock on the file, from `proc/locks`. In a line such as
-    /// `1: FLOCK  ADVISORY  WRITE 1234 00:19:56 0 EOF`, 1234 is the process and 00:19:56 the device
-    /// and inode of the file.
+    /// Returns the ids of the processes that hold a lock on the file, from `proc/locks`. In a line
+    /// such as `1: FLOCK  ADVISORY  WRITE 1234 00:19:56 0 EOF`, 1234 is the process and 00:19:56
+    /// the device and inode of the file.
     fn lockers(&self, file: &Path) -> Vec<u32> {
         let Ok(metadata) = fs::metadata(file) else {
             return Vec::new();

@@ -7,8 +7,8 @@ use thiserror::Error;
 
 use crate::ports::system_root::{Likeness, SerialPort, SystemRoot};
 
-/// Searches the ports for one board. Once a board was found, finds only the board with its serial
-/// number.
+/// Searches the ports for one board. After the first success, finds only the board with the same
+/// serial number.
 #[derive(Clone, Debug)]
 pub(crate) struct BoardFinder {
     root: SystemRoot,
@@ -98,7 +98,7 @@ impl BoardFinder {
 
 /// Returns the port of the board with the serial number `wanted`, or of the only board if `wanted`
 /// is `None`. An ST-LINK is chosen only by its serial number. A port that udev has not finished
-/// does not count, because its permissions are not set yet.
+/// setting up does not count, because its permissions are not set yet.
 fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, FindError> {
     let settled = || ports.iter().filter(|port| port.is_settled);
     let with = |likeness| settled().filter(move |port| port.likeness() == likeness);
@@ -119,8 +119,8 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
             present: boards.iter().map(|port| name(port)).collect(),
         });
     }
-    // A board whose port udev has not finished counts as present, so another board is then not the
-    // only one.
+    // A board whose port udev has not finished setting up counts as present: another board is then
+    // not the only one.
     let mut unsettled = ports.iter().filter(|port| !port.is_settled);
     if let Some(port) = unsettled.find(|port| port.likeness() == Likeness::Board) {
         let port = port.path.clone();

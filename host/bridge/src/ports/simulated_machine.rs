@@ -42,7 +42,7 @@ impl SimulatedMachine {
         for folder in [CONTROLLER, "sys/class/tty", "dev/serial/by-id", "proc"] {
             fs::create_dir_all(machine.path(folder)).unwrap();
         }
-        // The USB controller's own hub has ids too, which the search must not take for a board's.
+        // The USB controller's own hub has ids too, which must not be mistaken for a board's.
         machine.write(&format!("{CONTROLLER}/idVendor"), "1d6b\n");
         machine.write(&format!("{CONTROLLER}/idProduct"), "0002\n");
         machine
@@ -63,8 +63,8 @@ impl SimulatedMachine {
     }
 
     /// Plugs a USB device with a CDC ACM port into `socket`. The port is a link to `node`, or an
-    /// empty file if `node` is `None`. The links of udev and of the project's udev rule are made as
-    /// well.
+    /// empty file if `node` is `None`. Also creates the links that udev and the project's udev rule
+    /// create.
     pub(crate) fn plug(&self, socket: u32, tty: &str, usb: Descriptor<'_>, node: Option<&Path>) {
         let device = format!("{CONTROLLER}/1-{socket}");
         self.describe(&device, usb);
@@ -153,7 +153,7 @@ impl SimulatedMachine {
     /// Adds the port `tty` of `device`, with a link to the device's driver.
     fn terminal(&self, device: &str, driver: &str, tty: &str) {
         let terminal = format!("{device}/tty/{tty}");
-        // Digits at the end of the port's name, which are its minor device number: 1 for ttyACM1.
+        // The digits at the end of the port's name are its minor device number: 1 for ttyACM1.
         let minor = tty.trim_start_matches(char::is_alphabetic);
         self.write(&format!("{terminal}/dev"), &format!("166:{minor}\n"));
         self.link(&format!("sys/bus/{driver}"), &format!("{device}/driver"));

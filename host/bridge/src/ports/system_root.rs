@@ -21,7 +21,6 @@ impl SystemRoot {
         SystemRoot(folder.to_owned())
     }
 
-    /// Returns the path `relative` below the root.
     pub(crate) fn path(&self, relative: impl AsRef<Path>) -> PathBuf {
         self.0.join(relative)
     }
@@ -67,8 +66,8 @@ impl SystemRoot {
         })
     }
 
-    /// Returns whether udev has finished with a device, whose folder in sysfs is `folder`. At the
-    /// end, udev writes a file named after the device's kind and numbers, such as `c166:0`.
+    /// Returns whether udev has finished setting up the device with the sysfs folder `folder`. At
+    /// the end, udev writes a file named after the device's kind and numbers, such as `c166:0`.
     fn is_settled(&self, folder: &Path) -> bool {
         let numbers = text(&folder.join("dev")).unwrap_or_default();
         // The running udev has this socket; a container without udev can still have udev's folders.
@@ -77,7 +76,7 @@ impl SystemRoot {
         !has_udev || record.is_some_and(|record| !record.contains("E:ID_PROCESSING=1"))
     }
 
-    /// Returns the link to `port` whose name does not depend on the order of plugging devices in.
+    /// Returns the link to `port` whose name is the same in whatever order devices are plugged in.
     fn stable_link(&self, port: &Path) -> Option<PathBuf> {
         let own = entries(&self.path("dev"));
         let own = own.into_iter().filter(|path| {
@@ -125,8 +124,8 @@ fn usb_identity(device: &Path) -> Option<UsbIdentity> {
     })
 }
 
-/// USB ids and product name of a board (`firmware/board-stm32/src/port/usb.rs`). The ids are free
-/// for tests and so not unique; therefore the name must match too.
+/// USB ids and product name of a board (`firmware/board-stm32/src/port/usb.rs`). Anybody may use
+/// these ids for tests, so the name must match too.
 const BOARD: (&str, &str) = ("1209:0001", "Corticode");
 /// USB vendor id of STMicroelectronics, whose ST-LINK connects a board's UART.
 const ST_VENDOR: &str = "0483:";

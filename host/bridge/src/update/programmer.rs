@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 use crate::update::UpdateError;
 use crate::update::flash_layout::FlashLayout;
 
-/// A loader in a chip's ROM, and the clock by which to wait for it.
+/// A loader in a chip's ROM, and a clock to wait with.
 pub(crate) trait Loader {
     /// Sends a request of the DFU class with its data.
     fn send(&mut self, request: u8, value: u16, data: &[u8]) -> io::Result<()>;
@@ -41,10 +41,10 @@ pub(crate) const DOWNLOAD_BUSY: u8 = 4;
 pub(crate) const DOWNLOAD_IDLE: u8 = 5;
 pub(crate) const ERROR: u8 = 10;
 
-/// First byte of DfuSe's commands, which a download to block 0 carries (AN3156, section 5).
+/// First byte of a DfuSe command, which is sent as a download to block 0 (AN3156, section 5).
 pub(crate) const SET_ADDRESS: u8 = 0x21;
 pub(crate) const ERASE: u8 = 0x41;
-/// Number of the block at the address that was set.
+/// Block number that stands for the address set with [`SET_ADDRESS`].
 const FIRST_BLOCK: u16 = 2;
 
 /// Bytes that the STM32H743 programs at once: a flash word of 256 bits (RM0433, embedded flash).
@@ -56,8 +56,8 @@ pub(crate) const ERASED: u8 = 0xFF;
 /// sheets.
 const COMMAND_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Erases the sectors that an image takes, writes it, compares it, and lets the loader start it.
-/// Moves `bar` by the bytes that are erased, written and compared.
+/// Erases the sectors that an image takes, writes and compares the image, and lets the loader start
+/// it. Advances `bar` by the bytes that are erased, written and compared.
 ///
 /// The sector with the vector table is erased first, and the block with the vector table is written
 /// last, after all others were compared. So a chip starts either a whole image or none.
@@ -155,7 +155,7 @@ impl<L: Loader> Programmer<'_, L> {
         Ok(StatusReport { code, wait, state })
     }
 
-    /// Brings the loader to its idle state, from whatever an interrupted program has left.
+    /// Brings the loader to its idle state, from whatever state an interrupted update has left.
     fn become_idle(&mut self) -> Result<(), UpdateError> {
         for _ in 0..6 {
             let StatusReport { wait, state, .. } = self.status()?;
@@ -214,8 +214,8 @@ impl<L: Loader> Programmer<'_, L> {
         self.become_idle()
     }
 
-    /// Lets the loader start the image at `address`. The loader may be gone before it has answered
-    /// the last request, so that answer does not count.
+    /// Lets the loader start the image at `address`. Ignores the answer to the last request,
+    /// because the loader may end before it answers.
     fn leave(&mut self, address: u32) -> Result<(), UpdateError> {
         self.command(SET_ADDRESS, address)?;
         self.send(DNLOAD, FIRST_BLOCK, &[])?;

@@ -16,7 +16,7 @@ use crate::update::programmer::{
     GET_STATUS, IDLE, Loader, SET_ADDRESS, UPLOAD,
 };
 
-/// States that only the loader distinguishes.
+/// States of the loader that the programmer need not know.
 const DOWNLOAD_SYNC: u8 = 3;
 const MANIFEST: u8 = 7;
 const UPLOAD_IDLE: u8 = 9;
@@ -33,15 +33,15 @@ pub(super) enum Runs {
 pub(super) struct Chip {
     pub(super) runs: Runs,
     pub(super) flash: Vec<u8>,
-    /// Images whose `Hello` the test knows, with their boards.
+    /// Images that the flash can start, with the boards that they are for.
     pub(super) images: Vec<Image>,
     /// Number of requests after which the loader loses its power.
     pub(super) requests_left: usize,
-    /// Status that the loader reports for the next command of this kind.
+    /// Kind of command that the loader refuses, and the status that it reports for it.
     pub(super) refuses: Option<(u8, u8)>,
     /// Address of a byte that is programmed wrongly.
     pub(super) defect: Option<u32>,
-    /// Whether the answer is lost when the loader leaves.
+    /// Whether the loader starts the image without answering the last request.
     pub(super) leaves_silently: bool,
     pub(super) layout: &'static str,
     transfer_size: u16,

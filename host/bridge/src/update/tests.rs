@@ -8,8 +8,7 @@ use crate::update::programmer::{CLEAR_STATUS, DNLOAD, ERASE, ERASED, Loader as _
 use crate::update::simulated_board::{Runs, SimulatedBoard};
 use crate::update::{UpdateError, update};
 
-/// Name, flash and transfer size of both boards. The flash is as the chips' loaders are said to
-/// describe it.
+/// Name, flash layout as the chip's loader describes it, and transfer size of each board.
 const H743: (&str, &str, u16) = (
     "NUCLEO-H743ZI2",
     "@Internal Flash   /0x08000000/16*128Kg",
@@ -21,7 +20,7 @@ const F446: (&str, &str, u16) = (
     2048,
 );
 
-/// Returns an image of `length` bytes for a board, which depend on `version`.
+/// Returns an image of `length` bytes for a board. The bytes depend on `version`.
 fn image(board: &str, version: u8, length: u32) -> Image {
     let byte = |at: u32| ((at * 37) >> 3).to_le_bytes()[0].wrapping_add(version) & 0x7F;
     Image {

@@ -10,7 +10,7 @@ use nusb::{DeviceId, DeviceInfo, Interface, MaybeFuture as _};
 
 use crate::update::programmer::Loader;
 
-/// Longest time for one request. A loader that programs its flash answers late.
+/// Time limit for one request. A loader that programs its flash answers late.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
 /// Type of the functional descriptor of DFU (DFU 1.1, section 4.1.3).
 const FUNCTIONAL: u8 = 0x21;

@@ -19,7 +19,7 @@ pub(crate) struct Connection {
     state: State,
     /// Since when the device has accepted none of the outgoing bytes; `None` if no bytes wait.
     stuck_since: Option<Instant>,
-    /// Kind of the last failure that was logged; it is logged once, however long it lasts.
+    /// Text of the last failure that was logged, so that it is logged once, however long it lasts.
     reported: Option<String>,
     /// Whether to open the port next without logging it.
     silently: bool,
@@ -214,7 +214,7 @@ impl Feed for Connection {
 }
 /// Connection to a device, as used by the loop that publishes the device's streams.
 pub trait Feed {
-    /// Waits for the next event; bytes from the device then stand at the front of `buffer`.
+    /// Waits for the next event; the bytes of an [`Event::Bytes`] are at the front of `buffer`.
     /// Meanwhile passes `outgoing` to the device and removes what was accepted. Cancel safe.
     ///
     /// # Errors
@@ -232,8 +232,8 @@ pub trait Feed {
     /// Returns a name of the device for the log, such as the address of its port.
     fn name(&self) -> String;
 
-    /// Returns the host time at which the bytes of the last event came from the device; the
-    /// device's clock is fitted to it.
+    /// Returns the host time at which the bytes of the last event came from the device. The
+    /// device's clock is fitted to these times.
     fn read_time(&self) -> HostTime {
         HostTime::now()
     }

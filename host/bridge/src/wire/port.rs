@@ -103,7 +103,7 @@ async fn exchange(
 }
 
 /// Makes TCP report a broken connection if the peer's machine does not answer for 10 s (power cut,
-/// unplugged cable). The machine of a program that is only suspended does answer.
+/// unplugged cable). If only the peer's program is suspended, its machine still answers.
 fn detect_broken_connection(stream: &TcpStream) -> io::Result<()> {
     sockopt::set_socket_keepalive(stream, true)?;
     sockopt::set_tcp_keepidle(stream, Duration::from_secs(4))?;

@@ -13,7 +13,7 @@ use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, wait_until};
 
-/// Longest wait for the decoder, sufficient for a busy machine.
+/// Time limit for the decoder, long enough for a busy machine.
 const PATIENCE: Duration = Duration::from_mins(3);
 
 /// Reads the bridge's lines in a thread until `frames` frames of reconstructed signals have arrived

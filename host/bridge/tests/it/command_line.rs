@@ -147,7 +147,7 @@ fn every_shell_has_a_script_that_names_the_program() {
     assert!(log.contains("bash") && log.contains("zsh"), "{log}");
 }
 
-/// Returns the names of the long options and of the subcommands in a help text.
+/// Returns the names of the long options in a help text.
 fn names(help: &str) -> Vec<String> {
     let lines = help.lines().map(str::trim_start);
     let options = lines.filter(|line| line.starts_with('-'));

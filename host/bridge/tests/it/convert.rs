@@ -1,4 +1,4 @@
-//! The subcommand `convert`: the place of events among samples after losses and a restart; errors.
+//! The subcommand `convert`: the rows of events after losses and a restart, and errors.
 #![expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -67,8 +67,8 @@ impl Table {
     }
 }
 
-/// Returns when a row happened on the scalp, in ticks of 1/512 s: the simulated board encodes this
-/// time in the row's values. `None` for a filler.
+/// Returns the time of the signal in a row, in ticks of 1/512 s, which the simulated board encodes
+/// in the row's values; `None` for a filler.
 fn tick_of(table: &Table, stream: &str, row: usize) -> Option<f64> {
     if table.is_filler(row) {
         return None;
@@ -91,7 +91,7 @@ fn recording(folder: &Path) -> (PathBuf, Vec<i64>) {
     rig.run(200, 7);
     rig.restart(1_700_000);
     rig.run(200, 7);
-    // This run began within a frame of samples, so the restart interrupts a frame too.
+    // The second run began within a frame of samples, so this restart interrupts a frame too.
     rig.restart(777_777);
     rig.run(100, 7);
     assert!(rig.lost > 100, "{}", rig.lost);
@@ -198,7 +198,7 @@ fn all_formats_hold_the_rows_and_events_of_csv() {
 #[test]
 fn rows_of_a_device_that_is_faster_than_the_host_are_whole_and_counted() {
     let mut rig = Rig::with(Streams::CODES | Streams::EVENTS, 100, 2);
-    // 150 s of signal in 1.5 s. Of each code, lost or not, the files have a row and 8 steps.
+    // 150 s of signal in 1.5 s. Each code, lost or not, is one row in one file and 8 in the other.
     rig.run(2_400, 70);
     let lost = rig.lost;
     let log = all_formats_hold_the_same(rig, &["codes", "reconstructed"]);

@@ -33,7 +33,7 @@ pub(crate) struct Controls {
     pub(crate) made: AtomicU32,
     /// Whether the board accepts no new connection.
     pub(crate) unplugged: AtomicBool,
-    /// Whether the board is suspended. When this ends, the board makes the missed codes at once.
+    /// Whether the board is suspended. After the suspension, it makes the missed codes at once.
     pub(crate) stand_still: AtomicBool,
     stop: AtomicBool,
     received: Mutex<Vec<ToDevice<'static>>>,

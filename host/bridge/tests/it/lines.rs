@@ -86,7 +86,7 @@ fn listed(section: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// Adds the paths of all fields in the JSON value at `path`. A list counts as its elements.
+/// Adds the paths of all fields in the JSON value at `path`, and of the fields of objects in lists.
 fn collect(value: &Value, path: &str, fields: &mut BTreeSet<String>) {
     match value {
         Value::Object(object) => {
@@ -191,7 +191,7 @@ fn malformed_blocks_are_an_error_of_the_packed_code_and_do_not_count_as_decoded(
     // The log names the stream that is received: packed blocks, not codes.
     assert_has(&log, ["packed blocks: 16 per second"]);
     assert!(!log.contains("codes: 16 per second"), "{log}");
-    // A replay refuses to set any rate. That it refuses the model's rate is not worth a warning.
+    // A replay refuses to set any rate. Its refusal of the model's rate is not worth a warning.
     let refused = log.lines().find(|line| line.contains("refuses the rate 4"));
     assert!(refused.unwrap().contains("INFO"), "{log}");
     assert_has(&log, ["windows: decoded 23 ", "packed blocks malformed 1"]);

@@ -17,8 +17,8 @@ use crate::device::Device;
 use crate::process::{Bridge, wait_until};
 use crate::simulated_machine::{BOARD, Descriptor, OTHER, SimulatedMachine};
 
-/// Shell script that puts `dev` and `sys` of the folder `$1` in place of the machine's, in a
-/// namespace of its own, and runs the rest of its arguments. `/dev/pts` stays the real one.
+/// Shell script that mounts `dev` and `sys` of the folder `$1` over those of the machine, and runs
+/// the rest of its arguments. `/dev/pts` stays the machine's.
 const SCRIPT: &str = r#"
 mkdir -p "$1/dev/pts" && touch "$1/dev/null" \
     && mount --bind /dev/null "$1/dev/null" && mount --rbind /dev/pts "$1/dev/pts" \
@@ -26,8 +26,8 @@ mkdir -p "$1/dev/pts" && touch "$1/dev/null" \
     && shift && exec "$@"
 "#;
 
-/// Returns whether this user can create namespaces, without which `test` cannot run. If not, says
-/// so on stderr, or fails if CORTICODE_REQUIRE_ROS is 1.
+/// Returns whether this user can create namespaces, which `test` needs. If not, prints that the
+/// test is skipped, or panics if CORTICODE_REQUIRE_ROS is 1.
 fn namespaces(test: &str) -> bool {
     let status = namespace().arg("true").stderr(Stdio::null()).status();
     if status.is_ok_and(|status| status.success()) {
@@ -77,8 +77,8 @@ fn plug(machine: &SimulatedMachine, socket: u32, tty: &str, board: Descriptor<'_
     machine.plug(socket, tty, board, node.as_deref());
 }
 
-/// Returns a machine with `board` as its port `tty`, and the link to the board's pseudoterminal in
-/// the folder.
+/// Returns a machine with `board` at its port `tty`. The returned path is a link, in the returned
+/// folder, to the board's pseudoterminal.
 fn machine_with(board: Board, tty: &str) -> (SimulatedMachine, TempDir, PathBuf, Device) {
     let machine = SimulatedMachine::new();
     let folder = tempfile::tempdir().unwrap();

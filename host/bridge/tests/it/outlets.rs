@@ -13,7 +13,7 @@ use crate::viewer::{next, view};
 
 const TOKEN: &str = "0123456789abcdef";
 
-/// Starts the bridge with `outlets`, of which the live page is at `address`.
+/// Starts the bridge with `outlets`, among them the live page at `address`.
 fn start(device: &Device, outlets: &str, address: SocketAddr) -> Bridge {
     let address = address.to_string();
     let streams = "--streams=codes,filtered,events";

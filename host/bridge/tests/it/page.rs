@@ -83,7 +83,7 @@ impl Page {
         text
     }
 
-    /// Waits for a report in which the status `name` is as wanted.
+    /// Waits for a report in which `wanted` is true for the status `name`.
     fn wait_for(&self, name: &str, wanted: impl Fn(&DiagnosticStatus) -> bool) {
         let name = format!("corticode: {name}");
         let mut reader = self.view();
@@ -199,7 +199,7 @@ fn shown(path: &Path) -> (Bridge, BufReader<TcpStream>) {
     (bridge, view(address))
 }
 
-/// Shows the recording at `path` on a live page, from its beginning and without a loss.
+/// Asserts that a live page shows the recording at `path` from its beginning, without a loss.
 fn is_shown_again(path: &Path) {
     let (bridge, mut page) = shown(path);
     let mut last = 0;

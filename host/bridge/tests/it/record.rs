@@ -160,7 +160,7 @@ fn packed_blocks_have_the_models_rate_unless_the_device_has_another_model() {
         let log = recorder.end(Signal::TERM);
         let received = device.received();
         assert_eq!(device.rates(), rates, "{log}");
-        // Two other commands precede the first `Start`, and the command that sets the rate, if any.
+        // The first `Start` follows two other commands, and the command that sets the rate, if any.
         let start = |command: &ToDevice| matches!(command, ToDevice::Start(start) if start.streams == Streams::PACKED);
         let start = received.iter().position(start).unwrap();
         assert_eq!(received[..start].len(), 2 + rates.len(), "{received:?}");

@@ -1,4 +1,4 @@
-//! Events for recorders: each gets stamps that place events at their rows in its own file.
+//! Events for recorders: stamps place the events at their rows in each recorder's own file.
 
 use neuro_ros::{GET_INFO_SERVICE, NeuroEvent, RosMessage, Stamp, Wire};
 use tokio::time::timeout;
@@ -25,7 +25,7 @@ async fn record(graph: &Graph, name: &str, asks: bool) -> (i64, [i64; 2], [Stamp
             announcement(&node, GET_INFO_SERVICE).await;
         }
         let answered_ns = Stamp::now().nanoseconds();
-        // A frame from during the call, or shortly before, may be the first one or not: call again.
+        // A frame read about the time of the call may or may not be the recording's first: retry.
         let mut is_clear = true;
         let first = loop {
             let frame = frame(&mut frames).await;
@@ -67,7 +67,7 @@ async fn each_recorder_gets_an_event_at_its_own_place_and_others_at_its_time() {
     for name in ["recorder1", "recorder2"] {
         let (first, [earliest_ns, latest_ns], events) = record(&graph, name, true).await;
         for (number, stamp_ns) in events {
-            // The recorder rounds down and counts from 0, readers count from 1.
+            // The recorder rounds down and counts rows from 0; readers of its file count from 1.
             let since_ns = (2 * (row(number) - first) + 3) * 1_000_000_000 / 1024;
             let published_ns = stamp_ns - since_ns + 62_500_000;
             let earliest_ns = earliest_ns - 1;

@@ -80,7 +80,7 @@ fn a_pseudoterminal_that_returns_under_another_name_is_reopened_and_so_is_a_brok
         assert_eq!(made, device.controls.made.load(Relaxed), "{log}");
         assert_eq!((received + lost, fillers), (made, lost), "{log}");
         assert!(lost > 0);
-        // The bridge must reconnect within 1 s; a busy machine may take one more.
+        // The bridge must reconnect within 1 s; a busy machine may take another second.
         let limit = Duration::from_secs(2);
         assert!(outages.iter().all(|outage| *outage < limit), "{outages:?}");
     }

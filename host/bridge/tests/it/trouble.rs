@@ -62,8 +62,7 @@ fn log_of(port: &str, time: Duration) -> String {
 
 #[test]
 fn a_port_that_sends_something_else_is_logged_once() {
-    // Time enough to log silences (after 5 s), and to reopen a port that always closes (every 250
-    // ms).
+    // Long enough to log a silence (after 5 s), and to reopen a closing port often (every 250 ms).
     for (lines, time) in [(u32::MAX, 12), (5, 3)] {
         let log = log_of(&stranger(lines), Duration::from_secs(time));
         let said = log.matches("nothing here speaks Corticode").count();

@@ -18,8 +18,8 @@ pub(crate) enum Stream {
 }
 
 impl Stream {
-    /// All streams, in the order of their discriminants, which are indices into arrays with an
-    /// element per stream.
+    /// All streams in the order of their discriminants, which index arrays with an element per
+    /// stream.
     pub(crate) const ALL: [Stream; STREAMS] = [
         Stream::Codes,
         Stream::Reconstructed,
@@ -96,8 +96,8 @@ impl Block {
         words.unwrap_or(&[0; TRI_LABELS.len()])
     }
 
-    /// Turns all rows into fillers, which repeat the values of the last row. Moves the times and
-    /// the index on by `rows` rows.
+    /// Turns all rows into fillers, which repeat the values of the last row. Advances the times and
+    /// the index by `rows` rows.
     pub(crate) fn become_filler(&mut self, rows: u64) {
         let period = u64::from(self.frame.sr.max(1));
         let later_us = i64::try_from(rows.saturating_mul(1_000_000) / period).unwrap_or(i64::MAX);

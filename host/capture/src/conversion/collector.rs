@@ -16,7 +16,7 @@ const TRIGGER: u16 = 1;
 /// Time by which the fillers of a stream may be longer than the recording, seconds. It allows for
 /// the drift between the clocks of device and host.
 const SPARE_S: u64 = 120;
-/// Longest time that the fillers of a stream can stand for, seconds: a day.
+/// Maximum total duration of the fillers of a stream, seconds: a day.
 const MAX_FILLERS_S: u64 = 86_400;
 
 /// Receives the blocks and events of a recording, in the order in which the core publishes them.
@@ -56,7 +56,7 @@ pub(crate) struct Collector<L> {
     received: [u64; STREAMS],
     /// Number of fillers of each stream so far, in rows.
     fillers: [u64; STREAMS],
-    /// Number of missing rows without fillers, because their stream already had too many fillers.
+    /// Number of missing rows without fillers, because their stream had too many fillers.
     pub(crate) unfilled: u64,
 }
 
@@ -96,9 +96,9 @@ impl<L: Listener> Collector<L> {
         packed.map_or(0, PackedReconstruction::malformed)
     }
 
-    /// Passes a marker of the user to the listener. Without a device time it is at the newest
-    /// frame. The core would publish it only with the stream of events, which not every recording
-    /// has.
+    /// Passes a marker of the user to the listener. A marker without a device time gets the device
+    /// time of the newest frame. Markers bypass the core, because the core publishes them only if
+    /// the recording has the stream of events.
     pub(crate) fn mark(&mut self, text: String, device_us: Option<i64>, wall_ns: i64) {
         let newest_us = i64::try_from(self.frame_us).unwrap_or(i64::MAX);
         self.listener.event(TimedEvent {
@@ -118,8 +118,8 @@ impl<L: Listener> Collector<L> {
         self.pass_on(block, is_filler);
     }
 
-    /// Passes the frame of a packed block to the listener. A malformed block has the flag of a
-    /// filler only in the pass that decodes it, so it counts as received in both.
+    /// Passes the frame of a packed block to the listener. Only the pass that decodes a malformed
+    /// block flags it as a filler, so both passes ignore this flag and count the block as received.
     fn publish_packed(&mut self, of: PassedBlock, frame: &NeuroFrame, delay_us: i64) {
         let block = Self::block_of(of.run, Stream::Reconstructed, frame, delay_us);
         self.pass_on(block, !of.is_received);
@@ -134,7 +134,8 @@ impl<L: Listener> Collector<L> {
         let last = frame.eeg.info.nsamples.saturating_sub(1);
         let [first_us, last_us] = [0, last].map(device_us_of);
         let device_us = if last_us < first_us {
-            // The device restarted within the frame. Its last row is of the present run.
+            // The device restarted within the frame. The frame's last row is of the present run, so
+            // count back from that row.
             last_us - i64::from(last) * 1_000_000 / i64::from(frame.sr.max(1))
         } else {
             first_us
@@ -167,8 +168,8 @@ impl<L: Listener> Collector<L> {
     /// used. The limit exists because a damaged recording can miss more data than a disk holds.
     fn take_fillers(&mut self, block: &Block, count: u64) -> u64 {
         let seconds = self.elapsed_s.saturating_add(SPARE_S).min(MAX_FILLERS_S);
-        // A device that does not keep the host's time, such as a simulated one, can send more
-        // signal than time passes. The rows that it has sent show how much.
+        // A device that is faster than real time, such as a simulated one, sends more than a second
+        // of signal per second, so the rows received from it raise the limit.
         let most = seconds * u64::from(block.frame.sr) + self.received[block.stream as usize];
         let rows = (block.rows() as u64).max(1);
         let fillers = &mut self.fillers[block.stream as usize];
@@ -179,9 +180,9 @@ impl<L: Listener> Collector<L> {
         taken
     }
 
-    /// Passes fillers to the listener for the frames before `block` that the core skipped, because
-    /// they would not have fitted into the queues of subscribers. After a restart, the times of the
-    /// fillers continue the times of the previous run.
+    /// Passes fillers to the listener for missing frames before `block` that the core did not fill:
+    /// it fills only as many as fit into the queues of subscribers. After a restart, the times of
+    /// the fillers continue the times of the previous run.
     fn fill_skipped(&mut self, block: &Block) {
         let place = match block.stream {
             Stream::Raw => 0,
@@ -200,8 +201,8 @@ impl<L: Listener> Collector<L> {
         self.newest[place] = Some(block.clone());
     }
 
-    /// Returns the time from when the first step of a code or packed block was at the electrodes to
-    /// the device time of the code or block, microseconds. `steps` returns the number of its steps.
+    /// Returns how long before the device time of a code or packed block its first step was at the
+    /// electrodes, microseconds. `steps` returns the number of steps in the code or block.
     fn delay_us(&self, steps: impl Fn(&Device) -> u8) -> i64 {
         self.device.as_ref().map_or(0, |device| {
             let lookback = u32::from(steps(device)) - 1;
@@ -342,8 +343,8 @@ const fn event_code(of: i32) -> u16 {
     code
 }
 
-/// Returns a prediction as a row: the probability of each class, and the code of the chosen class
-/// or 0.
+/// Returns a prediction as a row: the probability of each class, and the code of the chosen class,
+/// or 0 if none is chosen.
 fn prediction_frame(device: &Device, prediction: &NeuroOutput, words: TriWords) -> NeuroFrame {
     let soft = &prediction.softpredict;
     let codes = &prediction.decoder.classes;

@@ -24,15 +24,15 @@ const NOT_SENT: u32 = u32::MAX;
 /// Plays the records of a recording to a core.
 ///
 /// The core sends commands as the bridge did while it recorded, but their sequence numbers can
-/// differ: a newer bridge may ask for more. So each recorded acknowledgement is passed to the core
-/// with the number of the core's own command of the same kind, or, if it has sent none, with a
+/// differ: a newer bridge may send more commands. So each recorded acknowledgement is passed to the
+/// core with the number of the core's own command of the same kind, or, if it has sent none, with a
 /// number that it does not use.
 pub(crate) struct Playback<L> {
     pub(crate) core: Core,
     pub(crate) collector: Collector<L>,
     /// Commands in the recording so far, by their sequence number.
     recorded: HashMap<u32, ToDevice<'static>>,
-    /// Newest command of each kind that the core has sent, after its sequence number.
+    /// Newest command of each kind that the core has sent, preceded by its sequence number.
     own: Vec<(u32, ToDevice<'static>)>,
     from_device: Decoder<MAX_FRAME>,
     from_host: Decoder<MAX_FRAME>,
@@ -65,14 +65,13 @@ impl<L: Listener> Playback<L> {
         }
     }
 
-    /// Plays one record to the core.
     pub(crate) fn play(&mut self, record: Record<'_>) {
         let time = record.time;
         let first = *self.first.get_or_insert(time);
         let since_first_us = time.monotonic_us - first.monotonic_us;
         self.collector.elapsed_s = u64::try_from(since_first_us / 1_000_000).unwrap_or(0);
-        // All frames that were read together have the same time, and the core sends commands only
-        // after the last of them.
+        // Tick the core only when the time changes: frames that were read together have the same
+        // time, and the core sends commands only after the last of them.
         if self
             .due
             .is_some_and(|due| due.monotonic_us != time.monotonic_us)
@@ -121,7 +120,7 @@ impl<L: Listener> Playback<L> {
         self.newest = Some(time);
     }
 
-    /// Publishes the last packed block, which otherwise waits for a next one. Call this at the end.
+    /// Publishes the last packed block, which is waiting for the next one. Call this at the end.
     pub(crate) fn finish(&mut self) {
         self.collector.finish_blocks();
     }
@@ -165,8 +164,8 @@ impl<L: Listener> Playback<L> {
                 ToHost::Capabilities(ref capabilities) => self.hop = Hop::of(capabilities),
                 ToHost::Ack(ack) => changed = self.own_answer(&frame, ack),
                 _ if self.renumbering != Renumbering::Off => {
-                    // A message from before the recording becomes one without a meaning, so that
-                    // its frame does not count as lost.
+                    // Replace a message from before the recording by an acknowledgement of no
+                    // command, so that its frame does not count as lost.
                     let none = ToHost::Ack(Ack {
                         of: NOT_SENT,
                         result: AckResult::Done,
@@ -182,8 +181,8 @@ impl<L: Listener> Playback<L> {
         self.core.handle(bytes, read, &mut self.collector);
     }
 
-    /// Returns the bytes of `frame` after its acknowledgement `ack` is changed to name the core's
-    /// own command. `None` if the recording lacks the command that was acknowledged.
+    /// Returns the bytes of `frame`, with its acknowledgement `ack` changed to name the core's own
+    /// command; `None` if the recording lacks the acknowledged command.
     fn own_answer(&self, frame: &Frame<ToHost>, ack: Ack) -> Option<Vec<u8>> {
         let recorded = discriminant(self.recorded.get(&ack.of)?);
         let mut own = self.own.iter().rev();

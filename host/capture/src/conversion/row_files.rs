@@ -19,7 +19,7 @@ pub(crate) struct StreamFile<'a> {
     pub(crate) rows: u64,
     /// Wall clock when the first row happened, nanoseconds since 1970.
     pub(crate) start_ns: i64,
-    /// All events, each with the row at which it stands, in the order of the rows.
+    /// All events, each with the index of its row, in the order of the rows.
     pub(crate) events: Vec<(u64, TimedEvent)>,
 }
 
@@ -45,7 +45,7 @@ pub(crate) trait RowWriter {
 #[derive(Default)]
 pub(crate) struct Rows {
     pub(crate) writers: [Option<Box<dyn RowWriter>>; STREAMS],
-    /// Number of rows that each stream had so far.
+    /// Number of rows of each stream so far.
     pub(crate) counts: [u64; STREAMS],
     /// Index of the first writer that failed, and its error.
     pub(crate) failed: Option<(usize, io::Error)>,
@@ -71,7 +71,7 @@ impl Listener for Rows {
 pub(crate) struct CsvRows {
     out: BufWriter<File>,
     row: u64,
-    /// Row and event code of each event that is still to be written; the last element comes first.
+    /// Row and code of each event not written yet, in reverse order: the last element comes next.
     events: Vec<(u64, u16)>,
 }
 
@@ -138,14 +138,14 @@ fn seconds(units: i64, digits: u32) -> String {
 
 /// Status words that a GDF or BDF file holds as signals: index in [`TRI_LABELS`], and label.
 /// Readers such as MNE know these two labels as digital channels, and take every other signal for
-/// EEG. The other words follow from the number of a row, or are in CSV and NPZ.
+/// EEG. The other words can be derived from a row's index, or are only in CSV and NPZ files.
 const WORD_SIGNALS: [(usize, &str); 2] = [(7, "trigger"), (0, "status")];
 
 /// Writes a GDF or BDF file, with one of the format's records for each block of rows. Two status
-/// words are signals of their own.
+/// words are written as signals.
 pub(crate) struct RecordRows {
     file: RecordFile,
-    /// Values of the block in progress; kept so that a block needs no allocation.
+    /// Values of the block in progress; reused, so that a block needs no allocation.
     values: Vec<f32>,
 }
 
@@ -156,7 +156,6 @@ enum RecordFile {
 }
 
 impl RecordRows {
-    /// Creates a GDF file and writes its header.
     pub(crate) fn gdf(out: File, file: &StreamFile<'_>) -> io::Result<RecordRows> {
         let writer = GdfWriter::new(BufWriter::new(out), &file_to_write(file))?;
         let events = file.events.iter().map(|(row, event)| (*row, event.code));
@@ -166,7 +165,6 @@ impl RecordRows {
         })
     }
 
-    /// Creates a BDF file and writes its header.
     pub(crate) fn bdf(out: File, file: &StreamFile<'_>) -> io::Result<RecordRows> {
         let events = file.events.iter();
         let texts = events.map(|(row, event)| (*row..*row, event.description.clone()));
@@ -242,7 +240,7 @@ fn signals(info: &NeuroDataInfo) -> impl Iterator<Item = SignalToWrite> {
 /// written as soon as it is known. numpy shows each field as an array.
 pub(crate) struct NpzRows {
     file: NpzWriter<File>,
-    /// Bytes of the row in progress; kept so that a row needs no allocation.
+    /// Bytes of the row in progress; reused, so that a row needs no allocation.
     row: Vec<u8>,
 }
 

@@ -7,12 +7,12 @@ use neuro_ros::NeuroFrame;
 use crate::conversion::block::{Block, STREAMS, Stream, TimedEvent};
 use crate::conversion::collector::Listener;
 
-/// Largest difference between the times of an event and of a sample that count as equal,
-/// microseconds: the times of samples are rounded to microseconds.
+/// Largest difference at which the times of an event and of a sample count as equal, microseconds.
+/// The times of samples are rounded to microseconds.
 const SAME_US: i64 = 2;
 
 /// Longest time after a stream's last row at which an event is placed, seconds: a day. A later
-/// event, which a damaged recording can hold, is placed there too.
+/// event, as in a damaged recording, is placed at this limit.
 const MAX_AFTER_END_S: u64 = 86_400;
 
 /// Streams and events that the first pass over a recording has found.
@@ -61,7 +61,7 @@ impl Listener for Survey {
 }
 
 impl Survey {
-    /// Returns the events with the rows at which they stand in a stream, in the order of the rows.
+    /// Returns the events, each with the index of its row in a stream, in the order of the rows.
     pub(crate) fn placed(&self, stream: Stream) -> Vec<(u64, &TimedEvent)> {
         let rows = &self.streams[stream as usize];
         let events = self.events.iter();
@@ -77,8 +77,8 @@ impl StreamSurvey {
         self.anchors.first().map_or(0, |anchor| anchor.wall_ns)
     }
 
-    /// Returns the duration of the signal by its rows, and by the host's clock, seconds, if they
-    /// differ by more than 1 s and 1 %, which no clock of a device does.
+    /// Returns the duration of the signal by its rows, and by the host's clock, seconds, if the two
+    /// differ by more than 1 s plus 1 %. No device has a clock as inexact as that.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 rows")]
     pub(crate) fn differing_durations_s(&self) -> Option<(f64, f64)> {
         let (first, last) = (self.anchors.first()?, self.anchors.last()?);
@@ -109,8 +109,8 @@ impl StreamSurvey {
             && row > next.row
         {
             row = next.row;
-            // The event belongs to the time between the device's last row and its restart. Only
-            // fillers stand there; these have no device time, so the wall clock finds the place.
+            // The event lies between the device's last row and its restart. Only fillers are there,
+            // and they have no device time, so the wall clock determines the row.
             if next.run != event.run {
                 let fillers = &self.anchors[at..];
                 let past = fillers.partition_point(|anchor| anchor.wall_ns < event.wall_ns);

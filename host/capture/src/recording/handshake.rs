@@ -1,4 +1,4 @@
-//! What a recording begins with if the device streams already.
+//! The records with which a recording begins if the device is already streaming.
 
 use std::collections::VecDeque;
 use std::mem::{Discriminant, discriminant};
@@ -12,21 +12,21 @@ use crate::recording::recorder::Recorder;
 /// Number of commands that can wait for their acknowledgement.
 const MAX_SENT: usize = 32;
 
-/// The newest introduction of a device, and the commands that it has acknowledged: what a recording
-/// that begins in the middle of a stream must know of the time before it.
+/// Keeps the newest introduction of a device and the commands that it has acknowledged. A recording
+/// that begins in the middle of a stream must start with these.
 ///
-/// The caller passes in what it sends and what it receives, recording or not.
+/// The caller passes in everything that it sends and receives, even while it is not recording.
 #[derive(Debug, Default)]
 pub struct Handshake {
     is_open: bool,
     introduction: Introduction,
     /// Commands without an acknowledgement, oldest first.
     sent: VecDeque<Command>,
-    /// The newest acknowledged command of each kind, with the answer, oldest first.
+    /// The newest acknowledged command of each kind, with its result, oldest first.
     acknowledged: Vec<(Command, AckResult)>,
     is_running: bool,
-    /// Number and device time of the newest frame from the device, and when it was received,
-    /// microseconds of the host's monotonic clock.
+    /// Sequence number and device time of the newest frame from the device, and when it was
+    /// received, microseconds of the host's monotonic clock.
     seq: u32,
     device_us: u64,
     received_us: i64,
@@ -40,7 +40,7 @@ struct Command {
 }
 
 impl Handshake {
-    /// Notes that the port was opened. A device that streams goes on.
+    /// Notes that the port was opened. A device that is streaming continues.
     pub fn opened(&mut self) {
         self.is_open = true;
         self.sent.clear();
@@ -124,9 +124,9 @@ impl Handshake {
         self.acknowledged.push((command, ack.result));
     }
 
-    /// Records at `now` what a recording must begin with: that the port is open, and, as if all of
-    /// this happened now, the device's introduction and its acknowledgements. If the device
-    /// streams, the record `joined` follows.
+    /// Writes the first records of a recording, all with the time `now`: that the port is open, the
+    /// device's introduction, and the acknowledged commands with their results. If the device is
+    /// streaming, the record `joined` follows.
     pub fn begin(&self, recorder: &mut Recorder, now: HostTime) {
         if !self.is_open {
             return;
@@ -136,7 +136,7 @@ impl Handshake {
             return;
         }
         let introduction = self.introduction.payloads();
-        // A stopped device can be silent for seconds.
+        // Advance the device time: a stopped device can have been silent for seconds.
         let since_us = now.monotonic_us.saturating_sub(self.received_us);
         let frames = introduction.len() + self.acknowledged.len();
         let mut header = Header {

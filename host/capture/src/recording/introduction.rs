@@ -63,7 +63,7 @@ impl Introduction {
         self.mains_hz
     }
 
-    /// Returns the length of the device's hops.
+    /// Returns the length of the device's hops; `None` if unknown or not a whole number of samples.
     pub(crate) fn hop(&self) -> Option<Hop> {
         self.hop
     }
@@ -90,8 +90,7 @@ impl RecordedStarts {
         self.0.clear();
     }
 
-    /// Notes the command in `payload`, the bytes of a frame to the device. Returns whether it is a
-    /// `Start`.
+    /// Notes the command in `payload`, a frame to the device. Returns whether it is a `Start`.
     pub(crate) fn note(&mut self, mut payload: &[u8]) -> bool {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         if let Some(Ok(frame)) = decoder.next::<ToDevice>(&mut payload) {

@@ -9,14 +9,14 @@ use crate::recording::{FileHeader, MAX_RECORD, Parsed, Record, RecordingError};
 /// Number of bytes that one read from the file asks for.
 const BLOCK: usize = 64 * 1024;
 
-/// Limit of the host's monotonic clock, microseconds; a record with a later time is damaged. It is
-/// 285 years, and the largest range that is exact in a float64.
+/// Limit of the host's monotonic clock, microseconds: 285 years, up to which a float64 is exact. A
+/// later time counts as damage.
 const MAX_MONOTONIC_US: i64 = 1 << 53;
 /// Limit of the wall clock, nanoseconds since 1970: the year 2116. A later time counts as damage.
 const MAX_WALL_NS: i64 = 1 << 62;
 /// Longest possible time from one record to the next, microseconds: 366 days.
 const MAX_PAUSE_US: i64 = 366 * 86_400 * 1_000_000;
-/// Longest possible time by which a record is earlier than the one before it, microseconds.
+/// Largest possible step back in time from one record to the next, microseconds.
 const MAX_STEP_BACK_US: i64 = 10_000_000;
 
 /// Reads the records of a recording one by one. Damage costs only the records that it hits, because

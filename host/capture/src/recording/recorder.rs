@@ -8,8 +8,8 @@ use crate::recording::{FileHeader, MAX_PAYLOAD, Record, RecordKind};
 /// [`Recorder::take`] returns to a file.
 ///
 /// The bytes from the device are split after each zero that ends a frame, and become the payloads
-/// of records. Joined in order, the payloads are exactly the bytes from the device. Only garbage
-/// longer than a frame, and the bytes of an unfinished frame, end without a zero.
+/// of records. Joined in order, the payloads are exactly the bytes from the device. A payload ends
+/// without a zero only if it holds garbage longer than a frame or an unfinished frame.
 #[derive(Debug)]
 pub struct Recorder {
     /// Bytes so far of the frame that is not complete yet.
@@ -64,14 +64,14 @@ impl Recorder {
         self.append(RecordKind::Ending, now, &[]);
     }
 
-    /// Records a text with which the user has marked this moment. What is longer than a payload is
-    /// cut off.
+    /// Records a text with which the user has marked this moment. A text that is longer than the
+    /// longest payload is cut off.
     pub fn marker(&mut self, text: &str, now: HostTime) {
         let end = text.floor_char_boundary(MAX_PAYLOAD);
         self.append(RecordKind::Marker, now, &text.as_bytes()[..end]);
     }
 
-    /// Records that the device streamed already when the recording began.
+    /// Records that the device was already streaming when the recording began.
     pub(crate) fn joined(&mut self, now: HostTime) {
         self.append(RecordKind::Joined, now, &[]);
     }

@@ -1,13 +1,13 @@
-//! Indices of a stream that ran already when its recording began, counted from the recording's
-//! beginning.
+//! Renumbers a stream that was already running when its recording began, so that its indices count
+//! from the beginning of the recording.
 
 use link::{
     Audit, Capabilities, Code, CompressedRaw, Event, Exclusion, Features, Filtered, PackedCode,
     Quality, Raw, Stats, ToHost,
 };
 
-/// Hops that are left out at the beginning, so that every stream begins with the same one: the
-/// message of a code arrives one hop after the samples of its first step.
+/// Number of hops left out at the beginning, so that every stream begins with the same hop although
+/// the message of a code arrives one hop after the samples of its first step.
 const LEFT_OUT: u32 = 2;
 
 /// Length of a hop, in steps and in ADC samples.
@@ -18,7 +18,7 @@ pub(crate) struct Hop {
 }
 
 impl Hop {
-    /// Returns the length of the device's hops; `None` if it is no whole number of samples.
+    /// Returns the length of the device's hops; `None` if a hop is not a whole number of samples.
     pub(crate) fn of(capabilities: &Capabilities) -> Option<Hop> {
         let steps = u64::from(capabilities.hop_steps);
         let samples = steps * u64::from(capabilities.adc_rate_hz);
@@ -31,25 +31,25 @@ impl Hop {
     }
 }
 
-/// Subtracts from all indices that count from the device's `Start` the hops before the recording.
+/// Subtracts the hops before the recording from all indices that count from the device's `Start`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Renumbering {
     /// The recording has the stream's `Start`.
     #[default]
     Off,
-    /// The first message with an index decides.
+    /// The first message with an index will determine the number of hops to subtract.
     Joined(Hop),
     By(Hop, u32),
 }
 
 impl Renumbering {
-    /// Returns the renumbering after the record `joined` of a device with such hops.
+    /// Returns the state after the record `joined`. If `hop` is `None`, nothing is renumbered.
     pub(crate) fn joined(hop: Option<Hop>) -> Renumbering {
         hop.map_or(Renumbering::Off, Renumbering::Joined)
     }
 
-    /// Returns a message with its indices counted from the recording's beginning; `None` for one
-    /// from before it.
+    /// Returns a message with its indices counted from the recording's beginning; `None` for a
+    /// message from before the recording.
     pub(crate) fn apply<'m>(&mut self, message: &ToHost<'m>) -> Option<ToHost<'m>> {
         if let Renumbering::Joined(hop) = *self
             && let Some(present) = hop_of(message, hop)
@@ -57,14 +57,14 @@ impl Renumbering {
             *self = Renumbering::By(hop, present.wrapping_add(LEFT_OUT));
         }
         match *self {
-            // After `joined`, nothing that has an index has come yet.
+            // `Joined`: no message with an index has come yet.
             Renumbering::Off | Renumbering::Joined(_) => Some(message.clone()),
             Renumbering::By(hop, hops) => renumber(message, hop, hops),
         }
     }
 }
 
-/// Returns the number of the hop in which a message was made, as far as its indices tell.
+/// Returns the index of the hop in which a message was made; `None` if no field shows it.
 fn hop_of(message: &ToHost<'_>, hop: Hop) -> Option<u32> {
     let of_samples = |sample: u64| u32::try_from(sample / hop.samples).ok();
     match message {
@@ -80,7 +80,7 @@ fn hop_of(message: &ToHost<'_>, hop: Hop) -> Option<u32> {
 }
 
 fn renumber<'m>(message: &ToHost<'m>, hop: Hop, hops: u32) -> Option<ToHost<'m>> {
-    // Indices of hops wrap, and a lower one than the first is from before the recording.
+    // An index of a hop wraps at 2^32. A lower index than the first is from before the recording.
     let hop_index = |index: u32| {
         let since = index.wrapping_sub(hops);
         (since < 1 << 31).then_some(since)
@@ -151,7 +151,7 @@ mod tests {
         samples: 32,
     };
 
-    /// Returns the messages with the number of a hop: those of the hop `hop`.
+    /// Returns a message of each kind that has the index of a hop, for the hop `hop`.
     fn numbered(hop: u32) -> [ToHost<'static>; 4] {
         let flags = Flags::empty();
         [
@@ -189,7 +189,7 @@ mod tests {
         ]
     }
 
-    /// Returns the messages with the index of a sample or step: those of the hop `hop`.
+    /// Returns a message of each kind that has the index of a sample or step, for the hop `hop`.
     fn indexed(hop: u32) -> [ToHost<'static>; 3] {
         let flags = Flags::empty();
         [

@@ -32,11 +32,11 @@ pub struct Replayer<R> {
     pace: Pace,
     from_host: Decoder<MAX_FRAME>,
     from_device: Decoder<MAX_FRAME>,
-    /// How the device introduced itself at the present place of the recording.
+    /// Newest introduction of the device up to the present position in the recording.
     introduction: Introduction,
     recorded_starts: RecordedStarts,
     renumbering: Renumbering,
-    /// Streams that the recorded device sent at the present place of the recording.
+    /// Streams that the recorded device sent at the present position in the recording.
     recorded_streams: Streams,
     outgoing: Vec<u8>,
     seq: u32,
@@ -186,7 +186,7 @@ impl<R: Read + Seek> Replayer<R> {
             ToDevice::Start(start) => return self.start(start),
             ToDevice::Stop => {
                 // After a restart the host sends `Stop` first, to make sure that nothing streams;
-                // the replay goes on waiting for its `Start`.
+                // the replay keeps waiting for the host's `Start`.
                 if !self.restarted {
                     self.state = State::Stopped;
                 }
@@ -219,7 +219,7 @@ impl<R: Read + Seek> Replayer<R> {
 
     fn start(&mut self, start: Start) -> Result<AckResult, RecordingError> {
         let recorded = self.recorded_streams;
-        // Streams that a replay can send only if the recording has them.
+        // A `Start` for one of these streams is refused unless the recording has the stream.
         let exact = [
             Streams::CODES,
             Streams::RAW,
@@ -286,7 +286,7 @@ impl<R: Read + Seek> Replayer<R> {
                 RecordKind::Joined => {
                     self.renumbering = Renumbering::joined(self.introduction.hop());
                 }
-                // What follows stops the recorded device; the replay's host sends a `Stop` itself.
+                // The next records stop the recorded device; the replay's host sends `Stop` itself.
                 RecordKind::Ending => return Ok(None),
                 RecordKind::Opened
                 | RecordKind::Closed
@@ -307,7 +307,7 @@ impl<R: Read + Seek> Replayer<R> {
                 let streams = self.recorded_starts.acknowledged_by(payload);
                 if let Some(streams) = streams.filter(|_| self.restarted) {
                     self.recorded_streams = streams;
-                    // The replay's host has to send `Start` at the same place of the recording.
+                    // The replay's host has to send `Start` at the same position in the recording.
                     self.state = State::AwaitsStart;
                     self.started_us = time_us;
                 }
@@ -322,7 +322,7 @@ impl<R: Read + Seek> Replayer<R> {
     }
 
     fn pass_on_frame(&mut self, frame: &Frame<ToHost>, payload: &[u8]) {
-        // A gap in the recorded sequence numbers becomes a gap in those that the replay sends.
+        // A gap in the recorded sequence numbers becomes a gap in the replay's sequence numbers.
         let Header {
             seq,
             device_time_us,

@@ -15,8 +15,8 @@ use crate::synthetic_recording::Rig;
 /// Longest time that a conversion may take. On an idle machine it takes milliseconds.
 const TIMEOUT: Duration = Duration::from_mins(1);
 
-/// Largest size that all files of a conversion may have, bytes. With 122 s of fillers in each
-/// stream they have 30 MB.
+/// Limit of the total size of a conversion's files, bytes: twice the 30 MB that they have with 122
+/// s of fillers in each stream.
 const MAX_BYTES: u64 = 60_000_000;
 
 fn good() -> Vec<u8> {

@@ -6,8 +6,8 @@ use link::{CodeValues, Event, EventKind, Filtered, Flags, Raw, Streams, ToHost};
 
 use crate::board::{Board, at};
 
-/// Ticks per second of the host's clock. The board sends the time of each sample in ticks as the
-/// counts of channel 0, which identifies the sample whatever its index is.
+/// Ticks per second of the host's clock. In channel 0, the board sends the time of each sample in
+/// ticks, which identifies the sample even after a restart.
 pub(crate) const TICKS_PER_SECOND: i64 = 512;
 /// Delay of the simulated board's filters, microseconds, as [`Board`] reports it.
 pub(crate) const FILTER_DELAY_US: i64 = 10_000;
@@ -202,7 +202,7 @@ impl Rig {
         }
     }
 
-    /// Sends an event without loss, because the tests are about the places of events.
+    /// Sends an event without loss, because the tests are about the rows of events.
     fn send_event(&mut self, us: i64, event: Event) {
         let device_us = u64::try_from(us - self.boot_us).unwrap();
         let frame = self.board.frame(device_us, &ToHost::Event(event));

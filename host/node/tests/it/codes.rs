@@ -49,7 +49,7 @@ fn codes_of_frames_at_the_rate_of_the_adc_are_those_of_a_recording() {
     }
 }
 
-/// Audits compare the codes with the batch reference's codes by the person's model.
+/// Audits compare the codes with those that the batch reference computes with the person's model.
 #[test]
 fn codes_are_those_of_the_person_s_model_also_after_a_restart_of_the_acquisition() {
     if !model::HAS_SHORTCUT || model::PACKED.is_none() {
@@ -87,7 +87,7 @@ fn each_hop_of_frames_has_the_prediction_of_the_pipeline_s_features() {
     let frames = 16 * 12;
     harness.receive_all(&acquisition, 1..frames);
     let made = &harness.recorder.predictions;
-    // The last frame ends three samples after the last step of a hop.
+    // The last frame ends three samples after the last step of a hop, so that hop is complete.
     let hops = usize::try_from(frames).unwrap();
     assert_eq!(made.len(), hops);
     let mut decision = Decision::new(&classifier);
@@ -220,7 +220,7 @@ fn codes_and_stamps_of_any_rate_are_those_of_a_recording_whatever_the_resampler_
         let hop_us =
             1_000_000 * i64::try_from(model::HOP).unwrap() / i64::from(model::STEP_RATE_HZ);
         for (window, frame) in (0_i64..).zip(&harness.recorder.encoded) {
-            // The first frame arrived one frame after its first sample was at the electrodes.
+            // The first frame arrived one frame's duration after the time of its first sample.
             let first_us = START.wall_ns / 1000 - frame_us - group_delay_us;
             let stamp_us = frame.header.stamp.nanoseconds() / 1000;
             let error_us = stamp_us - first_us - window * hop_us;

@@ -40,9 +40,8 @@ fn lose_frames(acquisition: &Acquisition) {
         .filter(|frame| is_filler(frame))
         .map(|frame| word(frame, "seq_lo"))
         .collect();
-    // A window has two hops, and five hops are lost after hop 39. The first step after the gap is
-    // made of samples since the step before it, which are lost, so the hop after the gap is lost
-    // too.
+    // A window has two hops, and five hops are lost after hop 39. The first step after the gap
+    // depends on lost samples, so the hop after the gap is lost too.
     let hops = i32::try_from(model::STEPS / model::HOP).unwrap();
     let first = 40 - (hops - 1);
     let expected: Vec<i32> = (first..=45).collect();
@@ -98,12 +97,13 @@ fn a_refused_frame_is_a_lost_one_when_the_next_comes() {
     assert_eq!(arrival.unwrap(), Arrival::Lost(1));
 }
 
-/// Times between the arrivals of frames, one of which is not one frame's duration.
+/// Arrivals of frames, with a standstill before frame 40.
 struct Standstill {
     name: &'static str,
     /// Rate of the acquisition, Hz.
     rate_hz: u16,
-    /// Times before frames 40, 41, 42 and so on, microseconds.
+    /// Times from the previous frame to frames 40, 41, 42 and so on, microseconds. All later frames
+    /// follow after one frame's duration.
     late: Vec<i64>,
     /// Number of frames lost before frame 40.
     lost: u32,
@@ -193,7 +193,7 @@ fn check_standstill(standstill: &Standstill) {
         0
     };
     assert_eq!(fillers, expected, "{name}");
-    // Stamps are 62.5 ms apart, but for the pause: the true time line of the samples.
+    // Stamps are 62.5 ms apart except at the pause, as the samples are.
     let stamp_us = |frame: &neuro_ros::NeuroFrame| frame.header.stamp.nanoseconds() / 1000;
     let first = stamp_us(&encoded[0]);
     let steps = encoded

@@ -12,7 +12,7 @@ const SETTLING_S: f64 = 12.0;
 struct Amplifier {
     rate_hz: u16,
     frame_samples: u16,
-    /// True rate divided by the stated one, minus 1, parts per million.
+    /// True rate divided by the stated rate, minus 1, parts per million.
     rate_error_ppm: f64,
     /// Length of a pause after 20 s, seconds.
     pause_s: f64,
@@ -66,7 +66,7 @@ fn stamps_follow_the_true_rate_within_a_millisecond() {
     }
 }
 
-/// Runs 60 s. Returns the last status `clock`, and the errors of the stamps of all codes after
+/// Simulates 60 s. Returns the last status `clock`, and the errors of the stamps of all codes after
 /// [`SETTLING_S`], milliseconds.
 #[expect(clippy::cast_precision_loss, reason = "some minutes")]
 fn run(amplifier: &Amplifier) -> (DiagnosticStatus, Vec<f64>) {

@@ -46,7 +46,7 @@ const ABILITIES: Abilities = Abilities {
 };
 
 /// A device that streams codes or packed blocks from its first sample on. Its frames equal a
-/// board's, but for the missing status of the converters.
+/// board's, except that the status of the converters is missing.
 #[derive(Debug)]
 pub(super) struct Device {
     session: Session<'static>,
@@ -95,7 +95,6 @@ impl Device {
         }
     }
 
-    /// Processes one sample of the ADC.
     pub(super) fn process(&mut self, sample: Sample) {
         let drdy_us = self.samples * 1_000_000 / u64::from(model::ADC_RATE_HZ);
         let step_index = self.steps;
@@ -128,7 +127,6 @@ impl Device {
         self.producer.process(&acquired, &mut emit);
     }
 
-    /// Returns the counts of packed blocks so far.
     pub(super) const fn packed(&self) -> PackedCounts {
         self.packed
     }

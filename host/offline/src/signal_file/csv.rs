@@ -18,7 +18,7 @@ pub(super) struct CsvFile {
     rate_hz: i64,
     group_delay_us: i64,
     row: u64,
-    /// Events that are not written yet, the next one last.
+    /// Events that are not written yet, in reverse order: the last element is written next.
     events: Vec<RowEvent>,
 }
 
@@ -40,7 +40,7 @@ impl CsvFile {
         })
     }
 
-    /// Returns the time at which the electrodes had the values of the next row, seconds.
+    /// Returns the time at which the electrodes had the values of the next row, as text in seconds.
     fn time_s(&self) -> String {
         let row = i64::try_from(self.row).unwrap_or(i64::MAX);
         let us = row.saturating_mul(1_000_000) / self.rate_hz - self.group_delay_us;

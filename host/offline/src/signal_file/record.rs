@@ -10,7 +10,7 @@ use recordings::{EdfWriter, FileToWrite, GdfWriter};
 
 use super::{Signal, SignalFile, SignalFormat};
 
-/// Range of an EDF file, uV: 16 bits of 0.1 uV.
+/// Range of the values in an EDF file, uV: 16-bit integers in units of 0.1 uV.
 const EDF_RANGE_UV: [f64; 2] = [-3_276.8, 3_276.7];
 
 /// Bit of an event's type that marks the end of the event (GDF 2.20).
@@ -24,7 +24,7 @@ pub(super) struct EdfFile {
 }
 
 impl EdfFile {
-    /// Writes the header of an EDF file if `format` is EDF, otherwise that of a BDF file.
+    /// Writes an EDF header if `format` is EDF, otherwise a BDF header.
     pub(super) fn new(file: File, signal: &Signal, format: SignalFormat) -> io::Result<Self> {
         let (range_uv, create): (_, fn(_, &_, _, _) -> _) = match format {
             SignalFormat::Edf => (EDF_RANGE_UV, EdfWriter::edf),
@@ -99,7 +99,7 @@ fn file_to_write(signal: &Signal, range: [f64; 2]) -> FileToWrite {
     let [rate_hz, rows] = [signal.rate_hz, signal.rows_per_hop];
     FileToWrite {
         description: signal.description.clone(),
-        // A file of codes does not state when it was recorded.
+        // The start time is left out, because a file of codes does not state it.
         ..FileToWrite::microvolts(signal.labels, range, rate_hz, rows)
     }
 }

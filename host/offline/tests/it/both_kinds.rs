@@ -1,5 +1,5 @@
-//! A file with codes and packed blocks, such as a captured stream, is decoded from one of the two,
-//! with a warning about the other.
+//! Of a file with codes and packed blocks, such as a captured stream, one kind is decoded, with a
+//! warning about the other kind.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,4 @@
-//! The reported error of each electrode equals the error of the written file against the filtered
-//! recording.
+//! The reported error of each electrode is the written file's error against the filtered recording.
 
 use offline::{ElectrodeOrigin, SignalFormat};
 use pipeline::{FrontEnd, Mains};
@@ -53,7 +52,7 @@ fn a_recording_in_which_the_filters_settle_to_the_end_has_no_error() {
     assert!(!comparison.total().prd_percent().is_finite());
 }
 
-/// Returns the electrodes of all steps after the filters, uV.
+/// Returns the filtered values of all electrodes at each step, uV.
 pub(crate) fn filtered(fixture: &Fixture) -> Vec<Vec<f64>> {
     let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
     let steps = fixture.samples().filter_map(|sample| {

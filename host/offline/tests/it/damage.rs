@@ -9,7 +9,7 @@ use offline::{Encoding, OfflineError, Progress, SignalFormat};
 
 use crate::recording::{ENCODING, Fixture};
 
-/// Returns what a user reads about a file that cannot be decoded.
+/// Returns the error message for a file that cannot be decoded.
 fn refusal(fixture: &Fixture, bytes: &[u8]) -> String {
     let path = fixture.written("refused.codes", bytes);
     let error = fixture.decode(&path, "refused.csv", SignalFormat::Csv, false);
@@ -46,9 +46,8 @@ fn missing_codes_are_covered_by_their_neighbours_or_flagged() {
         let hops = (0..flags.len()).filter(move |hop| flags[*hop].contains(flag));
         hops.collect::<Vec<usize>>()
     };
-    // Only two hops have no code: window 79 covers the first hop of window 80, and window 83 the
-    // second of window 82. Window h contains the hops h and h + 1, so the first and the last hop
-    // and the neighbours of lost windows rest on one code.
+    // Window h contains the hops h and h + 1. So without the windows 80 to 82, only hops 81 and 82
+    // have no code. The first and the last hop, and all other hops of lost windows, have one code.
     assert_eq!(with(Flags::FILLER), [81, 82]);
     let last = lines.len() / model::HOP - 1;
     assert_eq!(with(Flags::HEALING), [0, 50, 51, 80, 83, last]);

@@ -1,4 +1,4 @@
-//! Electrodes that the device excluded, in the files that are written and in the error.
+//! Electrodes that the device excluded are marked in the written files, and left out of the error.
 
 use std::fs;
 use std::io::Read as _;
@@ -14,8 +14,8 @@ use crate::recording::{Fixture, labels, values};
 const ELECTRODE: usize = 7;
 const ROWS: std::ops::Range<usize> = 1_472..1_600;
 
-/// Writes the fixture's codes without the device's reports of exclusions. Two of its reports of
-/// quality are replaced by reports for this test, after the codes that they are about.
+/// Writes the fixture's codes with other reports of exclusions: drops the device's own, and turns
+/// the first two reports of quality into the reports that this test needs.
 fn codes(fixture: &Fixture) -> std::path::PathBuf {
     fixture.encode();
     let mut reports = vec![(ROWS.end, 0), (ROWS.start, 1 << ELECTRODE)];
@@ -53,7 +53,7 @@ fn files_of_records_have_an_annotation_with_duration_and_label() {
             label,
         };
         let expected = match format {
-            // A table of mode 1 has no durations: bit 15 of a type marks the end.
+            // A GDF table of mode 1 has no durations: bit 15 of a type marks the end of an event.
             SignalFormat::Gdf => vec![
                 event(11.5, None, EventLabel::Type(1)),
                 event(12.5, None, EventLabel::Type(0x8001)),
@@ -76,7 +76,7 @@ fn arrays_for_numpy_have_a_mask_of_rows_and_electrodes() {
         .position(|bytes| bytes == name)
         .expect("the array");
     let array = archive.split_off(place + name.len());
-    // The header of an array ends with a line feed; its length is a multiple of 64 bytes.
+    // The header of an array ends with a line feed.
     let header = array
         .iter()
         .position(|byte| *byte == b'\n')

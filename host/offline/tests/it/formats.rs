@@ -183,7 +183,7 @@ fn a_line_of_csv_has_row_time_flags_events_and_microvolts() {
             .collect();
         assert_eq!(written, expected[row]);
         let is_settling = row < model::HOP;
-        // The filters settle, and the first rows are in one window only.
+        // In the first hop, the filters settle, and only one window contains each row.
         let settling = (Flags::SETTLING | Flags::HEALING).bits().to_string();
         assert!(
             !is_settling || fields[2] == settling,
@@ -200,7 +200,8 @@ fn a_line_of_csv_has_row_time_flags_events_and_microvolts() {
     );
 }
 
-/// Returns the decoded signal, computed window by window: the electrodes of each row, uV.
+/// Returns the values of all electrodes in each row, as the mean of all windows that contain it,
+/// uV.
 fn expected(fixture: &Fixture) -> Vec<Vec<f32>> {
     let mut pipeline = Pipeline::new(Mains::Hz50);
     let folder =

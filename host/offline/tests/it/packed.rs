@@ -1,4 +1,4 @@
-//! Files of packed blocks hold the microvolts of the library's decoder, also after losses.
+//! Packed blocks are decoded to the microvolts of the library's decoder, also after losses.
 
 use std::fs;
 
@@ -13,7 +13,7 @@ use pipeline::{Mains, PackedCode, PackedEncoder, Rate};
 
 use crate::recording::{ENCODING, Fixture, decoding, values};
 
-/// Rate of the packed blocks in these tests, unlike the model's own.
+/// Rate of the packed blocks in these tests; differs from the model's own rate.
 const RATE: u8 = 2;
 
 fn encode(fixture: &Fixture, rate: Option<u8>) -> offline::Encoded {
@@ -38,8 +38,8 @@ fn blocks(fixture: &Fixture) -> Vec<PackedCode> {
         .collect()
 }
 
-/// Returns the values of the rows as the library decodes them: each block corrects the one before
-/// it, and `None` stands for a lost block.
+/// Returns the values of the rows as the library decodes them: each block also corrects the hop of
+/// the block before it, and `None` stands for a lost block.
 fn expected(blocks: &[Option<&PackedCode>]) -> Vec<f32> {
     let model = offline::Model::embedded().expect("a model");
     let artifact = artifact::Artifact::from_files(model::artifact_files::FILES);

@@ -146,8 +146,7 @@ pub(crate) fn labels() -> Vec<&'static str> {
     model::LABELS.split(' ').collect()
 }
 
-/// Returns all values of the electrodes, which are the first signals of a file: one vector for
-/// each.
+/// Returns the values of each electrode in a file; the electrodes are the file's first signals.
 pub(crate) fn values(path: &Path) -> Vec<Vec<f64>> {
     let mut recording = Recording::open(path).expect("a recording");
     let mut block = recordings::Block::default();

@@ -29,8 +29,7 @@ pub(super) struct Api {
 struct State {
     registrations: Registrations,
     parameters: Parameters,
-    /// Pairs (topic, type) in the order in which the topics were first registered. Topics are never
-    /// removed.
+    /// Pairs (topic, type), in the order of the topics' first registration; never removed.
     topic_types: Vec<(String, String)>,
 }
 
@@ -163,7 +162,6 @@ impl Api {
         }
     }
 
-    /// Executes a method that reads or changes parameters.
     fn dispatch_parameter(
         &self,
         state: &mut State,
@@ -243,8 +241,7 @@ impl Api {
     }
 }
 
-/// Returns the string argument at index `at`. `Signature::check` has already checked that the
-/// argument exists.
+/// Returns the string argument at index `at`. `Signature::check` has checked that it exists.
 fn text(arguments: &[Value], at: usize) -> &str {
     arguments
         .get(at)

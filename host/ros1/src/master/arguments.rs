@@ -81,9 +81,9 @@ enum Kind {
     Uri,
     /// Type of a topic: `package/Type`, or `*` for any type.
     Type,
-    /// A non-empty string, kept as received.
+    /// A non-empty string, passed on unchanged.
     Text,
-    /// Either an empty string, which is kept, or a name, which is resolved to its full form.
+    /// An empty string, passed on unchanged, or a name, resolved to its full form.
     Subgraph,
     /// Any value except nil.
     Value,
@@ -129,7 +129,7 @@ fn converted(kind: Kind, value: &Value, caller: &str) -> Result<Value, &'static 
     }
 }
 
-/// Returns whether Python treats `value` as false: rosmaster rejects such values as missing.
+/// Returns whether `value` is false in Python. rosmaster rejects such values as missing.
 fn is_falsy(value: &Value) -> bool {
     match value {
         Value::Int(number) => *number == 0,

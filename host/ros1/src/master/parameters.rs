@@ -104,8 +104,7 @@ impl Parameters {
     }
 }
 
-/// Appends the full names of all leaves of `value`. `branch` is the name of `value` with a trailing
-/// slash.
+/// Appends the full names of all leaves of `value`, whose name with a trailing slash is `branch`.
 fn append_names(names: &mut Vec<String>, branch: &str, value: &Value) {
     let Value::Struct(members) = value else {
         return;
@@ -187,8 +186,7 @@ fn push_branch<'a>(names: &mut Vec<(String, &'a Value)>, branch: &str, value: &'
     }
 }
 
-/// Returns the canonical form of `key` with a trailing slash. Subscriptions are stored in this
-/// form.
+/// Returns `key` in canonical form with a trailing slash, as subscriptions are stored.
 pub(super) fn with_slash(key: &str) -> String {
     if key == "/" {
         key.to_owned()

@@ -16,15 +16,15 @@ use crate::{
     tcpros::{Header, HeaderError, refuse, set_options},
 };
 
-/// Limit of open connections, including those that have not sent their header yet.
+/// Maximum number of open connections, including connections without a header so far.
 const MAX_CONNECTIONS: usize = 1024;
 /// Delay after a failed accept, for example when no file descriptor is left.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
-/// Longest time after the start of a shutdown during which queued messages are still sent.
+/// Time limit for sending queued messages after a shutdown has started.
 const DRAIN_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Accepts connections until `stopped` is set, then waits until the queues are empty, for at most
-/// [`DRAIN_TIMEOUT`].
+/// Accepts connections until `stopped` is set, then waits at most [`DRAIN_TIMEOUT`] until all
+/// queued messages are sent.
 pub(crate) async fn accept(
     listener: TcpListener,
     registrar: Arc<Registrar>,
@@ -59,7 +59,7 @@ pub(crate) async fn accept(
     connections.shutdown().await;
 }
 
-/// Reads the connection header and passes the connection to the topic or service named in the
+/// Reads the header of a connection and passes the connection to the topic or service in the
 /// header.
 async fn serve_connection(mut stream: TcpStream, registrar: &Registrar) -> Result<(), HeaderError> {
     set_options(&stream)?;

@@ -53,8 +53,8 @@ pub(crate) struct Registrar {
 }
 
 impl Registrar {
-    /// Creates a registrar, and the receiver of released keys that must be passed to
-    /// [`Registrar::run`].
+    /// Creates a registrar, and the receiver to pass to [`Registrar::run`]. The receiver gets the
+    /// key of each topic or service whose handle is dropped.
     pub(crate) fn new(
         node: String,
         master_uri: String,
@@ -78,7 +78,8 @@ impl Registrar {
     }
 
     /// Body of the registration task: checks the master periodically, registers all topics and
-    /// services that the master does not have, and unregisters released ones. Runs until aborted.
+    /// services that the master does not have, and unregisters those whose handle was dropped. Runs
+    /// until aborted.
     pub(crate) async fn run(self: Arc<Self>, mut released_keys: mpsc::UnboundedReceiver<Key>) {
         let mut next = Instant::now();
         loop {
@@ -96,9 +97,9 @@ impl Registrar {
         }
     }
 
-    /// Asks the master whether it knows this node, and registers every key that is not registered.
-    /// Returns the refused keys, each with the master's error. An unreachable master is not a
-    /// refusal.
+    /// Asks the master whether it knows this node, and registers every topic and service that is
+    /// not registered yet. Returns the keys that the master refused, each with its error. An
+    /// unreachable master is not a refusal.
     pub(crate) async fn sync(&self) -> Vec<(Key, CallError)> {
         let _calls = self.master_calls.lock().await;
         // If another node has taken this node's name, do not register: registering would displace
@@ -135,7 +136,7 @@ impl Registrar {
     }
 
     /// Runs [`Registrar::sync`] within [`REGISTER_TIMEOUT`] after a key was added. If the master is
-    /// too slow, returns no refusals and leaves the key to the registration task.
+    /// too slow, returns no refusals; the registration task registers the key later.
     pub(crate) async fn sync_within_timeout(&self) -> Vec<(Key, CallError)> {
         if self.unresponsive.load(Relaxed) {
             return Vec::new();
@@ -155,10 +156,10 @@ impl Registrar {
             .ok_or_else(|| CallFailure::Shape.of(&self.master_uri, method))
     }
 
-    /// Marks every key that the master does not list as not registered. A master that restarts
-    /// during the calls of [`Registrar::sync`] knows only what was registered after its restart. If
-    /// another node takes over a service and leaves, the master does not return the service to this
-    /// node.
+    /// Marks as unregistered every key that the master does not list. Registrations get lost in two
+    /// ways. A master that restarts during the calls of [`Registrar::sync`] knows only what was
+    /// registered after its restart. If another node takes over a service and leaves, the master
+    /// does not return the service to this node.
     async fn find_lost(&self) {
         if lock(&self.graph).registered.is_empty() {
             return;
@@ -361,8 +362,8 @@ impl Registrar {
 pub enum MasterStatus {
     /// The node has not called the master yet, or has shut down.
     Unknown,
-    /// The master answers, and every topic and service of the node has been offered for
-    /// registration. The master can have refused some of them.
+    /// The master answers, and the node has tried to register every topic and service. The master
+    /// can have refused some of them.
     Online,
     /// The name of the master's host has no address.
     Unresolved(LookupError),
@@ -383,8 +384,8 @@ pub struct SystemState {
 }
 
 impl SystemState {
-    /// Reads the answer to `getSystemState`: publishers, subscribers and services, each as pairs of
-    /// a name and a list of nodes. Returns `None` if the value has another shape.
+    /// Converts the response to `getSystemState`: publishers, subscribers and services, each as
+    /// pairs of a name and a list of nodes. Returns `None` if the value has another shape.
     pub fn from_value(value: &Value) -> Option<Self> {
         let [publishers, subscribers, services] = value.as_array()? else {
             return None;

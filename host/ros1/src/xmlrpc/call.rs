@@ -16,7 +16,7 @@ use crate::{
     http::{HttpError, read_body, read_head},
 };
 
-/// Longest time from connecting to the last byte of the answer. A working master answers in
+/// Time limit for a call, from connecting to the last byte of the response. Masters respond in
 /// milliseconds. The limit is short, because a call that hangs delays the node's next registration.
 const CALL_TIMEOUT: Duration = Duration::from_secs(3);
 
@@ -49,8 +49,8 @@ pub enum CallError {
     },
 }
 
-/// What a server did instead of returning the result of an XML-RPC method. The texts continue a
-/// sentence that starts with the server's URI.
+/// What a server did instead of returning the result of an XML-RPC method. Each error message
+/// continues a sentence that starts with the server's URI.
 #[derive(Debug, thiserror::Error)]
 pub enum CallFailure {
     /// The name of the server's host has no address.
@@ -59,22 +59,22 @@ pub enum CallFailure {
     /// The connection to the server was refused, or it broke.
     #[error("cannot be reached: {0}; is it running, and is its address right?")]
     Io(#[from] io::Error),
-    /// The answer was not complete within 3 s.
+    /// The response was not complete within 3 s.
     #[error("did not answer within {} s", CALL_TIMEOUT.as_secs())]
     Timeout,
-    /// The answer is not valid HTTP.
+    /// The response is not valid HTTP.
     #[error("answered with broken HTTP: {0}")]
     Http(#[source] HttpError),
     /// The HTTP status is not 200; holds the status line.
     #[error("answered '{}'; is it an XML-RPC server?", .0.escape_debug())]
     Status(String),
-    /// The answer is not XML-RPC.
+    /// The response is not XML-RPC.
     #[error("answered with something that is not XML-RPC: {0}")]
     Decode(#[from] DecodeError),
     /// The server returned a fault: it could not carry out the call at all.
     #[error("answered with the {0}")]
     Fault(#[from] Fault),
-    /// The answer is not the triple (code, message, value) of a ROS API.
+    /// The response is valid XML-RPC, but not the triple (code, message, value) of a ROS API.
     #[error("answered without the ROS triple (code, message, value)")]
     Shape,
 }
@@ -108,7 +108,7 @@ impl CallFailure {
     }
 }
 
-/// Calls `method` at `uri` and returns the value of the answer. Connects directly: proxy settings
+/// Calls `method` at `uri` and returns the value in the response. Connects directly: proxy settings
 /// in environment variables are ignored.
 ///
 /// # Errors
@@ -121,7 +121,7 @@ pub async fn call(uri: &str, method: &str, arguments: &[Value]) -> Result<Value,
     outcome.map_err(|failure| failure.of(uri, method))
 }
 
-/// Calls `method` of a ROS API at `uri`. Returns the third item of the answer (code, message,
+/// Calls `method` of a ROS API at `uri` and returns the value in the response (code, message,
 /// value).
 ///
 /// # Errors
@@ -158,7 +158,7 @@ async fn exchange(address: &Address, body: &str) -> Result<Value, CallFailure> {
     loop {
         let head = read_head(&mut stream).await?.ok_or(HttpError::Truncated)?;
         let status = head.first_line.split_ascii_whitespace().nth(1);
-        // Skip interim HTTP answers such as `100 Continue`.
+        // Skip interim HTTP responses such as `100 Continue`.
         if status.is_some_and(|status| status.starts_with('1')) {
             continue;
         }

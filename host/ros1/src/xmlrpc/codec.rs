@@ -116,12 +116,12 @@ pub enum DecodeError {
     /// entities; holds the entity's name.
     #[error("unknown entity &{0};")]
     Entity(String),
-    /// A tag or text that XML-RPC's grammar does not allow at this place.
+    /// A tag or text that XML-RPC's grammar does not allow at this position.
     #[error("expected {expected}, found {found}")]
     Unexpected {
-        /// Tags or texts that XML-RPC's grammar allows at this place.
+        /// Tags or texts that XML-RPC's grammar allows at this position.
         expected: &'static str,
-        /// Tag or text that the document has at this place.
+        /// Tag or text that the document has at this position.
         found: String,
     },
     /// The text of an `<int>` is not a 32-bit integer, the text of a `<double>` is not a number, or
@@ -211,7 +211,7 @@ enum Token {
 }
 
 impl Token {
-    /// Returns the error for this token at a place where XML-RPC's grammar requires `expected`.
+    /// Returns the error for this token at a position where XML-RPC's grammar requires `expected`.
     fn unexpected(self, expected: &'static str) -> DecodeError {
         let found = match self {
             Self::Open(tag) => format!("<{tag}>"),

@@ -27,7 +27,7 @@ const MAX_CONNECTIONS: usize = 256;
 /// Delay after a failed accept, for example when no file descriptor is left.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
 
-/// Method for several calls in one request. All XML-RPC servers in ROS have it.
+/// Name of the method that makes several calls in one request. All XML-RPC servers in ROS have it.
 const MULTICALL: &str = "system.multicall";
 
 /// Computes the result of a call from the method's name and the arguments.

@@ -36,7 +36,7 @@ pub struct Fault {
 }
 
 impl Fault {
-    /// Creates a fault with the code of Python peers.
+    /// Creates a fault with the code 1, as Python peers do.
     pub(crate) fn new(message: String) -> Self {
         Self { code: 1, message }
     }

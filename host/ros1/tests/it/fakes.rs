@@ -44,7 +44,7 @@ async fn read_request(stream: &mut TcpStream) -> String {
     }
 }
 
-/// A publisher that refers subscribers to a listener of the test, which accepts their connections.
+/// A publisher whose subscribers connect to a TCP listener of the test.
 pub(crate) struct FakePublisher {
     listener: TcpListener,
 }
@@ -57,7 +57,7 @@ impl FakePublisher {
         Self::answer(api, "127.0.0.1").await
     }
 
-    /// Answers requestTopic on `api` in the background: subscribers are to connect to `host`.
+    /// Answers requestTopic on `api` in the background, with `host` as the host to connect to.
     pub(crate) async fn answer(api: TcpListener, host: &'static str) -> Self {
         let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
         let port = Value::Int(listener.local_addr().unwrap().port().into());

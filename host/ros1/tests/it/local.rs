@@ -30,14 +30,14 @@ pub(crate) const LATCH: PublisherOptions = PublisherOptions {
     latch: true,
 };
 
-/// A message with one string. Its MD5 sum is that printed by `rosmsg md5 std_msgs/String`.
+/// A message with one string. `rosmsg md5 std_msgs/String` prints its MD5 sum.
 pub(crate) static STRING: MessageType = MessageType {
     name: "std_msgs/String",
     md5: "992ce8a1687cec8c8bd883ec73ca41d1",
     definition: "string data\n",
 };
 
-/// A service that sets a boolean. Its MD5 sum is that printed by `rossrv md5 std_srvs/SetBool`.
+/// A service that sets a boolean. `rossrv md5 std_srvs/SetBool` prints its MD5 sum.
 pub(crate) static SET_BOOL: ServiceType = ServiceType {
     name: "std_srvs/SetBool",
     md5: "09fb03525b03e7ea1fd3992bafd87e16",
@@ -136,7 +136,8 @@ pub(crate) async fn wait_for_subscribers(publisher: &Publisher, subscribers: usi
     .await;
 }
 
-/// Waits until the node has noticed that its master answers or, if `is_online` is false, does not.
+/// Waits until the node knows that its master answers, or if `is_online` is false, that it does
+/// not.
 pub(crate) async fn wait_for_master(node: &Node, is_online: bool) {
     let mut status = node.master_status();
     let is_wanted = |status: &MasterStatus| (*status == MasterStatus::Online) == is_online;
@@ -199,7 +200,6 @@ pub(crate) fn report_skipped(test: &str, why: &str) {
     let _ = writeln!(std::io::stderr(), "SKIPPED: {test}: {why}");
 }
 
-/// Returns the socket address on which a master listens.
 pub(crate) fn socket_address(master: &Master) -> SocketAddr {
     host_and_port(master.uri()).parse().unwrap()
 }
@@ -211,7 +211,6 @@ pub(crate) async fn is_registered(master: &str, node: &Node) -> bool {
     answer.is_ok_and(|uri| uri.as_str() == Some(node.uri()))
 }
 
-/// Returns whether an XML-RPC server answers.
 pub(crate) async fn answers(uri: &str) -> bool {
     call_ros(uri, "getPid", &["/test".into()]).await.is_ok()
 }

@@ -231,7 +231,7 @@ async fn a_publisher_that_cannot_be_reached_is_logged_once_until_it_can_be_or_ha
         assert!(fault.starts_with(uri) && fault.contains(reason), "{fault}");
         let of_node = listener.unreachable_publishers();
         assert_eq!(of_node, [("/chat".to_owned(), fault.clone())]);
-        // Meanwhile the subscriber tries again several times.
+        // The subscriber tries again several times within this second.
         sleep(Duration::from_secs(1)).await;
         assert_eq!(log.count(Level::WARN, &fault), 1, "{fault}");
         if uri.ends_with(&format!(":{port}/")) {
@@ -326,8 +326,8 @@ async fn random_bytes_on_every_port_leave_node_and_master_working() {
     assert!(answers(node).await);
 }
 
-/// Returns the number of established sockets of Linux with `port` at either end, and how many of
-/// them have a running keepalive timer.
+/// Returns the number of Linux's established sockets with `port` at either end, and the number of
+/// these sockets with a running keepalive timer.
 fn connections(port: u16) -> (usize, usize) {
     let table = std::fs::read_to_string("/proc/net/tcp").unwrap();
     let port = format!(":{port:04X}");

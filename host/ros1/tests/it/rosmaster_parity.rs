@@ -1,5 +1,4 @@
-//! Runs the same XML-RPC calls against the master of this crate and Debian's rosmaster and compares
-//! all answers.
+//! Compares the answers of this crate's master and Debian's rosmaster to the same XML-RPC calls.
 
 use std::{
     sync::{Arc, Mutex},
@@ -15,7 +14,8 @@ use crate::{
     local::start_master,
 };
 
-/// URIs that stand for two nodes in the script and in the answers; the calls have the real URIs.
+/// Placeholders for the URIs of two nodes in the script and in the answers. The calls themselves
+/// have the nodes' real URIs.
 const NODES: [&str; 2] = ["http://node-a/", "http://node-b/"];
 
 type Call = (&'static str, Vec<Value>);
@@ -272,8 +272,8 @@ impl CallRecorder {
     }
 }
 
-/// Makes the calls of `script` at `master`. Returns every answer, then the calls that each node
-/// received.
+/// Makes the calls of `script` to the master at the URI `master`. Returns a line for every answer,
+/// then a line for every call that the nodes received.
 async fn run(master: &str, script: &[Call]) -> Vec<String> {
     let nodes = [CallRecorder::start().await, CallRecorder::start().await];
     let uris = [nodes[0].uri.as_str(), nodes[1].uri.as_str()];

@@ -1,5 +1,5 @@
-//! The slave API, which other nodes and the tools of ROS call, and XML-RPC peers that are slow,
-//! send invalid data or use unusual HTTP.
+//! Tests of the slave API, which other nodes and the tools of ROS call, and of XML-RPC peers that
+//! are slow, send invalid data or use unusual HTTP.
 
 use std::time::{Duration, Instant};
 
@@ -137,8 +137,8 @@ async fn four_hundred_slow_connections_do_not_delay_a_new_subscriber() {
             }
         }
     };
-    // The node closes a slow connection after 10 s. A subscriber that had to wait for this would
-    // take longer than the limit.
+    // A subscriber that waited until a slow connection is closed, after 10 s, would exceed the
+    // limit.
     let began = Instant::now();
     let limit = Duration::from_secs(5);
     timeout(limit, received).await.expect("a message");

@@ -1,4 +1,4 @@
-//! A view with its commands, and the clients of a test.
+//! A view that records its commands, and clients for the tests.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -25,7 +25,7 @@ impl Served {
         let on_command = move |command, reply: Reply| {
             match &command {
                 Command::Rate(16..) => reply.refuse("rates are 0 to 15"),
-                // Its reply is dropped, as that of a program that ends.
+                // Drop the reply, as a program does that ends.
                 Command::SelfTest => drop(reply),
                 _ => reply.done("as you say"),
             }
@@ -56,7 +56,7 @@ impl Served {
         self.request_with(line, fields, "")
     }
 
-    /// Sends a request with a body, whose length `fields` state.
+    /// Sends a request with a body. The fields must state the body's length.
     pub(crate) fn request_with(&self, line: &str, fields: &str, body: &str) -> String {
         let mut stream = self.connect();
         let host = self.address;

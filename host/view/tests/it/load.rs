@@ -39,7 +39,7 @@ fn a_viewer_that_stands_still_costs_no_other_a_frame_and_the_publisher_no_time()
         assert_eq!(NeuroFrame::from_bytes(&message[9..]), Ok(frame.clone()));
     }
     println!("longest publication: {longest:?}");
-    // The one that stands still is disconnected, and what it has missed is counted.
+    // The viewer that stands still is disconnected, and the messages that it missed are counted.
     wait_until("the end of the slow viewer", || served.view.viewers() == 1);
     assert!(served.view.dropped() > 100, "{}", served.view.dropped());
     drop(still);
@@ -53,7 +53,7 @@ fn idle_connections_lock_no_viewer_out() {
     let begun = Instant::now();
     drop(served.view());
     assert_eq!(status(&served.request("GET /", "")), "200");
-    // Those without a request would leave by themselves after 5 s.
+    // Idle connections would time out by themselves only after 5 s.
     assert!(begun.elapsed() < Duration::from_secs(4));
     let mut sink = served.view.sink(ViewTopic::Diagnostics);
     sink.publish(&DiagnosticArray::default()).unwrap();

@@ -45,7 +45,7 @@ fn polynomials(section: &Section) -> ([f64; 3], [f64; 2]) {
     }
 }
 
-/// Returns the radius of the section's outer pole: its distance from the origin.
+/// Returns the distance of the section's outermost pole from the origin.
 fn outer_pole(section: &Section) -> f64 {
     let [a1, a2] = polynomials(section).1;
     let discriminant = a1 * a1 / 4.0 + a2;

@@ -1,4 +1,4 @@
-//! Compares the filters with floating-point and with exact integer references.
+//! Compares the filters with floating-point references and with exact integer references.
 #![forbid(unsafe_code)]
 
 mod float_twin;

@@ -1,4 +1,4 @@
-//! The matrix product on a Cortex-M4 or M7, where SMLAD computes two products per instruction.
+//! The matrix product with SMLAD, which computes two products per instruction.
 #![expect(
     unsafe_code,
     reason = "LLVM does not generate SMLAD from Rust, and the loop needs every register"

@@ -37,8 +37,7 @@ fn run(kernel: impl Kernel) {
     kernel.run::<Avx2>();
 }
 
-/// An octet whose words are in the order `[output][round][pair]`: the first output in the low half.
-///
+/// An octet with the words in the order `[output][round][pair]`: the first output in the low half.
 /// Only [`run`] uses this type, so that all its functions run on a processor with AVX2.
 #[derive(Clone, Copy, Debug)]
 struct Avx2(__m256i);
@@ -130,7 +129,7 @@ fn output_sums(words: __m256i) -> [i32; OUTPUTS] {
 #[inline]
 #[target_feature(enable = "avx2")]
 fn position_sums([a, b, c]: [__m256i; POSITIONS]) -> [i32; POSITIONS * OUTPUTS] {
-    // Each half belongs to one output and has the sums of positions 0, 1, 2 and 2.
+    // Each half holds the sums of one output, at positions 0, 1, 2 and again 2.
     let sums = _mm256_hadd_epi32(_mm256_hadd_epi32(a, b), _mm256_hadd_epi32(c, c));
     let by_position = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
     let sums = _mm256_permutevar8x32_epi32(sums, by_position);

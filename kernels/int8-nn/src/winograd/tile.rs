@@ -11,8 +11,8 @@ use crate::{
 pub(super) const TILE: [usize; 2] = [2, 4];
 /// Numbers of rows and columns in a transformed tile: each is two more than in a tile of outputs.
 pub(super) const TRANSFORMED_TILE: [usize; 2] = [4, 6];
-/// Number of products that a tile takes for each pair of channels and time step: 24. A direct
-/// convolution needs 72, nine for each of the eight outputs.
+/// Number of products per tile, pair of channels and time step: 24. A direct convolution needs 72,
+/// nine for each of the eight outputs.
 pub(super) const PRODUCTS: usize = TRANSFORMED_TILE[0] * TRANSFORMED_TILE[1];
 /// Factor by which the transforms enlarge a sum: 2 from the rows, times 24 from the columns.
 pub(super) const SCALE: usize = 48;

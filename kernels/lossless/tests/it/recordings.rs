@@ -1,4 +1,4 @@
-//! Measures the mean number of bits to which each count of real recordings is compressed.
+//! Measures the number of bits per count to which real recordings are compressed.
 
 use std::fs;
 use std::io::{Write as _, stderr};
@@ -10,7 +10,7 @@ use lossless::{Decoder, Encoder, EncoderState, MAX_SAMPLES};
 const CHANNELS: usize = 16;
 
 /// Reads the first [`CHANNELS`] channels of an EDF or BDF file whose signals all have the same
-/// rate; a count has 2 (EDF) or 3 (BDF) `bytes`. Returns the counts of each sample.
+/// rate. A count has `bytes` bytes: 2 in EDF, 3 in BDF. Returns the counts of each sample.
 fn read(path: &Path, bytes: usize) -> Vec<[i32; CHANNELS]> {
     let file = fs::read(path).expect("a recording");
     let number = |from: usize, length: usize| -> usize {

@@ -10,10 +10,10 @@ use lossless::{Block, DecodeError, Decoder, Encoder, EncoderState, Kind, MAX_SAM
 use proptest::prelude::*;
 use signal::{CHANNELS, Row, Shape, rows, to_bytes};
 
-/// The encoder of the tests; it sends key blocks so often that long signals have several.
+/// Sends key blocks so often that long signals contain several.
 const ENCODER: Encoder = Encoder { key_blocks: 16 };
 
-/// An encoded block that owns its bytes, with the samples that it was made from.
+/// An encoded block and the samples from which it was made.
 #[derive(Clone, Debug)]
 struct Encoded {
     kind: Kind,
@@ -40,7 +40,8 @@ impl Encoded {
     }
 }
 
-/// Encodes stretches of samples; between two stretches, samples were lost.
+/// Encodes stretches of samples. Samples are missing between two stretches, so each starts with a
+/// key block.
 fn encode(stretches: &[Vec<Row>]) -> Vec<Encoded> {
     let mut state = EncoderState::NEW;
     let mut blocks = Vec::new();

@@ -34,7 +34,7 @@ impl Contacts {
     };
 }
 
-/// Time at the end of a conversion, and its sample rate.
+/// End of a conversion, and the sample rate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Conversion {
     pub(super) now_ns: u64,
@@ -54,7 +54,7 @@ pub(super) fn converts_electrodes(chip: &Chip, channel: usize) -> bool {
     channel_set(chip, channel) & 0x87 == Input::Electrodes as u8
 }
 
-/// Returns the counts of a sample, clipped to 24 bits.
+/// Returns a chip's counts for one sample, clipped to 24 bits.
 pub(super) fn convert(
     chip: &Chip,
     electrodes: &[Electrode; CHANNELS],
@@ -91,8 +91,7 @@ pub(super) fn convert(
             let excited = excitation * AMPERES * contacts.ohms[channel];
             match electrodes[channel] {
                 Electrode::Volts(volts) => volts + excited,
-                // The counts are exact once the reference has settled, because `reference` is then
-                // 1.
+                // The counts are exact once `reference` has settled at 1.
                 Electrode::Counts(counts) => {
                     let excited = excited * f64::from(gain.factor()) / VREF * f64::from(1 << 23);
                     return clip((f64::from(counts) + excited) / reference);
@@ -112,8 +111,7 @@ fn channel_set(chip: &Chip, channel: usize) -> u8 {
     register.map_or(0, |register| chip.register(register))
 }
 
-/// Rounds to a count and clips to 24 bits. NaN, the quotient of 0 V and a reference that is off,
-/// becomes 0.
+/// Rounds to a count and clips to 24 bits. NaN, from 0 V and a reference that is off, becomes 0.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to 24 bits")]
 fn clip(counts: f64) -> i32 {
     counts.round().clamp(-8_388_608.0, 8_388_607.0) as i32

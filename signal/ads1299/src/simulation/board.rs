@@ -54,7 +54,7 @@ pub(super) struct Board<const CHIPS: usize> {
     next: Option<u64>,
     /// End of the next conversion, in nanoseconds; `u64::MAX` if there is none.
     next_ns: u64,
-    /// Number of bytes clocked since the last conversion; with cascaded chips, since the last
+    /// Number of bytes clocked since the last conversion or, with cascaded chips, since the last
     /// change of a chip select.
     clocked: usize,
     /// Bits that the chain sends for the current sample; built when its first byte is transferred.
@@ -156,7 +156,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// Starts the conversions if the pin START or the opcode says so, and stops them otherwise.
+    /// Starts the conversions if the supplies are on, and the pin START is high or the opcode START
+    /// is in effect; stops them otherwise.
     fn start_or_stop(&mut self) {
         let converts = (self.start || self.is_commanded) && self.powered_ns.is_some();
         let settled = self.cycles() + u64::from(self.rate().settling());
@@ -216,8 +217,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.clock_byte(byte, self.now_ns + byte_ns, sclk_hz)
     }
 
-    /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on
-    /// MISO.
+    /// Transfers a byte that ends at `end_ns`, at an SCLK of `sclk_hz`; returns the byte on MISO.
     pub(super) fn clock_byte(&mut self, byte: u8, end_ns: u64, sclk_hz: u32) -> u8 {
         let answer = self.output(sclk_hz);
         self.clocked += 1;
@@ -311,8 +311,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.now_ns = self.now_ns.max(to_ns);
     }
 
-    /// Advances time to the next edge of DRDY, but at most to `limit_ns`; returns whether there was
-    /// an edge.
+    /// Advances time to the next edge of DRDY or to `limit_ns`; returns whether there was an edge.
     pub(super) fn advance_to_edge_until(&mut self, limit_ns: u64) -> bool {
         let before = self.edges;
         while self.edges == before {
@@ -410,7 +409,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         (u128::from(cycles) * 1_000_000_000).div_ceil(u128::from(self.options.clock_hz)) as u64
     }
 
-    /// Makes the chips, whose supplies come on now, accept commands after the power-on time.
+    /// Switches the chips on: they accept SDATAC and RESET once the power-on time has passed.
     fn wake_chips(&mut self) {
         let awake_ns = self.now_ns + self.nanoseconds(u64::from(POWER_ON));
         self.chips

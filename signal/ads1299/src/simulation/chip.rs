@@ -21,7 +21,7 @@ pub(super) struct Chip {
     state: State,
     /// End of the last received byte, in nanoseconds.
     last_ns: u64,
-    /// Effect of the last received byte; cancelled if the chip is deselected before it is decoded.
+    /// Effect of the last byte; cancelled if the chip is deselected before the byte is decoded.
     pending: Option<Pending>,
     pub(super) fault: Option<Fault>,
     /// Status word and counts of the last conversion.
@@ -182,8 +182,8 @@ impl Chip {
         }
     }
 
-    /// Returns whether a zero byte has no effect: the chip expects an opcode, and 0 is not an
-    /// opcode.
+    /// Returns true if a zero byte surely has no effect: the chip is dead or in RDATAC mode, and
+    /// expects an opcode, which 0 is not.
     pub(super) fn ignores_null_bytes(&self, moment: Moment) -> bool {
         let waits = self.state == State::Opcode && self.pending.is_none();
         waits && (self.continuous || self.is_dead()) && moment.now_ns >= self.awake_ns
@@ -279,7 +279,7 @@ impl Chip {
     }
 }
 
-/// Returns `state` while the command has registers left, else the state that expects an opcode.
+/// Returns `state` if the command has registers left, else the state that expects an opcode.
 fn rest(left: u8, state: State) -> State {
     if left == 0 { State::Opcode } else { state }
 }

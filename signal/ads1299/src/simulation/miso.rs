@@ -32,9 +32,10 @@ impl Miso {
         (self.volts, self.douts) = (volts, volts);
     }
 
-    /// Transfers a byte that one chip drives through `ohms`, with `others` more chips at MISO, and
-    /// returns what the microcontroller reads. The microcontroller samples in the middle of a bit
-    /// (SPI mode 1). A level between the thresholds reads as the wrong bit.
+    /// Transfers a byte that one chip drives through `ohms`, with the resistors of `others` more
+    /// chips on MISO, and returns the byte that the microcontroller reads. The microcontroller
+    /// samples in the middle of a bit (SPI mode 1). A level between the thresholds reads as the
+    /// wrong bit.
     pub(super) fn read(&mut self, byte: u8, ohms: f64, others: f64, sclk_hz: u32) -> u8 {
         let half_period = 0.5 / f64::from(sclk_hz);
         (0..8).rev().fold(0, |read, bit| {

@@ -1,4 +1,4 @@
-//! What a test chooses for a simulated board: clock, wiring, signals at the electrodes, faults.
+//! Options of a simulated board: clock, wiring, signals at the electrodes, faults.
 
 use std::boxed::Box;
 
@@ -42,9 +42,9 @@ impl Default for Options {
     }
 }
 
-/// Source of the electrodes' signal. The simulation calls the function once per sample with the
-/// sample's number, from 0, while any channel converts its electrodes; samples of a self-test are
-/// not counted.
+/// Source of the electrodes' signal. The simulation calls the function once per sample, with the
+/// sample's number, while any channel converts its electrodes. The numbers start at 0 and leave out
+/// the samples of a self-test.
 pub enum Electrodes<const CHIPS: usize> {
     /// Differential voltages in volts; the simulated chip applies gain and clipping and adds noise.
     Volts(Deliver<f64, CHIPS>),
@@ -85,8 +85,7 @@ pub enum Fault {
     WrongId(u8),
     /// Converts at twice the rate. Only chip 0 shows this fault, because only its DRDY is wired.
     DoubleRate,
-    /// Omits the next edge of DRDY, once. Only chip 0 shows this fault, because only its DRDY is
-    /// wired.
+    /// Omits the next edge of DRDY. Only chip 0 shows this fault, because only its DRDY is wired.
     MissedReady,
     /// Sends these four bits in place of 1100 at the start of its status word.
     WrongNibble(u8),

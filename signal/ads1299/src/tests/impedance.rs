@@ -61,13 +61,13 @@ fn the_fundamental_of_the_sampled_square_wave_is_within_one_and_a_half_percent_a
     assert!(least.is_some_and(|x| x > 0.985) && most.is_some_and(|x| x < 1.015));
 }
 
-/// EEG-like noise of 20 uV RMS in each channel, which falls by 12 dB per octave, alpha of 10 uV and
-/// mains of 5 uV RMS with two harmonics.
+/// Returns an EEG-like source: in each channel, noise of 20 uV RMS that falls by 12 dB per octave,
+/// alpha waves of 10 uV, and mains of 5 uV RMS with two harmonics.
 fn eeg(rate_hz: f64) -> Deliver<f64, 1> {
     let mut state = [[0.0_f64; 2]; CHANNELS];
     let mut seed = 1_u32;
-    // Two poles `a` at 3 Hz. White noise of the variance 1/12 has the variance
-    // (1 - a)^4 (1 + a^2) / (1 - a^2)^3 / 12 after them.
+    // Two poles `a` at 3 Hz shape the noise. They turn white noise of variance 1/12 into noise of
+    // variance (1 - a)^4 (1 + a^2) / (1 - a^2)^3 / 12.
     let pole = (-TAU * 3.0 / rate_hz).exp();
     let square = pole * pole;
     let variance = (1.0 - pole).powi(4) * (1.0 + square) / (1.0 - square).powi(3) / 12.0;
@@ -156,7 +156,7 @@ fn the_gain_does_not_change_an_impedance_and_an_electrode_without_any_reads_near
         let (mut bench, mut meter) = excited(512, gain, 0, Box::new(|_, _| ()));
         bench.simulation.set_impedance(0, 0, 0.0);
         let found = measure(&mut bench, &mut meter);
-        // Noise in a bandwidth of 1 Hz: at gain 1 it is some 7 times as large as at gain 24.
+        // The limit covers the noise, which at gain 1 is some 7 times as large as at gain 24.
         assert!(found[0] < 100, "{gain:?}: {found:?}");
         assert!(found[4].abs_diff(20_000) < 500, "{gain:?}: {found:?}");
     }
@@ -198,7 +198,7 @@ fn a_restart_measures_whole_seconds_again() {
 fn the_excitation_is_switched_between_two_samples_without_losing_one() {
     for (wiring, channels) in [
         (Wiring::Cascaded, 61),
-        // Six chips have fewer than eight electrodes and get masks of their own.
+        // Six chips have fewer than eight electrodes and need their own LOFF_SENSP.
         (Wiring::Daisy, 17),
         (Wiring::Daisy, 61),
     ] {
@@ -251,8 +251,7 @@ fn switch_and_lose_none(wiring: Wiring, channels: u8) {
         assert_eq!(is_excited, expected, "{sample}: {counts:?}");
     }
     assert_eq!(simulation.violations(), 0);
-    // When the supply fails, the chips lose their registers, which are then written again with the
-    // excitation.
+    // After a loss of supply, the registers are written again, with the excitation.
     finish(chain.switch_excitation(channels, &mut drdy)).unwrap();
     simulation.power_off();
     for _ in 0..10 {

@@ -99,8 +99,8 @@ fn a_chain_whose_power_comes_late_streams_without_a_self_test() {
     assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
     assert_eq!(bench.chain.failure(), None);
     assert_rhythm(&found);
-    // The first attempt stops the chain, which counts as silent from the fourth period after that.
-    // The first three periods count as missed.
+    // After the failed start no sample comes: the chain counts as silent from the fourth period on,
+    // and the three periods before count as missed.
     assert_eq!(missed(&found), 3);
     assert_eq!(bench.simulation.violations(), 0);
 }

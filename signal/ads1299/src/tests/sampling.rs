@@ -24,7 +24,7 @@ fn stopped(alignment: Alignment, electrodes: Electrodes<CHIPS>) -> Chain {
     Bench::new(options, electrodes, settings)
 }
 
-/// Returns counts that encode the numbers of the sample, the chip and the channel.
+/// Returns electrodes whose counts encode the numbers of sample, chip and channel.
 fn numbered() -> Electrodes<CHIPS> {
     Electrodes::counts(|sample, counts| {
         for (place, count) in (0..).zip(counts.as_flattened_mut()) {

@@ -13,8 +13,7 @@ use crate::simulation::{Electrodes, Options};
 
 const CHIPS: usize = 2;
 
-/// Streams samples of all channels with these settings and passes each channel and count to
-/// `judge`.
+/// Streams samples with these settings, and passes each channel and its count to `judge`.
 fn stream(settings: Settings, samples: u32, mut judge: impl FnMut(usize, i32)) {
     let options = Options {
         clock_hz: settings.clock.hz(),
@@ -50,8 +49,7 @@ fn the_test_signal_is_measured_within_one_percent_at_every_gain() {
             });
             for test in &tests {
                 let result = test.result();
-                // Tolerance: at gain 1 the noise, averaged over 500 samples, is 3e-5 of the
-                // amplitude.
+                // At gain 1 the noise, averaged over 500 samples, is 3e-5 of the amplitude.
                 assert!(
                     result.gain_error.abs() < 1e-4,
                     "{gain:?} {rate:?} {result:?}"

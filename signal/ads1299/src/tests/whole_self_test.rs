@@ -167,7 +167,7 @@ fn frozen_shifted_and_wrong_frames_are_counted_and_not_measured() {
         let Finding::Frames { chip: 1, bad } = finding else {
             panic!("{fault:?}: {finding}");
         };
-        // Of the 2040 frames, the first one of each of the two measurements has no predecessor to
+        // Of the 2040 frames, the first of each of the two measurements has no predecessor to
         // repeat.
         assert!((2038..=2040).contains(&bad), "{fault:?} {bad}");
         assert_eq!(report.chips[2].bad_frames, behind, "{fault:?}");

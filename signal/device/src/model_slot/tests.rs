@@ -51,7 +51,7 @@ fn begin(bytes: &[u8]) -> ModelBegin {
     }
 }
 
-/// Uploads a model in chunks of the largest size; returns the slot and the answer to its end.
+/// Uploads a model in chunks of the largest size; returns the slot and the outcome of `end`.
 fn uploaded(bytes: &[u8]) -> (Box<ModelSlot>, UploadOutcome) {
     let mut slot = Box::new(ModelSlot::empty());
     assert_eq!(slot.begin(begin(bytes), ALL).result, AckResult::Done);
@@ -160,7 +160,8 @@ fn the_probes_of_a_weighted_model_find_misfits() {
             strength: 3.0,
         });
         model.synthesis = Some(std::vec![0.0; model.analysis.weights.len()]);
-        // What the probes find in the median block of this noise.
+        // About the energy that the probes find in the median block of this noise, so that some
+        // blocks are misfits.
         model.description.misfit_uv2 = 100.0;
     });
     let Some((model, bytes)) = weighted else {
@@ -171,7 +172,7 @@ fn the_probes_of_a_weighted_model_find_misfits() {
     for (values, code) in blocks_of(&bytes, Rate::MIDDLE) {
         let coefficients = model.analyse(&values);
         let probes = &coefficients[coefficients.len() - packed::PROBES..];
-        // In squares of input values, which have a unit of half a microvolt.
+        // In squares of input values: their unit is half a microvolt, so 100 uV^2 are 400.
         let permitted = 400 * i64::try_from(values.len()).expect("few") + energy(&values) / 64;
         assert_eq!(code.is_misfit, 32 * energy(probes) > permitted);
         misfits += usize::from(code.is_misfit);
@@ -228,7 +229,7 @@ proptest! {
     fn a_model_is_used_only_if_all_its_bytes_arrived_in_order(acts in acts()) {
         let Some((_, bytes)) = another() else { return Ok(()) };
         let mut slot = Box::new(ModelSlot::empty());
-        // What the device must have: the announcement, and the bytes that it has acknowledged.
+        // Expected content of the slot: the announcement, and the acknowledged bytes.
         let mut announced: Option<ModelBegin> = None;
         let mut stored: Vec<u8> = Vec::new();
         let mut in_use = false;

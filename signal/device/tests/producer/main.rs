@@ -194,8 +194,7 @@ fn a_run_produces_exactly_the_requested_streams() {
     assert!(kinds(Streams::ALL).len() > 5);
 }
 
-/// Features have the faults of their own hop, the id of the filters, and the time of the hop's last
-/// step.
+/// Features have the faults of their own hop, the filters' id, and the time of the hop's last step.
 #[test]
 fn a_lost_sample_marks_the_features_of_its_hop_alone() {
     let samples_per_hop = HOP as u64 * PER_STEP;
@@ -255,8 +254,7 @@ fn a_raw_frame_ends_before_a_lost_sample_and_the_next_one_starts_after_it() {
 
 #[test]
 fn a_filtered_frame_ends_before_a_lost_step_and_has_the_flags_of_all_its_samples() {
-    // The sample that carries step 5 is lost, and a sample between steps 8 and 9 has a bad status
-    // word.
+    // The sample with step 5 is lost, and a sample between steps 8 and 9 has a bad status word.
     let mut input: Vec<AcquiredSample> = samples(Streams::FILTERED, 64, &[sample_of(5)]).collect();
     for acquired in &mut input {
         acquired.marks.adc_status_bad = acquired.index == sample_of(8) + 1;
@@ -387,7 +385,7 @@ fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
 
 #[test]
 fn an_event_belongs_to_the_first_sample_that_is_not_before_it() {
-    // As with an encoder task that runs late, six edges become visible at once, with sample 1.
+    // Six edges become visible at once, with sample 1, as if the encoder task ran late.
     let captured = [
         (0, 0),
         (1, 1),
@@ -528,7 +526,7 @@ fn a_railed_electrode_is_reported_and_filled() {
     assert!(measured);
 }
 
-/// `tests/acceptance` also builds this test with models that have one of the encoders only.
+/// `tests/acceptance` also builds this test with models for only one of the encoders.
 #[test]
 fn a_device_offers_what_its_encoders_feed_and_what_needs_none() {
     let packed = if PACKED.is_some() {

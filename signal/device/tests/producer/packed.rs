@@ -72,8 +72,7 @@ fn exactly_the_blocks_with_a_lost_sample_have_its_faults_and_their_number_stays_
     }
 }
 
-/// `tests/acceptance` also builds this test with a model whose ADC's rate is no multiple of the
-/// step rate.
+/// `tests/acceptance` also builds this test with an ADC rate that is no multiple of the step rate.
 #[test]
 fn blocks_of_repeated_steps_have_their_own_times() {
     let hop = HOP as u64;

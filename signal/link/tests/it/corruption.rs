@@ -150,15 +150,14 @@ proptest! {
         let end = apply(&damage, &mut bytes, at);
         let (good, _) = decode(&bytes, chunk, first_seq);
         for (place, frame) in &good {
-            // Every decoded frame equals a frame that was sent; a duplicated frame can arrive
-            // twice.
+            // Every decoded frame equals a frame that was sent; a duplicate can arrive twice.
             prop_assert_eq!(Some(frame), frames.get(*place), "false frame");
         }
         let mut start = 0;
         for (place, frame) in frames.iter().enumerate() {
             let next = start + frame.len();
-            // A frame must arrive if it is entirely before the damage, or after it with its leading
-            // zero intact.
+            // A frame must arrive if it lies before the damage, or after it with its leading zero
+            // intact.
             if next <= at || start > end {
                 let arrived = good.iter().any(|(seen, _)| *seen == place);
                 prop_assert!(arrived, "frame {} at {}..{} lost, damage {}..{}", place, start, next, at, end);
@@ -231,8 +230,7 @@ fn assert_damage_is_detected(values: CodeValues<'static>) {
                     .all(|(place, frame)| frames.get(*place) == Some(frame))
             );
             assert!(good.iter().any(|(place, _)| *place == 0), "byte {at}");
-            // A damaged zero between two frames can cost one of the neighbouring frames, never
-            // both.
+            // A damaged zero between two frames can cost one of them, never both.
             assert!(good.len() >= 2, "byte {at}");
             assert!(good.iter().any(|(place, _)| *place == 2), "byte {at}");
         }

@@ -130,7 +130,7 @@ fn the_largest_frame_fits() {
             bytes: &[255; MAX_CHUNK_BYTES + 1][..length],
         })
     };
-    // Header, message number, CRC, offset and bytes.
+    // 21 bytes of header, message number and CRC, then offset and bytes.
     assert_eq!(
         body_bytes(&chunk(MAX_CHUNK_BYTES)),
         21 + 5 + MAX_CHUNK_BYTES

@@ -116,8 +116,7 @@ pub(crate) fn code() -> ToHost<'static> {
     ToHost::Code(code_in(CodeValues::int8(&RAMP)))
 }
 
-/// Returns the code of [`code`], but with these values, as a model with another code format sends
-/// it.
+/// Returns the code of [`code`] with other values, as a model of another code format sends it.
 pub(crate) fn code_in(values: CodeValues<'_>) -> Code<'_> {
     Code {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
@@ -247,8 +246,7 @@ fn converters() -> ToHost<'static> {
     })
 }
 
-/// Self-test result of a chip with two channels, to keep the dump short; the second channel is
-/// dead.
+/// Self-test result of a chip with two channels, to keep the dump short; the second is dead.
 fn self_test() -> ToHost<'static> {
     let good = ChannelTest {
         gain_error: 0.015_625,
@@ -309,8 +307,7 @@ fn compressed_key() -> ToHost<'static> {
     })
 }
 
-/// Block of the eight samples after the samples of [`compressed_key`], with a jump in the second
-/// channel.
+/// Block of the eight samples after [`compressed_key`], with a jump in the second channel.
 fn compressed_continuing() -> ToHost<'static> {
     ToHost::CompressedRaw(CompressedRaw {
         first_sample: 9_664,

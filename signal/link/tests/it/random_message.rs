@@ -144,7 +144,8 @@ fn with_contents(
     message
 }
 
-/// Returns the whole impedances in `bytes`, at most [`MAX_ELECTRODES`], or one if there is none.
+/// Returns the whole impedances in `bytes`, at most [`MAX_ELECTRODES`]; a fixed one if there is
+/// none.
 fn ohms(bytes: &'static [u8]) -> &'static [u8] {
     let length = bytes.len().min(4 * MAX_ELECTRODES) / 4 * 4;
     if length > 0 {

@@ -23,7 +23,7 @@ pub(super) struct Convolutions {
     /// The last three input planes, every cell paired with its right neighbour.
     input: PlaneRing<Pair, INPUT, 3>,
     hidden: HiddenPlane,
-    /// The last three output planes of the first convolution, transformed for the second.
+    /// The last three output planes of the first convolution, Winograd-transformed for the second.
     transformed: PlaneRing<Pair, TRANSFORMED, 3>,
     pool: Pool,
     /// Place in the newest window at which the next step adds the pooled plane; `None` if no
@@ -37,7 +37,6 @@ pub(super) struct Convolutions {
 }
 
 impl Convolutions {
-    /// State before the first plane.
     pub(super) const EMPTY: Self = Self {
         input: PlaneRing::filled(Pair::ZERO),
         hidden: HiddenPlane::EMPTY,
@@ -48,7 +47,7 @@ impl Convolutions {
         edges: [Edges::EMPTY; PADS_TIME as usize],
     };
 
-    /// Discards the deferred additions; all other state is overwritten before it is read.
+    /// Discards the deferred additions. All other state is overwritten before it is read.
     pub(super) fn restart(&mut self) {
         self.newest = None;
         self.between = [None; BETWEEN];
@@ -112,9 +111,9 @@ impl Convolutions {
         conv1.pair_up(&framed, self.input.advance());
     }
 
-    /// Computes plane `plane` of the second convolution, where plane 0 is computed from steps 0 to
-    /// 4. The last plane of a pool completes a pooled plane, whose products are then added to the
-    /// windows that contain it.
+    /// Computes plane `plane` of the second convolution, from steps `plane` to `plane + 4`. The
+    /// last plane of a pool completes a pooled plane, whose product with the fully connected layer
+    /// is added to each window that contains the pooled plane.
     #[inline]
     fn convolve(
         &mut self,
@@ -149,7 +148,7 @@ impl Convolutions {
         }
     }
 
-    /// Adds the pooled plane's product to the accumulators of the window that the place names. Slot
+    /// Adds the pooled plane's product to the accumulators of the window in the given slot. Slot
     /// and offset are always in range; `get` avoids panic paths.
     #[inline]
     fn add_pooled(
@@ -173,7 +172,8 @@ const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
 /// Number of pairs in a hidden plane with its margin; 0 if the convolutions are not padded.
 const FRAMED: usize = if MARGIN == 0 { 0 } else { HIDDEN.len() / 2 };
 
-/// Scratch memory for computing a hidden plane, which is between the two convolutions.
+/// Scratch memory for a hidden plane, the output of the first and the input of the second
+/// convolution.
 #[derive(Clone, Debug)]
 pub(super) struct HiddenPlane {
     patches: [Pair; PATCHES],
@@ -183,7 +183,6 @@ pub(super) struct HiddenPlane {
 }
 
 impl HiddenPlane {
-    /// Scratch memory before the first plane.
     pub(super) const EMPTY: Self = Self {
         patches: [Pair::ZERO; PATCHES],
         sums: [0; SUMS],
@@ -247,8 +246,7 @@ pub(super) struct Pool {
 }
 
 impl Pool {
-    /// All zeros, so that a static encoder takes no flash; call [`Self::start`] before the first
-    /// plane.
+    /// All zeros, so that a static takes no flash; call [`Self::start`] before the first plane.
     pub(super) const EMPTY: Self = Self {
         largest: [0; POOLED.len()],
         pooled: [Pair::ZERO; POOLED_PAIRS],
@@ -267,8 +265,7 @@ impl Pool {
             .convolve_max_pool(transformed, &mut self.largest);
     }
 
-    /// Adds the bias to the largest sums, requantises them to 0..=255 and resets them for the next
-    /// pool.
+    /// Adds the bias to the largest sums, requantises the result to 0..=255, and resets the sums.
     #[inline]
     pub(super) fn requantise(&mut self, network: &Network<'_>) {
         let bias = network.conv2.bias.as_chunks::<2>().0;

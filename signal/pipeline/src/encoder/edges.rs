@@ -44,7 +44,6 @@ pub(super) struct RecentPlanes<'s> {
 }
 
 impl Edges {
-    /// State before the first window.
     pub(super) const EMPTY: Self = Self {
         outermost: [Pair::ZERO; TRANSFORMED],
         padding: [Pair::ZERO; TRANSFORMED],

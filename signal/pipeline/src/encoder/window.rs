@@ -33,8 +33,8 @@ impl OpenWindow {
         settling: false,
     };
 
-    /// Returns a window whose first step is `step`, with the bias in its accumulators. The step's
-    /// clipped values, channels at the rail and products are added afterwards.
+    /// Returns a window whose first step is `step`, with the bias in its accumulators. The caller
+    /// then adds the step itself with [`Self::add_events`] and [`Self::add_electrodes`].
     #[inline]
     pub(super) fn start_with(step: &Step, network: &Network<'_>) -> Self {
         Self {
@@ -45,8 +45,7 @@ impl OpenWindow {
         }
     }
 
-    /// Adds a time step's clipped values and channels at the rail to the window's, and keeps the
-    /// offset of the newest step.
+    /// Adds a step's clipped values and channels at the rail, and stores the step's time offset.
     #[inline]
     pub(super) fn add_events(&mut self, step: &Step) {
         self.clipped = self.clipped.saturating_add(step.clipped);
@@ -54,7 +53,7 @@ impl OpenWindow {
         self.offset_us = step.offset_us;
     }
 
-    /// Adds a time step's product to the accumulators of the linear shortcut.
+    /// Adds the product of a step's electrodes to the accumulators of the linear shortcut.
     #[inline]
     pub(super) fn add_electrodes(
         &mut self,
@@ -64,8 +63,7 @@ impl OpenWindow {
         Network::shortcut(shortcut).accumulate(electrodes, &mut self.shortcut);
     }
 
-    /// Adds a pooled plane's product to the accumulators of the fully connected layer, piece by
-    /// piece.
+    /// Adds a pooled plane's product, piece by piece, to the fully connected layer's accumulators.
     #[inline]
     pub(super) fn add_pooled(
         &mut self,

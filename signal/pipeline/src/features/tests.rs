@@ -26,7 +26,8 @@ fn q32(coefficients: [[f64; 3]; 2]) -> [[i64; 3]; 2] {
     coefficients.map(|section| section.map(|x| (x * 4_294_967_296.0).round() as i64))
 }
 
-/// Weights of two filters: a difference of two electrodes, and a mean with alternating parts.
+/// Weights of two filters: a difference of two electrodes, and a sum over all electrodes with
+/// weights of both signs.
 fn rows() -> [[i8; ELECTRODES]; 2] {
     let mut difference = [0; ELECTRODES];
     (difference[0], difference[ELECTRODES - 1]) = (127, -127);
@@ -43,7 +44,7 @@ fn filters() -> FeatureFilters {
     FeatureFilters::new(7, q32(BAND), &bytes(&rows())).expect("filters in range")
 }
 
-/// Microvolts of an electrode: a 10 Hz wave that moves over the head, and slow waves outside the
+/// Microvolts of an electrode: a 10 Hz wave that moves over the head, and slow waves below the
 /// band.
 #[expect(clippy::cast_precision_loss, reason = "some thousands")]
 fn microvolts(electrode: usize, n: usize) -> f64 {
@@ -104,7 +105,8 @@ fn levels_are_those_of_the_same_computation_in_f64() {
         assert_eq!(features.hop as usize, hop);
         assert_eq!((features.id, features.levels().len()), (7, 2));
         assert_eq!(features.settling, hop < usize::from(SETTLING_HOPS));
-        // Half a level from rounding; the rest comes from electrodes in quarters of a microvolt.
+        // Rounding to a level causes an error of up to 0.5; the rest comes from rounding the
+        // electrodes to quarters of a microvolt.
         for (level, exact) in features.levels().iter().zip(expected) {
             let error = f64::from(*level) - exact;
             assert!(error.abs() < 0.9, "hop {hop}: {error}");
@@ -173,7 +175,7 @@ fn filters_out_of_range_are_refused_and_the_largest_ones_neither_panic_nor_overf
     assert!(FeatureFilters::new(1, q32(BAND), &rows(9)).is_none());
     assert!(FeatureFilters::new(1, q32(BAND), &rows(1)[1..]).is_none());
     assert!(FeatureFilters::new(1, [[0, (1 << 34) + 1, 0]; 2], &rows(1)).is_none());
-    // An unstable band-pass: everything wraps, and every level exists.
+    // With an unstable band-pass, values wrap, but every hop still has all its levels.
     let hostile = FeatureFilters::new(1, [[1 << 34, -(1 << 34), 1 << 34]; 2], &rows(8));
     let mut extractor = FeatureExtractor::NEW;
     extractor.set_filters(hostile.expect("in range"));

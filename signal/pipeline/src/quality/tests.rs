@@ -26,8 +26,7 @@ fn sample(n: u32, uv: impl Fn(usize, f64) -> f64) -> Sample {
     sample
 }
 
-/// Returns the RMS at `hz` Hz of `signal`, which lasts one second, computed with a Hann window in
-/// float64.
+/// Returns the RMS at `hz` Hz of a one-second `signal`, computed with a Hann window in float64.
 fn reference(hz: f64, signal: &[f64]) -> f64 {
     let length = f64::from(u32::try_from(signal.len()).expect("a second"));
     let (mut re, mut im) = (0.0, 0.0);

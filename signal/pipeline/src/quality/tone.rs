@@ -9,7 +9,7 @@ use micromath::F32Ext;
 /// `2 pi k n / N`.
 ///
 /// A second contains a whole number of periods, so the bin rejects an electrode's offset: 20 mV
-/// read as 1 nV, the rounding error of f32. The Hann window rejects drift: at 50 Hz, a ramp of 1
+/// reads as 1 nV, the rounding error of f32. The Hann window rejects drift: at 50 Hz, a ramp of 1
 /// mV/s reads as 1.8 nV RMS; without the window it would read as 4.6 uV. Mains that deviates by 0.1
 /// Hz reads 0.6 % low.
 #[derive(Clone, Copy, Debug)]
@@ -49,8 +49,8 @@ impl Bin {
     }
 }
 
-/// A phase that advances by the same angle with every sample. It is reset each second, which bounds
-/// its rounding error: at most 3e-5 after 1024 samples (tested).
+/// A phase that advances by the same angle with every sample. Resetting the phase each second
+/// bounds its rounding error: at most 3e-5 after 1024 samples (tested).
 #[derive(Clone, Copy, Debug)]
 struct Rotor {
     /// Cosine and sine of the current phase.
@@ -105,7 +105,6 @@ const fn cos_sin(angle: f64) -> [f32; 2] {
 pub(super) struct Tone([f32; 2]);
 
 impl Tone {
-    /// Sums before the first sample.
     pub(super) const ZERO: Self = Self([0.0; 2]);
 
     /// Adds a sample, multiplied by the bin's weights for this sample.
@@ -128,7 +127,7 @@ impl Tone {
 /// Returns the square root with a relative error of 2e-6: micromath's, which is up to 6 % too
 /// large, refined by two iterations of Heron's method.
 pub(super) fn square_root(x: f32) -> f32 {
-    // Called by path: in tests, which link std, `x.sqrt()` would be std's.
+    // Called by path, because in tests, which link std, `x.sqrt()` would call std's function.
     let guess = F32Ext::sqrt(x);
     let better = 0.5 * (guess + x / guess);
     0.5 * (better + x / better)
@@ -161,8 +160,7 @@ mod tests {
                 let read = rms_of(hz, rate, |t| {
                     3.0 * (f64::consts::TAU * f64::from(hz) * t + phase).sin()
                 });
-                // The phase is rounded to f32 at every sample. Largest measured relative error:
-                // 1.2e-5.
+                // The phase is rounded to f32 at every sample. Largest measured error: 1.2e-5.
                 let relative = read / (3.0 / f64::consts::SQRT_2) - 1.0;
                 assert!(relative.abs() < 3e-5, "{relative} at {rate} Hz");
             }

@@ -10,7 +10,7 @@ use crate::quality::FLAT_BELOW_UV;
 use crate::quarters::{LARGEST, Quarters};
 use crate::sample::Sample;
 
-/// What the steps and samples of one window say about each electrode.
+/// Sums and ranges of each electrode over one window of steps and samples.
 #[derive(Clone, Debug)]
 pub(super) struct Evidence {
     pub(super) electrodes: [Sums; ELECTRODES],
@@ -34,15 +34,16 @@ pub(super) struct Sums {
     pub(super) predicted: u32,
     /// Energy of the measurement.
     pub(super) measured: u32,
-    /// Real and imaginary part of the DFT bin of the mains frequency, with a Hann window; values
-    /// times 2^10.
+    /// Real and imaginary part of the DFT bin of the mains frequency, with a Hann window, times
+    /// 2^10.
     mains: [i32; 2],
 }
 
 /// Weights of a DFT bin with a Hann window for each step of a window: cosine and sine, times 2^10.
 type Weights = [[i16; 2]; WINDOW];
 
-/// Mains residual above which an electrode can count as tonal, quarters of a microvolt: 20 uV RMS.
+/// RMS at the mains frequency above which an electrode can count as tonal (dominated by mains), in
+/// quarters of a microvolt: 20 uV.
 const MAINS_ABOVE: u64 = 80;
 
 /// Range below which an electrode is flat, counts.
@@ -60,8 +61,8 @@ impl Evidence {
         steps: 0,
     };
 
-    /// Starts the next window in place, with the mains frequency `mains`. The ranges are not
-    /// cleared, because the first sample sets them.
+    /// Starts the next window in place, with the mains frequency `mains`. The ranges need no
+    /// clearing, because the first sample sets them.
     pub(super) fn restart(&mut self, mains: Mains) {
         self.electrodes = [Sums::ZERO; ELECTRODES];
         (self.samples, self.steps) = (0, 0);
@@ -85,8 +86,7 @@ impl Evidence {
         self.samples = self.samples.saturating_add(1);
     }
 
-    /// Adds a step: what was measured, what the other electrodes predict, and which electrodes were
-    /// at the rail.
+    /// Adds a step: its measured and predicted values, and the electrodes at the rail.
     #[inline(never)]
     pub(super) fn add_step(
         &mut self,
@@ -102,18 +102,17 @@ impl Evidence {
         for (sums, (&measured, &predicted)) in self.electrodes.iter_mut().zip(values) {
             sums.add_energies(measured.into(), predicted.into());
         }
-        // In a separate loop, because the sums of both loops would exceed a microcontroller's
-        // registers.
+        // A separate loop, because one loop with all these sums would need more registers than a
+        // microcontroller has.
         for (sums, &measured) in self.electrodes.iter_mut().zip(measured) {
             sums.add_mains(measured.into(), weights);
         }
     }
 
-    /// Returns the electrodes whose samples had a peak-to-peak range below [`FLAT_BELOW_UV`] in the
-    /// window.
+    /// Returns the electrodes whose peak-to-peak range in the window was below [`FLAT_BELOW_UV`].
     pub(super) fn flat(&self) -> ElectrodeMask {
-        // Steps that repeat a lost step come without samples, so that there can be too few to
-        // judge.
+        // A step that repeats a lost step comes without samples, so a window can have too few
+        // samples to judge.
         if usize::from(self.samples) < WINDOW {
             return 0;
         }
@@ -140,14 +139,14 @@ impl Sums {
 
     fn add_mains(&mut self, measured: i32, weights: [i16; 2]) {
         for (sum, weight) in self.mains.iter_mut().zip(weights) {
-            // At most 64 times 4,096 * 2,048: 2^29.
+            // The sum of 64 steps is at most 64 times 4,096 * 2,048, which is 2^29.
             *sum += measured * i32::from(weight);
         }
     }
 
-    /// Returns whether the RMS at the mains frequency is above [`MAINS_ABOVE`], and its energy more
-    /// than half of the measured energy. With the sum T over N steps, this RMS is
-    /// sqrt(2) |T| / (2^10 N).
+    /// Returns whether the RMS at the mains frequency is above [`MAINS_ABOVE`], and the energy at
+    /// this frequency is more than half of the measured energy. The RMS is sqrt(2) |T| / (2^10 N),
+    /// where T is the DFT sum over N steps.
     pub(super) fn is_tonal(&self) -> bool {
         let [re, im] = self.mains.map(|part| u64::from(part.unsigned_abs()));
         let squares = re * re + im * im;

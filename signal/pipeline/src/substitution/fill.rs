@@ -6,15 +6,16 @@ use model::{ELECTRODE_OUTPUTS, ELECTRODES};
 use super::{ElectrodeMask, MAX_EXCLUDED, Table};
 use crate::quarters::{Quarters, pairs, saturated};
 
-/// Number of sweeps over the excluded electrodes. With eight, twelve excluded electrodes are within
-/// 6 % (RMS) of their conditional mean in the tests.
+/// Number of sweeps over the excluded electrodes. In the tests, eight sweeps bring the predictions
+/// of twelve excluded electrodes within 6 % (RMS) of their conditional mean.
 pub(super) const SWEEPS: usize = 8;
 /// Fractional bits of the table's weights.
 const WEIGHT_BITS: u32 = 7;
 
 /// Number of pairs that hold one value for each slot.
 const SLOT_PAIRS: usize = MAX_EXCLUDED / 2;
-/// Number of pairs of inputs of the matrix from all slots: a multiple of 8, as [`Linear`] requires.
+/// Number of input pairs of the matrix from all slots to every electrode: a multiple of 8, as
+/// [`Linear`] requires.
 const SLOT_INPUTS: usize = SLOT_PAIRS.next_multiple_of(8);
 
 /// One value for each slot, padded with zeros to [`SLOT_INPUTS`] pairs.
@@ -24,8 +25,8 @@ type Slots = [Pair; SLOT_INPUTS];
 ///
 /// The electrodes are predicted in two parts: a product of the whole table with the measured
 /// electrodes, in which excluded ones are 0, and the products of the excluded electrodes' weights
-/// with their own predictions. The predictions of excluded electrodes depend on each other: sweeps
-/// (Gauss-Seidel) compute them, starting at 0.
+/// with their own predictions. The predictions of excluded electrodes depend on each other, so they
+/// are computed by Gauss-Seidel sweeps that start at 0.
 #[derive(Clone, Debug)]
 pub(super) struct Fill {
     excluded: ElectrodeMask,
@@ -48,7 +49,6 @@ const _: () = assert!(
 );
 
 impl Fill {
-    /// A fill without excluded electrodes.
     pub(super) const NONE: Self = Self {
         excluded: 0,
         slots: [FREE; MAX_EXCLUDED],
@@ -60,7 +60,7 @@ impl Fill {
         self.excluded
     }
 
-    /// Excludes electrodes, as many as there are free slots, the first of the montage first.
+    /// Excludes electrodes in the order of the montage, until all slots are taken.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the index of one of 64 bits"
@@ -122,7 +122,8 @@ impl Fill {
         (self.slots).map(|number| usize::from(number).wrapping_sub(1))
     }
 
-    /// Returns the prediction of every electrode from the `measured` ones that are not excluded.
+    /// Returns the prediction of every electrode from the `measured` values of the electrodes that
+    /// are not excluded.
     #[inline(never)]
     pub(super) fn predict(&self, measured: &Quarters, table: &Table<'_>) -> Quarters {
         let mut inputs = pairs(measured);
@@ -132,7 +133,7 @@ impl Fill {
             }
         }
         let mut sums = [HALF; ELECTRODE_OUTPUTS];
-        // False only for a table of another size, which does not compile.
+        // `try_accumulate` returns false only for a table of another size, which does not compile.
         let _ = table.prediction.try_accumulate(&inputs, &mut sums);
         let values = self.sweep(&sums);
         let _ = matrix(&self.weights).try_accumulate(&values, &mut sums);
@@ -140,8 +141,8 @@ impl Fill {
         for (predicted, &sum) in predicted.iter_mut().zip(&sums[..ELECTRODES]) {
             *predicted = saturated(sum >> WEIGHT_BITS);
         }
-        // Excluded electrodes keep the value of the last sweep; the product above would be one
-        // more.
+        // Excluded electrodes get the value of the last sweep, because the product above amounts to
+        // a further sweep.
         for (slot, electrode) in self.indices().into_iter().enumerate() {
             if let Some(predicted) = predicted.get_mut(electrode) {
                 *predicted = values[slot / 2].get()[slot % 2];
@@ -150,8 +151,8 @@ impl Fill {
         predicted
     }
 
-    /// Returns the prediction of the electrode in each slot, 0 for a free slot; `sums` are
-    /// [`HALF`] plus the products of the table with all other electrodes.
+    /// Returns the prediction of the electrode in each slot, 0 for a free slot. `sums` holds
+    /// [`HALF`] plus the products of the table with the electrodes that are not excluded.
     #[inline]
     fn sweep(&self, sums: &[i32; ELECTRODE_OUTPUTS]) -> Slots {
         let sums = (self.indices()).map(|electrode| sums.get(electrode).copied().unwrap_or(0));
@@ -197,7 +198,7 @@ const fn matrix(weights: &[Pair]) -> Linear<'_> {
     }
 }
 
-/// Half of the weights' scale: a sum that starts here is rounded half up when it is shifted.
+/// Half of the weights' scale: a sum that starts at this value is rounded half up by the shift.
 ///
 /// No table makes the sums overflow: the sums of the table stay below 2^23, and so do the sums of
 /// [`MAX_EXCLUDED`] values times 127.

@@ -7,31 +7,31 @@ use model::{ELECTRODES, STEP_RATE_HZ};
 use super::evidence::{Evidence, Sums};
 use super::{ElectrodeMask, MAX_EXCLUDED, Table, WINDOW};
 
-/// Innovation energy that excludes an electrode, in units of its typical innovation energy; limited
-/// to [`MOST_USUAL`]. The energy of the prediction is added to this limit, because a larger signal
-/// is predicted with a larger error.
+/// Energy of the innovation (measurement minus prediction) that excludes an electrode, as a
+/// multiple of the electrode's typical innovation energy; at most [`MOST_USUAL`]. The energy of the
+/// prediction is added to this limit, because a larger signal is predicted with a larger error.
 const EXCLUDING: u64 = 50;
-/// Largest excluding energy that follows from [`EXCLUDING`]: 70 uV RMS. Electrodes whose innovation
-/// was large in training, such as those over a temporal muscle, would otherwise be excluded late or
-/// never for noise of 100 uV RMS.
+/// Upper limit of the energy that follows from [`EXCLUDING`]: 70 uV RMS. Without it, an electrode
+/// whose innovation was large in training, for example over a temporal muscle, would be excluded
+/// late or never for noise of 100 uV RMS.
 const MOST_USUAL: u64 = 280 * 280 * WINDOW as u64;
 /// Value of `Sums::excess` for an innovation at the excluding limit: 2^8.
 const EXCESS_ONE: u32 = 1 << EXCESS_BITS;
 const EXCESS_BITS: u32 = 8;
-/// Innovation that excludes an electrode in its first window. A smaller excluding innovation
-/// excludes the electrode only in the second window in a row, because half a second of movement or
-/// muscle activity is over when it is judged.
+/// Excess that excludes an electrode after a single window. A smaller excess, above [`EXCESS_ONE`],
+/// must last two windows in a row, because half a second of movement or muscle activity is over by
+/// the time it is judged.
 const SUDDEN: u32 = 2 * EXCESS_ONE;
-/// Innovation below which an electrode counts as good again.
+/// Excess below which an electrode counts as good again.
 const GOOD_BELOW: u32 = EXCESS_ONE / 4;
 /// Largest number of electrodes that one window excludes for their innovation alone.
 const MOST_AT_ONCE: usize = 8;
 /// An electrode is quiet if its energy, times this factor, is below the energy of its prediction.
 const QUIET_PART: u64 = 16;
 
-/// Number of windows for which an excluded electrode must be good before it is readmitted: 10 s.
+/// Number of windows in a row for which an excluded electrode must be good to be readmitted: 10 s.
 pub(super) const HOLD: u8 = windows(10);
-/// Number of windows for which an electrode must be quiet before it is excluded: 3 s.
+/// Number of windows in a row for which an electrode must be quiet to be excluded: 3 s.
 const QUIET: u8 = windows(3);
 
 #[expect(
@@ -42,14 +42,14 @@ const fn windows(seconds: usize) -> u8 {
     (seconds * STEP_RATE_HZ as usize / WINDOW) as u8
 }
 
-/// What earlier windows said about each electrode.
+/// Results of earlier windows for each electrode.
 #[derive(Clone, Debug)]
 pub(super) struct Judge {
     /// Number of windows in a row in which the electrode was good.
     good: [u8; ELECTRODES],
     /// Number of windows in a row in which the electrode was quiet.
     quiet: [u8; ELECTRODES],
-    /// Whether the electrode's innovation was excluding in the last window.
+    /// Whether the electrode's innovation exceeded the excluding limit in the last window.
     loud: [bool; ELECTRODES],
 }
 
@@ -63,7 +63,6 @@ pub(super) struct Verdict {
 }
 
 impl Judge {
-    /// State before the first window of a run.
     pub(super) const NEW: Self = Self {
         good: [0; ELECTRODES],
         quiet: [0; ELECTRODES],
@@ -97,14 +96,13 @@ impl Judge {
             let is_good = !certain[electrode] && !is_quiet && excess < GOOD_BELOW;
             self.good[electrode] = counted(self.good[electrode], is_good);
             recovered[electrode] = out & 1 != 0 && self.good[electrode] >= HOLD;
-            // Shift by one, because a microcontroller needs several instructions to select one of
-            // 64 bits.
+            // Shift by one: to select one of 64 bits takes a microcontroller several instructions.
             (sure, out) = (sure >> 1, out >> 1);
         }
         let [certain, recovered] = [certain, recovered].map(mask);
         let certain = certain & !excluded & !never;
-        // Certainly bad electrodes spoil the prediction of others, so exclude them first, and judge
-        // the others without them.
+        // Certainly bad electrodes spoil the prediction of others, so exclude them first; the next
+        // window judges the others without them.
         let bad = if certain == 0 {
             let free = MAX_EXCLUDED.saturating_sub(excluded.count_ones() as usize);
             largest(excluding, excluded | never, MOST_AT_ONCE.min(free))
@@ -123,9 +121,8 @@ impl Judge {
     }
 }
 
-/// Returns up to `most` electrodes outside `others` with an excluding innovation of at least half
-/// the largest one: a bad electrode also causes smaller innovations where it is used for
-/// prediction.
+/// Returns up to `most` electrodes outside `others`, whose excluding innovation is at least half of
+/// the largest. Smaller ones can come from a bad electrode, which spoils the predictions of others.
 fn largest(mut excess: [u32; ELECTRODES], others: ElectrodeMask, most: usize) -> ElectrodeMask {
     let mut rest = others;
     for excess in &mut excess {
@@ -163,8 +160,8 @@ fn mask(electrodes: [bool; ELECTRODES]) -> ElectrodeMask {
 }
 
 /// Returns the energy that the innovation of an electrode typically has in a window, in squares of
-/// a quarter microvolt, saturated. The table states its mean square in squares of a sixteenth of a
-/// microvolt.
+/// a quarter microvolt, saturated. The table states the mean square of the innovation, in squares
+/// of a sixteenth of a microvolt.
 fn typical_energy(table: &Table<'_>, electrode: usize) -> u32 {
     let square = table.innovation.get(electrode).copied().unwrap_or(i32::MAX);
     let energy = u64::from(square.cast_unsigned()) * WINDOW as u64 / 16;
@@ -172,9 +169,9 @@ fn typical_energy(table: &Table<'_>, electrode: usize) -> u32 {
 }
 
 impl Sums {
-    /// Returns the innovation in units of the excluding innovation, times [`EXCESS_ONE`]. The unit
-    /// is rounded down to a multiple of [`EXCESS_ONE`] energies, so that one 32-bit division
-    /// suffices; with a trained table, the divisor is some ten thousands.
+    /// Returns the energy of the innovation as a fraction of the excluding limit, times
+    /// [`EXCESS_ONE`]. The limit is divided by [`EXCESS_ONE`] and rounded down first, so that one
+    /// 32-bit division suffices; with a trained table, this divisor is some ten thousands.
     fn excess(&self, typical: u32) -> u32 {
         let usual = (EXCLUDING * u64::from(typical)).min(MOST_USUAL);
         let limit = (usual + u64::from(self.predicted)) >> EXCESS_BITS;

@@ -287,8 +287,7 @@ fn a_short_pop_excludes_no_electrode() {
 }
 
 /// Faults that begin in window 4, counted from 0, and end with window 13: each is found within the
-/// stated number of windows, no other electrode is excluded, and the electrode returns 10 s after
-/// the end.
+/// stated number of windows, no other electrode is excluded, and the electrode returns 10 s later.
 #[test]
 fn each_fault_is_found_and_the_electrode_returns() {
     const BAD: usize = 30;
@@ -341,8 +340,8 @@ fn each_fault_is_found_and_the_electrode_returns() {
 
 const TAU: f64 = std::f64::consts::TAU;
 
-/// The typical innovation of this electrode is 24 uV RMS, as over a temporal muscle: 50 times its
-/// energy corresponds to 170 uV RMS.
+/// The typical innovation of this electrode is 24 uV RMS, as over a temporal muscle. 50 times its
+/// energy corresponds to 170 uV RMS, so only the limit of 70 uV excludes noise of 100 uV.
 #[test]
 fn an_electrode_with_large_innovations_in_training_is_excluded_for_noise() {
     const BAD: usize = 30;

@@ -132,8 +132,7 @@ fn zeros_after_a_signal_leave_no_limit_cycle_above_one_count() {
         let mut largest = 0;
         for amplitude in [1, 100, 44_739, 894_784, Sample::MAX] {
             for period in [1, 3, 10, 51, 512, 4_096] {
-                // A square wave of 4 s, then 60 s of zeros; the last 10 s of the output are
-                // checked.
+                // A square wave of 4 s, then 60 s of zeros; the last 10 s are checked.
                 let signal = (0..2_048).map(|n| {
                     if (n / period) % 2 == 0 {
                         amplitude

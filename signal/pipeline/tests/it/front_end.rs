@@ -179,8 +179,8 @@ fn aliases_have_the_designed_attenuation() {
         })
     });
     let [literal, fir] = table;
-    // Gains in dB: those stated for the paper's literal decimation, and upper limits for decimation
-    // with an anti-aliasing filter.
+    // Gains in dB: the stated gains of the paper's literal decimation, and upper limits for
+    // decimation with an anti-aliasing filter.
     for (found, stated) in literal.into_iter().zip([-7.1, -13.2, -26.4, -53.6]) {
         assert!((found - stated).abs() < 0.1, "{found} instead of {stated}");
     }

@@ -11,12 +11,12 @@ use crate::inputs::recorded;
 
 const TEST: &str = "exclusions of the recordings of eight people";
 
-/// Largest number of exclusions per hour after the filters have settled, 20 % above the
+/// Largest permitted number of exclusions per hour after the filters have settled, 20 % above the
 /// measured 64.
 const MOST_PER_HOUR: f64 = 77.0;
 
-/// Nobody changed these recordings, so an exclusion is a real fault, an artefact or a false alarm.
-/// The table was fitted to other recordings of the same people.
+/// No faults were added to these recordings, so an exclusion is a real fault, an artefact or a
+/// false alarm. The table of substitutions was fitted to other recordings of the same people.
 #[test]
 fn few_electrodes_of_real_eeg_are_excluded() {
     let Some(table) = &SUBSTITUTION else {

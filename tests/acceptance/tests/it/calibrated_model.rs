@@ -25,8 +25,8 @@ fn models(folder: &Path, subject: &str) -> Vec<PathBuf> {
         .collect()
 }
 
-/// Returns the errors of the person's and of the built-in model at a rate, percent, from the
-/// printed table.
+/// Returns two errors at `rate` from the printed table, in percent: the error of the person's model
+/// and the error of the built-in one.
 fn errors_at(rate: &str, table: &str) -> [f64; 2] {
     let mut rows = table
         .lines()

@@ -129,7 +129,7 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     }
 }
 
-/// Starts corticode-node by its launch file with EEG frames on `topic`, and checks that it encodes.
+/// Starts corticode-node by its launch file, and checks that it encodes the EEG frames of `topic`.
 fn assert_node_encodes(workspace: &CatkinWorkspace, ros: &Ros<'_>, folder: &Path, topic: &str) {
     let input = format!("input:={topic}");
     let launched = launch(

@@ -204,7 +204,7 @@ struct CleanDebian {
 impl CleanDebian {
     /// Unpacks a clean Debian with `packages` from an archive in `folder`, which the first call
     /// downloads. If Debian's servers do not answer, reports the test as skipped and returns
-    /// `None`. An error tells why this machine cannot have a clean Debian.
+    /// `None`. An error says why this machine cannot have a clean Debian.
     fn unpack(folder: &Path, name: &str, packages: &str) -> Result<Option<Self>, String> {
         let id = Command::new("id").arg("-u").output();
         if !id.is_ok_and(|output| output.stdout == b"0\n") {

@@ -9,8 +9,8 @@ use acceptance::printing::{self, board_with, bridge, figure};
 use acceptance::process::{Process, SLACK};
 use serde_json::Value;
 
-/// Starts a board with 5 kOhm at every electrode, 40 kOhm at Cz, and Pz off. Returns the board and
-/// its port.
+/// Starts a board with Pz disconnected, 40 kOhm at Cz, and 5 kOhm at every other electrode. Returns
+/// the board and its port.
 fn board(folder: &Path) -> (Process, String) {
     let port = free_address();
     let contacts = ["--impedance=40k:Cz", "--fault=lead-off:Pz"];
@@ -23,7 +23,7 @@ fn status(lines: &str) -> Option<Value> {
     printing::statuses(lines, "impedance").last()
 }
 
-/// Asserts that the status names the electrodes of [`board`].
+/// Asserts that the status has the impedances of [`board`].
 fn assert_named(status: &Value) {
     assert_eq!(status["message"], "open: Pz; 20 kOhm or more: Cz");
     assert_eq!(figure(status, "Pz"), Some("open"));

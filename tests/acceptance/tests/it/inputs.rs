@@ -19,12 +19,12 @@ pub(crate) fn synthetic(seed: u64) -> impl Iterator<Item = Sample> {
     generator.map(|counts| Sample { counts })
 }
 
-/// Returns the samples of a recording.
+/// Returns the samples of a recording, with the built-in model's electrodes as channels.
 pub(crate) fn recorded(path: &Path) -> impl Iterator<Item = Sample> {
     real_data::samples(path, &LABELS.split(' ').collect::<Vec<_>>())
 }
 
-/// Returns the steps that the acquisition makes of the samples.
+/// Returns the time steps, filtered and quantised, that the acquisition computes from `samples`.
 pub(crate) fn steps(
     mains: Mains,
     samples: impl Iterator<Item = Sample>,

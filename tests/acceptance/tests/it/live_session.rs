@@ -1,4 +1,4 @@
-//! The panel of the live page that records, marks, tests and excludes, in a browser.
+//! The live page's panel for recordings, markers, self-tests and exclusions, in a browser.
 
 mod testing_board;
 
@@ -18,7 +18,7 @@ use serde_json::Value;
 use self::testing_board::TestingBoard;
 
 const TOKEN: &str = "a-token-of-the-test";
-/// Code of a marker on the bus, and in files.
+/// Event code of a marker on `/events/bus` and in files.
 const MARKER: u64 = 0x7f05;
 
 /// Result of a self-test of 64 channels, of which the sixth is too loud.
@@ -50,7 +50,6 @@ fn press(browser: &Browser, id: &str) {
     browser.type_keys(&format!("#{id}"), "\n");
 }
 
-/// Chooses an option of a list.
 fn choose(browser: &Browser, id: &str, value: &str) {
     let script = format!(
         "const list = document.getElementById({id:?});
@@ -60,7 +59,7 @@ fn choose(browser: &Browser, id: &str, value: &str) {
     browser.run(&script);
 }
 
-/// Returns the lines of the console that are no report of a refused request.
+/// Returns the lines of the browser's console, without reports of refused requests.
 fn faults(browser: &Browser) -> Vec<String> {
     let mut lines = browser.console();
     lines.retain(|line| !line.contains("the server responded with a status of 4"));
@@ -102,7 +101,7 @@ fn a_session_is_recorded_marked_and_tested_from_the_page() {
     wait_for("codes", || bridge.output().contains("/encoded"));
     browser.prefer_dark(false);
 
-    // Without the token everything is visible, and says what is missing.
+    // Without the token, all controls are visible but disabled, and the page says what is missing.
     browser.open(&format!("http://127.0.0.1:{page}/"));
     browser.wait_for_text("#state", "streaming");
     browser.wait_for_text("#needs", "Commands need the token");
@@ -177,7 +176,7 @@ fn a_session_is_recorded_marked_and_tested_from_the_page() {
     browser.wait_for_text("#answer", "the device streams");
     browser.wait_for_text("#state", "streaming");
 
-    // Raw samples need no time in which filters settle.
+    // Show raw samples, which need no time for filters to settle.
     choose(&browser, "stream", "4");
     draw(&browser, true, "verdict", "device.webp");
     press(&browser, "record");
@@ -190,7 +189,7 @@ fn a_session_is_recorded_marked_and_tested_from_the_page() {
     marker_is_converted(folder.path(), &file);
 }
 
-/// Draws the page around an element, in light or dark.
+/// Draws the page, scrolled to the element `shown`, in light or dark.
 fn draw(browser: &Browser, is_dark: bool, shown: &str, name: &str) {
     let folder = workspace::root().join("target/view");
     fs::create_dir_all(&folder).expect("a folder for pictures");
@@ -202,8 +201,8 @@ fn draw(browser: &Browser, is_dark: bool, shown: &str, name: &str) {
     browser.prefer_dark(false);
 }
 
-/// Converts the recording, whose tables have each of the two markers once, and no row from before
-/// it began.
+/// Converts the recording. Checks that each table has each of the two markers once, and no fillers
+/// from before the recording began.
 fn marker_is_converted(folder: &Path, file: &Path) {
     let name = file.display().to_string();
     let mut converting: Process = bridge(folder, "converting", &["convert", &name, "--to=csv"]);

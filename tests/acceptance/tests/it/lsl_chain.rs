@@ -19,11 +19,11 @@ use serde_json::Value;
 const SLACK: Duration = Duration::from_mins(1);
 /// Duration of each of the two runs of the board, seconds.
 const SECONDS: [&str; 2] = ["9", "8"];
-/// Largest error of the time of a frame's first sample, seconds.
+/// Largest permitted error of the time of a frame's first sample, seconds.
 const FIRST_TOLERANCE_S: f64 = 1e-3;
-/// Largest error of any sample's time, and of the offset between the clocks, seconds. The samples
-/// of a frame follow at the measured rate, which is up to 4 % wrong while the fit of the board's
-/// clock settles; that takes long on a busy machine.
+/// Largest permitted error of any sample's time, and of the offset between the clocks, seconds. The
+/// times of a frame's other samples follow from the measured rate, which is up to 4 % wrong while
+/// the fit of the board's clock settles; that takes long on a busy machine.
 const TOLERANCE_S: f64 = 5e-3;
 /// Flag of a sample that replaces a lost one.
 const FILLER: u64 = 0x8000;
@@ -35,7 +35,7 @@ const SIGNALS: [(&str, &str, f64); 4] = [
     ("raw", "/neurodata", 512.0),
 ];
 
-/// Starts a simulated board at a pseudoterminal.
+/// Starts a simulated board on a pseudoterminal.
 fn board(folder: &Path, name: &str, port: &str, seconds: &str, more: &[&str]) -> Process {
     let mut board = Command::new(&programs().host_sim);
     board
@@ -52,7 +52,7 @@ fn streaming(folder: &Path, liblsl: &Path, name: &str, port: &str, more: &[&str]
     bridge(folder, name, &[&arguments[..], more].concat())
 }
 
-/// One sample as a JSON line has it.
+/// One sample of a frame in a JSON line.
 struct Row {
     wall_s: f64,
     /// Whether the sample is the first of its frame.
@@ -61,8 +61,8 @@ struct Row {
     is_filler: bool,
 }
 
-/// Returns the samples of a topic, each with its time on the wall clock: that of its frame's stamp,
-/// and its place in the frame at the nominal rate. A rate that is wrong by 300 ppm makes 19 us.
+/// Returns the samples of a topic, each with its wall-clock time: its frame's stamp plus its offset
+/// in the frame at the nominal rate. A rate error of 300 ppm changes this offset by up to 19 us.
 fn rows(lines: &str, topic: &str, rate_hz: f64) -> Vec<Row> {
     let numbers = |block: &Value| -> Vec<f32> {
         let values = block["data"].as_array().into_iter().flatten();
@@ -95,8 +95,8 @@ fn rows(lines: &str, topic: &str, rate_hz: f64) -> Vec<Row> {
     frames.flatten().collect()
 }
 
-/// Checks one stream against the JSON lines, and returns how many of its samples were recorded, and
-/// the largest error of the time of a frame's first sample, seconds.
+/// Checks one stream against the JSON lines. Returns the number of recorded samples, and the
+/// largest error of the time of a frame's first sample, seconds.
 fn check_signal(
     recording: &LslRecording,
     lines: &str,
@@ -112,14 +112,14 @@ fn check_signal(
         channels,
     } = recording.signal(stream);
 
-    // The first sample that came is found by time and values; from there on none may be missing.
+    // Find the first recorded sample by its time and values; from there on, none may be missing.
     let offset_s = recorded["wall_minus_lsl"].as_f64().expect("a number");
     let correction_s = described["corrections"][0].as_f64().expect("a number");
     assert!(
         correction_s.abs() < TOLERANCE_S,
         "{correction_s} s on one machine"
     );
-    // Both programs have the same clock: the correction is the error of its measurement.
+    // Do not apply the correction: both programs use one clock, so it is only a measurement error.
     let wall_s = |time: f64| time + offset_s;
     let near = |row: &Row| {
         let error_s = (row.wall_s - wall_s(times[0])).abs();
@@ -168,7 +168,7 @@ fn check_channels(described: &Value) {
             .as_f64()
             .expect("mm")
     };
-    // Right, front and top are positive.
+    // X is positive to the right, Y to the front and Z to the top.
     assert!(axis("C4", "X") > 40.0 && axis("C3", "X") < -40.0);
     assert!(axis("Fz", "Y") > 40.0 && axis("Pz", "Y") < -40.0);
     assert!((axis("Cz", "Z") - 95.0).abs() < 0.1);
@@ -176,8 +176,8 @@ fn check_channels(described: &Value) {
     assert_eq!(described["model"], "host-sim");
 }
 
-/// Checks that pyxdf reads the same samples from the file, and that each mark of a filler has the
-/// time of its sample. Returns the number of marks.
+/// Checks that pyxdf reads all events and the streams' rates from the file, and that each beginning
+/// and end of fillers has an event at its time. Returns the number of beginnings and ends.
 fn check_file(recorded: &Value, name: &str, lines: &str) -> usize {
     let events = &recorded["streams"]["events"];
     let marks = events["markers"].as_array().expect("markers");
@@ -238,13 +238,13 @@ fn every_sample_is_received_at_its_time_also_after_a_restart_of_the_board() {
     let raw = format!("{name}-raw");
     let mut stuck = python(&interpreter, folder, "lsl_subscribe", &[&raw]);
     stuck.wait_until("a subscription", SLACK, |stuck| !stuck.output().is_empty());
-    // From now on nothing takes this subscriber's samples from its socket.
+    // Stop this subscriber, so that nothing takes its samples from its socket.
     stuck.signal(Signal::STOP);
     recorder.wait_until("all streams", SLACK, |recorder| {
         !recorder.output().is_empty()
     });
     assert!(first.wait(SLACK).success(), "{}", first.log());
-    // The second board's clock is fast, and the time between both is filled.
+    // The second board's clock is fast, and the bridge fills the time between the two boards.
     let mut second = start(1, &["--clock-ppm=300"]);
     assert!(second.wait(SLACK).success(), "{}", second.log());
     std::thread::sleep(Duration::from_secs(1));
@@ -311,7 +311,7 @@ fn the_streams_of_two_bridges_are_both_found() {
             [board, streaming(folder, &library, &name, &port, &options)]
         })
         .into();
-    // Codes, reconstructed and raw samples, and events.
+    // Each bridge has four streams: codes, reconstructed samples, raw samples and events.
     let mut found = python(&interpreter, folder, "lsl_find", &[&name, "8"]);
     assert!(found.wait(SLACK).success(), "{}", found.log());
     let found: Vec<Value> = found
@@ -360,7 +360,7 @@ fn a_stream_of_another_shape_replaces_the_old_one() {
         let frame = NeuroFrame::zeros(512, "electrodes", info, NeuroDataInfo::default());
         sink.publish(&frame).expect("a stream");
         sink.publish(&frame).expect("a stream");
-        // The old stream may answer a search for as long as it closes.
+        // Search repeatedly: while the old stream closes, it may still answer a search.
         let end = Instant::now() + SLACK;
         let found = loop {
             let mut find = python(&interpreter, folder.path(), "lsl_find", &[&name, "1"]);
@@ -388,7 +388,8 @@ fn without_liblsl_the_error_has_the_remedy() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = |arguments: &[&str]| {
         let mut bridge = Command::new(&programs().bridge);
-        // A PATH without python3, and no library of the system.
+        // Hide pylsl's library from the bridge: neither python3 on the PATH nor PYLSL_LIB leads to
+        // it.
         bridge
             .args(arguments)
             .env("PATH", folder.path())

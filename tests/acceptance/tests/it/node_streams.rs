@@ -1,5 +1,5 @@
-//! `corticode-node --source lsl`, which encodes streams of pylsl: jitter, gaps, restarts, and a
-//! name that two streams have.
+//! `corticode-node --source lsl` encodes streams from pylsl, with jitter, gaps and restarts, and
+//! refuses a name that two streams have.
 
 mod session;
 
@@ -18,20 +18,19 @@ use rustix::process::Signal;
 use self::session::{Published, Session, play};
 use crate::node_chain::{EXIT_TIMEOUT, Eeg, SAMPLES, block_on, is_filler, start_node, subscribe};
 
-/// Sample from which on samples are missing, in the middle of a frame, and the first one after
-/// them.
+/// First missing sample, in the middle of a frame, and first sample after the gap.
 const GAP: [usize; 2] = [3005, 4003];
-/// Number of samples of each of two senders, one after the other.
+/// Number of samples that each of two senders sends, one sender after the other.
 const HALF: usize = 3072;
 /// True rate of the senders, whose clocks are fast by 200 ppm, Hz.
 const SENT_HZ: f64 = model::ADC_RATE_HZ as f64 * 1.000_2;
-/// First sample of a sender that has started again.
+/// First sample after the sender's restart.
 const RESTART: usize = 3000;
 /// Number of hops in the window of a code. A frame lasts a hop.
 const HOPS: usize = model::STEPS / model::HOP;
 
 impl Eeg {
-    /// Returns samples `from` to `to` only.
+    /// Returns only the samples from `from` up to, not including, `to`.
     fn part(&self, from: usize, to: usize) -> Eeg {
         let channels = self.labels.len();
         Eeg {
@@ -44,7 +43,7 @@ impl Eeg {
         self.values.len() / self.labels.len()
     }
 
-    /// Returns the samples, with those from `from` to `to` replaced by the one before.
+    /// Returns all samples, with samples `from` to `to` - 1 replaced by the sample before `from`.
     fn held(&self, from: usize, to: usize) -> Eeg {
         let channels = self.labels.len();
         let mut held = self.clone();
@@ -56,7 +55,7 @@ impl Eeg {
     }
 }
 
-/// Returns the values of the last status `source` of each stream that `diagnostics` has received.
+/// Returns, by stream, the values in the newest status `source` that `diagnostics` has received.
 async fn last_values(diagnostics: &mut Subscriber) -> BTreeMap<String, BTreeMap<String, String>> {
     let mut last = BTreeMap::new();
     let wait = Duration::from_millis(100);
@@ -144,7 +143,7 @@ fn codes_of_irregular_and_interrupted_streams_are_those_of_host_sim_bit_for_bit(
     });
 }
 
-/// Returns the time of a sender's sample, seconds after its first one.
+/// Returns the time of a sender's sample, in seconds after the sender's first sample.
 fn sent_s(sample: usize) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "some thousand")]
     let sample = sample as f64;
@@ -173,7 +172,7 @@ fn check_even(published: &Published, expected: &[Vec<f32>]) {
 fn expected(eeg: &Eeg) -> Vec<Vec<f32>> {
     let folder = tempfile::tempdir().expect("a folder");
     let samples = eeg.samples();
-    // A GDF file holds whole seconds: more samples follow, whose codes are left out.
+    // A GDF file holds whole seconds, so append zeros, and leave out their codes.
     let seconds = samples.div_ceil(eeg.rate_hz);
     let mut whole = eeg.clone();
     whole
@@ -185,7 +184,7 @@ fn expected(eeg: &Eeg) -> Vec<Vec<f32>> {
 }
 
 fn check_gap(published: &Published, eeg: &Eeg) {
-    // The frames that lack a sample are missing, and the filters see the last sample meanwhile.
+    // Frames that lack a sample are missing, and meanwhile the filters see the last sample before.
     let (first, end) = (GAP[0] / SAMPLES, GAP[1].div_ceil(SAMPLES));
     let held = eeg.held(first * SAMPLES, end * SAMPLES);
     check_fillers(published, first, end - first, &expected(&held));
@@ -212,8 +211,9 @@ fn check_return(published: &Published, halves: &[Eeg; 2]) {
     let codes = published.codes();
     let (last, newest) = codes[codes.len() - 1];
     let lost = count_fillers(published) - HOPS;
-    // The newest code ends with the last whole frame, and its stamp says how many samples follow.
-    // As many more as make a frame are left out before the first frame.
+    // The newest code ends with the last whole frame, so its stamp shows how many samples follow
+    // this frame. In the second half, the node has skipped as many samples as complete these to a
+    // frame.
     let made_s = sent_s(HALF - HOPS * SAMPLES);
     let after = -published.lateness_s(last, made_s) * SENT_HZ;
     println!("return: {lost} frames lost, {after:.2} samples after the last frame");
@@ -221,7 +221,7 @@ fn check_return(published: &Published, halves: &[Eeg; 2]) {
     let samples = HALF + lost * SAMPLES;
     held.values.resize(samples * held.labels.len(), 0.0);
     let held = held.held(HALF, samples);
-    // The length of the gap is rounded to whole samples.
+    // The node rounds the length of the gap to whole samples; try both directions.
     let expected = [after.floor(), after.ceil()].into_iter().find_map(|after| {
         #[expect(clippy::cast_possible_truncation, reason = "some samples")]
         let skipped = -(after as isize);
@@ -235,11 +235,12 @@ fn check_return(published: &Published, halves: &[Eeg; 2]) {
     check_fillers(published, HALF / SAMPLES, lost, &expected);
 }
 
-/// Checks that codes are fillers whose window has one of the `lost` frames from `first` on, and
-/// that the others are those `expected`.
+/// Checks that a code is a filler exactly if its window has one of the `lost` frames from `first`
+/// on, and that all other codes are as `expected`.
 fn check_fillers(published: &Published, first: usize, lost: usize, expected: &[Vec<f32>]) {
     assert_eq!(published.frames.len(), expected.len(), "{}", published.log);
-    // The first step after a gap is made of samples since the step before it.
+    // The first step after a gap is computed from all samples since the step before, including
+    // missing ones, so one more window is affected.
     let missing = first + 1 - HOPS..first + lost + 1;
     for (window, (frame, code)) in published.frames.iter().zip(expected).enumerate() {
         assert_eq!(

@@ -29,7 +29,7 @@ fn host_sim(folder: &Path, arguments: &[&str]) -> Output {
     output.expect("host-sim starts")
 }
 
-/// Runs host-sim, which must succeed, and returns what it prints.
+/// Runs host-sim, which must succeed, and returns its standard error.
 fn printed(folder: &Path, arguments: &[&str]) -> String {
     let output = host_sim(folder, arguments);
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -50,8 +50,8 @@ fn for_each_code(path: &Path, mut each: impl FnMut(u64, &Code)) {
     }
 }
 
-/// Returns a text for each code in a file, with its device time and its levels (integer values), by
-/// which two files can be compared.
+/// Returns a text for each code in a file: device time, contents and levels (integer values). Two
+/// files with equal texts have equal codes.
 fn codes(path: &Path) -> Vec<String> {
     let mut codes = Vec::new();
     for_each_code(path, |time_us, code| {
@@ -344,8 +344,8 @@ fn real_recordings_of_three_formats_are_encoded_and_decoded() {
     ];
     let text = printed(folder, &arguments);
     let _ = std::io::stdout().write_all(text.as_bytes());
-    // Largest permitted PRD over the measured electrodes, as a multiple of the PRD in the model's
-    // card, which was measured on recordings like the EDF file.
+    // Limits of the PRD (RMS error in percent of the signal's RMS) over the measured electrodes, as
+    // multiples of the model's own figure, which was measured on recordings like the EDF file.
     let card = artifact()
         .description
         .training

@@ -1,5 +1,5 @@
-//! The electrode signals that a user gets from packed blocks equal those of the library: live from
-//! a real roscore, printed, recorded, replayed, converted, and after losses.
+//! The electrode signals that a user gets from packed blocks equal those that the library decodes:
+//! live from a real roscore, printed, recorded, replayed, converted, and after losses.
 
 use std::path::Path;
 use std::time::Duration;
@@ -31,9 +31,9 @@ const SUBSTITUTED: u64 = Flags::SUBSTITUTED.bits() as u64;
 /// One frame of `/neurodata_reconstructed`: the decoded values, and the flags of the block.
 type Frame = (Vec<f32>, u64);
 
-/// Returns the packed blocks that the pipeline computes from the board's synthetic EEG, in which
-/// the electrodes `excluded` (bit n is electrode n) are filled from the others, if the model has a
-/// table for it.
+/// Returns the packed blocks that the pipeline computes from the board's synthetic EEG. If the
+/// model has a table of substitutions, the electrodes `excluded` (bit n is electrode n) are filled
+/// from the others.
 fn blocks(excluded: u64) -> Vec<Vec<u8>> {
     let mut acquisition = Acquisition::new(Mains::Hz50);
     let mut encoder = Box::new(PackedEncoder::new());
@@ -100,7 +100,7 @@ fn printed(lines: &str) -> Vec<Frame> {
     frames.collect()
 }
 
-/// Returns the text with the counts of blocks and bits that the bridge must log without losses.
+/// Returns the counts of blocks and bits that the bridge must log if no block is lost.
 fn counts(blocks: &[Vec<u8>]) -> String {
     let bytes: usize = blocks.iter().map(Vec::len).sum();
     format!(

@@ -17,7 +17,7 @@ const RESET_BLOCKS: usize = 64;
 /// Number of steps at the start that the tests leave out while the filters settle: 10 s.
 const SETTLING_STEPS: usize = 1_280;
 
-/// Number of blocks that a recording of 115 s gives.
+/// Number of blocks to code: 112.5 s of the 115 s that remain of the recording after settling.
 const BLOCKS: usize = 1_800;
 
 const RATE: Rate = PackedEncoder::DEFAULT_RATE;
@@ -68,7 +68,7 @@ fn a_lost_block_heals_and_the_next_block_without_prediction_is_exact() {
         return;
     };
     let model = model();
-    // Mean squared error by the number of blocks since a loss, summed over losses at many places.
+    // Mean squared error for each number of blocks since a loss, summed over many losses.
     let mut after = [0.0; 20];
     let mut places = 0.0;
     for lost in (70..BLOCKS - 70)
@@ -117,8 +117,8 @@ fn a_decoder_that_starts_in_the_middle_of_a_run_heals_as_after_a_loss() {
         .iter()
         .map(|bytes| whole.decode(bytes, RATE).expect("a block").microvolts)
         .collect();
-    // For each number of blocks since the start: the mean squared errors of a decoder that starts
-    // in the middle, and of a decoder that has decoded the whole run.
+    // For each number of blocks since the start: the summed errors of a decoder that starts in the
+    // middle, and of a decoder that has decoded the whole run.
     let mut errors = [[0.0; 2]; 20];
     let starts = (70..BLOCKS - 70).step_by(37);
     for start in starts.filter(|block| block % RESET_BLOCKS < 40 && block % RESET_BLOCKS > 0) {

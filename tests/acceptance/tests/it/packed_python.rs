@@ -20,8 +20,8 @@ use crate::inputs::{artifact, recorded, steps, synthetic};
 /// Path of Debian's Python, which must be version 3.11 or later.
 const PYTHON: &str = "/usr/bin/python3";
 
-/// Number of blocks of each input at each rate, enough to include a second block without
-/// prediction, which is every 64th.
+/// Number of blocks of each input at each rate. Every 64th block has no prediction, so a second
+/// such block is included.
 const BLOCKS: usize = 70;
 
 /// Rates that are compared: the default, the finest, two between, and the coarsest.

@@ -1,4 +1,4 @@
-//! The types of the live page's scripts, which are in their comments.
+//! TypeScript's compiler accepts the types in the comments of the live page's scripts.
 
 use std::fs;
 use std::path::Path;
@@ -24,7 +24,7 @@ const OPTIONS: [&str; 13] = [
     "--pretty",
 ];
 
-/// Returns what the compiler says of the scripts in `folder`; nothing if their types are right.
+/// Returns the compiler's errors in the scripts in `folder`; an empty text if it finds none.
 fn mistakes(folder: &Path) -> String {
     let mut tsc = Command::new("tsc");
     tsc.args(OPTIONS).arg("false").arg("main.js");

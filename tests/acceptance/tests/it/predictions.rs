@@ -18,7 +18,7 @@ use serde::Deserialize;
 
 use crate::inputs::synthetic;
 
-/// Duration of the EEG, seconds: the filters settle in the first ten.
+/// Duration of the EEG in seconds, in the first ten of which the filters settle.
 const SECONDS: usize = 14;
 const HOPS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
 

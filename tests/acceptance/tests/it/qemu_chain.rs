@@ -10,8 +10,7 @@ use emulator::installed;
 
 use crate::inputs::synthetic;
 
-/// Duration in seconds of the EEG whose codes must arrive, unless `CORTICODE_QEMU_SECONDS` sets
-/// another.
+/// Duration in seconds of the EEG whose codes must arrive; `CORTICODE_QEMU_SECONDS` overrides it.
 const SECONDS: u32 = 12;
 /// Number of codes that the board sends per second.
 const RATE: u32 = 16;

@@ -1,5 +1,4 @@
-//! `corticode-bridge --realtime` gets real-time scheduling where Linux permits it, and otherwise
-//! logs why not.
+//! `corticode-bridge --realtime` gets real-time scheduling where permitted, or logs why not.
 
 use std::fs;
 use std::io::{BufRead, BufReader};

@@ -117,7 +117,7 @@ fn every_message_reaches_a_subscriber_beside_one_that_stands_still_and_not_anoth
     let announced = messages(&late.output(), info).remove(0);
 
     assert!(board.wait(Duration::from_secs(seconds) + SLACK).success());
-    // The decoder's frames come last.
+    // Wait for the decoder's frames, which come last.
     std::thread::sleep(Duration::from_secs(2));
     let errors = folder.join("bridge.err");
     let lines = folder.join("bridge.out");
@@ -135,7 +135,7 @@ fn every_message_reaches_a_subscriber_beside_one_that_stands_still_and_not_anoth
         let (topic, _) = topic.split_once('=').expect("a type");
         let sent = messages(&lines, topic);
         let received = messages(&received, topic);
-        // The subscriber to this topic came after the first reports.
+        // Skip the first reports, which were published before the subscriber came.
         let skipped = if topic == "/diagnostics" {
             sent.len() - received.len()
         } else {

@@ -17,30 +17,28 @@ use serde_json::Value;
 
 /// Sampling rate of `/neurodata`, Hz.
 const RATE: f64 = 512.0;
-/// Number of status words of a sample, and the places of two of them.
+/// Number of status words of a sample, and the indices of two of them.
 const WORDS: usize = 8;
 const FLAGS: usize = 0;
 const TRIGGER: usize = 7;
 /// Code of the event of a rising edge of the trigger input.
 const RISE: u64 = 1;
-/// Largest error of an event's time, seconds, as in a recording by ROS 1.
+/// Largest permitted error of an event's time, seconds; the same as for recordings with ROS 1.
 const TOLERANCE_S: f64 = 0.03;
-/// Time in which each bridge runs undisturbed, before and after.
+/// Time for which all bridges run undisturbed, before and after the disturbances.
 const CALM: Duration = Duration::from_secs(3);
 /// Duration of the restart of a board and of the interruption of a cable.
 const OUTAGE: Duration = Duration::from_secs(2);
-/// Time for which the bridge stands still after the outage: together longer than the lease of its
-/// subscriber, 10 s.
+/// Time for which the bridge stands still after the outage; its subscriber's lease is only 10 s.
 const STOP: Duration = Duration::from_secs(11);
-/// Time from there to a second stop of the bridge, and its duration: shorter than the time for
-/// which its messages wait.
+/// Time from the end of this stop to a second one, and duration of the second one, which is shorter
+/// than the time for which the bridge's messages wait.
 const AGAIN: Duration = Duration::from_secs(2);
 /// Longest wait for a program to end or to reach a condition, enough on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
 
-/// A scenario: a board whose clock is fast by `ppm` parts per million, perhaps with a cable that
-/// loses this part of its frames in percent, and the samples in seconds that it costs at least and
-/// at most.
+/// A scenario: a board whose clock is fast by `ppm` parts per million, the percentage of frames
+/// that its cable loses (`None` without a cable), and the limits of the duration of lost samples.
 struct Scenario {
     name: &'static str,
     ppm: i32,
@@ -58,7 +56,7 @@ const SCENARIOS: [Scenario; 4] = [
         cable: None,
         lost_s: (1.9, 10.0),
     },
-    // Host-sim keeps 4 s for a host that does not read.
+    // host-sim buffers 4 s of frames for a host that does not read.
     Scenario {
         name: "stop",
         ppm: 300,
@@ -81,7 +79,7 @@ const SCENARIOS: [Scenario; 4] = [
 
 struct Run {
     board: Process,
-    /// Without a cable, the board has a pseudo-terminal, which outlives it.
+    /// `None` if the board has a pseudo-terminal, which outlives the board.
     cable: Option<LossyCable>,
     bridge: Process,
 }
@@ -154,7 +152,7 @@ fn edges_and_fillers(frames: &[Value]) -> (Vec<f64>, usize) {
     (edges, fillers)
 }
 
-/// Checks that what was received of a topic is what was sent, from the first message received.
+/// Checks that the received messages of a topic equal the sent ones from the first received on.
 fn check_received(topic: &str, sent: &[Value], received: &[Value]) {
     assert!(!received.is_empty(), "nothing of {topic}");
     let number = |message: &Value| message["neuroheader"]["seq"].as_u64();
@@ -212,7 +210,7 @@ fn events_are_at_their_samples_whatever_happens_to_board_cable_and_bridge() {
     runs[RESTART].board = board(folder, &SCENARIOS[RESTART], &output);
     sleep(STOP);
     runs[STOPPED].bridge.signal(Signal::CONT);
-    // A second stop while the node joins its domain.
+    // Stop the bridge again while its node rejoins the domain.
     sleep(AGAIN);
     runs[STOPPED].bridge.signal(Signal::STOP);
     sleep(AGAIN);
@@ -254,7 +252,7 @@ fn events_are_at_their_samples_whatever_happens_to_board_cable_and_bridge() {
             .filter(|event| event["event"].as_u64() == Some(RISE));
         let rises: Vec<f64> = rises.map(seconds).collect();
         let (edges, fillers) = edges_and_fillers(&frames);
-        // Events before the first frame that was received can be missing.
+        // Skip the first edge: events from before the first received frame can be missing.
         let edges: Vec<f64> = edges.into_iter().skip(1).collect();
         assert!(edges.len() >= 5, "{} edges", edges.len());
         let errors = edges.iter().map(|edge| {

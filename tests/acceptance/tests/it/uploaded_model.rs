@@ -38,8 +38,8 @@ fn write_personal(folder: &Path) -> Artifact {
     artifact
 }
 
-/// Returns the frames that the library decodes at once from the packed blocks of a board with the
-/// model, and the board's dequantised codes if the model has a linear code.
+/// Returns the frames that the library decodes, without later correction, from the packed blocks of
+/// a board with the model, and the board's dequantised codes if the model has a linear code.
 fn expected(artifact: &Artifact, packed: &PackedModel) -> [Vec<Vec<f32>>; 2] {
     let outbox = Outbox::new(WhenFull::Wait);
     let mut board = VirtualBoard::new(Identity::default(), Mains::Hz50, outbox.clone());
@@ -101,8 +101,8 @@ fn expected(artifact: &Artifact, packed: &PackedModel) -> [Vec<Vec<f32>>; 2] {
     [decoded, codes]
 }
 
-/// Returns the index of the block or window, and the values, of each frame of a topic that was
-/// printed and is no filler.
+/// Returns the index (of a block or window) and the values of each printed frame of `topic` that is
+/// no filler.
 fn printed(lines: &str, topic: &str) -> Vec<(u64, Vec<f32>)> {
     let frames = messages(lines, topic).filter_map(|message| {
         let word = |index: usize| message["tri"]["data"][index].as_u64().expect("a number");

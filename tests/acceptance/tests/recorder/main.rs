@@ -79,7 +79,7 @@ impl<'a> Session<'a> {
             port,
         ]);
         let interpreter = wheels::python("a recording of the Lab Streaming Layer");
-        // The folder's name is unique.
+        // Name the streams after the folder, whose name is unique.
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
         if let Some(interpreter) = &interpreter {
             bridge.args(["--sink=ros,lsl", "--lsl-name", &name, "--liblsl"]);
@@ -130,8 +130,8 @@ impl<'a> Session<'a> {
         self.ppm.push(0);
     }
 
-    /// Ends the recordings, and compares them. Returns that of ROS-Neuro's recorder, and what the
-    /// bridge has logged.
+    /// Ends the recordings and compares them. Returns the recording of ROS-Neuro's recorder and the
+    /// bridge's log.
     fn stop(mut self) -> (Recorded, String) {
         let log = self.bridge.errors();
         let exit = self.bridge.stop(Signal::TERM, EXIT_TIMEOUT);
@@ -175,8 +175,7 @@ fn half() -> Duration {
     Duration::from_secs(seconds) / 2
 }
 
-/// Returns whether Python, rospy and libxdffileio are installed; reports the test as skipped if
-/// not.
+/// Returns whether Python, rospy and libxdffileio are installed; if not, reports a skipped test.
 fn available() -> bool {
     let load = "import ctypes, genpy, rospy; ctypes.CDLL('libxdffileio.so.0')";
     let python = Command::new("/usr/bin/python3")

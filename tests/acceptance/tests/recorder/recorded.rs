@@ -6,8 +6,8 @@ use recordings::{Block, EventLabel, Recording};
 
 use crate::{FRAME, RATE, TRIGGER_HIGH};
 
-/// Number of samples of a run of the board, 3 s, after which the bridge knows the rate of its
-/// clock.
+/// Number of samples, 3 s from the start of a board's run, after which the bridge knows the rate of
+/// the board's clock.
 const SETTLING: usize = 48 * FRAME;
 
 /// The contents of a recording that the tests check.
@@ -108,7 +108,7 @@ impl Recorded {
         self.flags[sample] & 0x8000 != 0
     }
 
-    /// Returns the recording from this sample on, without events.
+    /// Returns the recording from `sample` on, without events.
     pub(crate) fn since(&self, sample: usize) -> Self {
         Self {
             flags: self.flags[sample..].to_vec(),
@@ -120,8 +120,8 @@ impl Recorded {
         }
     }
 
-    /// Returns the samples of each of the board's `count` runs, one or two: between both, the
-    /// longest gap is filled.
+    /// Returns the range of samples of each of the board's `count` runs, one or two. Between two
+    /// runs, there is the longest series of fillers.
     pub(crate) fn runs(&self, count: usize) -> Vec<Range<usize>> {
         let all = 0..self.flags.len();
         if count == 1 {
@@ -140,7 +140,7 @@ impl Recorded {
 
     /// Returns the first sample of a run after [`SETTLING`].
     pub(crate) fn settled(&self, run: &Range<usize>) -> usize {
-        // The first run has begun with the bridge's first frame.
+        // The first run began with the bridge's first frame, which may not be in the recording.
         let before = if run.start == 0 {
             self.frames[0] as usize * FRAME
         } else {

@@ -8,15 +8,15 @@ use acceptance::lsl_recording::{LslRecording, LslSignal};
 use crate::RATE;
 use crate::recorded::Recorded;
 
-/// Largest error of a sample's time, seconds.
+/// Largest permitted error of a sample's time, seconds.
 const TOLERANCE_S: f64 = 1e-3;
-/// The same in the first seconds of a run of the board, in which its clock's rate is not known.
+/// Largest permitted error in the first seconds of a board's run, when its clock's rate is unknown.
 const UNSETTLED_TOLERANCE_S: f64 = 5e-3;
 /// Largest permitted value of the shortest time from a sample to its arrival, seconds.
 const DELAY_S: f64 = 0.02;
 /// Rounding of a value in the file of ROS-Neuro's recorder, uV.
 const ROUNDING_UV: f32 = 0.05;
-/// Number of samples by which both recordings are aligned.
+/// Number of consecutive equal samples by which the two recordings are aligned.
 const ALIGNED: usize = 8;
 
 /// The streams `raw` and `events`.
@@ -38,10 +38,10 @@ impl Streamed {
         }
     }
 
-    /// Checks that the samples are those of `recorded`, that their times are those at which the
-    /// board made them, and that each marker is at its sample. In each run of the board, whose
-    /// clock is fast by `ppm` parts per million, the samples follow each other at the true rate,
-    /// also across a gap. Returns the largest error of a time in settled runs, seconds.
+    /// Checks that the samples equal those of `recorded`, that their times are correct by the
+    /// board's clock, and that each marker is at its sample. In each run of the board, whose clock
+    /// is fast by `ppm` parts per million, the samples follow each other at the true rate, also
+    /// across a gap. Returns the largest error of a time after settling, seconds.
     pub(crate) fn check(&self, recorded: &Recorded, ppm: &[i32]) -> f64 {
         let (times, recorded) = self.common(recorded);
         for (sample, pair) in times.windows(2).enumerate() {
@@ -58,14 +58,14 @@ impl Streamed {
         let errors = runs.iter().zip(ppm).map(|(run, ppm)| {
             let period_s = 1.0 / RATE / (1.0 + f64::from(*ppm) * 1e-6);
             let samples = run.clone().filter(|sample| !recorded.is_filler(*sample));
-            // Times minus those of a clock that starts with the recording and is right.
+            // Offsets of the times from a clock with the true rate that starts with the recording.
             let samples = samples.map(|sample| (sample, times[sample] - sample as f64 * period_s));
             largest_error_s(&samples.collect::<Vec<_>>(), recorded.settled(run))
         });
         errors.fold(0.0, f64::max)
     }
 
-    /// Returns the time of each sample that both recordings have, and the other recording of them.
+    /// Returns the time of each sample in both recordings, and `recorded` cut to these samples.
     fn common(&self, recorded: &Recorded) -> (Vec<f64>, Recorded) {
         let channels = self.raw.channels;
         let rows: Vec<&[f32]> = self.raw.values.chunks(channels).collect();
@@ -77,7 +77,7 @@ impl Streamed {
         let is_lost = |row: &usize| (*row..row + ALIGNED).any(|row| recorded.is_filler(row));
         let mut starts = 0..recorded.flags.len() - ALIGNED;
         let first = starts.find(|row| !is_lost(row)).expect("some samples");
-        // One of both has begun earlier.
+        // Either recording may have begun earlier.
         let [skipped, before] = (first..rows.len())
             .find(|place| is_start(first, *place))
             .map(|place| [0, place - first])
@@ -101,9 +101,9 @@ impl Streamed {
         (times[..recorded.flags.len()].to_vec(), recorded)
     }
 
-    /// Checks that the trigger input has changed between the sample before each marker and the one
-    /// after it, and that the marks of fillers are at their samples. After lost samples, a marker
-    /// can repeat the level: the edge between it and the one before is lost.
+    /// Checks that each edge of the trigger input has a marker between the samples around it, and
+    /// that each beginning and end of fillers has a marker at its sample. Further markers may only
+    /// repeat the level: after lost samples, the edge between two markers can be lost.
     fn check_markers(&self, recorded: &Recorded, times: &[f64]) {
         let samples = 0..times.len();
         let fillers: Vec<bool> = samples.map(|sample| recorded.is_filler(sample)).collect();
@@ -144,10 +144,10 @@ impl Streamed {
     }
 }
 
-/// Checks how far the offsets, seconds, differ from their median over the samples from `settled`
-/// on. Earlier samples may differ more, because the bridge does not know the rate of the board's
-/// clock yet. `offsets` holds indices of samples and their offsets. Returns the largest difference
-/// from `settled` on, seconds.
+/// Checks how far `offsets`, pairs of a sample's index and its offset in seconds, differ from the
+/// median offset of the samples from `settled` on. Earlier samples may differ more, because the
+/// bridge does not know the rate of the board's clock yet. Returns the largest difference over the
+/// samples from `settled` on, in seconds.
 fn largest_error_s(offsets: &[(usize, f64)], settled: usize) -> f64 {
     let first = offsets.partition_point(|(sample, _)| *sample < settled);
     let of = |offsets: &[(usize, f64)]| {
@@ -172,7 +172,7 @@ fn largest_error_s(offsets: &[(usize, f64)], settled: usize) -> f64 {
     late
 }
 
-/// Returns whether a sample is the same in both recordings: ROS-Neuro's recorder rounds it.
+/// Returns whether a sample is equal in both recordings up to the rounding of ROS-Neuro's recorder.
 fn is_same(recorded: &[f32], streamed: &[f32]) -> bool {
     let mut pairs = recorded.iter().zip(streamed);
     recorded.len() == streamed.len() && pairs.all(|(a, b)| (a - b).abs() < ROUNDING_UV)

@@ -34,8 +34,8 @@ mod image {
         })
     }
 
-    /// Prints the number of instructions of the acquisition for the time steps of one hop. Counts
-    /// only one step: the image `filters` shows that the number is the same for every signal.
+    /// Prints the number of the acquisition's instructions in a hop. Counts only one time step: the
+    /// image `filters` shows that the number is the same for every signal.
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let sample = Sample::default();
@@ -57,8 +57,8 @@ mod image {
         files.count_inputs(|files| count_input(clock, steps, files))
     }
 
-    /// Encodes the next input. Returns the instruction tally of each time step of a hop, or `None`
-    /// at the end of the file.
+    /// Encodes the next input. Returns the tally of each time step of a hop, or `None` at the end
+    /// of the file.
     fn count_input(
         clock: &Clock,
         steps: usize,

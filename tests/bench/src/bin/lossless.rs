@@ -22,7 +22,7 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Compresses all inputs. Prints, for each input, one instruction tally over all of its blocks.
+    /// Compresses all inputs. Prints one instruction tally for each input, over all of its blocks.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         hprintln!("state_bytes = {}", size_of::<EncoderState<CHANNELS>>());
         let mut files = Files::open()?;

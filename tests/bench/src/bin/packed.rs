@@ -21,8 +21,8 @@ mod image {
     use model::HOP;
     use pipeline::{ELECTRODES, PackedEncoder, PackedMemory, Step};
 
-    /// Instruction counts of one input, each as a tally (fewest, most, total): `places` for each
-    /// time step of a hop, `hops` over whole hops.
+    /// Instruction tallies (fewest, most, total) of one input: `places` for each time step of a
+    /// hop, `hops` over whole hops.
     struct Counts {
         places: [Tally; HOP],
         hops: Tally,

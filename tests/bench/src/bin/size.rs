@@ -43,7 +43,7 @@ mod image {
 
     unsafe extern "C" {
         /// Called on panic and defined nowhere, so that an image with a reachable panic does not
-        /// link. An image that allocates does not link either, because there is no allocator.
+        /// link. Nor does an image that allocates, because there is no allocator.
         safe fn the_path_of_a_sample_can_panic() -> !;
     }
 

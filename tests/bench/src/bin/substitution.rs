@@ -1,6 +1,6 @@
 //! Image that counts the instructions of the substitution of bad electrodes, per step and per
-//! sample, and those of the features, per filled step. The documentation of the library `bench`
-//! describes the image's files.
+//! sample, and the instructions of the feature extraction, per step. The documentation of the
+//! library `bench` describes the image's files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -48,7 +48,7 @@ mod image {
         with_clock(count_all)
     }
 
-    /// Fills the steps of all inputs. Prints the counts of each input.
+    /// Replaces bad electrodes in the steps of all inputs. Prints the counts of each input.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         hprintln!("state_bytes = {}", size_of::<Substitution>());
         hprintln!("features_bytes = {}", size_of::<FeatureExtractor>());
@@ -60,7 +60,8 @@ mod image {
         files.count_inputs(|files| count_input(clock, steps, &table, files))
     }
 
-    /// Fills the steps of the next input. Returns its counts, or `None` at the end of the file.
+    /// Replaces bad electrodes in the steps of the next input. Returns the input's counts, or
+    /// `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         count: usize,

@@ -48,14 +48,14 @@ mod image {
         ConstStaticCell::new([const { BulkSlot::empty() }; deadlines::BULK_WAITING]);
     static BULK_CHANNEL: StaticCell<Channel<'static, RawMutex, BulkSlot>> = StaticCell::new();
 
-    /// Converter whose frames the compiler cannot predict, so that no path is optimised away.
+    /// Converter whose frames the compiler cannot predict, and so cannot optimise away any path.
     struct Unknown {
         decoder: Decoder<CHIPS>,
         counts: [[i32; CHANNELS]; CHIPS],
     }
 
     impl Converter for Unknown {
-        /// Returns a `poll_fn`: an `async fn` would contain a panic, for a poll after its
+        /// Uses `poll_fn`, because an `async fn` would contain a panic for a poll after its
         /// completion.
         fn next(&mut self, sample: &mut Sample) -> impl Future<Output = Conversion> {
             poll_fn(|_| {
@@ -117,8 +117,8 @@ mod image {
         }
     }
 
-    /// Uses the location of the panic, so that the names of all source files with a reachable panic
-    /// stay in the image. An image that allocates does not link, because there is no allocator.
+    /// Uses the panic's location, so that the image keeps the names of all source files with a
+    /// reachable panic. An image that allocates does not link, because there is no allocator.
     #[panic_handler]
     fn panic(info: &PanicInfo) -> ! {
         black_box(info.location());

@@ -15,9 +15,9 @@ use serde_json::{Map, Value as Json, json};
 use self::reference::Reference;
 use super::images::{self, Range};
 
-/// Returns the cost of the model in `folder` as an object of figures without nested values. At
-/// least `windows` windows are encoded on each emulated machine. With `boards`, it includes flash
-/// and RAM of the boards' images, whose builds take most of the time.
+/// Returns the cost of the model in `folder` as an object of flat figures. Encodes at least
+/// `windows` windows on each emulated machine. With `boards`, it includes flash and RAM of the
+/// boards' images, whose builds take most of the time.
 ///
 /// # Errors
 /// The folder has no model that can be built, QEMU or the target is missing, or an image does not
@@ -80,7 +80,7 @@ pub(crate) fn measure(
 /// This program is not where cargo builds programs.
 pub(crate) fn builds() -> anyhow::Result<PathBuf> {
     let program = env::current_exe().context("this program has no path")?;
-    // Skip `deps`, in which cargo puts the programs of tests: `target/debug/deps/bench-*`.
+    // Skip `deps`, where cargo puts test programs: `target/debug/deps/bench-*`.
     let mut folders = program.ancestors().skip(1);
     let profile = folders.find(|folder| !folder.ends_with("deps"));
     let target = profile.and_then(Path::parent).context(
@@ -104,8 +104,8 @@ fn described(name: &str, artifact: &Artifact) -> Map<String, Json> {
     object.as_object().cloned().unwrap_or_default()
 }
 
-/// Builds images to check that no path from sample to code panics or allocates. Returns the flash
-/// that acquisition and encoder take, bytes.
+/// Builds images, which fails if a path from sample to code panics or allocates. Returns the flash
+/// that acquisition and encoder take, in bytes.
 ///
 /// # Errors
 /// A path panics or allocates.

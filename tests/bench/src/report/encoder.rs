@@ -48,7 +48,7 @@ pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
     report(&inputs, &machines, flash_bytes)
 }
 
-/// Input file of the image `encoder`, and the contents that its output file must have.
+/// Input file of the image `encoder`, and the expected contents of its output file.
 #[derive(Debug)]
 pub(crate) struct Expected {
     input: Vec<u8>,
@@ -59,8 +59,8 @@ pub(crate) struct Expected {
 }
 
 impl Expected {
-    /// Creates the files from the `cells` of all inputs, which have `steps` time steps each, and
-    /// the `codes` that are expected, of `code_bytes` bytes each.
+    /// Creates the files from the `cells` of all inputs, each of `steps` time steps, and the
+    /// expected `codes`, each of `code_bytes` bytes.
     pub(crate) fn new(
         steps: usize,
         cells: impl Iterator<Item = i8>,
@@ -74,8 +74,8 @@ impl Expected {
         }
     }
 
-    /// Runs the image on the machine. Returns the instruction counts that it prints, and how many
-    /// codes differ from the expected ones.
+    /// Runs the image on the machine. Returns the instruction counts that the image prints, and the
+    /// number of codes that differ from the expected codes.
     ///
     /// # Errors
     /// The image does not run to its end, or its outputs are incomplete.
@@ -127,7 +127,7 @@ fn report(
     let ram_bytes = ram_bytes.unwrap_or(u32::MAX);
     let steps = inputs.data.iter().map(Vec::len);
     let mut figures = json!({
-        // The cycles include the shortcut, and assume code and data in memory without wait states.
+        // These cycles include the shortcut, and assume memory without wait states.
         "cycles_per_code_m4": m4,
         "cycles_per_code_m4_llvm_mca": cycles(0, REST_M4, |each| Some(each.llvm_mca)),
         "cycles_per_code_m7": m7,
@@ -143,8 +143,8 @@ fn report(
         "inputs": inputs.names,
         "skipped": inputs.skipped,
     });
-    // The limits apply to the figures of the Cortex-M4F. The kernels for the Cortex-M7 have more
-    // instructions, which that processor can issue in pairs.
+    // The limits apply to the Cortex-M4F. The kernels for the Cortex-M7 have more instructions,
+    // which that processor can issue in pairs.
     for (name, figure) in json!(machines[0].figures).as_object().into_iter().flatten() {
         figures[name] = figure.clone();
     }
@@ -159,8 +159,8 @@ mod tests {
 
     use super::*;
 
-    /// Returns a report on one machine whose counts `change` has altered. The last time step of a
-    /// hop takes `last` instructions, each of the other steps 1000.
+    /// Returns a report on one machine, whose counts `change` alters. The last time step of a hop
+    /// takes `last` instructions, every other step 1000.
     fn report_of(last: u32, change: fn(&mut Counts)) -> Report {
         let mut inputs = Inputs::new();
         for name in ["silence", "noise"] {

@@ -35,7 +35,7 @@ enum Bound {
 /// Report of one run of a benchmark: its figures, compared with their limits.
 #[derive(Debug)]
 pub(crate) struct Report {
-    /// Name of the benchmark, which is its command and its table in `limits.toml`.
+    /// Name of the benchmark: its command, and its table in `limits.toml`.
     benchmark: &'static str,
     limits: Limits,
     /// The object that `--json` prints: figures, nested details, and `faults`.
@@ -47,8 +47,8 @@ pub(crate) struct Report {
 }
 
 impl Limit {
-    /// Returns whether a figure is within the limit. `null`, which also stands for NaN in JSON, is
-    /// within the limit only if the figure is optional.
+    /// Returns whether a figure is within the limit. `null`, which also stands for NaN, is within
+    /// the limit only if the figure is optional.
     fn contains(&self, figure: &Json) -> bool {
         if figure.is_null() {
             return self.optional;
@@ -106,7 +106,7 @@ impl Report {
         })
     }
 
-    /// Returns an error that names all figures beyond their limits, if there are any.
+    /// Returns an error that names all figures beyond their limits.
     pub(crate) fn outcome(&self) -> anyhow::Result<()> {
         let (benchmark, faults, next) = (self.benchmark, self.faults.join("; "), self.next);
         ensure!(
@@ -117,11 +117,11 @@ impl Report {
     }
 }
 
-/// Returns the median of a figure over rounds, in each of which all contenders are timed in turn;
-/// `None` if a round lacks the figure.
+/// Returns the median of a figure over rounds, each of which times all contenders in turn; `None`
+/// if a round lacks the figure.
 ///
-/// The ratio of two speeds is computed within each round, because other load of the PC slows all
-/// contenders of a round equally. No speed has a limit, because it depends on the PC.
+/// Compute the ratio of two speeds within each round: other load of the PC slows all contenders of
+/// a round equally. Speeds have no limits, because they depend on the PC.
 pub(crate) fn median<R>(rounds: &[R], figure: &dyn Fn(&R) -> Option<f64>) -> Option<f64> {
     let mut figures: Vec<f64> = rounds.iter().map(figure).collect::<Option<_>>()?;
     figures.sort_by(f64::total_cmp);
@@ -155,8 +155,8 @@ mod tests {
     use super::*;
 
     impl Report {
-        /// Returns the sentences about figures beyond their limits, after checking that `outcome`
-        /// and `object` agree with them.
+        /// Returns the sentences about figures beyond their limits. Asserts that `outcome` and
+        /// `object` agree.
         pub(crate) fn faults(&self) -> &[String] {
             assert_eq!(self.outcome().is_err(), !self.faults.is_empty());
             assert_eq!(self.object["faults"], json!(self.faults));

@@ -1,4 +1,4 @@
-//! The benchmark `filters`: compares filter implementations by executed instructions and noise.
+//! The benchmark `filters`: compares filters by their instructions and their noise.
 
 mod noise;
 
@@ -22,11 +22,11 @@ use demo::response::Twin;
 const OURS: &str = "ours-blocks";
 /// Name of the contender (compared filter) whose instructions are compared with those of [`OURS`].
 const IDSP_DITHER: &str = "idsp-dither";
-/// Index in [`NAMES`] of our filters that run sample by sample. Their output must equal the output
-/// of the contender before them, [`OURS`].
+/// Index in [`NAMES`] of our filters, run sample by sample. Their output must equal that of
+/// [`OURS`], the contender before them.
 const SINGLES: usize = 1;
 
-/// What the image `filters` prints: for each input, the instruction tallies of all filters.
+/// The output of the image `filters`: for each input, the tallies of all contenders.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Printed {
@@ -38,7 +38,7 @@ struct Printed {
 struct Counts {
     machine: &'static str,
     core: &'static str,
-    /// Instruction counts of each contender (compared filter), in the order of [`NAMES`].
+    /// Instruction counts of each contender, in the order of [`NAMES`].
     contenders: Vec<Contender>,
 }
 
@@ -51,7 +51,7 @@ struct Contender {
     most: f64,
     /// Whether the number of instructions is the same for every input.
     constant: bool,
-    /// Number of output blocks that differ in any bit from the same filter's blocks on this PC.
+    /// Number of output blocks with any bit that differs from the same contender on this PC.
     different_blocks: usize,
 }
 
@@ -97,8 +97,7 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&inputs, &machines, &noise)
 }
 
-/// Returns the expected contents of the image's output file: the outputs that this PC computes with
-/// all contenders.
+/// Returns the output file that this PC computes with all contenders.
 fn expected(inputs: &Inputs<Block>) -> Vec<u8> {
     let mut bytes = Vec::new();
     for input in &inputs.data {
@@ -115,7 +114,7 @@ fn expected(inputs: &Inputs<Block>) -> Vec<u8> {
     bytes
 }
 
-/// Returns, for each contender, the number of blocks in `output` that differ from `expected`.
+/// Returns, for each contender, the number of blocks in `output` that are not as in `expected`.
 fn different(expected: &[u8], output: &[u8]) -> [usize; NAMES.len()] {
     let [expected, output] = [expected, output].map(|bytes| bytes.as_chunks::<BYTES>().0);
     let mut different = [0; NAMES.len()];
@@ -135,14 +134,13 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
     let peer = peer.map(|each| each.fewest).fold(f64::INFINITY, f64::min);
     let mut all_ours = all().filter(|each| each.name.starts_with("ours"));
     let figures = json!({
-        // Most instructions of our filters, four samples at a time, over all inputs and both
-        // machines.
+        // Largest count of our filters over all inputs and both machines, four samples at a time.
         "insn_per_sample_channel": most,
-        // Noise of our filters from 0.5 to 60 Hz, on a signal of electrode offset, mains and EEG.
+        // Noise of our filters from 0.5 to 60 Hz; the signal is electrode offset, mains and EEG.
         "noise_nv_rms": noise.ours.eeg,
-        // Fewest instructions of idsp's filter, divided by the most instructions of ours.
+        // Fewest instructions of idsp's filter, divided by the most of ours.
         "ratio_idsp_dither": peer / most,
-        // Only our contenders must be constant; idsp's count may vary with the input.
+        // Our filters alone must have constant counts; idsp's may vary with the input.
         "constant_count": all_ours.all(|each| each.constant),
         "bits_equal": all().all(|each| each.different_blocks == 0),
         "machines": machines,
@@ -158,8 +156,8 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
 mod tests {
     use super::*;
 
-    /// Returns a report on one machine whose counts `change` has altered. Each of our contenders
-    /// takes 25 instructions per sample and electrode, and each of idsp's 61.
+    /// Returns a report on one machine, whose counts `change` alters. Our contenders take 25
+    /// instructions per sample and electrode, idsp's 61.
     fn report_of(change: fn(&mut Contender)) -> Report {
         let of_block =
             |each: usize| u32::try_from(each * BLOCK * ELECTRODES).expect("some thousands");

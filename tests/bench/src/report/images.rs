@@ -1,4 +1,4 @@
-//! Runs images, reads the instruction counts that they print, and reads what they load into flash.
+//! Runs images, reads the counts that they print, and reads what they load into flash.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -16,12 +16,12 @@ use crate::tally::Tally;
 /// Time limit for an image to print its next line; the longest time measured is 3 s.
 const SILENCE: Duration = Duration::from_mins(2);
 
-/// Virtual time per instruction as a power of two, 2^10 ns; the images' counter relies on it.
+/// Exponent of the virtual time per instruction, 2^10 ns; the images' counter relies on this time.
 const INSTRUCTION_TIME: u8 = 10;
 
-/// Runs an image on `machine` in the subfolder `folder` of cargo's target folder, with `inputs` as
-/// its input file. Returns the counts that it prints as TOML, and its output file, which must have
-/// `length` bytes.
+/// Runs an image on `machine`, in `folder` within cargo's target folder, with `inputs` as its input
+/// file. Returns the TOML counts that it prints, and its output file, which must have `length`
+/// bytes.
 ///
 /// # Errors
 /// The image does not run to its end, its counts or its output file are not as expected, or a file
@@ -55,29 +55,25 @@ pub(crate) fn run<T: DeserializeOwned>(
     Ok((counts?, output))
 }
 
-/// Returns an input file: the number of time steps of each input, then `bytes`, the contents of all
-/// inputs.
+/// Returns an input file: first the number of time steps of each input, then `bytes`, all inputs.
 pub(crate) fn with_steps(steps: usize, bytes: impl Iterator<Item = u8>) -> Vec<u8> {
     let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
     steps.into_iter().chain(bytes).collect()
 }
 
-/// Returns the number of blocks of `length` bytes in `output` that differ from the block at the
-/// same position in `expected`.
+/// Returns the number of blocks of `length` bytes in `output` that are not as in `expected`.
 pub(crate) fn different(expected: &[u8], output: &[u8], length: usize) -> usize {
     let blocks = output.chunks(length).zip(expected.chunks(length));
     blocks.filter(|(block, expected)| block != expected).count()
 }
 
-/// Fewest and most instructions over all inputs, for one contender or for one time step of a hop.
+/// Fewest and most instructions of one contender or one time step, over all inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Range {
     pub(crate) fewest: u32,
     pub(crate) most: u32,
-    /// Whether the number of instructions is the same for every input.
-    ///
-    /// Within one input the number may vary, because the position in a ring buffer affects it. The
-    /// contents of the buffer must not affect it.
+    /// Whether every input takes the same number of instructions. Within one input, the number may
+    /// vary with the position in a ring buffer; the contents of the buffer must not affect it.
     pub(crate) constant: bool,
 }
 
@@ -98,7 +94,7 @@ impl Range {
         Ok((0..columns).map(range).collect())
     }
 
-    /// Returns the range of one contender or time step, from its tally with each input.
+    /// Returns the range over the tallies of all inputs.
     fn new(tallies: impl Iterator<Item = Tally> + Clone) -> Self {
         let first = tallies.clone().next();
         let fewest = tallies.clone().map(|tally| tally.fewest).min();
@@ -117,7 +113,7 @@ impl Range {
 /// assertion fails.
 const ALLOWED: &str = "src/zerocopy_channel.rs";
 
-/// Ending of every source file's name, by which the names are found in the image.
+/// End of a source file's name, by which the names are found in the image.
 const SOURCE: &str = ".rs";
 
 /// Returns the bytes that an image loads into flash: instructions, constants and initial values of
@@ -140,7 +136,7 @@ pub(crate) fn loaded(image: &Path) -> anyhow::Result<Vec<u8>> {
 /// source locations of its panics.
 ///
 /// # Errors
-/// Another source file has a reachable panic. Or not even [`ALLOWED`] is found, which means that
+/// Another source file has a reachable panic; or [`ALLOWED`] is not found either, which means that
 /// the image does not keep the locations.
 pub(crate) fn check_panics(loaded: &[u8]) -> anyhow::Result<()> {
     let (allowed, others): (Vec<_>, Vec<_>) = source_files(loaded)
@@ -164,7 +160,7 @@ pub(crate) fn check_panics(loaded: &[u8]) -> anyhow::Result<()> {
 fn source_files(loaded: &[u8]) -> BTreeSet<String> {
     let mut files = BTreeSet::new();
     for text in loaded.split(|byte| !byte.is_ascii_graphic()) {
-        // Names can follow each other without a separator, so cut each after its `.rs`.
+        // Names can follow each other without a separator, so cut after each `.rs`.
         for name in String::from_utf8_lossy(text).split_inclusive(SOURCE) {
             if name.ends_with(SOURCE) {
                 files.insert(name.to_owned());

@@ -24,13 +24,13 @@ const RESAMPLED: &str = "derived/s001r04_61ch_512hz_i16.gdf";
 /// used in training.
 const HELD_OUT: &str = "eegmmidb_S001/S001R11.edf";
 
-/// Number of time steps left out at the start of the packed encoder's inputs: 10 s of settling.
+/// Time steps left out at the start of the packed encoder's inputs: 10 s, in which filters settle.
 const SETTLING_STEPS: usize = 1_280;
 
 /// Error message if a recording of real EEG cannot be read.
 const FAILED: &str = "reading real EEG failed\n  next: does CORTICODE_DATA name the right folder?";
 
-/// Inputs of equal length; an element `T` is a block, a plane, a sample or a step.
+/// Inputs of equal length, as elements `T`: blocks, planes, samples or steps.
 #[derive(Debug)]
 pub(crate) struct Inputs<T> {
     pub(crate) names: Vec<&'static str>,
@@ -56,8 +56,7 @@ impl<T> Inputs<T> {
     /// Returns the inputs if each has `length` elements (blocks, samples or time steps).
     ///
     /// # Errors
-    /// The recording is too short. The message contains its name `recording`, and `next`, what to
-    /// do.
+    /// The recording is too short. The message contains the name `recording` and the advice `next`.
     fn of_length(self, length: usize, recording: &str, next: &str) -> anyhow::Result<Self> {
         ensure!(
             self.data.iter().all(|input| input.len() == length),
@@ -118,8 +117,8 @@ pub(crate) fn samples(count: usize) -> anyhow::Result<Inputs<Sample>> {
     inputs.of_length(count, RESAMPLED, "restore the file")
 }
 
-/// Returns a sample with white noise added to its electrodes, as an amplifier adds it. The
-/// recording has no noise above 80 Hz, because it was resampled from 160 Hz.
+/// Returns a sample with white noise added to its electrodes, as an amplifier would. The recording
+/// has no noise above 80 Hz, because it was resampled from 160 Hz.
 fn with_noise(sample: &Sample, noise_uv: f64, random: &mut ChaCha8Rng) -> Sample {
     let mut counts = sample.counts;
     for count in &mut counts[..ELECTRODES] {
@@ -174,7 +173,7 @@ pub(crate) fn steps(count: usize) -> anyhow::Result<Inputs<Step>> {
     inputs.of_length(count, HELD_OUT, "ask for fewer --hops")
 }
 
-/// Name of a test signal, and its samples without end.
+/// Name of a test signal, and its endless samples.
 type Signal = (&'static str, Box<dyn Iterator<Item = Sample>>);
 
 /// Returns the test signals silence, jumps between rails, full-range noise, and synthetic EEG.
@@ -188,7 +187,7 @@ fn signals() -> anyhow::Result<[Signal; 4]> {
     ])
 }
 
-/// Returns synthetic EEG without end, at the electrodes of the model; it is the same on every call.
+/// Returns endless synthetic EEG at the model's electrodes, the same on every call.
 pub(crate) fn synthetic() -> anyhow::Result<impl Iterator<Item = Sample>> {
     let spec = SyntheticSpec::new(3, model::LABELS.split(' '));
     let mut source = Source::Synthetic(Box::new(Generator::new(&spec)?));
@@ -229,8 +228,7 @@ fn to_blocks(samples: impl IntoIterator<Item = Sample>) -> Vec<Block> {
     blocks.collect()
 }
 
-/// Returns the planes (scalp grids) that the acquisition computes from the samples, for at most
-/// `steps` time steps.
+/// Returns the first `steps` planes (scalp grids) that the acquisition computes from the samples.
 fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Sample>, steps: usize) -> Vec<Plane> {
     let mut acquisition = Acquisition::new(mains);
     let samples = samples.into_iter();
@@ -238,7 +236,7 @@ fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Sample>, steps: usi
     steps_of.map(|step| step.plane).take(steps).collect()
 }
 
-/// Returns `count` steps that the acquisition computes, after leaving out [`SETTLING_STEPS`].
+/// Returns `count` steps that the acquisition computes after the first [`SETTLING_STEPS`].
 fn to_steps(mains: Mains, samples: impl IntoIterator<Item = Sample>, count: usize) -> Vec<Step> {
     let mut acquisition = Acquisition::new(mains);
     let samples = samples.into_iter();
@@ -246,7 +244,7 @@ fn to_steps(mains: Mains, samples: impl IntoIterator<Item = Sample>, count: usiz
     steps.skip(SETTLING_STEPS).take(count).collect()
 }
 
-/// Returns samples whose counts are 0, except that one in 500 is 1 mV or -1 mV.
+/// Returns samples of 0, except that one count in 500 is 1 mV or -1 mV.
 fn impulses(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     let millivolt = counts(1_000.0);
     std::iter::repeat_with(move || Sample {
@@ -279,8 +277,8 @@ fn counts(uv: f32) -> i32 {
     (uv * 1_000.0 / LSB_NV).round() as i32
 }
 
-/// Returns a random telegraph signal: every electrode jumps from rail to rail, 25.6 times per
-/// second on average.
+/// Returns a random telegraph signal: each electrode jumps from rail to rail 25.6 times per second
+/// on average.
 fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     let mut counts = [Sample::MAX; CHANNELS];
     std::iter::repeat_with(move || {
@@ -294,7 +292,7 @@ fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     })
 }
 
-/// Returns white noise with uniform distribution over the whole range of 24 bits.
+/// Returns white noise, uniform over the whole 24-bit range.
 fn white(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     std::iter::repeat_with(move || Sample {
         counts: std::array::from_fn(|_| random.next_u32().cast_signed() >> 8),

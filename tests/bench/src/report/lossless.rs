@@ -1,5 +1,5 @@
 //! The benchmark `lossless`: compresses samples, counts bits and instructions, and compares the
-//! compressed bytes with the PC's.
+//! bytes with this PC's.
 
 use emulator::{Image, MACHINES, Machine};
 use lossless::{Count, Decoder, EncoderState, MAX_SAMPLES};

@@ -1,6 +1,6 @@
 //! The benchmarks `model` and `montages`: cost of the model in a folder, and of a model with random
-//! weights for each file in `files/montages/`. Random weights suffice, because neither the
-//! instructions nor the memory of an encoder depend on the weights' values.
+//! weights for each file in `files/montages/`. Neither instructions nor memory of an encoder depend
+//! on the weights' values.
 
 use std::path::{Path, PathBuf};
 
@@ -25,16 +25,16 @@ pub(crate) fn measure_folder(folder: &Path, windows: usize) -> anyhow::Result<Re
     Report::new("model", Json::Object(figures), next)
 }
 
-/// Name of the montage that also gets a model with convolutions: the largest montage for which the
-/// convolutions differ from the checked-in model's.
+/// Name of the montage that also gets a model with convolutions: the largest one whose convolutions
+/// differ from the checked-in model's.
 const CONVOLUTIONS: &str = "ten-twenty-32";
 
 /// Seed of the random weights of every model.
 const SEED: u32 = 1;
 
-/// Returns the report on the models of all montages, or of the one named `only`. For each model, at
-/// least `windows` windows are encoded on each emulated machine. With `boards`, it includes flash
-/// and RAM of the boards' images.
+/// Returns the report on the models of all montages, or of the montage `only`. Encodes at least
+/// `windows` windows with each model on each emulated machine. With `boards`, it includes flash and
+/// RAM of the boards' images.
 ///
 /// # Errors
 /// No montage has the name, a montage file cannot be read, QEMU or the target is missing, or an
@@ -61,7 +61,7 @@ pub(crate) fn measure_montages(
     report(&rows)
 }
 
-/// Returns the montage whose name is `only`, or all montages if `only` is `None`.
+/// Returns the montage `only`, or all montages if `only` is `None`.
 fn selected(
     mut montages: Vec<MontageFile>,
     only: Option<&str>,
@@ -86,14 +86,14 @@ fn modes(montage: &MontageFile) -> Vec<Mode> {
     modes
 }
 
-/// Returns how many numbers a code has: two for each electrode, rounded up to a multiple of 8. For
-/// 61 electrodes this is the paper's 128.
+/// Returns the number of values in a code: two for each electrode, rounded up to a multiple of 8.
+/// For 61 electrodes this is the paper's 128.
 fn numbers(electrodes: usize) -> usize {
     (2 * electrodes).next_multiple_of(8)
 }
 
-/// Writes a model to a folder of its own and returns the folder. Does not touch files that already
-/// hold this model, so that cargo does not build the model's images again.
+/// Writes a model to a folder of its own and returns the folder. Leaves a folder that already holds
+/// this model unchanged, so that cargo does not build the images again.
 fn write(artifact: &Artifact, name: &str) -> anyhow::Result<PathBuf> {
     let folder = cost::builds()?.join("models").join(name.replace(", ", "-"));
     let is_written = Artifact::read(&folder).is_ok_and(|written| written.id == artifact.id);

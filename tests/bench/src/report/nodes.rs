@@ -1,5 +1,5 @@
-//! Code that the benchmarks of nodes share: our programs, a ROS master, a node in rospy for
-//! comparison, and the figures of both nodes, measured at the same time.
+//! What the benchmarks of nodes share: our programs, a ROS master, a node in rospy for comparison,
+//! and the figures of both nodes, measured at the same time.
 
 mod amplifier;
 pub(super) mod bridge;
@@ -46,7 +46,7 @@ const STRAGGLERS: Duration = Duration::from_secs(10);
 /// Priority of the threads that send and receive, under `SCHED_FIFO`: higher than the priority of
 /// the bridge with `--realtime`.
 const PRIORITY: u8 = 30;
-/// Last part of a wait, in which the thread spins because a sleep may end this much too late.
+/// Last part of a wait, in which the thread spins, because a sleep can end this much too late.
 const BUSY: Duration = Duration::from_millis(2);
 
 /// Folder that contains the programs to be measured.
@@ -73,7 +73,7 @@ impl Programs {
         Ok(Self(folder))
     }
 
-    /// Draws the histogram of the intervals between codes that a benchmark measured.
+    /// Draws the histogram of the measured intervals between codes.
     fn draw(&self, benchmark: &str, intervals: &Intervals) -> anyhow::Result<()> {
         let folder = self.0.with_file_name("bench");
         let picture = folder.join(format!("{benchmark}-intervals.svg"));
@@ -149,7 +149,7 @@ impl Ros {
         self.folder.path().join(name).with_extension("log")
     }
 
-    /// Starts a script of this crate, with the definition of the message `NeuroFrame` on its stdin.
+    /// Starts a script of this crate, which reads the definition of `NeuroFrame` from its stdin.
     fn start_script(
         &self,
         python: Python,
@@ -167,7 +167,7 @@ impl Ros {
             .stdout(Stdio::null())
             .spawn()
             .with_context(|| format!("{script} does not start"))?;
-        // Take the pipe out of the process, so that it is dropped here and the script's input ends.
+        // Take the pipe, so that it is dropped here and the script's input ends.
         let mut definition = process.stdin.take().context("it has no standard input")?;
         definition.write_all(NeuroFrame::TYPE.definition.as_bytes())?;
         Ok(Running(process))
@@ -179,7 +179,7 @@ fn find_rospy() -> Option<Python> {
     Python::find("rospy", "`apt-get install python3-rospy`, then again")
 }
 
-/// Returns the arguments that tell a script the length of the codes and their rate in Hz.
+/// Returns a script's arguments: the length of the codes, and their rate in Hz.
 fn code_arguments() -> [String; 2] {
     let rate_hz = usize::from(model::STEP_RATE_HZ) / model::HOP;
     [model::CODE, rate_hz].map(|number| number.to_string())
@@ -191,7 +191,7 @@ fn block_on<T>(run: impl Future<Output = anyhow::Result<T>>) -> anyhow::Result<T
     runtime.enable_all().build()?.block_on(run)
 }
 
-/// Waits until `due`: sleeps first, and spins for the rest, which is more exact.
+/// Waits until `due`: sleeps first, then spins for a more exact end.
 fn wait_until(due: Instant) {
     thread::sleep(due.saturating_duration_since(Instant::now() + BUSY));
     while Instant::now() < due {
@@ -199,15 +199,15 @@ fn wait_until(due: Instant) {
     }
 }
 
-/// Gives this thread real-time priority where that is permitted, so that the figures contain the
-/// jitter of the nodes and not the jitter of the measurement.
+/// Gives this thread real-time priority where permitted, so that the figures contain only the
+/// jitter of the nodes, not of the measurement.
 fn run_before_others() {
     let Ok(priority) = ThreadPriorityValue::try_from(PRIORITY) else {
         return;
     };
     let (thread, priority) = (thread_native_id(), ThreadPriority::Crossplatform(priority));
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-    // Without the permission, the figures of both nodes have the jitter of the measurement.
+    // Without permission, the figures of both nodes include the jitter of the measurement.
     let _ = set_thread_priority_and_policy(thread, priority, fifo);
 }
 
@@ -221,7 +221,7 @@ struct Nodes {
 }
 
 impl Nodes {
-    /// Waits until each running node has sent a code that has arrived.
+    /// Waits until a code from each running node has arrived.
     async fn wait_for_codes(&self) -> anyhow::Result<()> {
         for codes in self.measured_codes() {
             codes.wait_for_code(START).await?;
@@ -240,7 +240,7 @@ impl Nodes {
     /// # Errors
     /// A node has ended.
     async fn measure(&self, seconds: u32, sent: impl Fn() -> [Times; 2]) -> anyhow::Result<Pair> {
-        // Only now, because nodes started after this call would inherit the priority.
+        // Raise the priority only now, because nodes started after this call would inherit it.
         run_before_others();
         sleep(WARM_UP).await;
         let before = self.usage()?;
@@ -296,7 +296,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// Returns a figure of our node, divided by the same figure of the node in rospy.
+    /// Returns a figure of our node divided by the same figure of the rospy node.
     fn ratio(&self, figure: &dyn Fn(&Figures) -> f64) -> Option<f64> {
         Some(figure(&self.own) / figure(self.rospy.as_ref()?))
     }
@@ -314,8 +314,8 @@ impl Pair {
         objects.collect()
     }
 
-    /// Returns a histogram of the intervals between arrivals through our node, between codes sent
-    /// to it, and between arrivals through the node in rospy. `from` names the source of the codes.
+    /// Returns a histogram of three kinds of intervals: between codes from our node, between codes
+    /// sent to it, and between codes from the rospy node. `from` names the source of the codes.
     fn intervals(&self, [own, source, rospy]: [&str; 3], from: &str) -> Intervals {
         let series = |name: &str, ms: &[f64]| Series {
             name: name.to_owned(),
@@ -334,7 +334,7 @@ impl Pair {
     }
 }
 
-/// Asserts that a measurement of 2 s has `count` nodes, each with about as many codes as are due.
+/// Asserts that a 2 s measurement has `count` nodes, each with about as many codes as are due.
 #[cfg(test)]
 fn assert_two_seconds(report: &super::figures::Report, count: std::ops::RangeInclusive<usize>) {
     assert_eq!(report.faults(), [""; 0]);

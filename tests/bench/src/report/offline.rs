@@ -33,11 +33,11 @@ struct Answer {
     decode_s: f64,
 }
 
-/// Number of rounds, each of which times every contender (host-sim, Python) once. A warm-up round
-/// at the start is not counted.
+/// Number of rounds, each of which times all contenders (host-sim, Python) once, after a warm-up
+/// round.
 const ROUNDS: usize = 5;
 
-/// Times of both contenders, our programs and Python's, in one round, seconds.
+/// Times of our programs and of Python's in one round, seconds.
 #[derive(Debug)]
 struct Round {
     encode_s: f64,
@@ -108,14 +108,14 @@ fn report(
     Report::new("offline", figures, next)
 }
 
-/// The model, and a folder with the recording as GDF for our programs and as numbers for Python.
+/// The model, and a folder with the recording: as GDF for our programs, as numbers for Python.
 struct Ours {
     folder: TempDir,
     model: Model,
 }
 
 impl Ours {
-    /// Generates the recording: synthetic EEG at the model's electrodes, at the ADC's rate.
+    /// Generates the recording: synthetic EEG at the model's electrodes and the ADC's rate.
     fn new(seconds: u32) -> anyhow::Result<Self> {
         let folder = tempfile::tempdir()?;
         let labels = model::LABELS.split(' ');
@@ -191,9 +191,9 @@ impl Ours {
         Ok(comparison.total().prd_percent())
     }
 
-    /// Returns the rms difference of Python's decoded signal from ours, percent of ours. It shows
-    /// the effect of int8. The steps in which the filters settle are left out, because int8 clips
-    /// the electrodes' offsets.
+    /// Returns the rms difference of Python's decoded signal from ours, in percent of ours: the
+    /// effect of int8. Leaves out the steps in which the filters settle, because int8 clips the
+    /// electrodes' offsets.
     fn torch_prd_percent(&self) -> anyhow::Result<f64> {
         let theirs = fs::read(self.path("decoded.f32"))?;
         let theirs = theirs.as_chunks().0.iter().copied().map(f32::from_le_bytes);

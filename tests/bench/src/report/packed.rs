@@ -29,7 +29,7 @@ struct Printed {
     inputs: Vec<Counted>,
 }
 
-/// Instruction counts of one input: a tally for each time step of a hop, and one over whole hops.
+/// Instruction tallies of one input: one for each time step of a hop, and one over whole hops.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Counted {
@@ -37,7 +37,7 @@ struct Counted {
     hops: Tally,
 }
 
-/// Figures of one input on one machine: instructions, and lengths and kinds of the blocks.
+/// Figures of one input on one machine: instructions, block lengths and block kinds.
 #[derive(Debug, Serialize)]
 struct Row {
     input: &'static str,
@@ -61,7 +61,7 @@ struct Counts {
 /// Packed blocks that this PC computes from one input.
 #[derive(Debug, Default)]
 struct Coded {
-    /// For each block, its length in bytes (one byte) and its bytes, as the image writes them.
+    /// Length (one byte) and bytes of each block, as the image writes them.
     output: Vec<u8>,
     lengths: Vec<usize>,
     blank: usize,
@@ -168,8 +168,8 @@ fn row(input: &'static str, counted: &Counted, coded: &Coded) -> Row {
     }
 }
 
-/// Builds the report; `machines` are in the order of [`MACHINES`]. The limits apply to the figures
-/// of the last input (real EEG or, without it, synthetic EEG) on the Cortex-M4F.
+/// Builds the report; `machines` are in the order of [`MACHINES`]. The limits apply to the last
+/// input (real EEG if available, otherwise synthetic EEG) on the Cortex-M4F.
 fn report(
     inputs: &Inputs<Step>,
     machines: &[Counts],
@@ -218,8 +218,8 @@ const SUBJECT: &str = "S001";
 const RECORDINGS: [&str; 2] = ["S001R11.edf", "S001R12.edf"];
 const MAINS_HZ: u32 = 60;
 
-/// Measures bits and errors on recordings: of the built-in packed model, at its own rate and at
-/// every rate, and of windows coded by the network and by PCA. Returns null if `CORTICODE_DATA` is
+/// Measures bits and errors on recordings, for the built-in packed model at its own rate and at
+/// every rate, and for windows coded by the network and by PCA. Returns null if `CORTICODE_DATA` is
 /// not set.
 ///
 /// # Errors
@@ -275,7 +275,7 @@ fn recorded_errors() -> anyhow::Result<Json> {
 /// codes, from those that the model's training card states for [`SUBJECT`].
 ///
 /// # Errors
-/// The card does not have the person, or the model no PCA.
+/// The card does not have the person, or the model has no PCA.
 fn change_from_card(description: &Description, codes: &CodeComparison) -> anyhow::Result<f64> {
     let mut tested = description.training.tested.iter();
     let person = tested.find(|person| person.subject == SUBJECT);

@@ -1,5 +1,5 @@
-//! Finds and runs external programs that a benchmark uses if they are installed: Python with the
-//! scripts of this crate, and LLVM's tools.
+//! Finds and runs external programs that benchmarks use where installed: Python with the scripts of
+//! this crate, and LLVM's tools.
 
 use std::ffi::OsStr;
 use std::io::Write as _;
@@ -13,7 +13,7 @@ use serde_json::{Value as Json, json};
 
 use super::checked_in::ARTIFACT;
 
-/// Names of Python interpreters, in the order in which they are tried: first the one in PATH.
+/// Python interpreters in the order in which they are tried.
 const INTERPRETERS: [&str; 2] = ["python3", "/usr/bin/python3"];
 
 /// A Python interpreter that can import the modules that a script needs.
@@ -22,7 +22,7 @@ pub(crate) struct Python(&'static str);
 
 impl Python {
     /// Finds an interpreter that can import `modules`. If there is none, prints that the
-    /// measurement is skipped, and `next`, which says what to do.
+    /// measurement is skipped, then `next`, the advice what to do.
     pub(crate) fn find(modules: &str, next: &str) -> Option<Self> {
         let imports = format!("import {modules}");
         let imports =
@@ -68,13 +68,13 @@ impl Python {
     }
 }
 
-/// Runs a command with `input` on its stdin, and parses what it prints as JSON.
+/// Runs a command with `input` on its stdin, and parses its output as JSON.
 fn answer<T: DeserializeOwned>(command: &mut Command, input: &[u8]) -> anyhow::Result<T> {
     let mut process = command
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()?;
-    // The pipe is dropped at the end of the statement, which ends the command's input.
+    // The statement drops the pipe at its end, which ends the command's input.
     let written = process.stdin.take().map(|mut stdin| stdin.write_all(input));
     let output = process.wait_with_output()?;
     ensure!(output.status.success(), "{}", output.status);
@@ -82,15 +82,15 @@ fn answer<T: DeserializeOwned>(command: &mut Command, input: &[u8]) -> anyhow::R
     serde_json::from_slice(&output.stdout).context("it printed something else than its JSON object")
 }
 
-/// Returns what a command prints, or `None` if it does not start or its exit status is not 0.
+/// Returns the output of a command, or `None` if it does not start or its exit status is not 0.
 pub(crate) fn output_of(command: &mut Command) -> Option<String> {
     let output = command.stdin(Stdio::null()).output().ok()?;
     let printed = String::from_utf8_lossy(&output.stdout);
     output.status.success().then(|| printed.into_owned())
 }
 
-/// Returns a command that runs one of LLVM's tools. Debian adds the version to a tool's name;
-/// without a tool that has the plain name, the newest version is taken.
+/// Returns a command that runs one of LLVM's tools. Debian adds the version to a tool's name; if no
+/// tool has the plain name, the newest version is used.
 ///
 /// # Errors
 /// The tool is not installed.
@@ -102,7 +102,7 @@ pub(crate) fn llvm(name: &str) -> anyhow::Result<Command> {
     Ok(Command::new(installed.with_context(missing)?))
 }
 
-/// Returns the part of a script's input that describes the model: its filters and its encoder.
+/// Returns the model's part of a script's input: its filters and its encoder.
 pub(crate) fn model(description: &Description) -> Json {
     let filters = &description.filters;
     json!({

@@ -1,5 +1,5 @@
-//! The benchmark `substitution`: counts the instructions of finding and filling bad electrodes, and
-//! compares the filled steps with the PC's.
+//! The benchmark `substitution`: counts the instructions of finding and replacing bad electrodes,
+//! and compares the resulting steps with the PC's.
 
 use any_model::any_artifact;
 use anyhow::Context;
@@ -46,7 +46,8 @@ struct Row {
     insn_fewest_step: u32,
     insn_worst_step: u32,
     insn_worst_sample: u32,
-    /// Instructions of the features of a hop, and the fewest and most of any of its steps.
+    /// Mean number of instructions of the feature extraction in a hop; in the next field, the
+    /// fewest and the most in a step.
     insn_features_hop: u64,
     insn_features_step: [u32; 2],
     /// Electrodes that are excluded in the last step.
@@ -61,8 +62,8 @@ struct Counts {
     rows: Vec<Row>,
 }
 
-/// Runs the image on each machine, with a table of random weights, and compares the filled steps
-/// with those of this PC.
+/// Runs the image on each machine, with a table of random weights, and compares the resulting steps
+/// with this PC's.
 ///
 /// # Errors
 /// QEMU or the target is missing, the image does not build or run, or an input cannot be made.
@@ -100,7 +101,7 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&machines, [state_bytes, features_bytes], &inputs.skipped)
 }
 
-/// Returns a table with random weights, as bytes of the input file and for this PC.
+/// Returns a table with random weights, as bytes of the input file and as a table on this PC.
 fn any_table() -> anyhow::Result<(Vec<u8>, OwnedTable)> {
     let artifact = any_artifact(1, Mode::Pca, Padding::None, [2; 3], HOP)?;
     let table = artifact
@@ -117,7 +118,7 @@ fn any_table() -> anyhow::Result<(Vec<u8>, OwnedTable)> {
     Ok((bytes, table))
 }
 
-/// Fills the steps on this PC, as the image does.
+/// Replaces bad electrodes in the steps on this PC, as the image does.
 fn fill(steps: &[Step], table: &OwnedTable) -> Vec<Step> {
     let mut substitution = Substitution::NEW;
     let filled = steps.iter().map(|step| {

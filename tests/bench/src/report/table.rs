@@ -2,12 +2,11 @@
 
 use serde_json::Value as Json;
 
-/// Names of fields that can label an element of an array in a table; the first of them that the
-/// element has is its label.
+/// Fields that can label an array's element in a table. The first one that the element has is its
+/// label.
 const LABELS: [&str; 2] = ["name", "machine"];
 
-/// Returns rows of cells as text under a title, with the first column aligned left and all others
-/// right.
+/// Returns rows of cells as text under a title. The first column is aligned left, all others right.
 pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
     let mut text = format!("{title}\n");
     for row in rows
@@ -30,8 +29,8 @@ pub(crate) fn table(title: &str, rows: &[Vec<String>]) -> String {
     text
 }
 
-/// Returns the text of a number, flag, string or flat array. A number has at most three decimals; a
-/// number below 0.01 is in scientific notation.
+/// Returns the text of a number, flag, string or flat array. Numbers have at most three decimals;
+/// those below 0.01 are in scientific notation.
 pub(crate) fn cell(value: &Json) -> String {
     match value {
         Json::Null => "not measured".to_owned(),
@@ -45,8 +44,8 @@ pub(crate) fn cell(value: &Json) -> String {
     }
 }
 
-/// Returns a nested JSON value as tables: first a table of its elements' flat fields, then tables
-/// of each nested field. The elements of an array must have the same fields.
+/// Returns a nested JSON value as tables: first the flat fields of its elements, then a table for
+/// each nested field. The elements of an array must have the same fields.
 pub(crate) fn tables(title: &str, value: &Json) -> String {
     let elements: Vec<(String, &Json)> = match value {
         Json::Array(elements) if elements.iter().any(is_nested) => {
@@ -84,7 +83,7 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
         }
         rows.push(row);
     }
-    // If an element has more fields than there are elements, make each element a column.
+    // If an element has more fields than there are elements, elements become columns.
     if rows[0].len() > rows.len() {
         let columns = 0..rows[0].len();
         let column = |column| {

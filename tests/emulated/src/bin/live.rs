@@ -27,8 +27,8 @@ fn main() -> ExitCode {
     ExitCode::from(if missing { 2 } else { 1 })
 }
 
-/// Replaces this process by QEMU, which runs until Ctrl-C. The image generates synthetic EEG,
-/// because its folder holds no file of samples.
+/// Replaces this process by QEMU, which runs until Ctrl-C. The folder holds no file of samples, so
+/// the image generates synthetic EEG.
 fn run(port: u16) -> Result<Infallible, Box<dyn Error>> {
     installed::check()?;
     let [cortex_m4f, _] = MACHINES;
@@ -37,8 +37,8 @@ fn run(port: u16) -> Result<Infallible, Box<dyn Error>> {
     let mut qemu = Qemu::new(&image, cortex_m4f, &folder, &[APPLICATION]);
     qemu.uart(Uart::Tcp(port));
     let address = format!("tcp:127.0.0.1:{port}");
-    // Check that the port is free. The listener is closed at once, and as it had no connection, the
-    // port is free again.
+    // Check that the port is free. A listener that is closed without a connection frees the port at
+    // once.
     TcpListener::bind(("127.0.0.1", port)).map_err(|error| {
         format!("cannot listen on {address}: {error}\n  next: `--port` with another port")
     })?;

@@ -1,6 +1,5 @@
-//! Scenario with all streams of an encoder at once and a bouncing trigger input: the board sends
-//! what host-sim sends, and every event of the trigger except those in a burst that overflow the
-//! board's queue.
+//! Scenario with all streams at once and a bouncing trigger input: the board sends what host-sim
+//! sends, and all trigger events except those of a burst that overflow the board's queue.
 
 use emulated::board::boards;
 use emulated::compare::first_difference;
@@ -12,13 +11,12 @@ use model::{ADC_RATE_HZ, CELLS, CHANNELS, STEPS};
 use pipeline::{Encoder, Step};
 use serde_json::json;
 
-/// Number of samples of the scenario: 15.5 s, long enough for two audits, and a multiple of the
-/// samples in a frame. They are taken from the middle of the input, where the real recording
-/// starts.
+/// Number of samples: 15.5 s, long enough for two audits, and a multiple of the samples in a frame.
+/// They are from the middle of the input, where the real recording starts.
 const SAMPLES: usize = 7_936;
 
 /// Largest number of samples by which the board's `Stats` may be ahead of host-sim's: the board
-/// also counts samples that still wait for the encoder.
+/// also counts samples that the encoder has not read yet.
 const MAX_AHEAD: u64 = 16;
 
 #[test]
@@ -40,8 +38,8 @@ fn all_streams_of_the_packed_code_at_once_equal_host_sims() {
     );
 }
 
-/// Runs the boards with the image's argument `argument`, which starts the streams `streams`, and
-/// checks what they send. Records the figures as `name`.
+/// Runs the boards with `argument`, with which the image starts the streams `streams`, and checks
+/// what they send. Records the figures as `name`.
 fn stream(argument: &str, name: &str, streams: Streams) {
     let input = Input::from_environment();
     let skip = input.samples.len().saturating_sub(SAMPLES) / 2;
@@ -59,7 +57,7 @@ fn stream(argument: &str, name: &str, streams: Streams) {
         let raw = raw_counts(&run.sent);
         let is_raw_equal = samples.iter().flat_map(|sample| &sample.counts).eq(&raw);
         let events = events(&run.sent);
-        // The first edge is at the first DRDY (the converter's signal that a sample is ready).
+        // The first edge is at the first DRDY (data ready of the converter).
         let expected_events = edges.events(events.first().map_or(0, |(at_us, _)| *at_us));
         let mut received = events.iter().peekable();
         let lost = (0..)
@@ -105,9 +103,9 @@ fn stream(argument: &str, name: &str, streams: Streams) {
     }
 }
 
-/// Returns the messages in `sent` that carry output of the pipeline, in order: kind, device time in
-/// microseconds after the first of them, and bytes from [`frames::encoded`]. Events are left out,
-/// because host-sim has no trigger here.
+/// Returns the messages in `sent` with output of the pipeline: kind, microseconds after the first
+/// such message, and bytes from [`frames::encoded`]. Leaves out events, because host-sim has no
+/// trigger here.
 fn outputs(sent: &[u8]) -> Vec<(&'static str, u64, Vec<u8>)> {
     let mut first_us = None;
     frames::filter_map(sent, |header, message| {
@@ -127,8 +125,8 @@ fn outputs(sent: &[u8]) -> Vec<(&'static str, u64, Vec<u8>)> {
     })
 }
 
-/// Returns, for each audit, whether its code is right: it must equal the code that the encoder
-/// computes from the audit's planes, and the code that was sent for its window.
+/// Returns whether each audit's code is right: equal to the code that the encoder computes from the
+/// audit's planes, and to the code that was sent for its window.
 fn audits(sent: &[u8], codes: &[SentCode]) -> Vec<bool> {
     frames::filter_map(sent, |_, message| {
         let ToHost::Audit(audit) = message else {
@@ -153,7 +151,7 @@ fn audits(sent: &[u8], codes: &[SentCode]) -> Vec<bool> {
     })
 }
 
-/// Returns the ADC counts in all raw frames, one sample of all channels after the other.
+/// Returns the ADC counts of all raw frames, one sample of all channels after the other.
 fn raw_counts(sent: &[u8]) -> Vec<i32> {
     let frames = frames::filter_map(sent, |_, message| match message {
         ToHost::Raw(raw) => Some(raw.counts().collect::<Vec<_>>()),
@@ -163,7 +161,8 @@ fn raw_counts(sent: &[u8]) -> Vec<i32> {
 }
 
 /// Returns a text on the first `Stats` that differ from host-sim's, or `None`. The number of
-/// acquired samples may be ahead by [`MAX_AHEAD`].
+/// acquired samples may be ahead by up to [`MAX_AHEAD`], and the number of clipped values by any
+/// amount.
 fn first_different_stats(found: &[Stats], expected: &[Stats]) -> Option<String> {
     let mut found = found.to_vec();
     for (found, expected) in found.iter_mut().zip(expected) {
@@ -183,19 +182,18 @@ fn events(sent: &[u8]) -> Vec<(u64, Event)> {
     })
 }
 
-/// Name of the file in the image's folder that holds the trigger's edges: microseconds after the
-/// first DRDY (sample ready), 64 bits each, little endian.
+/// Name of the file with the trigger's edges in the image's folder: microseconds after the first
+/// DRDY, 64 bits each, little endian.
 const TRIGGER_FILE: &str = "trigger.u64";
 
-/// Smallest number of samples that last a whole number of microseconds: at 512 Hz, eight last 15
-/// 625 us.
+/// Smallest number of samples that last whole microseconds: at 512 Hz, eight last 15 625 us.
 const WHOLE_SAMPLES: u64 = 8;
 const WHOLE_US: u64 = WHOLE_SAMPLES * 1_000_000 / ADC_RATE_HZ as u64;
 const _: () = assert!((WHOLE_SAMPLES * 1_000_000).is_multiple_of(ADC_RATE_HZ as u64));
 
 /// Number of samples from one group of trigger edges to the next: 104, a fifth of a second. It is
-/// not a multiple of the 64 samples of a window, so that successive groups fall at different places
-/// in the window.
+/// no multiple of the 64 samples of a window, so that the groups fall at different positions in
+/// windows.
 const GROUP_PERIOD: u64 = 13 * WHOLE_SAMPLES;
 
 /// Number of groups of edges from one burst of edges to the next.
@@ -205,12 +203,12 @@ const BURST_PERIOD: u64 = 40;
 /// (`firmware::deadlines::EVENTS_WAITING`).
 const BURST_EDGES: usize = 24;
 
-/// Smallest number of events that a board must send for a burst. Its queue holds 16 events, but up
-/// to three places can be taken by the three edges around the preceding DRDY, whose events wait
-/// while the encoder is busy.
+/// Smallest number of events that a board must send for a burst. Its queue holds 16 events, but the
+/// events of the three edges around the preceding DRDY can take up to three slots while they wait
+/// for the busy encoder.
 const BURST_KEPT: usize = 13;
 
-/// Time between two edges of a burst, microseconds. The whole burst is between two DRDYs.
+/// Time between two edges of a burst, microseconds. A whole burst fits between two DRDYs.
 const BOUNCE_US: usize = 20;
 
 /// Edges at the trigger input, which rise and fall in turn.
@@ -246,9 +244,8 @@ impl Edges {
     /// Returns the events that a board must send if its first DRDY was at `origin_us`, each after
     /// its device time in microseconds.
     ///
-    /// The sample of an event is the first whose DRDY is at or after the edge. Edges are close to a
-    /// DRDY only where the time of the DRDY is a whole number of microseconds, so rounding does not
-    /// change the sample.
+    /// An event belongs to the first sample whose DRDY is at or after the edge. Rounding does not
+    /// change this sample: edges are close to a DRDY only where the DRDY is at a whole microsecond.
     fn events(&self, origin_us: u64) -> Vec<(u64, Event)> {
         let kinds = [EventKind::TriggerRise, EventKind::TriggerFall].into_iter();
         let edges = (0..).zip(&self.at_us).zip(kinds.cycle());
@@ -263,9 +260,9 @@ impl Edges {
         events.collect()
     }
 
-    /// Returns whether a board may lack the events of the edges `lost`, which are indices in
-    /// `at_us`. Each burst must lose at least one event, and at most as many as do not fit the
-    /// board's queue. No other event may be missing.
+    /// Returns whether a board may lack the events of the edges `lost`, indices in `at_us`: at
+    /// least one event of each burst, at most as many as overflow the board's queue, and no other
+    /// event.
     fn may_lack(&self, lost: &[usize]) -> bool {
         let in_burst = |first: &usize| {
             let burst = *first..first + BURST_EDGES;
@@ -283,9 +280,9 @@ fn edges_are_before_at_and_after_samples_and_some_in_bursts_that_do_not_fit() {
     let edges = Edges::new(10_000);
     assert!(edges.at_us.is_sorted_by(|a, b| a < b));
     let events = edges.events(0).into_iter().take(6);
-    // Expected samples: 0 for the edge at the first DRDY, 1 for the edge 100 us later. Then follows
-    // the group at sample 104: 104 for the edges before and at its DRDY, 105 for the edge after it,
-    // 107 for the edge in the middle between two DRDYs.
+    // Expected samples: 0 for the edge at the first DRDY, 1 for the edge 100 us later. The group at
+    // sample 104 follows: 104 for the edges before and at its DRDY, 105 for the edge after it, 107
+    // for the edge between two later DRDYs.
     let samples: Vec<u64> = events.map(|(_, event)| event.sample).collect();
     assert_eq!(samples, [0, 1, 104, 104, 105, 107]);
     assert_eq!(edges.bursts.len(), 2);

@@ -1,4 +1,4 @@
-//! Scenario with one wrong bit in the model in flash: the board reports it and refuses to start.
+//! Scenario with one wrong bit in the model in flash: the board reports it and refuses to run.
 
 use std::fs;
 
@@ -54,7 +54,7 @@ fn faults(boot: &Boot) -> String {
     faults.collect::<Vec<_>>().join("; ")
 }
 
-/// Returns the image with one bit of `values` inverted. It must contain their bytes exactly once.
+/// Returns the image with one bit of `values` inverted; it must contain these bytes exactly once.
 fn damaged(mut elf: Vec<u8>, values: &[i32]) -> Vec<u8> {
     let bytes: Vec<[u8; 4]> = values.iter().map(|value| value.to_le_bytes()).collect();
     let bytes = bytes.as_flattened();

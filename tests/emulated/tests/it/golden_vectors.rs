@@ -19,7 +19,7 @@ const IMAGE: &str = "on-target";
 const INSTRUCTION_SHIFT: u8 = 10;
 const TICKS_OF_10_INSTRUCTIONS: u64 = 256;
 
-/// Time limit for QEMU to start, and for each vector to print its result, enough on a busy PC.
+/// Time limit for QEMU to start, and for the result of each vector, enough on a busy PC.
 const SILENCE: Duration = Duration::from_mins(1);
 
 #[test]

@@ -1,4 +1,4 @@
-//! Integration tests: scenarios of the application on emulated microcontrollers, one module each.
+//! Integration tests: one module for each scenario of the application on emulated microcontrollers.
 #![forbid(unsafe_code)]
 
 mod all_streams;

@@ -1,5 +1,5 @@
 //! Scenario with a host that changes the streams, resets the board and starts it again: each run
-//! starts at window 0, and a refused command changes nothing.
+//! starts at window 0, and a refused command has no effect.
 
 use emulated::board::boards;
 use emulated::frames::{self, Boot};
@@ -11,14 +11,14 @@ use serde_json::json;
 /// Duration of the samples of the scenario, seconds.
 const SECONDS: usize = 3;
 
-/// Time from an accepted `Reset` command until the board resets itself, microseconds. The board
-/// sends its waiting frames meanwhile.
+/// Time from an accepted `Reset` command to the reset, microseconds, in which the board sends its
+/// waiting frames.
 const DRAIN_US: u64 = 100_000;
-/// Largest delay of the reset beyond [`DRAIN_US`], microseconds: the time to the next alarm of the
-/// board's clock.
+/// Largest delay of the reset beyond [`DRAIN_US`], microseconds: the next alarm of the board's
+/// clock.
 const ALARM_US: u64 = 5_000;
 
-/// Host time that the command `SyncTime` states, microseconds; the board must return it unchanged.
+/// Host time in the command `SyncTime`, microseconds; the board must return it unchanged.
 const HOST_US: u64 = 1 << 50;
 
 /// Device times in the first boot at which the host sends `Start` with filtered steps, and `Reset`,
@@ -26,7 +26,7 @@ const HOST_US: u64 = 1 << 50;
 const STEPS_US: u64 = 800_000;
 const RESET_US: u64 = 1_300_000;
 
-/// Returns the commands for two boots, with the results that the board must answer.
+/// Returns the commands for two boots, with the results that the board must return.
 fn script() -> Script {
     let mut script = Script::default();
     let mut add = |boot, at_us, command, result| script.add_command(boot, at_us, &command, result);
@@ -60,7 +60,7 @@ fn each_run_starts_at_window_0_and_refused_commands_change_nothing() {
         let answers: Vec<Ack> = boots.iter().flat_map(|boot| boot.acks.clone()).collect();
         let codes = boots.iter().flat_map(Boot::codes);
         let windows: Vec<u32> = codes.map(|code| code.window).collect();
-        // Windows of a run are consecutive, so a missing window would show as an additional run.
+        // Windows of a run are consecutive, so a missing window shows as an additional run.
         let runs: Vec<&[u32]> = windows
             .chunk_by(|before, after| before + 1 == *after)
             .collect();
@@ -74,7 +74,7 @@ fn each_run_starts_at_window_0_and_refused_commands_change_nothing() {
     }
 }
 
-/// Checks that filtered steps are sent only in the run that asks for them, from step 0 and without
+/// Checks that filtered steps are sent only in the run that requests them, from step 0 and without
 /// a gap.
 fn check_steps(sent: &[u8]) {
     let steps = frames::filter_map(sent, |header, message| match message {

@@ -16,15 +16,15 @@ use link::Streams;
 use rustix::pipe::fcntl_setpipe_size;
 use serde_json::json;
 
-/// The host reads nothing during the first of this many equal parts of the samples, at least 10 s.
-/// After 3 s, pipe and queue are full and the board must drop frames.
+/// The host reads nothing in the first of this many equal parts of the run, at least 10 s. Pipe and
+/// queue are full after 3 s, and the board must drop frames.
 const STALLED_PART: usize = 3;
 
 /// Interval at which the reader checks whether it may start to read from the pipe.
 const POLL: Duration = Duration::from_millis(5);
 
-/// Capacity of the pipe that the UART writes to, bytes: one second of codes. The board's queue
-/// holds two more seconds.
+/// Capacity of the UART's pipe, bytes: one second of codes. The board's queue holds two more
+/// seconds.
 const CAPACITY: usize = 4096;
 
 #[test]
@@ -32,8 +32,8 @@ fn a_board_drops_whole_frames_and_counts_them_while_its_host_does_not_read() {
     let input = Input::from_environment();
     let expected = Boot::only(&frames::simulated(Streams::CODES, &input.samples)).codes();
     for board in boards("stalled-host", &input.samples) {
-        // Pass the samples through a pipe: the number of samples that the board has taken shows how
-        // far its virtual time is.
+        // Pass the samples through a pipe: the number of samples that the board has read shows its
+        // virtual time.
         let taken = Arc::new(AtomicUsize::new(0));
         let counter = Arc::clone(&taken);
         let samples = input.samples.clone().into_iter().map(move |sample| {
@@ -78,14 +78,14 @@ fn a_board_drops_whole_frames_and_counts_them_while_its_host_does_not_read() {
     }
 }
 
-/// Runs the image to its end and returns the bytes that its UART has sent. Reads nothing from the
-/// UART before `may_read` returns true.
+/// Runs the image to its end and returns the bytes from its UART, which are read only once
+/// `may_read` returns true.
 fn run(board: &Board, may_read: impl Fn() -> bool + Sync) -> Vec<u8> {
     let path = board.folder.join("uart.out");
     or_panic(pipes::create(&board.folder.join("uart.in")));
     or_panic(pipes::create(&path));
-    // Open the pipe for both reading and writing, which does not wait for QEMU. While `both`
-    // exists, the reader sees no end of file.
+    // Opening the pipe for both reading and writing does not wait for QEMU. While `both` exists,
+    // the reader sees no end of file.
     let both = OpenOptions::new().read(true).write(true).open(&path);
     let both = both.expect("a pipe that exists");
     fcntl_setpipe_size(&both, CAPACITY).expect("a possible capacity");

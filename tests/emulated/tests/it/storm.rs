@@ -1,5 +1,5 @@
-//! Scenario with a host that sends a hundred commands a second, and garbage in between: each
-//! command is answered, and the stream loses nothing.
+//! Scenario with a host that sends a hundred commands a second, with garbage in between: the board
+//! replies to each command, and the stream loses nothing.
 
 use emulated::board::boards;
 use emulated::compare::{count_differences, first_difference};
@@ -17,8 +17,8 @@ use serde_json::json;
 /// Duration of the scenario in seconds of input; a shorter input is used as a whole.
 const SECONDS: usize = 20;
 
-/// Time limit for the board to read a command after its arrival, microseconds. It is not 0, because
-/// acquiring samples has priority over reading commands.
+/// Time limit for the board to read a command after its arrival, microseconds. Acquiring samples
+/// has priority over reading commands.
 const READ_WITHIN_US: u64 = 5_000;
 
 #[test]
@@ -60,17 +60,17 @@ fn a_storm_of_commands_is_answered_and_the_stream_loses_nothing() {
     }
 }
 
-/// Returns whether the board has read the command `SyncTime` within [`READ_WITHIN_US`] of its
-/// arrival, and sent its answer afterwards. The script writes the command's device time into the
-/// field for the host's time; repetitions of the command arrive multiples of [`PERIOD_US`] later.
+/// Returns whether the board read the command `SyncTime` within [`READ_WITHIN_US`] of its arrival,
+/// and replied after that. The script puts the command's device time into the field for the host's
+/// time; repetitions of the command arrive multiples of [`PERIOD_US`] later.
 fn is_prompt(device_us: u64, reading: &ClockReading) -> bool {
     let waited = reading.received_us.checked_sub(reading.host_time_us);
     waited.is_some_and(|waited| waited % PERIOD_US <= READ_WITHIN_US)
         && device_us >= reading.received_us
 }
 
-/// Returns the messages of all frames, without `Timing` and with `received_us` set to 0, because
-/// these measured times vary from run to run.
+/// Returns all messages except `Timing`, with `received_us` set to 0: these times vary between
+/// runs.
 fn contents(sent: &[u8]) -> Vec<Vec<u8>> {
     frames::filter_map(sent, |_, message| match message {
         ToHost::Timing(_) => None,
@@ -88,8 +88,8 @@ fn contents(sent: &[u8]) -> Vec<Vec<u8>> {
 const PERIOD_US: u64 = 10_000;
 /// Time from a command to the garbage that may follow it, microseconds.
 const GARBAGE_US: u64 = 5_000;
-/// Time at the end of the samples in which the script sends nothing, microseconds. It is long
-/// enough for the last counters to include every command.
+/// Time without commands at the end of the samples, microseconds, so that the last counters include
+/// every command.
 const SILENCE_US: u64 = 1_500_000;
 
 /// A command of a kind that no board knows.
@@ -101,9 +101,9 @@ impl Message<'_> for Unknown {
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
-/// Returns a script with a hundred commands a second for as long as `samples` samples last: every
-/// kind of command that does not end the stream, wrong arguments, repetitions, and garbage in
-/// between. It is the same in every run.
+/// Returns a script with a hundred commands a second for the duration of `samples` samples: all
+/// commands that do not end the stream, wrong arguments, repetitions and garbage. It is the same in
+/// every run.
 fn storm(samples: usize) -> Script {
     let mut random = ChaCha8Rng::seed_from_u64(13);
     let mut script = Script::default();
@@ -145,8 +145,7 @@ fn add_command(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     }
 }
 
-/// Adds bytes that are no valid command. They end with a zero, which separates them from the next
-/// frame.
+/// Adds bytes that are no command, and a zero, which separates them from the next frame.
 fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     let ping = frames::frame(7, VERSION, &ToDevice::Ping);
     let mut bytes = match random.random_range(0..6) {
@@ -161,14 +160,14 @@ fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
             damaged
         }
         2 => ping[..random.random_range(1..ping.len() - 1)].to_vec(),
-        // An answer, which only a board sends: as if the line echoed it to the board.
+        // A reply, which only a board sends, as if the line echoed it to the board.
         3 => frames::encoded(&ToHost::Ack(Ack {
             of: 7,
             result: AckResult::Done,
         })),
         4 => frames::frame(7, VERSION + 1, &ToDevice::Ping),
         _ => {
-            // Send more bytes than any frame has, in pieces that fit the UART's receive buffer.
+            // Send more bytes than any frame has, in parts that fit the UART's receive buffer.
             for piece in 0..5 {
                 script.add_bytes(1, at_us + 800 * piece, &[0x55; 500]);
             }

@@ -57,8 +57,8 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
         assert_eq!(boot.jitter_us(), 0, "jitter_us");
         boot.assert_equal_outputs(&expected);
         assert_eq!(boot.capabilities, expected.capabilities, "capabilities");
-        // Name, `Hello` and counters are not compared with host-sim's: its board has another name,
-        // and reads its counters at other times.
+        // Leave out name, `Hello` and counters: host-sim's board has another name, and reads its
+        // counters at other times.
         assert_eq!(
             names(&first.sent),
             [("qemu-mps2".to_owned(), model::MODEL_ID)]
@@ -70,7 +70,7 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
     }
 }
 
-/// Returns header and message of each frame, except the `Timing` frames, which hold measured times.
+/// Returns header and message of each frame except `Timing`, which holds measured times.
 fn without_timing(sent: &[u8]) -> Vec<(Header, Vec<u8>)> {
     frames::filter_map(sent, |header, message| match message {
         ToHost::Timing(_) => None,

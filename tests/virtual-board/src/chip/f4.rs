@@ -50,14 +50,13 @@ const GRSTCTL: u64 = 0x5000_0000 + 0x10;
 const AHBIDL: u64 = 1 << 31;
 
 /// Address of RCC_DCKCFGR2 of the STM32F446 (RM0390, 6.3.28), which the STM32F427 lacks. The
-/// emulated register only stores what is written, which suffices: the firmware keeps the clock
-/// selections of the reset.
+/// emulated register only stores what is written. That suffices, because the firmware leaves the
+/// clock selections at their reset values.
 const DCKCFGR2: u64 = 0x4002_3894;
 /// Address at which the emulator serves accesses to DCKCFGR2; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
 
-/// An emulated STM32F446 or STM32F407: the emulator's model of the part, and added models of EXTI
-/// and USB.
+/// An emulated STM32F446 or STM32F407: the emulator's part, with added models of EXTI and USB.
 #[derive(Debug)]
 pub(crate) struct F4 {
     model: Model,
@@ -137,8 +136,8 @@ impl Mcu for F4 {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
-        // Change the temperature: otherwise every start of the board would have the same session
-        // id.
+        // Change the temperature, because the firmware derives the session id from its readings:
+        // with the same temperature, every start would have the same id.
         let warmer = i32::try_from(at.0 / 1_000_000 % 1_000).unwrap_or_default();
         self.part.adc[0].set_temperature(2_500 + warmer);
         self.exti.reset_registers();

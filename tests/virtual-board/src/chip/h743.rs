@@ -123,14 +123,14 @@ impl Mcu for H743 {
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         // Reseed the random number generator: otherwise it would repeat its numbers after a reset,
-        // and the board its session id.
+        // and the session id, which the firmware takes from it, would be the same.
         self.part.rng = Rng::seeded(rng::RESET_AHB_HZ, rng::KERNEL_HZ, at.0);
         self.watchdog = Watchdog::default();
         self.otg.reset();
     }
 
     fn poll(&mut self, now: VirtualNanos) {
-        // Poll only the UART, which alone exchanges data with the host; polling all models is slow.
+        // Of the emulator's models, poll only the UART, which serves the host: polling all is slow.
         let (bus, uart) = self.part.split(self.uart_slot);
         let (registers, mut context) = bus.drive(now, self.uart_slot);
         if let Some(uart) = uart {

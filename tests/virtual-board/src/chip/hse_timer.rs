@@ -1,5 +1,5 @@
-//! The timer with which the firmware measures the external clock (HSE): it captures its own count at
-//! edges of HSE / RTCPRE, which the emulator's timers cannot.
+//! The timer with which the firmware measures the external clock (HSE). It captures its own count
+//! at every 8th edge of HSE / RTCPRE, which the emulator's timers cannot do.
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::stm32f427::generated::tim11;
@@ -46,9 +46,9 @@ pub(crate) struct HseTimer<R> {
     timer_hz: u64,
     /// Frequency in Hz of the external clock; 0 for none.
     pub(crate) hse_hz: u64,
-    /// Value of RCC_CFGR.RTCPRE; no clock below 2.
+    /// Value of RCC_CFGR.RTCPRE, by which HSE is divided; below 2, there is no divided clock.
     pub(crate) divider: u64,
-    /// Number of captures that the firmware has read or that came before it started the timer.
+    /// Number of captures until the firmware last read the captured count.
     taken: u64,
     registers: std::marker::PhantomData<R>,
 }
@@ -64,7 +64,7 @@ impl<R> HseTimer<R> {
         }
     }
 
-    /// Returns the number of captures until `now`.
+    /// Returns the number of captures from power-on to `now`.
     fn captures(&self, now: VirtualNanos) -> u64 {
         let edges = u128::from(now.0) * u128::from(self.hse_hz) / 1_000_000_000;
         let captures = edges / u128::from(8 * self.divider.max(2));
@@ -92,7 +92,7 @@ impl<R: HseTimerRegisters> Device for HseTimer<R> {
             0
         };
         if register == R::STATUS {
-            // CC1IF, and CC1OF if a capture was overwritten.
+            // Set CC1IF for a new capture, and CC1OF if a further one has overwritten it.
             let new = captures.saturating_sub(self.taken);
             return Some(u64::from(new > 0) << 1 | u64::from(new > 1) << 9);
         }

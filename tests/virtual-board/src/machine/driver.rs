@@ -14,11 +14,12 @@ use crate::injection::Change;
 use crate::model::Pins;
 use crate::processor::Observer;
 
-/// Number of resets within [`RESET_LOOP_NS`] that mean that the board resets in a loop.
+/// A board with this many resets within [`RESET_LOOP_NS`] counts as resetting in a loop.
 const RESET_LOOP: usize = 20;
 const RESET_LOOP_NS: u64 = 1_000_000_000;
 
-/// Longest virtual time in ns between two stops, at each of which the UART takes waiting bytes.
+/// Longest virtual time in ns between two stops of the emulator; at each stop, the UART takes the
+/// bytes that wait for it.
 const MAX_RUN_NS: u64 = 250_000;
 
 /// Request that a [`VirtualBoard`](crate::VirtualBoard) sends to the emulator's thread.
@@ -173,8 +174,8 @@ impl BoardDriver {
 }
 
 impl Driver<EmulatedBoard> for BoardDriver {
-    /// Passes what the firmware writes to the pins and to the SPI's settings on to the converters,
-    /// handles resets, and applies a pending failure.
+    /// Passes the firmware's writes to pins and SPI settings on to the converters, handles resets,
+    /// and applies a pending failure.
     fn on_settled(
         &mut self,
         session: &mut Session<EmulatedBoard>,

@@ -99,7 +99,6 @@ struct BusState {
     in_setup_stage: bool,
 }
 
-/// Returns `bit` if it is `on`, otherwise 0.
 const fn flag(bit: u32, on: bool) -> u32 {
     if on { bit } else { 0 }
 }
@@ -278,8 +277,8 @@ impl Core {
         u32::try_from(free).unwrap_or_default()
     }
 
-    /// Returns the flag `TXFE` of IN endpoint `n`: its transmit FIFO is empty if `TXFELVL` is set,
-    /// otherwise at least half empty.
+    /// Returns the flag `TXFE` of IN endpoint `n`: whether its transmit FIFO is empty, or, if
+    /// `TXFELVL` is clear, at least half empty.
     fn tx_fifo_has_room(&self, n: usize) -> bool {
         let words = self.inputs[n].words();
         if self.registers.gahbcfg & bit::TXFELVL != 0 {
@@ -336,21 +335,22 @@ impl Core {
         u32::try_from((self.bus.first_frame + passed) & 0x7FF).unwrap_or_default()
     }
 
-    /// Returns how many frames have reached the point `offset` ns after their start by the time
-    /// `at`, in ns.
+    /// Returns how many frames have passed the point `offset` ns after their start by the time
+    /// `at`, which is in ns.
     fn frames_at(&self, at: u64, offset: u64) -> u64 {
         let first = self.bus.frames_from.map(|from| from + offset);
         let since = first.and_then(|first| at.checked_sub(first));
         since.map_or(0, |since| since / FRAME_NS + 1)
     }
 
-    /// Returns whether a frame has reached the point `offset` ns after its start since the time
-    /// `cleared`, in ns.
+    /// Returns whether, since the time `cleared` in ns, a frame has passed the point `offset` ns
+    /// after its start.
     fn frame_instant_since(&self, cleared: u64, offset: u64) -> bool {
         self.frames_at(self.now, offset) > self.frames_at(cleared, offset)
     }
 
-    /// Returns the time in ns at which a frame next sets a flag whose interrupt is not masked.
+    /// Returns the time in ns at which `SOF` or `EOPF` next causes an interrupt; `None` if both are
+    /// masked or the host sends no frames.
     pub(super) fn next_frame_interrupt(&self) -> Option<u64> {
         let from = self.bus.frames_from?;
         let flags = [(gintsts::SOF, 0), (gintsts::EOPF, EOPF_NS)];

@@ -46,7 +46,7 @@ impl RxFifo {
 
     /// Appends the status word of a packet and then the packet's bytes, if it has any.
     ///
-    /// `data1` tells whether the data PID is DATA1; `frame` is the number of the USB frame.
+    /// `data1` is true if the data PID is DATA1; `frame` is the number of the USB frame.
     pub(super) fn push(
         &mut self,
         status: PacketStatus,

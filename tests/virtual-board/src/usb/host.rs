@@ -50,7 +50,7 @@ impl UsbHost {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Gives the host a command, in the role of its user or of a program at the serial port.
+    /// Gives the host a command, as its user or a program that uses the serial port would.
     pub fn command(&self, command: Command) {
         self.host().commands.push_back(command);
     }
@@ -244,7 +244,7 @@ impl Host {
         self.phase = Phase::Reset(now + RESET_NS);
     }
 
-    /// Detects whether a device was attached or detached, and since when the bus is idle.
+    /// Detects that a device has been attached or detached, and records since when the bus is idle.
     fn observe_bus(&mut self, now: u64, core: &mut Core) {
         let attached = core.is_attached();
         match self.phase {
@@ -267,7 +267,7 @@ impl Host {
         }
     }
 
-    /// Returns the time in ns at which the host has to do something next.
+    /// Returns the time in ns at which the host next has to act; `None` if it waits for the device.
     fn next_due(&mut self, now: u64, core: &Core) -> Option<u64> {
         let phase = match self.phase {
             Phase::Debounce(until) | Phase::Reset(until) | Phase::Recovery(until) => Some(until),

@@ -6,8 +6,7 @@ use rigless::soc::{Bus, Error, Layout};
 /// Parameters of the USB core in one type of microcontroller.
 #[derive(Debug)]
 pub(crate) struct Instance {
-    /// Name of the window in the emulator: a range of addresses that is served by the model of the
-    /// core.
+    /// Name of the window in the emulator: a range of addresses that the model of the core serves.
     pub(crate) window: &'static str,
     /// Address of the core's first register on the chip.
     pub(crate) base: u64,

@@ -16,12 +16,12 @@ pub(super) enum Register {
     Grxstsr,
     Grxstsp,
     Grxfsiz,
-    /// Start and size of a transmit FIFO, whose number is given: `DIEPTXF0` to `DIEPTXF8`.
+    /// Start and size of the transmit FIFO with this number: `DIEPTXF0` to `DIEPTXF8`.
     Dieptxf(usize),
     Gnptxsts,
     Gccfg,
     Cid,
-    /// Identification register at the given offset; drivers read it, but ST's manuals omit it.
+    /// Identification register at this offset; drivers read it, but ST's manuals omit it.
     Undocumented(u32),
     Dcfg,
     Dctl,
@@ -39,8 +39,8 @@ pub(super) enum Register {
     Doepint(usize),
     Doeptsiz(usize),
     Pcgcctl,
-    /// FIFO address of the endpoint whose number is given. Reads at any of these addresses take
-    /// data from the receive FIFO, which all endpoints share.
+    /// FIFO address of the endpoint with this number. Reads at any of these addresses take data
+    /// from the receive FIFO, which all endpoints share.
     Fifo(usize),
 }
 

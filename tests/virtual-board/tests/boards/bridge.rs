@@ -1,4 +1,4 @@
-//! Scenarios with the program `corticode-bridge` at the port of a virtual board.
+//! Scenarios with the program `corticode-bridge`, connected to a virtual board over TCP.
 
 use std::io::Read;
 use std::process::{ChildStdout, Command, Stdio};
@@ -50,8 +50,8 @@ fn bridge(
         });
         let end_s = board.now_us() / 1_000_000 + TIMEOUT_S;
         let run = live::run(board, &mut tcp, Some(end_s), &stop, std::io::sink());
-        // Give the bridge time to exit by itself before it is killed. The thread that reads its
-        // output ends with it.
+        // Give the bridge time to exit by itself before it is killed. The thread that reads the
+        // bridge's output ends with the bridge.
         thread::sleep(Duration::from_millis(200));
         let ended = child.try_wait().ok().flatten();
         let _ = child.kill();
@@ -80,20 +80,20 @@ fn codes(text: &str) -> usize {
         .count()
 }
 
-/// Scenario: before `calibrate` listens to the EEG of a board without memory for a packed model, it
-/// says that the board takes none.
+/// Scenario: `calibrate` refuses a board without memory for a packed model before it reads EEG.
 pub(crate) fn bridge_cannot_calibrate(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let output = concat!(env!("CARGO_TARGET_TMPDIR"), "/never");
     let arguments = ["calibrate", "--subject=ada", "--output", output];
-    // It would listen for longer than [`TIMEOUT_S`], and then have no exit status.
+    // If the bridge listened, it would run for longer than [`TIMEOUT_S`] and have no exit status.
     let (_, status) = bridge(&mut board, &arguments, |_| false)?;
     assert_eq!(status, Some(4));
     assert_sound(&mut board)
 }
 
-/// Checks that no code is missing between the bridge's lines, and that the codes are 62.5 ms apart
-/// by the device's clock, to `period_us`. The board rounds device times to whole microseconds.
+/// Asserts that no code is missing in the bridge's output, and that the codes' device times are
+/// 62.5 ms apart to within `period_us`, which is at least 1 because the board rounds device times
+/// to whole microseconds.
 fn assert_no_gap(text: &str, period_us: u64) {
     let complete = text.rfind('\n').map_or("", |end| &text[..end]);
     let codes = complete
@@ -141,7 +141,8 @@ pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> 
         codes(text) >= CODES
     })?;
     assert!(codes(&text) >= CODES, "{text}");
-    // At 512 Hz a code is due with a sample, at other rates between two.
+    // At 512 Hz, a hop is a whole number of samples; at other rates, codes are up to one sample
+    // off.
     let rate_hz = subject.converters().rate_hz;
     let period_us = if rate_hz == 512 {
         1

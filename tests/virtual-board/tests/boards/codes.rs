@@ -22,8 +22,7 @@ const fn codes(subject: Subject) -> usize {
 const INSPECTIONS: usize = 50;
 
 /// Scenario: the codes, with substituted electrodes, equal host-sim's bit for bit, their time
-/// stamps are 62.5 ms apart, and nothing is late or lost. DMA1 can access every buffer that it
-/// uses.
+/// stamps are 62.5 ms apart, and nothing is late or lost. DMA1 can access all its buffers.
 pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let run = Repeatable::start(&mut board, Streams::CODES, &[EXCLUDE])?;
@@ -49,8 +48,7 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
         .map(|(frame, _)| frame.device_us)
         .collect();
     // Stamps are rounded down to whole microseconds. An edge just before the next microsecond can
-    // be stamped with the latter, because the interrupt that reads the clock starts some cycles
-    // later.
+    // be stamped with the latter, because the interrupt reads the clock some cycles later.
     for (index, stamp) in (0..).zip(&stamps) {
         let error_us = (stamp - stamps[0]).abs_diff(index * 62_500);
         assert!(error_us <= 1, "code {index} is {error_us} us off");

@@ -11,7 +11,7 @@ use crate::session::{
     streaming,
 };
 
-/// Number of codes during which the device sends its counters, once each second, at least once.
+/// Number of codes after which the device has sent its counters; it sends them once each second.
 const A_REPORT: usize = 20;
 
 /// Number of commands that a scenario sends without pause; over the UART they take about 50 ms.
@@ -50,8 +50,8 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
 }
 
 /// Scenario: the impedance of every electrode is measured. At 500 Hz and more, codes stream
-/// meanwhile and no stage is late. At lower rates no codes stream, because the current is inside
-/// the EEG's band.
+/// meanwhile and no stage is late. At lower rates no codes stream, because the measuring current is
+/// inside the EEG's band.
 pub(crate) fn impedances_are_measured(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let measure = ToDevice::SetImpedance { on: true };
@@ -91,12 +91,12 @@ pub(crate) fn impedances_are_measured(subject: Subject) -> Result<(), BoardError
     assert_sound(&mut board)
 }
 
-/// Virtual time of a scenario's measurements of impedance in us: two at 250 Hz, each of 2 s.
+/// Virtual time in us for two impedance measurements, which take 2 s each at 250 Hz.
 const IMPEDANCES_US: u64 = 4_500_000;
 
-/// Error in ohms that the noise of the synthetic signals causes in an impedance, as five standard
-/// deviations. The noise of 74 counts is 1.65 uV RMS, ten times a converter's. The measurement
-/// leaves `sqrt(2 / 512)` of it, and 7.64 uV correspond to 1 kOhm.
+/// Five standard deviations of the error, in ohms, that the noise of the synthetic signals causes
+/// in a measured impedance. The noise of 74 counts is 1.65 uV RMS, ten times a converter's. The
+/// measurement reduces it to `sqrt(2 / 512)` of that, and 7.64 uV correspond to 1 kOhm.
 const NOISE_OHMS: f64 = 70.0;
 
 /// Scenario: a board refuses to start a boot loader that no host can reach.
@@ -163,9 +163,9 @@ pub(crate) fn damaged_bytes_destroy_only_their_commands(
     Ok(())
 }
 
-/// Time limit for an answer on an idle line, in us: the transfer of command and answer, and the
-/// test's polling interval of 500 us. Most answers would take longer if the conversation task
-/// looked for commands only at its tick, every 20 ms.
+/// Time limit for an answer on an idle line, in us. It covers the transfer of command and answer,
+/// and the test's polling interval of 500 us. Most answers would take longer if the conversation
+/// task looked for commands only at its tick, every 20 ms.
 const ANSWER_US: u64 = 4_000;
 
 /// Asserts that, while nothing streams, each command wakes the device's conversation task at once.

@@ -15,8 +15,8 @@ fn chip(subject: Subject) -> usize {
     subject.converters().chips * 2 / 3
 }
 
-/// Number of codes during which the device sends the status of its converters at least once; it
-/// does so each second.
+/// Number of codes after which the device has sent the status of its converters; it sends the
+/// status once each second.
 const A_STATUS: usize = 20;
 
 /// Returns the flags of all codes received so far.

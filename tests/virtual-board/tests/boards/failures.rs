@@ -19,8 +19,8 @@ const LONGEST_US: u64 = 600_000;
 /// the acknowledgement, the start of the clocks, and the enumeration of USB.
 const RESET_US: u64 = 1_000_000;
 
-/// Failures to cause in the encode task, each with the reset cause and a part of the fault that the
-/// next `Hello` must report, and with its name in figures. A hang leaves no fault to report.
+/// Failures to cause in the encode task. Each has the reset cause and a part of the fault that the
+/// next `Hello` must report, and its name in the recorded figures. A hang leaves no fault.
 const FAILURES: [(Injection, ResetCause, &str, &str); 5] = [
     (Injection::Hang, ResetCause::Watchdog, "", "hang"),
     (

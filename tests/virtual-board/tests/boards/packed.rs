@@ -8,7 +8,7 @@ use crate::session::{answer, assert_sound, in_time, pick, run_frames, running, s
 use crate::simulation::{EXCLUDE, HOP, Repeatable, assert_substituted};
 use crate::upload::upload;
 
-/// Number of blocks to compare, more than there are from one block without prediction to the next.
+/// Number of blocks to compare, more than the interval between blocks without prediction.
 const BLOCKS: usize = 70;
 
 /// Duration in seconds for which an image without the network streams everything but codes and raw
@@ -74,8 +74,8 @@ pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), Boar
 }
 
 /// Scenario: an image without the network and without memory for an uploaded model refuses to
-/// stream codes and to take a model. It audits windows without a code, and is in time with all
-/// other streams.
+/// stream codes and to take a model. It audits windows without codes, and meets all deadlines while
+/// all other streams run.
 pub(crate) fn codes_and_uploads_are_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let [begin, ..] = upload().1[..] else {
@@ -99,7 +99,6 @@ pub(crate) fn codes_and_uploads_are_refused(subject: Subject) -> Result<(), Boar
     assert_sound(&mut board)
 }
 
-/// Returns the features, in order.
 fn features(frames: &[Frame]) -> Vec<&[u8]> {
     let features = pick(frames, |kind| match kind {
         Kind::Features(bytes) => Some(&bytes[..]),

@@ -1,4 +1,4 @@
-//! Codes for the counts at the electrodes, computed by the batch reference of `model-gen` for a
+//! Scenario in which a board's codes must equal those of the batch reference in `model-gen`, for a
 //! model that is read at run time.
 
 use std::collections::VecDeque;
@@ -19,8 +19,8 @@ const CODES: usize = 48;
 /// Mains frequency of the filters with which a device starts, Hz.
 const MAINS_HZ: u32 = 50;
 
-/// Scenario: the codes for another model equal those of the batch reference bit for bit, they come
-/// every 62.5 ms to within a sample, and nothing is late or lost.
+/// Scenario: the codes of an image with its own model equal the batch reference's bit for bit, they
+/// come every 62.5 ms to within a sample, and nothing is late or lost.
 pub(crate) fn codes_equal_those_of_the_reference(subject: Subject) -> Result<(), BoardError> {
     let model = DeviceModel::new(&subject.artifact()).expect("a model for a device");
     let mut board = running(subject)?;
@@ -82,8 +82,7 @@ fn levels(code: &ReceivedCode) -> Vec<i32> {
     }
 }
 
-/// Returns the levels of the first `codes` codes of a run that starts with the sample of number
-/// `first`.
+/// Returns the levels of the first `codes` codes of a run that starts with sample number `first`.
 fn expected(model: &DeviceModel, first: u64, codes: usize) -> Vec<Vec<i32>> {
     let description = &model.description;
     let dimensions = description.dimensions();
@@ -114,12 +113,12 @@ fn expected(model: &DeviceModel, first: u64, codes: usize) -> Vec<Vec<i32>> {
     made
 }
 
-/// Returns the input levels of a filtered step, on the scalp grid.
+/// Returns the network's input levels for a filtered step, arranged on the scalp grid.
 fn plane(model: &DeviceModel, step: &[i32]) -> Vec<i8> {
     let mut plane = vec![0; model.description.dimensions().cells()];
     for (&value, &cell) in step.iter().zip(&model.integers.cells) {
         let product = i64::from(value) * i64::from(model.input_multiplier);
-        // Q32, rounded half up.
+        // Round the Q32 product half up.
         let level = ((product + (1 << 31)) >> 32).clamp(-128, 127);
         plane[usize::from(cell)] = i8::try_from(level).expect("clamped");
     }

@@ -140,7 +140,7 @@ pub(crate) fn run_frames(
 }
 
 /// Returns the fault in the newest status of the converters, which is empty if they run; `None` if
-/// the device has sent none since its last start.
+/// the device has sent no status since its last start.
 pub(crate) fn converters(frames: &[Frame]) -> Option<&str> {
     let is_hello = |frame: &Frame| matches!(frame.kind, Kind::Hello { .. });
     let started = frames.iter().rposition(is_hello).unwrap_or(0);

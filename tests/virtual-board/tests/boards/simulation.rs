@@ -13,7 +13,7 @@ use crate::session::{answer, start};
 /// Number of samples between the starts of two consecutive windows or packed blocks.
 pub(crate) const HOP: u64 = 32;
 
-/// Command that excludes two electrodes, and others that the board finds bad.
+/// Command that excludes two electrodes, and all electrodes that the board itself finds bad.
 pub(crate) const EXCLUDE: ToDevice<'_> = ToDevice::SetExclusion(ExclusionPolicy {
     always: 1 << 20 | 1 << 45,
     ..ExclusionPolicy::AUTOMATIC
@@ -51,9 +51,9 @@ impl Repeatable {
         })
     }
 
-    /// Asserts that what `select` picks from the board's frames equals host-sim's bit for bit.
-    /// Returns how many were compared, and host-sim's frames. `hop` is the number of samples from
-    /// one of them to the next.
+    /// Asserts that the items that `select` picks from the board's frames equal host-sim's bit for
+    /// bit. Returns the number of compared items, and host-sim's frames. `hop` is the number of
+    /// samples from one item to the next.
     pub(crate) fn assert_equal<T: Debug + PartialEq>(
         self,
         board: &VirtualBoard,
@@ -76,7 +76,8 @@ impl Repeatable {
     }
 }
 
-/// Asserts that all codes or blocks have the electrodes of [`EXCLUDE`] filled from the others.
+/// Asserts that all codes or blocks have the flag for substituted electrodes, which [`EXCLUDE`]
+/// causes.
 pub(crate) fn assert_substituted(codes: &[ReceivedCode]) {
     let is_substituted = |code: &ReceivedCode| code.flags.contains(Flags::SUBSTITUTED);
     assert!(codes.iter().all(is_substituted));

@@ -104,8 +104,8 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardE
 }
 
 /// Scenario: the STM32H743 runs from the frequencies that an ST-LINK can supply, 8.33 MHz and 8 MHz
-/// with an error of 0.3 %. The error would put USB out of tolerance, but flags no sample: the
-/// status has the measured rate.
+/// with an error of 0.3 %. That error is beyond USB's tolerance, but it flags no sample: the status
+/// reports the measured rate.
 pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(), BoardError> {
     let (clock_hz, core_hz) = match subject.cable {
         Cable::Usb => (8_333_333, 480_000_000),
@@ -140,7 +140,7 @@ pub(crate) fn runs_from_the_clocks_of_an_st_link(subject: Subject) -> Result<(),
     assert_sound(&mut board)
 }
 
-/// Asserts that the core runs at `hz`, within 1 ppm, the precision of a PLL with a fraction.
+/// Asserts that the core runs at `hz`, within 1 ppm, the precision of a fractional PLL.
 fn assert_core_runs_at(board: &mut VirtualBoard, hz: u64) -> Result<(), BoardError> {
     let found_hz = board.core_hz()?;
     assert!(
@@ -166,8 +166,8 @@ pub(crate) fn refuses_an_unknown_clock(subject: Subject) -> Result<(), BoardErro
     assert_no_findings(&mut board)
 }
 
-/// Longest period of the watchdog during the start-up, in us: 4096 counts of 32 periods of its
-/// oscillator's 32 kHz, and half a second for what comes before the hang.
+/// Time limit in us for the watchdog's reset during the start-up: 4096 counts of 32 periods of its
+/// 32 kHz oscillator, and half a second for the work before the hang.
 const START_UP_US: u64 = 4_096_000 + 500_000;
 
 /// Scenario: if USB's core hangs while it is set up, the watchdog restarts the board.
@@ -292,8 +292,8 @@ const NO_PULL: u64 = 0b00;
 const PULL_UP: u64 = 0b01;
 const PULL_DOWN: u64 = 0b10;
 
-/// Returns whether a line's interrupt never delays a task. It belongs to an unused stream of DMA1,
-/// DMA2, MDMA or BDMA, or to the RNG of the STM32H743, which is read once before the first task.
+/// Returns whether a line's interrupt never delays a task: it belongs to an unused stream of DMA1,
+/// DMA2, MDMA or BDMA, or to the STM32H743's RNG, which is read once before the first task.
 fn is_inactive(line: u16) -> bool {
     matches!(line, 11..=17 | 47 | 56..=60 | 68..=70 | 80 | 122 | 129..=136)
 }

@@ -12,9 +12,8 @@ use crate::packed::blocks;
 use crate::session::{answer, assert_sound, in_time, pick, run_frames, running, stats, worst_path};
 use crate::simulation::{HOP, Repeatable};
 
-/// Number of blocks to compare. For the default image, there are fewer blocks from one block
-/// without prediction to the next; for the image that differs only in the port, they suffice for a
-/// report.
+/// Returns the number of blocks to compare: for the default image, more than the interval between
+/// blocks without prediction; for the image that differs only in the port, enough for a report.
 const fn compared(subject: Subject) -> usize {
     match subject.cable {
         Cable::Usb => 70,
@@ -22,10 +21,10 @@ const fn compared(subject: Subject) -> usize {
     }
 }
 
-/// Number of blocks in which the device sends its counters at least once; it does so each second.
+/// Number of blocks after which the device has sent its counters; it sends them once each second.
 const A_REPORT: usize = 20;
 
-/// Time limit from the answer to an announcement until the board reports the model, in us.
+/// Time limit from the answer to `ModelBegin` until the board reports the model, in us.
 const fn longest_us(subject: Subject) -> u64 {
     match subject.cable {
         Cable::Usb => 2_000_000,
@@ -33,8 +32,8 @@ const fn longest_us(subject: Subject) -> u64 {
     }
 }
 
-/// The model that a scenario uploads, and its bytes: packed model and linear code with random
-/// weights, in the shape of the built-in model.
+/// Id and bytes of the model that the scenarios upload: a packed model and a linear code with
+/// random weights, in the shape of the built-in model.
 static MODEL: LazyLock<(ModelId, Vec<u8>)> = LazyLock::new(|| {
     let built_in = Artifact::from_files(model::artifact_files::FILES).expect("the built-in model");
     let packed = any_packed_of(model::PACKED_COEFFICIENTS, 7, &built_in.description);
@@ -71,7 +70,7 @@ fn reported(frames: &[Frame]) -> ([u8; 8], u64) {
 }
 
 /// Scenario: a board to which a model was uploaded sends the same blocks and codes, bit for bit, as
-/// host-sim with this model, and nothing is late or lost. The upload is as fast as the port.
+/// host-sim with this model, and nothing is late or lost. The upload is as fast as the port allows.
 pub(crate) fn uploaded_model_is_used(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     assert_eq!(reported(board.inbox().frames()).0, model::MODEL_ID);

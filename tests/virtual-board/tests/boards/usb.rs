@@ -14,8 +14,8 @@ const ENUMERATION_US: u64 = 500_000;
 /// Time limit from a command to its acknowledgement over USB, in us.
 const ANSWER_US: u64 = 200_000;
 
-/// Range of the times for which the cable is plugged in, in us, and the step between them. They end
-/// at varying points of the enumeration, which starts after 100 ms of debouncing.
+/// Range and step of the times, in us, for which the cable stays plugged in. The times end at
+/// varying points of the enumeration, which starts after 100 ms of debouncing.
 const EARLY_US: std::ops::Range<u64> = 100_000..240_000;
 const EARLY_STEP_US: usize = 17_001;
 
@@ -141,9 +141,9 @@ fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(),
     Ok(())
 }
 
-/// Asserts the same as [`assert_sound`], but allows up to three frames that cannot be decoded: a
-/// packet that waits in the device while the port is closed or unplugged contains only the end of a
-/// frame.
+/// Asserts what [`assert_no_findings`] asserts, and that at most three frames cannot be decoded:
+/// after the port was closed or unplugged, a packet that waited in the device contains only the end
+/// of a frame.
 fn assert_sound_but_cut_frames(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     let bad = board.inbox().decode_errors();

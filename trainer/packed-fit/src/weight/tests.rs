@@ -1,4 +1,4 @@
-//! Weighted models of synthetic heads: the metric against numpy, errors, ranges and misfits.
+//! Tests weighted models of synthetic heads: the metric against numpy, errors, ranges and misfits.
 
 use super::*;
 use crate::evaluation::evaluate;
@@ -11,7 +11,6 @@ use rand_chacha::ChaCha8Rng;
 use std::io::Write as _;
 use std::process::Command;
 
-/// Electrodes of the montage.
 const ELECTRODES: usize = 8;
 /// Coefficients of a block, fewer than its 64 values.
 const COEFFICIENTS: usize = 48;
@@ -66,7 +65,7 @@ fn the_root_is_numpys_and_its_square_times_the_inverse_is_the_identity() {
     let file = std::env::temp_dir().join(format!("corticode-weight-{}", std::process::id()));
     let bytes = track.values.iter().flat_map(|uv| uv.to_le_bytes());
     std::fs::write(&file, bytes.collect::<Vec<u8>>()).unwrap();
-    // Debian's Python, because another Python on the PATH can lack numpy.
+    // Use Debian's Python: another Python on the PATH can lack numpy.
     let mut python = Command::new("/usr/bin/python3");
     python
         .args(["-c", include_str!("reference.py"), "8"])
@@ -136,7 +135,7 @@ fn a_quiet_rhythm_has_a_smaller_error_at_equal_bits() {
         fit(tracks, &description, COEFFICIENTS, weight, &mut |_| ()).unwrap()
     };
     let weighted = fitted(Some(motor()));
-    // The artifact refuses integers whose sums can overflow.
+    // An artifact is refused if the sums of its integers could overflow.
     let mut alone = description.clone();
     (alone.mode, alone.code.numbers) = (Mode::Packed, 0);
     Artifact::without_network(alone, 640.0, weighted.clone()).unwrap();

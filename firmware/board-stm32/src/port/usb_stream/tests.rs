@@ -9,7 +9,7 @@ use link::{Decoder, Encoder, Hello, MAX_FRAME, ResetCause, ToHost};
 
 use super::*;
 
-/// Number of packets that stands for a host that reads all packets and never stalls.
+/// Number of reads with which a host never stalls.
 const ALL: usize = usize::MAX;
 
 /// Action that the host takes at a tick.
@@ -49,8 +49,7 @@ impl Host {
         act.expect("an action for every tick")(self);
     }
 
-    /// Returns the seq of each whole frame, and how often the decoder skipped bytes outside of
-    /// frames.
+    /// Returns the seq of each whole frame, and how often the decoder skipped bytes outside frames.
     fn decode(&self) -> (Vec<u32>, u32) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut seqs = Vec::new();
@@ -93,7 +92,7 @@ impl PacketSender for Cable {
     }
 }
 
-/// Device that numbers its frames and counts the dropped ones, as the conversation does.
+/// Device that numbers its frames and counts the dropped frames, as the conversation task does.
 struct Device {
     transmitter: Transmitter<Cable>,
     encoder: Encoder,
@@ -101,7 +100,7 @@ struct Device {
 }
 
 impl Device {
-    /// Returns a device and the cable to its host, after `prepare` has changed the host.
+    /// Returns a device and the cable to its host, which `prepare` has set up.
     fn plugged(prepare: impl FnOnce(&mut Host)) -> (Self, Cable) {
         let cable = Cable::default();
         prepare(&mut cable.0.borrow_mut());
@@ -146,8 +145,7 @@ fn a_frame_cut_by_a_close_is_dropped_and_counted_and_the_next_one_is_whole() {
     let (mut device, cable) = Device::plugged(|host| {
         host.acts = VecDeque::from([
             act(|host| host.open(1)),
-            // At this tick, the second packet is in the endpoint, and the third waits in the
-            // device.
+            // At this tick, the endpoint holds the second packet, and the device holds the third.
             act(|host| host.is_open = false),
             act(|_| {}),
             act(|host| host.open(ALL)),
@@ -208,8 +206,8 @@ fn a_port_that_closes_and_opens_between_two_checks_loses_nothing() {
 fn every_frame_is_received_or_counted_over_a_thousand_openings() {
     let (mut device, cable) = Device::plugged(|host| {
         for opening in 0..1_000_usize {
-            // At each opening of the port, the host reads 0 to 7 packets, in the order 0, 7, 6, ...
-            // 1. A frame has three packets, so the port closes at various places of a frame.
+            // At each opening, the host reads 0 to 7 packets, in the order 0, 7, 6, ... 1. A frame
+            // has three packets, so the port closes at various positions within a frame.
             let reads = opening * 7919 % 8;
             host.acts.push_back(act(move |host| host.open(reads)));
             host.acts.push_back(act(|host| host.is_open = false));

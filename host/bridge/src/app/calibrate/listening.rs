@@ -1,11 +1,11 @@
-//! The filtered signal of a device, as far as it can be used for a fit.
+//! Collects the parts of a device's filtered signal that can be used for a fit.
 
 use link::Flags;
 use neuro_ros::{NeuroFrame, TRI_LABELS};
 use packed_fit::Track;
 use packed_fit::innovation::SECOND;
 
-/// Flags of steps that are missing or do not show the electrodes' signals, with words for the user.
+/// Flags of steps that are missing or do not show the electrodes' signals, with text for the user.
 const UNUSABLE: [(Flags, &str); 4] = [
     (Flags::FILLER, "missing"),
     (Flags::SETTLING, "while filters settle"),
@@ -63,8 +63,8 @@ impl Listening {
         seconds.sum()
     }
 
-    /// Returns in words how many seconds cannot be used, and why, after a semicolon; empty if all
-    /// can be used.
+    /// Returns the text `; not usable: ` followed by the number of seconds for each reason; empty
+    /// if all steps are usable.
     pub(crate) fn unusable_words(&self) -> String {
         let reasons = UNUSABLE.iter().zip(self.unusable);
         let reasons = reasons.filter(|(_, steps)| *steps > 0);

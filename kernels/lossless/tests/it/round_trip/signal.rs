@@ -1,4 +1,4 @@
-//! Test signals that are easy or hard to compress, or at the limits of the range.
+//! Test signals: easy to compress, hard to compress, or at the limits of the range.
 
 use proptest::prelude::*;
 
@@ -83,7 +83,7 @@ pub(super) fn rows(samples: std::ops::Range<usize>) -> impl Strategy<Value = Vec
     (shape, any::<u64>(), samples).prop_map(|(shape, seed, samples)| shape.rows(seed, samples))
 }
 
-/// Returns a count in the form that an encoder takes.
+/// Returns a count as the encoder takes it: 24-bit two's complement, least significant byte first.
 pub(super) fn to_bytes(count: i32) -> [u8; 3] {
     let [low, middle, high, _] = count.to_le_bytes();
     [low, middle, high]

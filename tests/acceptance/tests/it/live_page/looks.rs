@@ -10,10 +10,10 @@ use serde_json::Value;
 
 use super::choose;
 
-/// A screen, and tablets on their side and upright, CSS pixels.
+/// Sizes of the page in CSS pixels: a screen, a tablet on its side, and an upright tablet.
 const SIZES: [[u32; 2]; 3] = [SIZE, [1024, 768], [820, 1180]];
 
-/// Names of all controls without a name for a screen reader.
+/// Script that returns all controls without a name for a screen reader.
 const NAMELESS: &str = r"
 const named = (e) => e.labels?.length || e.getAttribute('aria-label') || e.getAttribute('aria-labelledby') ||
   (e.tagName === 'BUTTON' && e.textContent.trim());
@@ -70,7 +70,7 @@ pub(super) fn the_page_looks_right(browser: &Browser) {
     choose(browser, "which", "the electrode");
 }
 
-/// Shows the electrodes with these labels, or all of them.
+/// Shows the electrodes with these labels; with an empty text, all electrodes.
 fn show(browser: &Browser, labels: &str) {
     browser.run(&format!(
         "const field = document.getElementById('shown');

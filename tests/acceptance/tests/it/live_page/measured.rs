@@ -1,4 +1,4 @@
-//! The memory of the history, and the time of a drawing.
+//! The memory that the page's history takes, and the duration of a drawing.
 
 use acceptance::browser::Browser;
 use serde_json::Value;
@@ -7,9 +7,9 @@ use serde_json::Value;
 const FRAME_MS: f64 = 1000.0 / 60.0;
 const MIB: f64 = 1_048_576.0;
 
-/// A drawing fits into a frame of the screen: of ten seconds of drawings, the least median does.
-/// The other figures depend on what else the machine does and are only printed. Chromium has no
-/// graphics card here, and draws in software.
+/// The smallest of ten medians, each over a second of drawings, is shorter than a frame of the
+/// screen. The other figures depend on the machine's load and are only printed. Chromium draws in
+/// software here, without a graphics card.
 pub(super) fn a_drawing_takes_less_than_a_frame(browser: &Browser) {
     let results = browser.run(include_str!("frame_time.js"));
     let results = results.as_array().expect("results");
@@ -30,7 +30,7 @@ pub(super) fn a_drawing_takes_less_than_a_frame(browser: &Browser) {
     }
 }
 
-/// An hour is kept, memory grows with the samples and no further, and every sample is found again.
+/// The page keeps an hour of samples, its memory grows only with them, and none is lost.
 pub(super) fn an_hour_is_kept_in_bounded_memory(browser: &Browser) {
     let result = browser.run(include_str!("an_hour.js"));
     assert_eq!(result["mistakes"], Value::Array(Vec::new()));

@@ -14,7 +14,7 @@ use super::reading::{DOWN, RIGHT, Reading, microseconds};
 use super::shown::Shown;
 use super::wire::Wire;
 
-/// Bands as on the panel: name, and frequencies from which and below which they reach, Hz.
+/// Bands on the panel: name, lower limit (included) and upper limit (excluded) in Hz.
 const BANDS: [(&str, f64, f64); 5] = [
     ("delta", 1.0, 4.0),
     ("theta", 4.0, 8.0),
@@ -25,8 +25,8 @@ const BANDS: [(&str, f64, f64); 5] = [
 /// Largest relative error of a value with five digits.
 const ROUNDING: f64 = 6e-5;
 
-/// Compares the spectrum with numpy's of the same samples: filtered steps as received, and raw
-/// samples to the average.
+/// Compares the spectrum with numpy's, for filtered samples as received and for raw samples less
+/// the average of all electrodes but the excluded Cz.
 pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
     if !numpy_reference::available("the spectrum on the live page") {
         return;
@@ -47,7 +47,7 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
         browser.type_keys("#plot", &DOWN.to_string().repeat(7));
         let label = Reading::of(browser, "#cursor").label;
         browser.wait_for_text("#spectrum-cursor", &format!("{label} "));
-        // The panel computes for the paused plot at once, in some frames of the screen.
+        // The panel computes the paused plot's spectrum within some frames of the screen.
         std::thread::sleep(Duration::from_secs(2));
         let mut seen = Vec::new();
         for keys in [0, 1, 3, 10, 16] {
@@ -126,7 +126,7 @@ pub(super) fn the_spectrum_is_that_of_numpy(browser: &Browser, shown: &Shown) {
 const BAND_TEXTS: &str = "return [...document.querySelectorAll('#bands tr')]
     .map((row) => [row.cells[0].textContent, row.cells[2].textContent])";
 
-/// Compares numbers of codes with the JSON lines, and the bits per second with the format.
+/// Compares values of codes with the JSON lines, and the bits per second with the size of a code.
 pub(super) fn codes_equal_the_lines(browser: &Browser, shown: &Shown) {
     let mut seen = Vec::new();
     for steps in 0..10 {
@@ -152,7 +152,7 @@ pub(super) fn codes_equal_the_lines(browser: &Browser, shown: &Shown) {
     let mut labels: Vec<&String> = seen.iter().map(|reading| &reading.label).collect();
     labels.dedup();
     assert_eq!(labels.len(), 10, "{labels:?}");
-    // 16 codes a second of 128 bytes and an exponent, but for those that the cable loses.
+    // 16 codes per second, each of 128 bytes and an exponent byte, less those that the cable loses.
     let bits = figure(browser, "codes, 128 numbers, bits/s").expect("bits per second");
     assert!((0.9..=1.001).contains(&(bits / 16512.0)), "{bits}");
     let audited = || figure(browser, "audit: RMS error, levels").is_some();
@@ -177,7 +177,7 @@ pub(super) fn packed_figures_equal_the_reports(browser: &Browser, shown: &Shown)
     );
 }
 
-/// Returns the number that a figure of the panel Code begins with.
+/// Returns the number at the beginning of the figure `name` in the panel Code, if there is one.
 fn figure(browser: &Browser, name: &str) -> Option<f64> {
     let script = format!(
         "const names = [...document.querySelectorAll('#code-figures dt')];

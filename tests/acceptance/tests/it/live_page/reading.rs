@@ -1,8 +1,8 @@
-//! What the page says of the sample at its cursor.
+//! What the page shows about the sample at its cursor.
 
 use acceptance::browser::Browser;
 
-/// Keys as WebDriver names them.
+/// Characters that stand for keys in WebDriver.
 pub(super) const LEFT: char = '\u{e012}';
 pub(super) const RIGHT: char = '\u{e014}';
 pub(super) const DOWN: char = '\u{e015}';
@@ -16,7 +16,7 @@ pub(super) struct Reading {
     pub(super) value: String,
     /// Device time, microseconds.
     pub(super) us: u64,
-    /// What follows the first part.
+    /// The parts after the first semicolon.
     pub(super) notes: Vec<String>,
 }
 
@@ -24,7 +24,7 @@ impl Reading {
     /// Reads the line in the element `selector`.
     ///
     /// # Panics
-    /// When it is not such a line.
+    /// When the element does not contain such a line.
     pub(super) fn of(browser: &Browser, selector: &str) -> Reading {
         let text = browser.text(selector);
         let mut parts = text.split("; ").map(str::to_owned);
@@ -48,7 +48,7 @@ impl Reading {
     }
 }
 
-/// Returns a time in seconds with six decimal places in microseconds.
+/// Converts a time in seconds with six decimal places to microseconds.
 pub(super) fn microseconds(seconds: &str) -> u64 {
     let digits = seconds.replace('.', "");
     digits

@@ -7,8 +7,8 @@ use acceptance::process::{Process, SLACK};
 use rustix::process::Signal;
 
 pub(super) const TOKEN: &str = "a-token-of-the-test";
-/// Interval between edges of the trigger input, microseconds; the first one is an interval after
-/// boot, which is device time 0, and rises.
+/// Interval between edges of the trigger input, in microseconds. The first edge rises one interval
+/// after boot, which is device time 0.
 pub(super) const EDGE_US: u64 = 700_000;
 
 /// A board whose cable loses frames, and the bridge that serves the page and prints JSON.
@@ -43,7 +43,7 @@ impl Shown {
         shown
     }
 
-    /// Starts a bridge with a token, or with a random one.
+    /// Starts a bridge with `token`, or with a random token if it is `None`.
     pub(super) fn start_bridge(&mut self, token: Option<&str>, streams: &str) {
         let streams = format!("--streams={streams}");
         let address = format!("--view-address=127.0.0.1:{}", self.port);

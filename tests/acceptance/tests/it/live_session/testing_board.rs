@@ -1,5 +1,5 @@
-//! A simulated cable to a board without converters, behind which the board seems to have some: the
-//! cable answers the command for a self-test itself.
+//! A simulated cable to a board without converters. The cable itself answers the command for a
+//! self-test, so the board seems to have converters.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -17,7 +17,7 @@ pub(super) struct TestingBoard {
 }
 
 /// What both directions share: the host's connection, the number of frames that the cable has
-/// added, and the number of the board's newest one.
+/// added, and the sequence number of the board's newest frame.
 struct Line {
     host: Mutex<TcpStream>,
     added: AtomicU32,
@@ -32,7 +32,7 @@ impl Line {
         host.write_all(bytes)
     }
 
-    /// Sends a message of the cable's own.
+    /// Sends the host a message that the cable adds to the board's messages.
     fn add(&self, message: &ToHost) -> io::Result<()> {
         let added = self.added.fetch_add(1, Ordering::SeqCst) + 1;
         let header = Header {
@@ -45,7 +45,7 @@ impl Line {
 }
 
 impl TestingBoard {
-    /// Connects to the board at TCP port `port` of 127.0.0.1. A self-test has `result`.
+    /// Connects to the board on TCP port `port` of 127.0.0.1. Every self-test returns `result`.
     pub(super) fn new(port: u16, result: SelfTest) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
         let address = listener.local_addr()?;

@@ -1,4 +1,4 @@
-//! Nodes that encode streams, and programs that make them.
+//! Nodes that encode streams of the Lab Streaming Layer, and players that send the streams.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use rustix::process::Signal;
 
 use crate::node_chain::{EXIT_TIMEOUT, Eeg, SAMPLES, is_filler, start_node, subscribe};
 
-/// Time without a code after which no further one is expected from a player that has ended.
+/// Time without a code after which, once the player has ended, no more codes are expected.
 const SILENCE: Duration = Duration::from_secs(2);
 
 /// A node that encodes a stream of the Lab Streaming Layer.
@@ -28,7 +28,7 @@ pub(super) struct Session {
 }
 
 impl Session {
-    /// Starts a node in the namespace `name`, for a stream that does not state its unit.
+    /// Starts a node in the namespace `name`, which takes the stream's values as microvolts.
     pub(super) async fn start(
         ros: &Ros<'_>,
         interpreter: &Path,
@@ -56,12 +56,12 @@ impl Session {
         }
     }
 
-    /// Starts to stream `eeg`.
+    /// Starts a player that sends `eeg` to this node.
     pub(super) fn play(&self, interpreter: &Path, eeg: &Eeg, options: &[&str]) -> Process {
         play(interpreter, &self.folder, &self.stream, eeg, options)
     }
 
-    /// Waits until `player` has ended and nothing more comes, and stops the node.
+    /// Waits until `player` has ended and no more codes come, then stops the node.
     pub(super) async fn finish(mut self, mut player: Process) -> Published {
         let mut frames: Vec<NeuroFrame> = Vec::new();
         loop {
@@ -112,7 +112,7 @@ pub(super) struct Published {
 }
 
 impl Published {
-    /// Returns the codes that are no fillers, each with its place.
+    /// Returns the codes that are no fillers, each with its index among all frames.
     pub(super) fn codes(&self) -> Vec<(usize, &[f32])> {
         let frames = self.frames.iter().enumerate();
         let codes = frames.filter(|(_, frame)| !is_filler(frame));
@@ -121,8 +121,9 @@ impl Published {
             .collect()
     }
 
-    /// Returns by how much the stamp of the code at `place` is later than the time `made_s`,
-    /// seconds after the start, at which the first sample of its window was made.
+    /// Returns how much later the stamp of the frame with index `place` is than expected, in
+    /// seconds. The expected stamp is the time of the first sample in the code's window, `made_s`
+    /// seconds after the player's start, less the filters' group delay.
     pub(super) fn lateness_s(&self, place: usize, made_s: f64) -> f64 {
         let delay_s = f64::from(Mains::Hz50.filter().group_delay_us) * 1e-6;
         let stamp_ns = self.frames[place].header.stamp.nanoseconds();
@@ -132,7 +133,8 @@ impl Published {
     }
 }
 
-/// Starts to stream `eeg` as `name`, in furlongs, with options of `lsl_play.py`.
+/// Starts a player that sends `eeg` as the stream `name`, with furlongs as the stated unit and with
+/// options of `lsl_play.py`.
 pub(super) fn play(
     interpreter: &Path,
     folder: &Path,

@@ -15,7 +15,7 @@ use link::{Decoder, MAX_FRAME, ToHost};
 
 use crate::inputs::artifact;
 
-/// How many numbers a code of each model with random weights has.
+/// Number of values in a code of the models with random weights.
 const NUMBERS: usize = 48;
 /// Montage of the trained models in `signal/model/kit-250` and `kit-500`, which differ in the rate
 /// of the ADC.

@@ -147,7 +147,7 @@ fn commands() -> Vec<String> {
         block.lines().map(str::to_owned).collect::<Vec<_>>()
     });
     let bridges = |line: &String| line.contains("corticode-bridge --port");
-    // Leave out the bridge at a real board, because it runs until it is interrupted.
+    // Leave out the bridge for a real board, because it runs until it is interrupted.
     lines.filter(|line| !bridges(line)).collect()
 }
 

@@ -13,7 +13,7 @@ use serde_json::{Map, Value as Json};
 /// Boards whose images are built: name of the image file, and package.
 const BOARDS: [(&str, &str); 2] = [("f446", "board-f446"), ("h743", "board-h743")];
 
-/// Those fields of the JSON object printed by the program `budget` that the report uses.
+/// The fields that the report uses of the JSON object printed by the program `budget`.
 #[derive(Debug, Deserialize)]
 struct Budget {
     boards: Vec<Board>,
@@ -56,7 +56,7 @@ pub(super) fn measure(model: OtherModel<'_>) -> anyhow::Result<Map<String, Json>
     figures(&budget(&folder)?)
 }
 
-/// Runs the program `budget` on the images in `folder` and returns what it prints.
+/// Runs the program `budget` on the images in `folder` and returns its output.
 fn budget(folder: &Path) -> anyhow::Result<Budget> {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
@@ -74,7 +74,7 @@ fn budget(folder: &Path) -> anyhow::Result<Budget> {
     })
 }
 
-/// Returns the figures of flash and RAM; the name of each figure contains the board's name.
+/// Returns the figures of flash and RAM, with the board's name in the name of each figure.
 fn figures(budget: &Budget) -> anyhow::Result<Map<String, Json>> {
     let mut figures = Map::new();
     for (name, _) in BOARDS {

@@ -1,4 +1,4 @@
-//! Inputs of the image `encoder` for any model, and their codes from model-gen's batch reference.
+//! Inputs of the image `encoder` for any model, with their codes from model-gen's batch reference.
 
 use any_model::Stress;
 use artifact::{Artifact, CodeFormat, IntegerCode};
@@ -19,7 +19,7 @@ pub(super) struct Reference {
 }
 
 impl Reference {
-    /// Makes inputs with at least `windows` windows together, and encodes each window on its own.
+    /// Makes inputs with at least `windows` windows in all, and encodes each window by itself.
     ///
     /// # Errors
     /// The model's ranges do not fit its integers.
@@ -27,8 +27,8 @@ impl Reference {
         let integers = model_gen::quantise(artifact)?;
         let dimensions = artifact.description.dimensions();
         let (length, hop) = (dimensions.steps, artifact.description.window.hop);
-        // Make at least three windows of each input: the image counts instructions from the third
-        // on, after the encoder's buffers have been filled.
+        // At least three windows of each input: the image counts instructions from the third window
+        // on, because the encoder's buffers fill before it.
         let windows = windows.div_ceil(Stress::ALL.len() + 1).max(3);
         let steps = length + hop * (windows - 1);
         let mut inputs: Vec<Vec<Vec<i8>>> = Vec::new();

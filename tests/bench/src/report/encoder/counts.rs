@@ -20,7 +20,7 @@ pub(crate) struct Printed {
     /// Number of instructions of the acquisition for the time steps of one hop.
     pub(crate) acquisition_per_code: u32,
     kernels: Vec<KernelCount>,
-    /// For each input, the tallies (fewest, most, total) of a hop's time steps, in order.
+    /// For each input, the tally (fewest, most, total) of each time step of a hop.
     pub(crate) inputs: Vec<Vec<Tally>>,
 }
 
@@ -56,8 +56,8 @@ struct KernelCount {
 
 /// Instruction counts of the encoder, and their ratios.
 ///
-/// The built-in network has a shortcut, and figures with `shortcut` in their names include it. The
-/// others are computed by subtracting the instructions of the shortcut's matrix products, which are
+/// Figures with `shortcut` in their names include the linear shortcut, which the built-in network
+/// has. For the others, the instructions of the shortcut's matrix products are subtracted: they are
 /// counted alone and divided evenly among the time steps of a hop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Figures {
@@ -66,17 +66,17 @@ pub(crate) struct Figures {
     pub(crate) insn_per_code_shortcut: u32,
     insn_after_last_sample: u32,
     insn_after_last_sample_shortcut: u32,
-    /// Largest instruction count of any time step, divided by the mean of the time steps' smallest
-    /// instruction counts.
+    /// Largest instruction count of any time step, divided by the mean of all time steps' smallest
+    /// counts.
     worst_over_mean: f64,
     worst_over_mean_shortcut: f64,
 }
 
 impl Counts {
-    /// Computes the counts from what the image printed. The caller fills in `loops`.
+    /// Computes the counts from the image's output. The caller fills in `loops`.
     ///
     /// # Errors
-    /// The image has not counted exactly the time steps of a hop, or not the shortcut.
+    /// The output has another number of time steps than a hop, or lacks the shortcut.
     pub(crate) fn new(
         machine: Machine,
         printed: Printed,
@@ -107,8 +107,8 @@ impl Counts {
 }
 
 impl Figures {
-    /// Computes the figures from the instruction counts of a hop's time steps. `shortcut` is the
-    /// number of instructions that the shortcut's matrix products take per code.
+    /// Computes the figures from the counts of a hop's time steps. The shortcut's matrix products
+    /// take `shortcut` instructions per code.
     fn new(steps: &[Range], shortcut: u32) -> Self {
         let hop = u32::try_from(HOP).unwrap_or(u32::MAX);
         let in_step = shortcut / hop;
@@ -141,8 +141,7 @@ mod tests {
 
     impl Counts {
         /// Returns counts of one input, for tests: the last time step of a hop takes `last`
-        /// instructions, each of the other steps 1000. The shortcut takes 1600 instructions per
-        /// code.
+        /// instructions, every other step 1000, and the shortcut 1600 per code.
         pub(crate) fn synthetic(last: u32) -> Self {
             let printed = format!(
                 "ram_bytes = 35000
@@ -168,8 +167,8 @@ mod tests {
     #[test]
     fn the_shortcuts_products_are_subtracted_from_every_time_step() {
         let counts = Counts::synthetic(1500);
-        // The last time step takes 1500 instructions, each of the other steps 1000. The shortcut
-        // has an equal share in each step: 200 if the hop has 8 time steps.
+        // The last time step takes 1500 instructions, every other step 1000. The shortcut takes the
+        // same part of each step: 200 if the hop has 8 time steps.
         let hop = u32::try_from(HOP).expect("at most 16");
         let (all, in_step) = (1_000 * hop + 500, 1_600 / hop);
         let expected = Figures {

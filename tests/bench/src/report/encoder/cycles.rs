@@ -29,7 +29,7 @@ const BRANCH_M7: u32 = 2;
 /// Names of the instructions that multiply two pairs of 16-bit numbers.
 const PRODUCTS: &[&str] = &["smlad", "smuad"];
 
-/// Cycles, on one machine, of one of the loops in which the encoder spends most of its time.
+/// Cycles, on one machine, of one of the encoder's inner loops, which take most of its time.
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct LoopCycles {
     name: &'static str,
@@ -79,12 +79,12 @@ pub(crate) fn loops(machine: Machine, image: &Image) -> anyhow::Result<Vec<LoopC
     Ok(loops)
 }
 
-/// Returns the work of each loop: the function that contains the loop, the instructions by which
-/// the work is counted, and the number of these that a code needs. A network without convolutions
-/// has only one of the loops.
+/// Returns the work of each loop for a code: the loop's function, the kinds of instructions that
+/// are counted, and their number per code. A network without convolutions has only one of the
+/// loops.
 fn work() -> impl Iterator<Item = (&'static str, &'static [&'static str], usize)> {
-    // Number of product instructions for one time step: two for each `Pair`, which holds four 8-bit
-    // weights. It is 0 if the network does not have the layer.
+    // Product instructions for one time step: two for each `Pair`, which holds four 8-bit weights;
+    // 0 if the network lacks the layer.
     let fc = NETWORK.fc.first().into_iter().flatten();
     let fc = 2 * fc.map(|weights| weights.len()).sum::<usize>();
     let shortcut = 2 * NETWORK.shortcut.first().map_or(0, |weights| weights.len());
@@ -101,9 +101,9 @@ fn work() -> impl Iterator<Item = (&'static str, &'static [&'static str], usize)
     work.into_iter().filter(|(_, _, per_code)| *per_code > 0)
 }
 
-/// Returns the cycles of a code that takes `instructions` instructions. `iteration` returns the
-/// cycles of one iteration of a loop; each instruction outside the loops takes `rest` cycles.
-/// Returns `None` if the cycles of a loop are unknown.
+/// Returns the cycles of a code of `instructions` instructions, or `None` if the cycles of a loop
+/// are unknown. `iteration` returns the cycles of a loop's iteration; each instruction outside the
+/// loops takes `rest` cycles.
 pub(crate) fn per_code(
     loops: &[LoopCycles],
     instructions: u32,
@@ -119,7 +119,7 @@ pub(crate) fn per_code(
     (!loops.is_empty()).then(|| cycles + rest * f64::from(outside))
 }
 
-/// Returns the percentage of clock cycles that a processor spends on the codes of a live stream.
+/// Returns the percentage of a processor's cycles that the codes of a live stream take.
 pub(crate) fn load_percent(cycles_per_code: f64, mhz: f64) -> f64 {
     let codes_per_second = f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).unwrap_or(1));
     100.0 * cycles_per_code * codes_per_second / (mhz * 1e6)
@@ -156,8 +156,8 @@ struct Loop {
 }
 
 impl Loop {
-    /// Finds the innermost loop of the function `function`: the instructions from the target of the
-    /// first backward branch up to that branch.
+    /// Finds the innermost loop of `function`: from the target of the first backward branch to that
+    /// branch.
     fn find(disassembly: &str, function: &str) -> Option<Self> {
         let mut lines = disassembly.lines();
         let ends = [format!("::{function}::"), format!("::{function}>")];
@@ -182,9 +182,8 @@ impl Loop {
         None
     }
 
-    /// Simulates the loop with llvm-mca for the processor `cpu`, and returns the mean number of
-    /// cycles per iteration, without the branch. Writes the instructions to the file `source`,
-    /// which llvm-mca reads.
+    /// Simulates the loop with llvm-mca for the processor `cpu`, and returns the mean cycles of an
+    /// iteration without its branch. llvm-mca reads the instructions from the file `source`.
     ///
     /// # Errors
     /// llvm-mca is not installed or does not know an instruction.
@@ -244,7 +243,7 @@ fn disassemble(image: &Path) -> anyhow::Result<String> {
     programs::output_of(&mut command).context("llvm-objdump fails")
 }
 
-/// Returns the target address if the instruction is a conditional branch, otherwise `None`.
+/// Returns the target address of a conditional branch; `None` for any other instruction.
 fn branch_target(instruction: &str) -> Option<u32> {
     let (name, operand) = instruction.split_once(' ')?;
     let name = name.strip_suffix(".w").unwrap_or(name);
@@ -324,8 +323,8 @@ mod tests {
         assert_eq!(by_table(&[quads(100)], REST_M4), Some(1_500.0 + 400.0));
         assert_eq!(by_table(&[quads(100)], REST_M7), Some(1_500.0 + 200.0));
         assert_eq!(by_table(&[], REST_M4), None);
-        // 121 iterations of 10 instructions are more than the 1200 instructions of the whole code,
-        // so the number of iterations is wrong and there is no result.
+        // 121 iterations of 10 instructions exceed the code's 1200 instructions, so the number of
+        // iterations must be wrong, and there is no result.
         assert_eq!(by_table(&[quads(121)], REST_M4), None);
         let load = load_percent(1_900.0, 168.0);
         let codes = f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).expect("at most 16"));

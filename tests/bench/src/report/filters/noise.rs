@@ -1,5 +1,5 @@
-//! Measures the noise that fixed-point arithmetic adds to a filter's output: the output minus the
-//! output of the same filter in f64, its twin.
+//! Measures the noise that fixed-point arithmetic adds to a filter's output: the difference from
+//! its twin, the same filter in f64.
 
 use std::f64::consts::PI;
 
@@ -16,12 +16,12 @@ use serde::Serialize;
 use crate::idsp_cascade::{IdspCascade, Section29};
 use demo::response::{BAND_HZ, MAINS_HZ, Twin};
 
-/// Length of time before the measurement in which the filters settle, s. The slowest poles decay at
-/// 0.97 / s: by e^-31 in this time.
+/// Length of time before the measurement in which the filters settle, s. The slowest poles decay as
+/// exp(-0.97 t): to e^-31 in this time.
 const SETTLING_S: usize = 32;
 /// Duration of the measured part of each signal, s.
 const MEASURED_S: usize = 64;
-/// Number of electrodes. Each has a different signal; the powers of their noise are averaged.
+/// Number of electrodes with different signals, over which the noise power is averaged.
 const ELECTRODES: u64 = 8;
 
 /// Amplitudes of a test signal, uV: electrode offset, mains at 50 Hz (peak), and pink noise from
@@ -70,8 +70,8 @@ where
     move |x| cascade.apply(0, x)
 }
 
-/// Measures the noise of a filter with each test signal. `at_rest` returns the filter in its
-/// initial state and is called for each signal and electrode.
+/// Measures the noise of a filter with each test signal. `at_rest` returns a new filter for each
+/// signal and electrode.
 fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measured {
     let spectrum = |amplitudes| {
         let spectra = (0..ELECTRODES).map(|electrode| {
@@ -88,8 +88,8 @@ fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measur
     }
 }
 
-/// Returns, for the same input counts, the output of `filter` minus the output of `twin`, nV.
-/// Leaves out the time in which the filters settle.
+/// Returns the output of `filter` minus the output of `twin` for the same counts, nV, without the
+/// time in which the filters settle.
 fn error_nv(counts: &[i32], mut twin: Twin, mut filter: impl FnMut(i32) -> i32) -> Vec<f64> {
     let nv = f64::from(model::LSB_NV) / f64::from(1 << GUARD_BITS);
     let errors = counts.iter().map(|count| {
@@ -119,7 +119,7 @@ fn counts([offset, mains, eeg]: Amplitudes, electrode: u64) -> Vec<i32> {
         .collect()
 }
 
-/// Returns noise of rms 1 with random phases, whose power density is proportional to 1/f from 0.5
+/// Returns noise with an rms of 1, random phases, and a power density proportional to 1/f from 0.5
 /// Hz.
 fn pink(random: &mut ChaCha8Rng, samples: usize) -> Vec<f64> {
     let transform = RealFftPlanner::<f64>::new().plan_fft_inverse(samples);
@@ -201,7 +201,7 @@ impl Spectrum {
         mean
     }
 
-    /// Returns the rms value of the signal between two frequencies in Hz, both included.
+    /// Returns the rms of the signal from `low` to `high` Hz, both included.
     fn rms(&self, [low, high]: [f64; 2]) -> f64 {
         let inside = self.points().filter(|(hz, _)| (low..=high).contains(hz));
         let power: f64 = inside.map(|(_, power)| power * self.bin_hz).sum();
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn rounding_every_output_to_a_count_measures_as_the_noise_of_rounding() {
-        // A filter whose noise is known: the twin, with its output rounded to whole counts.
+        // A filter with known noise: the twin, with its output rounded to whole counts.
         let artifact = checked_in::artifact().expect("the artifact");
         let twin = Twin::new(&artifact.description.filters);
         let mut exact = twin.clone();
@@ -239,11 +239,11 @@ mod tests {
         };
         let error = error_nv(&counts(EEG, 0), twin, filter);
         let rms = Spectrum::new(&error, model::ADC_RATE_HZ.into()).rms(BAND_HZ);
-        // The noise of LSB / sqrt(12) rms is spread evenly from 0 Hz to half the rate.
+        // The noise, LSB / sqrt(12) rms, is spread evenly from 0 Hz to half the rate.
         let width = (BAND_HZ[1] - BAND_HZ[0]) / (f64::from(model::ADC_RATE_HZ) / 2.0);
         let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * width.sqrt();
-        // The measured and the expected value differ by 1 %. In this band, the rms of 64 s of white
-        // noise has a standard error of about 0.9 %.
+        // The values differ by 1 %: the rms of 64 s of white noise has a standard error of about
+        // 0.9 % in this band.
         assert!(
             (rms / expected - 1.0).abs() < 0.05,
             "{rms} instead of {expected}"

@@ -11,7 +11,7 @@ use ros1::Publisher;
 use super::figures::{SharedTimes, Times};
 use super::{run_before_others, wait_until};
 
-/// Frames that an amplifier publishes: their rate, and which windows they complete.
+/// Frames of an amplifier: their rate, and the windows that they complete.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frames {
     /// Samples per second.
@@ -21,8 +21,9 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    /// Returns the frames of an amplifier of `rate_hz`. At the rate of the model's ADC each lasts a
-    /// hop, otherwise 1/64 s or 20 ms. Returns `None` if neither has a whole number of samples.
+    /// Returns the frames of an amplifier of `rate_hz`. At the rate of the model's ADC, each frame
+    /// lasts a hop; at other rates, 1/64 s or 20 ms. Returns `None` if neither is a whole number of
+    /// samples.
     pub(super) fn new(rate_hz: u16) -> Option<Frames> {
         let step_rate = u32::from(model::STEP_RATE_HZ);
         let hops = (rate_hz == model::ADC_RATE_HZ).then_some(step_rate / HOP);
@@ -33,8 +34,8 @@ impl Frames {
         Some(Frames { rate_hz, samples })
     }
 
-    /// Returns a, b and c such that floor((a n - b) / c) is the newest window whose last step is in
-    /// frame n or before, where n counts from 1.
+    /// Returns a, b and c such that floor((a n - b) / c) is the index of the newest window whose
+    /// last step is in frame n or in an earlier frame, where n counts from 1.
     pub(super) fn windows(self) -> [i64; 3] {
         let step_rate = i64::from(model::STEP_RATE_HZ);
         let rate = i64::from(self.rate_hz);
@@ -57,7 +58,7 @@ const STEPS: u32 = model::STEPS as u32;
 #[expect(clippy::cast_possible_truncation, reason = "some steps")]
 const HOP: u32 = model::HOP as u32;
 
-/// A thread that publishes each frame on two topics, on the second topic half a period later.
+/// A thread that publishes each frame on two topics, half a period later on the second one.
 #[derive(Debug)]
 pub(super) struct Amplifier {
     sent: [SharedTimes; 2],
@@ -97,7 +98,7 @@ impl Amplifier {
         }
     }
 
-    /// Returns, for both topics, when the frame with the last step of each window was sent.
+    /// Returns the times at which the last frame of each window was sent, for both topics.
     pub(super) fn times(&self) -> [Times; 2] {
         self.sent.each_ref().map(SharedTimes::so_far)
     }
@@ -107,7 +108,7 @@ impl Drop for Amplifier {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // An error means that the thread has panicked, which was printed then.
+            // An error means that the thread panicked, which has printed its message.
             let _ = thread.join();
         }
     }
@@ -160,8 +161,7 @@ mod tests {
             let rate = u64::from(rate_hz);
             for number in 1..200_u32 {
                 let samples = u64::from(number * frames.samples);
-                // Step s belongs to the sample at s / step rate, or to the next sample after this
-                // time.
+                // Step s belongs to the first sample at or after its time, s / step rate.
                 let step_is_in = |step: u64| (step * rate).div_ceil(128) < samples;
                 let windows = (0_u64..).take_while(|window| {
                     step_is_in(window * u64::from(HOP) + u64::from(STEPS) - 1)

@@ -7,9 +7,9 @@
 //!                     └── TCP ── rospy_bridge.py ─── TCPROS ──┘
 //! ```
 //!
-//! The relay records when it sends each code, and the subscribers when it arrives. The node in
-//! rospy gets its codes half an interval later than the bridge, so that neither waits for the
-//! processor because of the other.
+//! The relay records when it sends each code, and the subscribers record when it arrives. The node
+//! in rospy gets its codes half an interval later than the bridge, so that the two do not compete
+//! for the processor.
 
 use std::fs;
 use std::net::TcpListener;
@@ -34,8 +34,9 @@ const ROSPY_TOPIC: &str = "/rospy/encoded";
 /// Name of a part of the measurement, and the figures of both nodes in it.
 type Part = (&'static str, Pair);
 
-/// Measures both nodes in two parts of `seconds` each: with subscribers of the codes alone, then
-/// with one of the reconstructed signals too. Without rospy, only the bridge is measured.
+/// Measures both nodes in two parts of `seconds` each: first with subscribers to the codes alone,
+/// then with a subscriber to the reconstructed signals too. Without rospy, measures only the
+/// bridge.
 ///
 /// # Errors
 /// A program is missing, does not start, or loses its connection.
@@ -72,7 +73,7 @@ async fn run(programs: &Programs, seconds: u32) -> anyhow::Result<[Part; 2]> {
     let output = format!("--output=tcp:127.0.0.1:{port}");
     let arguments = ["run", "--input=synthetic", "--realtime", &duration, &output];
     let _board = ros.start_program(programs, BOARD, &arguments)?;
-    // Connect in another thread, because the ROS master must answer on this one meanwhile.
+    // Connect in another thread, because the ROS master must reply on this thread meanwhile.
     let has_rospy = rospy.is_some();
     let relay = tokio::task::spawn_blocking(move || {
         Relay::start(port, &to_bridge, has_rospy.then_some(&to_rospy))
@@ -93,7 +94,7 @@ async fn run(programs: &Programs, seconds: u32) -> anyhow::Result<[Part; 2]> {
     Ok([("codes", codes), ("codes and signals", both)])
 }
 
-/// Builds the report. A figure of the whole run comes from the part in which it is worse.
+/// Builds the report. A figure of the whole run is the worse figure of its two parts.
 fn report(parts: &[Part], seconds: u32) -> anyhow::Result<Report> {
     let worst = |figure: &dyn Fn(&Figures) -> f64| {
         let figures = parts.iter().map(|(_, pair)| figure(&pair.own));
@@ -132,7 +133,7 @@ mod tests {
     use super::super::figures::{Times, Usage};
     use super::*;
 
-    /// Returns the figures of a node if code i arrives `latency_ms[i]` after it was sent.
+    /// Returns the figures of a node whose code i arrives `latency_ms[i]` after it was sent.
     fn figures(latency_ms: &[u64]) -> Figures {
         let start = Instant::now();
         let sent = |window: u64| {

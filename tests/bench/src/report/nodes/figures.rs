@@ -1,5 +1,4 @@
-//! Figures of one node: intervals, latency and loss of its codes, and the processor time and memory
-//! of its process.
+//! Figures of one node: intervals, latency and loss of its codes, processor time and memory.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -37,7 +36,7 @@ impl SharedTimes {
     }
 }
 
-/// Figures of one node over a span of time. Times are differences of this PC's monotonic clock, ms.
+/// Figures of one node over a span of time. Times are from this PC's monotonic clock, in ms.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Figures {
     /// Number of codes that arrived from the node.
@@ -53,7 +52,7 @@ pub(super) struct Figures {
     interval_max_ms: f64,
     /// 99th percentile of |interval - [`HOP_MS`]| over the arrivals, ms.
     pub(super) deviation_p99_ms: f64,
-    /// Largest number of successive codes that came less than a quarter of a hop apart.
+    /// Largest number of successive codes with intervals below a quarter of a hop.
     pub(super) codes_per_burst: usize,
     /// Median time from the sending of a code to its arrival, ms.
     pub(super) latency_median_ms: f64,
@@ -113,13 +112,13 @@ impl Figures {
     }
 }
 
-/// Returns the largest number of successive codes whose intervals are less than a quarter of a hop.
+/// Returns the largest number of successive codes with intervals below a quarter of a hop.
 fn longest_burst(intervals_ms: &[f64]) -> usize {
     let bursts = intervals_ms.split(|ms| *ms >= HOP_MS / 4.0);
     bursts.map(|burst| burst.len() + 1).max().unwrap_or(1)
 }
 
-/// Returns the times between codes of successive windows, ms. Pairs with a lost code are left out.
+/// Returns the times between codes of successive windows, ms, leaving out lost codes.
 fn intervals(times: &Times) -> Vec<f64> {
     let pairs = times.iter().zip(times.iter().skip(1));
     let pairs = pairs.filter(|((window, _), (next, _))| *window + 1 == **next);
@@ -132,8 +131,8 @@ fn ms(duration: Duration) -> f64 {
     duration.as_secs_f64() * 1000.0
 }
 
-/// Returns the smallest value that at least the fraction `part` of the values does not exceed; NaN
-/// if there are no values.
+/// Returns the smallest value that at least the fraction `part` of all values does not exceed; NaN
+/// without values.
 fn quantile(values: &[f64], part: f64) -> f64 {
     let mut values = values.to_vec();
     values.sort_by(f64::total_cmp);
@@ -144,7 +143,7 @@ fn quantile(values: &[f64], part: f64) -> f64 {
     below.map_or(f64::NAN, |(_, value)| *value)
 }
 
-/// Unit of the times in `/proc`, as ticks per second: Linux reports 100 on every architecture.
+/// Unit of the times in `/proc`, in ticks per second: 100 on every architecture of Linux.
 const TICKS_PER_SECOND: u32 = 100;
 
 /// Processor time and memory of a process.
@@ -157,7 +156,7 @@ pub(super) struct Usage {
 }
 
 impl Usage {
-    /// Reads the processor time since its start, and the memory, of the process `pid`.
+    /// Reads the memory of the process `pid`, and its processor time since its start.
     ///
     /// # Errors
     /// The process has ended.
@@ -169,7 +168,7 @@ impl Usage {
         Self::parse(&read("stat")?, &read("status")?).context("an unknown format of /proc")
     }
 
-    /// Returns the processor time spent since `before`, and the memory as it is now.
+    /// Returns the processor time since `before`, and the current memory.
     pub(super) fn since(self, before: &Self) -> Self {
         Self {
             processor: self.processor.saturating_sub(before.processor),
@@ -178,7 +177,7 @@ impl Usage {
     }
 
     fn parse(stat: &str, status: &str) -> Option<Self> {
-        // Start after the second field: it stands in parentheses and can contain any character.
+        // Start after the second field, which is in parentheses and can contain any character.
         // `utime` and `stime` are fields 14 and 15.
         let fields = stat.rsplit_once(')')?.1.split_whitespace();
         let ticks = fields

@@ -8,11 +8,11 @@
 //!                  └── /rospy/neurodata ── rospy_node.py ─── /rospy/encoded ──┘
 //! ```
 //!
-//! The node in rospy gets its frames half an interval later, so that neither waits for the
-//! processor because of the other. At the rate of the model's ADC, and where scipy and PyTorch are
-//! installed, it filters and encodes as the paper's node does; otherwise it encodes nothing, and
-//! its times are those of rospy alone. Latency counts from the frame that has the last step of a
-//! code's window.
+//! The node in rospy gets its frames half an interval later, so that the two nodes do not compete
+//! for the processor. At the rate of the model's ADC, and where scipy and PyTorch are installed, it
+//! filters and encodes as the paper's node does. Otherwise it encodes nothing, and its times are
+//! the times of rospy alone. Latency counts from the frame that has the last step of a code's
+//! window.
 
 use std::time::{Duration, Instant};
 
@@ -31,14 +31,14 @@ use crate::report::programs::{self, Python};
 
 /// Name of the program that is measured.
 const NODE: &str = "corticode-node";
-/// Topics of `corticode-node` and of the node in rospy, each for the frames and for the codes.
+/// Topics of the frames and of the codes, first for `corticode-node`, then for the node in rospy.
 const TOPICS: [[&str; 2]; 2] = [
     ["/neurodata", "/encoded"],
     ["/rospy/neurodata", "/rospy/encoded"],
 ];
 
-/// Measures both nodes for `seconds`, with frames of `rate_hz`, by default the rate of the model's
-/// ADC. Without rospy, only `corticode-node` is measured.
+/// Measures both nodes for `seconds`, with frames at the rate `rate_hz`, by default that of the
+/// model's ADC. Without rospy, measures only `corticode-node`.
 ///
 /// # Errors
 /// A program is missing, does not start, or loses its connection.
@@ -65,7 +65,7 @@ fn find_rospy_with_torch() -> Option<Python> {
     Python::find("rospy, scipy, torch", next)
 }
 
-/// Starts both nodes and the amplifier that sends them frames, and returns the nodes' figures.
+/// Starts both nodes and the amplifier, and returns the nodes' figures.
 async fn run(
     programs: &Programs,
     frames: Frames,
@@ -121,7 +121,7 @@ async fn wait_for_subscribers(publishers: &[Publisher]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Returns the name of the node in rospy in reports; it tells whether the node `encodes`.
+/// Returns the name of the node in rospy in reports, which says whether the node `encodes`.
 fn rival_name(encodes: bool) -> &'static str {
     if encodes {
         "through rospy, scipy and PyTorch"

@@ -1,6 +1,6 @@
-//! Forwards the bytes of host-sim to the bridge, and the codes among them to the node in rospy, and
-//! notes when each code is sent. Codes leave exactly one hop apart, within some microseconds, so
-//! that only the node causes the jitter at a subscriber.
+//! Forwards all bytes of host-sim to the bridge and the codes also to the node in rospy, and notes
+//! when each code is sent. Codes leave exactly one hop apart, to within some microseconds, so that
+//! any jitter at a subscriber comes from the node.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -19,7 +19,7 @@ const HOP: Duration =
     Duration::from_micros(model::HOP as u64 * 1_000_000 / model::STEP_RATE_HZ as u64);
 /// Time by which the node in rospy gets each code later than the bridge.
 const OFFSET: Duration = HOP.checked_div(2).unwrap();
-/// Delay of every code in the relay, so that even a code that host-sim sends late leaves on time.
+/// Delay of every code in the relay, so that even a late code of host-sim leaves on time.
 const RESERVE: Duration = Duration::from_millis(15);
 /// Time limit for host-sim to open its port, and for each node to connect.
 const START: Duration = Duration::from_secs(20);
@@ -32,14 +32,14 @@ struct Levels {
     values: Vec<i32>,
 }
 
-/// Times at which each code was sent to the bridge and to the node in rospy. Threads note the times
-/// while they pass on what host-sim sends; they end when host-sim closes its connection.
+/// Times at which each code was sent to the bridge and to the node in rospy. The forwarding threads
+/// note them, and end when host-sim closes its connection.
 #[derive(Debug)]
 pub(super) struct Relay([SharedTimes; 2]);
 
 impl Relay {
-    /// Connects to host-sim on port `port` of 127.0.0.1, accepts the bridge at the listener
-    /// `bridge` and the node in rospy at `rospy`, and starts to pass on bytes.
+    /// Connects to host-sim on port `port` of 127.0.0.1, accepts the connections of bridge and
+    /// rospy node on the listeners `bridge` and `rospy`, and starts to forward bytes.
     ///
     /// # Errors
     /// A connection fails.
@@ -70,7 +70,7 @@ impl Relay {
         Ok(Self(sent))
     }
 
-    /// Returns the times at which each code was sent to the bridge and to the node in rospy.
+    /// Returns the times at which each code was sent to the bridge and to the rospy node.
     pub(super) fn times(&self) -> [Times; 2] {
         self.0.each_ref().map(SharedTimes::so_far)
     }
@@ -103,8 +103,8 @@ fn accept(listener: &TcpListener) -> io::Result<TcpStream> {
     }
 }
 
-/// Passes all bytes of host-sim on to the bridge, and the codes in them to `codes`. Bytes that
-/// complete a code wait until the code is due.
+/// Forwards all bytes of host-sim to the bridge, and the codes in them to `codes`. The last bytes
+/// of a code wait until the code is due.
 fn forward(
     mut source: TcpStream,
     mut bridge: TcpStream,
@@ -140,8 +140,8 @@ fn forward(
     }
 }
 
-/// Sends each code to the node in rospy, [`OFFSET`] later than to the bridge: index of the window
-/// (32 bits, little endian), then the levels as float32.
+/// Sends each code to the rospy node, [`OFFSET`] later than to the bridge: the window's index (32
+/// bits, little endian), then the levels as float32.
 fn delay(
     codes: &Receiver<(Instant, Levels)>,
     mut rospy: TcpStream,

@@ -14,7 +14,7 @@ use super::figures::{SharedTimes, Times};
 /// Largest number of received messages that wait for the subscriber.
 const QUEUE: usize = 256;
 
-/// Subscription to a topic with messages `NeuroFrame`. Dropping the value ends the subscription.
+/// Subscription to a topic with `NeuroFrame` messages, until it is dropped.
 #[derive(Debug)]
 pub(super) struct Subscriber {
     topic: &'static str,
@@ -23,7 +23,7 @@ pub(super) struct Subscriber {
 }
 
 impl Subscriber {
-    /// Subscribes to `topic` and starts to note the arrivals of codes.
+    /// Subscribes to `topic` and notes the arrival time of each code.
     ///
     /// # Errors
     /// The ROS node `node` has shut down.
@@ -67,7 +67,7 @@ impl Subscriber {
         Ok(())
     }
 
-    /// Returns the times at which codes have arrived so far. Fillers do not count.
+    /// Returns the arrival times of the codes so far, without fillers.
     pub(super) fn times(&self) -> Times {
         self.arrived.so_far()
     }
@@ -79,7 +79,7 @@ impl Drop for Subscriber {
     }
 }
 
-/// Returns the index of the window from two of the frame's status words; `None` for a filler.
+/// Returns the index of the window from a frame's status words; `None` for a filler.
 fn window_of(frame: &NeuroFrame) -> Option<u64> {
     let word = |label: &str| {
         let place = frame

@@ -11,7 +11,7 @@ const LINES: usize = 16;
 /// Number of GPIO ports, A to H.
 const PORTS: usize = 8;
 
-/// Interrupts of the EXTI lines of pins: index in the emulator's EXTI, first line and last line
+/// Interrupts of the EXTI lines that pins use: index in the emulator's EXTI, first and last line
 /// (RM0390, table 38). The interrupt with index 0 belongs to no pin.
 const ROUTES: [(usize, u8, u8); 7] = [
     (1, 0, 0),
@@ -23,11 +23,11 @@ const ROUTES: [(usize, u8, u8); 7] = [
     (7, 10, 15),
 ];
 
-/// Model of EXTI for the lines of pins. It does not see edges of pins that the firmware drives.
+/// Model of the EXTI lines of pins. It ignores edges that the firmware itself drives on a pin.
 #[derive(Debug, Default)]
 pub(super) struct Exti {
-    /// Pending lines, one bit each. The emulator's own register would store a value written to PR,
-    /// but on the chip each bit written as 1 ends the pending state of a line.
+    /// Pending lines, one bit each. On the chip, writing 1 to a bit of PR clears it, but the
+    /// emulator's own register would store the written value.
     pending: u64,
     /// Whether each pin of each port is high.
     levels: [[bool; LINES]; PORTS],
@@ -42,7 +42,7 @@ impl Exti {
         self.raised = [false; 8];
     }
 
-    /// Sets the level of a pin. `is_routed` tells whether SYSCFG connects the pin to the EXTI line
+    /// Sets the level of a pin. `is_routed` is true if SYSCFG connects the pin to the EXTI line
     /// that has the pin's number.
     pub(super) fn set_level(
         &mut self,

@@ -5,8 +5,8 @@ use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::stm32h743::generated::iwdg::Register;
 use rigless::time::{EventId, VirtualNanos};
 
-/// Index of the emulator's signal by which the watchdog asks the clock controller to run its clock,
-/// the LSI oscillator (RM0433, 8.5.2).
+/// Index of the emulator's signal with which the watchdog requests its clock, the LSI oscillator,
+/// from the clock controller (RM0433, 8.5.2).
 const STARTED: usize = 0;
 
 /// Keys that the firmware writes to the register KR to control the watchdog (RM0433, 45.4.1).
@@ -14,11 +14,12 @@ const UNLOCK: u64 = 0x5555;
 const START: u64 = 0xCCCC;
 const RELOAD: u64 = 0xAAAA;
 
-/// Value from which the counter starts until the reload value in RLR has reached the counter's
-/// clock domain (RM0433, 45.3).
+/// Start value of the counter until the value in RLR has reached the counter's clock domain
+/// (RM0433, 45.3).
 const RESET_RELOAD: u64 = 0xFFF;
 
-/// Number of LSI cycles until PR and RLR reach the counter's clock domain (RM0433, 45.4.4).
+/// Number of LSI cycles until a written PR or RLR reaches the counter's clock domain (RM0433,
+/// 45.4.4).
 const CROSSING: u64 = 5;
 
 /// Model of the watchdog without the window of WINR: the firmware keeps the reset value of WINR,
@@ -29,7 +30,7 @@ pub(super) struct Watchdog {
     started: bool,
     /// Frequency of the LSI oscillator in Hz; 0 while it is stopped.
     clock_hz: u64,
-    /// Value of PR that the counter uses, which arrives from the register after a transfer.
+    /// Value of PR that the counter uses: the value at the last transfer from the register.
     prescaler: u64,
     /// Value of RLR that the counter uses; `None` before the first transfer from the register.
     reload: Option<u64>,
@@ -42,7 +43,7 @@ pub(super) struct Watchdog {
 }
 
 impl Watchdog {
-    /// Converts a number of the prescaled clock's ticks to nanoseconds.
+    /// Converts ticks of the prescaled clock to nanoseconds.
     fn nanoseconds(&self, ticks: u64) -> u64 {
         let divider = 4 << self.prescaler.min(6);
         ticks * divider * 1_000_000_000 / self.clock_hz.max(1)

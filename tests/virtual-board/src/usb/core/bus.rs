@@ -21,8 +21,8 @@ impl Core {
         }
     }
 
-    /// Sets the flag for a session's start or end; `before` tells whether a session was valid
-    /// before.
+    /// Sets the flag for a session's start or end; `before` is true if a session was valid before
+    /// the change.
     pub(super) fn session_changed(&mut self, before: bool) {
         match (before, self.session_valid()) {
             (false, true) => self.registers.gintsts |= gintsts::SRQINT,
@@ -67,7 +67,7 @@ impl Core {
         }
     }
 
-    /// Suspends the device, which the host does when the bus has been idle for 3 ms.
+    /// Suspends the device; the host model calls this when the bus has been idle for 3 ms.
     pub(crate) fn suspend(&mut self) {
         if self.is_attached() && !self.bus.suspended {
             self.bus.suspended = true;
@@ -158,7 +158,7 @@ impl Core {
                 && self.has_room(len)
     }
 
-    /// Receives an OUT packet; `data1` tells whether its data PID is DATA1.
+    /// Receives an OUT packet; `data1` is true if its data PID is DATA1.
     pub(crate) fn output(
         &mut self,
         address: u8,

@@ -159,8 +159,8 @@ impl Core {
                 let what = "a global NAK set and cleared at once";
                 self.report(Register::Dctl, what, "57.14");
             }
-            // Only the NAK of IN endpoints takes effect now. The NAK of OUT endpoints takes effect
-            // when software reads its status word from the receive FIFO.
+            // The global IN NAK takes effect now. The global OUT NAK takes effect when software
+            // reads its status word from the receive FIFO.
             let sets = value & set != 0 && state == dctl::GINSTS;
             if (before & state != 0 || sets) && value & clear == 0 {
                 now |= state;

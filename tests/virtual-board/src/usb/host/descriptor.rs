@@ -20,7 +20,7 @@ const COMMUNICATIONS: [u8; 2] = [0x02, 0x02];
 /// Class of a serial port's data interface.
 const DATA: u8 = 0x0A;
 
-/// What the host or a test uses of a device's descriptors.
+/// The contents of a device's descriptors, as far as the host or a test uses them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Descriptors {
     /// USB identifier of the manufacturer (`idVendor`).

@@ -207,7 +207,7 @@ impl Enumeration {
         Next::Request
     }
 
-    /// Requests the first string that exists from index `n` on, or the configuration if none does.
+    /// Requests the next existing string from index `n` on, or else sets the configuration.
     fn request_string(&mut self, n: usize) -> Next {
         let next = (n..3).find(|&n| self.device.strings[n] != 0);
         self.request_next(next.map_or(Stage::SetConfiguration, Stage::String))

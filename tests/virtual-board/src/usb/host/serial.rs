@@ -60,7 +60,7 @@ pub(super) struct Serial {
     pub(super) is_paused: bool,
     /// Whether the next data PID of each [`Pipe`] is DATA1.
     toggles: [bool; 3],
-    /// Whether the last transaction was an OUT; if both directions have data, an IN is next.
+    /// Whether the last transaction was an OUT: while both directions have data, they alternate.
     was_output: bool,
     /// Data in the driver's read buffer, which the program has not received yet.
     read: Vec<u8>,
@@ -93,7 +93,7 @@ impl Serial {
         self.ports.is_some()
     }
 
-    /// Returns the request that the host must make now; the same one until
+    /// Returns the request, if any, that the host must make now; the same request until
     /// [`Serial::complete_request`] ends it.
     pub(super) fn next_request(&mut self) -> Option<Request> {
         self.ports?;

@@ -1,5 +1,5 @@
-//! Tests what the host reports of a device that breaks a rule, and how it treats short packets. The
-//! images on virtual boards follow the rules, so they do not show this.
+//! Tests what the host reports about a device that breaks a rule, and how the host treats short
+//! packets. Tests with firmware images cannot show this, because the images follow the rules.
 
 use rigless::soc::Width;
 
